@@ -1,0 +1,140 @@
+"""Changes of space as 4x4 matrices: numpy only, float64, column vectors (``a_from_b @ b``)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def rotations(quaternions):
+    """Return the rotation matrices of quaternions.
+
+    Parameters
+    ----------
+    quaternions : array_like, shape (n, 4) or (4,)
+        Quaternions (w, x, y, z); of any length but zero.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 3, 3), float64
+        One rotation matrix per quaternion.
+
+    Raises
+    ------
+    ValueError
+        If a quaternion is zero or not finite.
+
+    Examples
+    --------
+    >>> from pvibr.maths.transforms import rotations
+    >>> rotations([0.0, 0.0, 0.0, 2.0])[0].diagonal().tolist()
+    [-1.0, -1.0, 1.0]
+
+    """
+    q = np.atleast_2d(np.asarray(quaternions, dtype=np.float64))
+    # Two steps, so that the squares of very long or short quaternions stay in range.
+    largest = np.abs(q).max(axis=1, initial=0.0)
+    bad = np.flatnonzero(~(largest > 0) | ~np.isfinite(largest))
+    if bad.size:
+        msg = f'quaternions[{bad[0]}] is {q[bad[0]].tolist()}; it must be finite and not zero.'
+        raise ValueError(msg)
+    q = q / largest[:, None]
+    w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def trs(translations, quaternions=None, scales=None):
+    """Return matrices that scale, then rotate, then translate.
+
+    Parameters
+    ----------
+    translations : array_like, shape (n, 3)
+        Where the origin goes, in world units.
+    quaternions : array_like, shape (n, 4) or (4,), optional
+        Rotations (w, x, y, z).
+    scales : array_like, shape (n, 3), (n,) or scalar, optional
+        Factors per axis, or one for all axes.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 4, 4), float64
+        ``world_from_model`` per row.
+
+    Examples
+    --------
+    >>> from pvibr.maths.transforms import trs
+    >>> (trs([[1.0, 2.0, 3.0]], scales=2.0)[0] @ [1, 1, 1, 1]).tolist()
+    [3.0, 4.0, 5.0, 1.0]
+
+    """
+    translations = np.atleast_2d(np.asarray(translations, dtype=np.float64))
+    matrices = np.zeros((len(translations), 4, 4))
+    matrices[:, :3, :3] = np.eye(3) if quaternions is None else rotations(quaternions)
+    if scales is not None:
+        scales = np.asarray(scales, dtype=np.float64)
+        per_axis = scales if scales.ndim == 2 else scales.reshape(-1, 1)
+        matrices[:, :3, :3] *= per_axis[:, None, :]
+    matrices[:, :3, 3] = translations
+    matrices[:, 3, 3] = 1
+    return matrices
+
+
+def transform_points(matrix, points):
+    """Return points moved by one matrix.
+
+    Parameters
+    ----------
+    matrix : array_like, shape (4, 4)
+        Affine ``b_from_a``.
+    points : array_like, shape (n, 3)
+        Points in space a.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 3), float64
+        Points in space b.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.transforms import transform_points
+    >>> transform_points(np.diag([2.0, 2.0, 2.0, 1.0]), [[1.0, 2.0, 3.0]]).tolist()
+    [[2.0, 4.0, 6.0]]
+
+    """
+    matrix = np.asarray(matrix, dtype=np.float64)
+    return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def transform_normals(matrix, normals):
+    """Return unit normals of a surface whose points are moved by a matrix.
+
+    Parameters
+    ----------
+    matrix : array_like, shape (4, 4)
+        Affine ``b_from_a`` with an inverse.
+    normals : array_like, shape (n, 3)
+        Normals in space a; a zero normal stays zero.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 3), float64
+        Normals in space b. A mirroring matrix keeps outward normals outward.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.transforms import transform_normals
+    >>> transform_normals(np.diag([1.0, 1.0, -5.0, 1.0]), [[0.0, 0.0, 1.0]]).tolist()
+    [[0.0, 0.0, -1.0]]
+
+    """
+    linear = np.asarray(matrix, dtype=np.float64)[:3, :3]
+    # Normals are covectors: n . v must keep its value, so a row times the inverse.
+    moved = np.asarray(normals, dtype=np.float64) @ np.linalg.inv(linear)
+    lengths = np.linalg.norm(moved, axis=1, keepdims=True)
+    return np.divide(moved, lengths, out=np.zeros_like(moved), where=lengths > 0) + 0.0

@@ -1,0 +1,45 @@
+"""Matrices: closed forms and invariants."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+
+from pvibr.maths.transforms import rotations, transform_normals, transform_points, trs
+
+quaternions = arrays(np.float64, (5, 4), elements=st.floats(-1, 1)).filter(
+    lambda q: (np.abs(q).max(axis=1) > 1e-3).all()
+)
+
+
+@given(quaternions, st.sampled_from([1e-200, 1e-9, 1.0, 1e9, 1e200]))
+def test_rotations_agree_with_scipy_at_any_length(q, length):
+    expected = Rotation.from_quat(q, scalar_first=True).as_matrix()
+    np.testing.assert_allclose(rotations(q * length), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize('bad', [[0, 0, 0, 0], [np.nan, 0, 0, 1], [np.inf, 0, 0, 1]])
+def test_bad_quaternions_are_named(bad):
+    with pytest.raises(ValueError, match=r'quaternions\[1\]'):
+        rotations([[1, 0, 0, 0], bad])
+
+
+@given(quaternions, arrays(np.float64, (5, 3), elements=st.floats(0.1, 10)))
+def test_normals_stay_perpendicular(q, scales):
+    for matrix in trs(np.ones((5, 3)), q, scales * [1, 1, -1]):
+        edges = matrix[:3, :3] @ [[1.0, 0.3], [0.0, 1.0], [0.0, 0.0]]
+        normal = transform_normals(matrix, [[0.0, 0.0, 1.0]])[0]
+        np.testing.assert_allclose(normal @ edges / np.abs(edges).max(), 0, atol=1e-9)
+        assert np.isclose(np.linalg.norm(normal), 1)
+        up = transform_points(matrix, [[0, 0, 1.0]]) - matrix[:3, 3]
+        assert (up @ normal).item() > 0
+
+
+def test_zero_normals_stay_zero():
+    assert not transform_normals(np.eye(4), [[0.0, 0.0, 0.0]]).any()
+
+
+def test_no_rows():
+    assert trs(np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0)).shape == (0, 4, 4)
