@@ -1,1 +1,1 @@
-"""Image-based rendering for PyVista."""
+"""Numpy only, float64: the formulas that shaders are tested against."""

@@ -1,0 +1,170 @@
+"""The atlas: pictures of an object from all sides, as data."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pvibr.maths import octahedral
+
+
+@dataclass
+class Atlas:
+    """Pictures of an object on an octahedral grid of views.
+
+    Attributes
+    ----------
+    geometry : numpy.ndarray, shape (views * tile, views * tile, 4), uint8
+        Depth (1 nearest to the eye, over the sphere's diameter), coverage, normal x and y.
+    albedo : numpy.ndarray, same shape
+        Unlit colour times coverage (or scalar value and NaN flag), normal z.
+    center : numpy.ndarray, shape (3,)
+        Centre of the bounding sphere, model coordinates.
+    radius : float
+        Its radius.
+    views, tile : int
+        Views along a side; texels along a side of a tile.
+    half : bool
+        Whether the views cover the upper half only.
+    errors : dict of str to numpy.ndarray
+        The measured error table, see :mod:`pvibr.actors.measure`; empty before it is measured.
+    seconds : float
+        What the bake took.
+    """
+
+    geometry: np.ndarray
+    albedo: np.ndarray
+    center: np.ndarray
+    radius: float
+    views: int
+    tile: int
+    half: bool = False
+    errors: dict = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the pictures on the GPU, mip levels included."""
+        return (self.geometry.nbytes + self.albedo.nbytes) * 4 // 3
+
+    def to_arrays(self) -> dict:
+        """Return everything as named arrays, for a file."""
+        numbers = np.array([*self.center, self.radius], float)
+        grid = np.array([self.views, self.tile, self.half], np.int64)
+        out = {'geometry': self.geometry, 'albedo': self.albedo, 'sphere': numbers, 'grid': grid}
+        return out | {f'errors.{k}': np.asarray(v) for k, v in self.errors.items()}
+
+    @classmethod
+    def from_arrays(cls, arrays) -> Atlas:
+        """Make an atlas from named arrays, checking that they fit together.
+
+        Parameters
+        ----------
+        arrays : mapping of str to numpy.ndarray
+            As :meth:`to_arrays` gives.
+
+        Returns
+        -------
+        Atlas
+            The atlas.
+
+        Raises
+        ------
+        ValueError
+            Where an array is missing or of the wrong shape or type.
+        """
+        try:
+            views, tile, half = (int(v) for v in arrays['grid'])
+            sphere = np.asarray(arrays['sphere'], float)
+            pictures = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
+        except (KeyError, TypeError, ValueError) as err:
+            msg = f'not an atlas: {err}'
+            raise ValueError(msg) from err
+        side = views * tile
+        good = sphere.shape == (4,) and np.isfinite(sphere).all() and sphere[3] > 0
+        if not good or any(p.shape != (side, side, 4) or p.dtype != np.uint8 for p in pictures):
+            msg = f'not an atlas: pictures must be ({side}, {side}, 4) uint8 with a sphere'
+            raise ValueError(msg)
+        errors = {k[7:]: np.asarray(arrays[k]) for k in arrays if k.startswith('errors.')}
+        return cls(*pictures, sphere[:3], float(sphere[3]), views, tile, bool(half), errors)
+
+    def save(self, path):
+        """Write to an ``.npz`` file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Where to; a file that is there is replaced.
+        """
+        path = Path(path)
+        temporary = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
+        try:
+            with temporary.open('wb') as file:
+                np.savez(file, **self.to_arrays())
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    @classmethod
+    def load(cls, path) -> Atlas:
+        """Read from a file written by :meth:`save`.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file.
+
+        Returns
+        -------
+        Atlas
+            The atlas.
+
+        Raises
+        ------
+        ValueError
+            Where the file is not an atlas.
+        """
+        import zipfile
+
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                return cls.from_arrays({k: data[k] for k in data.files})
+        except (zipfile.BadZipFile, EOFError, OSError) as err:
+            if isinstance(err, FileNotFoundError):
+                raise
+            msg = f'{path}: not an atlas: {err}'
+            raise ValueError(msg) from err
+
+    def contact_sheet(self, path=None, background=1.0) -> np.ndarray:
+        """Return all views side by side as a picture to look at, optionally saved.
+
+        Parameters
+        ----------
+        path : str or os.PathLike, optional
+            A PNG to write.
+        background : float
+            Grey level behind the object.
+
+        Returns
+        -------
+        numpy.ndarray, shape (2 * views * tile, views * tile, 3), uint8
+            Albedo over normals, top row first.
+        """
+        coverage = self.geometry[..., 1:2] / 255.0
+        color = self.albedo[..., :3] / 255.0 + (1 - coverage) * background
+        normal = np.concatenate([self.geometry[..., 2:], self.albedo[..., 3:]], -1) / 255.0
+        normal = normal + (1 - coverage) * (background - 0.5)
+        sheet = np.concatenate([color[::-1], normal[::-1]])
+        sheet = np.rint(255 * np.clip(sheet, 0, 1)).astype(np.uint8)
+        if path is not None:
+            import imageio.v3 as iio
+
+            iio.imwrite(path, sheet)
+        return sheet
+
+    def directions(self) -> np.ndarray:
+        """Return the unit vectors from the object to the eye of all views, (views, views, 3)."""
+        return octahedral.view_directions(self.views, self.half)

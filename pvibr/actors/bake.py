@@ -1,0 +1,302 @@
+"""Bake: draw an object from every view of the grid and keep the pictures as an atlas.
+
+The method and its numbers are those of the project's impostor study: views on an octahedral grid,
+drawn unlit, four samples or more a texel, with normal, depth and coverage.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import contextmanager
+
+import numpy as np
+
+from pvibr import _vtk
+from pvibr.actors.atlas import Atlas
+from pvibr.gl import Quad, Target, shader_source, texture_limit
+from pvibr.maths import octahedral
+
+MARGIN = 1.02  # half side of a tile in radii: the silhouette never touches the tile's border
+_NEAR, _FAR = 0x0B71, 0x0BE2  # GL_DEPTH_TEST, GL_BLEND
+
+_DECLARE = """//VTK::Normal::Dec
+uniform mat3 ibr_object_from_view;
+uniform float ibr_cut;
+"""
+# Lighting is computed by VTK and thrown away: what is kept is the colour before light, which
+# VTK then multiplies by the texture, and the normal after VTK's own flips for two-sided surfaces.
+_UNLIT = """//VTK::Light::Impl
+  fragOutput0 = vec4(diffuseColor, opacity);
+  vec3 ibr_normal = normalVCVSOutput;
+"""
+_OUTPUT = """
+  if (gl_FragData[0].a < ibr_cut) discard;
+  gl_FragData[0].a = ibr_cut > 0.0 ? 1.0 : gl_FragData[0].a;
+  gl_FragData[1] = vec4(ibr_object_from_view * ibr_normal * 0.5 + 0.5, 1.0 - gl_FragCoord.z);
+//VTK::DepthPeeling::Impl
+"""
+
+
+@contextmanager
+def hidden_window(width=64, height=64):
+    """Yield a small off-screen window with a live context, finalized afterwards.
+
+    Parameters
+    ----------
+    width, height : int
+        Pixels.
+
+    Yields
+    ------
+    tuple
+        The ``vtkRenderWindow`` and its one ``vtkRenderer``.
+    """
+    window = _vtk.vtkRenderWindow()
+    window.SetOffScreenRendering(1)
+    window.SetMultiSamples(0)
+    window.SetSize(width, height)
+    renderer = _vtk.vtkRenderer()
+    window.AddRenderer(renderer)
+    window.Render()
+    try:
+        yield window, renderer
+    finally:
+        window.RemoveRenderer(renderer)
+        window.Finalize()
+
+
+def bounding_sphere(points):
+    """Return a sphere that holds all points: the box's centre and the farthest point from it.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        Model coordinates.
+
+    Returns
+    -------
+    center : numpy.ndarray, shape (3,)
+        Model coordinates.
+    radius : float
+        Positive even for a single point.
+
+    Examples
+    --------
+    >>> from pvibr.actors.bake import bounding_sphere
+    >>> center, radius = bounding_sphere([[0, 0, 0], [2, 0, 0]])
+    >>> center.tolist(), radius
+    ([1.0, 0.0, 0.0], 1.0)
+    """
+    points = np.asarray(points, float)
+    center = (points.min(0) + points.max(0)) / 2
+    radius = float(np.sqrt(((points - center) ** 2).sum(1).max()))
+    return center, radius if radius > 0 else 1.0
+
+
+def bake(parts, *, views=16, tile=128, half=False, supersample=2, progress=None) -> Atlas:
+    """Draw the parts of one object from all views into an atlas.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        See :func:`pvibr.actors.parts.as_parts`.
+    views : int
+        Views along a side of the octahedral grid, 2 or more.
+    tile : int
+        Texels along a side of a tile, a power of two.
+    half : bool
+        Only views from above (z >= 0) at twice their density.
+    supersample : int
+        Samples along a side of a texel.
+    progress : callable, optional
+        Called with the fraction done, 0 to 1.
+
+    Returns
+    -------
+    Atlas
+        The pictures, without an error table.
+
+    Raises
+    ------
+    ValueError
+        Where views or tile are out of range.
+
+    Notes
+    -----
+    An atlas that is wider than the driver's texture limit gets smaller tiles.
+    """
+    if views < 2 or tile < 4 or tile & (tile - 1):
+        msg = f'views={views}, tile={tile}: views must be 2 or more, tile a power of two from 4'
+        raise ValueError(msg)
+    start = time.perf_counter()
+    points = np.concatenate([p.mesh.points for p in parts])
+    center, radius = bounding_sphere(points)
+    with hidden_window() as (window, _):
+        limit = texture_limit(window)
+        while views * tile > limit:
+            tile //= 2
+        supersample = max(1, min(supersample, limit // (views * tile)))
+        baker = _Baker(window, parts, center, radius, (views, tile, supersample))
+        try:
+            rows = octahedral.view_directions(views, half)
+            strips = []
+            for k, directions in enumerate(rows):
+                strips.append(baker.row(directions))
+                if progress is not None:
+                    progress((k + 1) / views)
+        finally:
+            baker.release()
+    geometry, albedo = (np.concatenate(s) for s in zip(*strips, strict=True))
+    fill_depth(geometry, tile)
+    return Atlas(geometry, albedo, center, radius, views, tile, half,
+                 seconds=time.perf_counter() - start)
+
+
+class _Baker:
+    """Draws one row of views at a time."""
+
+    def __init__(self, window, parts, center, radius, grid):
+        self.window, self.center, self.radius = window, center, radius
+        self.views, self.tile, self.scale = grid
+        side = self.tile * self.scale
+        self.renderer = _vtk.vtkRenderer()
+        self.renderer.SetRenderWindow(window)
+        self.camera = self.renderer.GetActiveCamera()
+        self.actors = [_bake_actor(p) for p in parts]
+        self.raster = Target(window, self.views * side, side, ('rgba8', 'rgba8'), depth=True)
+        strip = (self.views * self.tile, self.tile)
+        self.strip = Target(window, *strip, ('rgba8', 'rgba8'))
+        self.reduce = Quad(window, shader_source(__file__), 'bake.glsl')
+        self._prepare_camera()
+
+    def _prepare_camera(self):
+        # An explicit matrix, since otherwise VTK uses the aspect ratio of the window.
+        r = MARGIN * self.radius
+        near, far = r, 3 * r
+        m = np.diag([1 / r, 1 / r, -2 / (far - near), 1.0])
+        m[2, 3] = -(far + near) / (far - near)
+        matrix = _vtk.vtkMatrix4x4()
+        matrix.DeepCopy(m.ravel())
+        self.camera.ParallelProjectionOn()
+        self.camera.SetExplicitProjectionTransformMatrix(matrix)
+        self.camera.UseExplicitProjectionTransformMatrixOn()
+
+    def row(self, directions):
+        """Return geometry and albedo, (tile, views * tile, 4) uint8 each, of one row of views."""
+        side = self.tile * self.scale
+        state = self.window.GetState()
+        with self.raster.drawing(clear=(0, 0, 0, 0)):
+            state.SetEnumState(0x0BE2, False)  # GL_BLEND
+            state.SetEnumState(0x0B71, True)  # GL_DEPTH_TEST
+            for i, direction in enumerate(directions):
+                state.vtkglViewport(i * side, 0, side, side)
+                state.vtkglScissor(i * side, 0, side, side)
+                self._draw(direction)
+        surface, shape = self.raster.colors
+        with self.strip.drawing():
+            self.reduce.draw({'scale': self.scale}, {'surface': surface, 'shape': shape})
+        return [c.download() for c in self.strip.colors]
+
+    def _draw(self, direction):
+        axes = octahedral.frame(direction)
+        self.camera.SetPosition(*(self.center + 2 * MARGIN * self.radius * direction))
+        self.camera.SetFocalPoint(*self.center)
+        self.camera.SetViewUp(*axes[1])
+        self.renderer.UpdateLightsGeometryToFollowCamera()
+        self.renderer.UpdateLights()
+        matrix = axes.ravel().tolist()  # GL reads columns: the transpose of rows = its inverse
+        for actor in self.actors:
+            uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+            uniforms.SetUniformMatrix3x3('ibr_object_from_view', matrix)
+            actor.RenderOpaqueGeometry(self.renderer)
+
+    def release(self):
+        for actor in self.actors:
+            actor.ReleaseGraphicsResources(self.window)
+        for thing in (self.raster, self.strip, self.reduce):
+            thing.release()
+        self.renderer.SetRenderWindow(None)
+
+
+def _bake_actor(part):
+    """Return a copy of a part's actor that writes its unlit surface."""
+    actor = _vtk.vtkActor()
+    actor.SetMapper(copy_mapper(part))
+    actor.ForceOpaqueOn()
+    prop = actor.GetProperty()
+    prop.DeepCopy(part.actor.GetProperty())
+    prop.SetInterpolationToPhong()
+    prop.LightingOn()
+    prop.SetAmbient(0.0)
+    prop.SetDiffuse(1.0)
+    prop.SetSpecular(0.0)
+    prop.SetOpacity(1.0)
+    prop.EdgeVisibilityOff()
+    texture = copy_texture(part.actor.GetTexture())
+    if texture is not None:
+        actor.SetTexture(texture)
+    shader = actor.GetShaderProperty()
+    for tag, text in (
+        ('//VTK::Normal::Dec', _DECLARE),
+        ('//VTK::Light::Impl', _UNLIT),
+        ('//VTK::DepthPeeling::Impl', _OUTPUT),
+    ):
+        shader.AddFragmentShaderReplacement(tag, True, text, False)
+    shader.GetFragmentCustomUniforms().SetUniformf('ibr_cut', part.cutout)
+    return actor
+
+
+def copy_mapper(part):
+    """Return a mapper of its own for a part's mesh that colours as the part's mapper does."""
+    mapper = _vtk.vtkPolyDataMapper()
+    mapper.ShallowCopy(part.actor.GetMapper())
+    mapper.SetInputData(part.mesh)
+    return mapper
+
+
+def copy_texture(texture):
+    """Return a texture of its own with the same image, for another window; None stays None."""
+    if texture is None or texture.GetInput() is None:
+        return None
+    copy = _vtk.vtkTexture()
+    copy.SetInputData(texture.GetInput())
+    copy.SetInterpolate(texture.GetInterpolate())
+    copy.SetMipmap(texture.GetMipmap())
+    copy.SetRepeat(texture.GetRepeat())
+    copy.SetWrap(texture.GetWrap())
+    copy.SetColorMode(texture.GetColorMode())
+    return copy
+
+
+def fill_depth(geometry, tile):
+    """Extend depth into the background of every tile, so that rays beside a part still find it.
+
+    Parameters
+    ----------
+    geometry : numpy.ndarray, shape (height, width, 4), uint8
+        Depth in channel 0, coverage in channel 1; channel 0 is changed in place.
+    tile : int
+        Texels along a side of a tile.
+
+    Notes
+    -----
+    The pull-push interpolation of Gortler et al., "The Lumigraph", SIGGRAPH 1996, section 3.4,
+    within each tile: averages of the covered texels are pulled up a pyramid, holes take the value
+    of the finest level that has one.
+    """
+    levels = []
+    weight = (geometry[..., 1] > 0).astype(np.float32)
+    total = geometry[..., 0] * weight
+    for _ in range(tile.bit_length()):
+        levels.append((total, weight))
+        total, weight = _halve(total), _halve(weight)
+    filled = np.full_like(levels[-1][0], 127.5)
+    for total, weight in reversed(levels):
+        if filled.shape != total.shape:
+            filled = filled.repeat(2, 0).repeat(2, 1)
+        filled = np.where(weight > 0, total / np.maximum(weight, 1e-6), filled)
+    geometry[..., 0] = np.rint(filled)
+
+
+def _halve(a):
+    return 0.25 * (a[::2, ::2] + a[1::2, ::2] + a[::2, 1::2] + a[1::2, 1::2])

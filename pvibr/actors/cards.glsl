@@ -1,0 +1,277 @@
+// Cards: depth-corrected octahedral impostors, one quad (or one triangle) per instance.
+// The vertex shader fetches the instance, chooses its views and lays a card through its centre;
+// the fragment shader meets the eye's ray with each view's depth by fixed-point steps, blends the
+// views that agree and hands albedo, normal and coverage to VTK's own lighting.
+// Sources: Schaufler, "Nailboards", EGWR 1997; Brucks, "Octahedral Impostors", 2018; Policarpo
+// and Oliveira, "Relaxed Cone Stepping", GPU Gems 3, ch. 18 (the fixed-point step before it);
+// weights by residual: Buehler et al., "Unstructured Lumigraph Rendering", SIGGRAPH 2001.
+// Spaces: q = the object's bounding sphere scaled to the unit sphere; eye = VTK's VC.
+// ibr_first, the first slot of a draw, is an actor's custom uniform that VTK declares.
+// Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 3; WRITE_DEPTH 0 or 1; SPLAT 0 or 1.
+
+//@vertex.declare
+uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
+uniform sampler2D ibr_blocks;     // visible blocks: origin in eye space, index of the block
+uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as baked, 255 coloured
+uniform int ibr_block_count;      // visible blocks
+uniform int ibr_count;            // instances
+uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
+uniform int ibr_has_looks;
+uniform int ibr_views;            // N of the N x N grid
+uniform int ibr_half;
+uniform int ibr_tile;             // texels of a tile
+uniform int ibr_parallel;
+uniform float ibr_radius;         // bounding sphere, model units
+uniform float ibr_margin;         // half side of a tile in radii
+uniform float ibr_pixel_scale;    // pixels per unit tangent, or per world unit when parallel
+uniform float ibr_sharpness;      // texels per pixel that are asked for
+uniform vec4 ibr_range;           // on-screen diameters in px: appear, whole, fade, gone
+uniform mat3 ibr_eye_from_world;
+uniform mat4 ibr_clip_from_eye;
+out vec4 vertexVCVSOutput;
+out vec3 ibr_point[VIEWS_BLENDED];
+out vec3 ibr_ray[VIEWS_BLENDED];
+flat out vec3 ibr_cell[VIEWS_BLENDED];   // column, row, weight
+flat out mat3 ibr_eye_normal;
+flat out vec4 ibr_depth_row[VIEWS_BLENDED];
+flat out vec4 ibr_look;
+flat out vec4 ibr_card;                  // level of detail, half texel, fade, size in px
+flat out int ibr_instance;
+out vec2 ibr_splat;
+
+vec2 ibr_signs(vec2 p) { return vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0); }
+
+vec2 ibr_encode(vec3 d)
+{
+  if (ibr_half == 1) { d.z = max(d.z, 0.0); }
+  vec2 p = d.xy / (abs(d.x) + abs(d.y) + abs(d.z));
+  if (ibr_half == 1) { return vec2(p.x + p.y, p.x - p.y); }
+  return d.z < 0.0 ? (1.0 - abs(p.yx)) * ibr_signs(p) : p;
+}
+
+vec3 ibr_decode(vec2 p)
+{
+  if (ibr_half == 1) { p = 0.5 * vec2(p.x + p.y, p.x - p.y); }
+  float z = 1.0 - abs(p.x) - abs(p.y);
+  vec2 q = z < 0.0 ? (1.0 - abs(p.yx)) * ibr_signs(p) : p;
+  return normalize(vec3(q, z));
+}
+
+// Rows: right, up, toward the eye.
+mat3 ibr_frame(vec3 d)
+{
+  vec3 right = normalize(cross(abs(d.z) < 0.99 ? vec3(0.0, 0.0, 1.0) : vec3(0.0, 1.0, 0.0), d));
+  return transpose(mat3(right, cross(d, right), d));
+}
+
+//@vertex.position
+  {
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: an empty slot
+    vertexVCVSOutput = vec4(0.0);
+    ibr_look = vec4(0.0);
+    ibr_card = vec4(0.0);
+    ibr_instance = 0;
+    ibr_splat = vec2(0.0);
+    ibr_eye_normal = mat3(1.0);
+    for (int k = 0; k < VIEWS_BLENDED; ++k)
+    {
+      ibr_point[k] = vec3(0.0); ibr_ray[k] = vec3(0.0); ibr_cell[k] = vec3(0.0);
+      ibr_depth_row[k] = vec4(0.0);
+    }
+    int slot = ibr_first + gl_VertexID / CORNERS;
+    int corner = gl_VertexID % CORNERS;
+    int entry = slot / 64;
+    bool live = entry < ibr_block_count;
+    vec4 block = texelFetch(ibr_blocks, live ? ivec2(entry % 1024, entry / 1024) : ivec2(0), 0);
+    int i = int(block.w) * 64 + slot % 64;
+    live = live && i < ibr_count;
+    if (live)
+    {
+      int texel = i * ibr_texels;
+      vec4 r0 = texelFetch(ibr_poses, ivec2(texel % 3072, texel / 3072), 0);
+      mat3 world_from_q = mat3(ibr_radius);
+      vec3 center = r0.xyz;
+      if (ibr_texels == 3)
+      {
+        vec4 r1 = texelFetch(ibr_poses, ivec2((texel + 1) % 3072, texel / 3072), 0);
+        vec4 r2 = texelFetch(ibr_poses, ivec2((texel + 2) % 3072, texel / 3072), 0);
+        world_from_q = transpose(mat3(r0.xyz, r1.xyz, r2.xyz)) * ibr_radius;
+        center = vec3(r0.w, r1.w, r2.w);
+      }
+      if (ibr_has_looks == 1) { ibr_look = texelFetch(ibr_looks, ivec2(i % 1024, i / 1024), 0); }
+      else { ibr_look = vec4(0.0, 0.0, 0.0, 0.5); }
+      vec3 c = block.xyz + ibr_eye_from_world * center;
+      mat3 eye_from_q = ibr_eye_from_world * world_from_q;
+      float stretch = sqrt(max(max(dot(eye_from_q[0], eye_from_q[0]),
+        dot(eye_from_q[1], eye_from_q[1])), dot(eye_from_q[2], eye_from_q[2])));
+      float away = ibr_parallel == 1 ? 1.0 : length(c);
+      float size = 2.0 * stretch * ibr_pixel_scale / away;
+      bool shown = ibr_look.a > 0.25 && size >= ibr_range.x && size < ibr_range.w
+        && (ibr_parallel == 1 || c.z < stretch);
+      if (shown)
+      {
+        mat3 q_from_eye = inverse(eye_from_q);
+        vec3 eye = ibr_parallel == 1 ? q_from_eye * vec3(0.0, 0.0, 1.0) : -(q_from_eye * c);
+        float e = length(eye);
+        vec3 d = eye / e;
+        // The card holds the sphere's silhouette cone where the cone crosses the card's plane.
+        float reach = ibr_margin;
+        if (ibr_parallel == 0) { reach *= inversesqrt(max(1.0 - 1.0 / (e * e), 0.05)); }
+        vec3 helper = abs(d.z) < 0.99 ? vec3(0.0, 0.0, 1.0) : vec3(0.0, 1.0, 0.0);
+        vec3 right = normalize(cross(helper, d));
+        vec3 up = cross(d, right);
+        float grow = 1.0;
+#if SPLAT
+        // Never smaller than its pixel: at least half a pixel of room on each side.
+        grow = (size * reach + 1.0) / (size * reach);
+#endif
+#if CORNERS == 3
+        vec2 q = corner == 0 ? vec2(-1.0, -1.0) : (corner == 1 ? vec2(3.0, -1.0) : vec2(-1.0, 3.0));
+#else
+        vec2 q = vec2(corner == 1 || corner == 2 ? 1.0 : -1.0, corner >= 2 ? 1.0 : -1.0);
+#endif
+        vec3 v = (q.x * right + q.y * up) * reach * grow;
+        vec4 p = vec4(c + eye_from_q * v, 1.0);
+        vertexVCVSOutput = p;
+        gl_Position = ibr_clip_from_eye * p;
+        ibr_splat = q * (size * reach + 1.0) * 0.5;   // pixels from the card's centre
+        vec3 ray = ibr_parallel == 1 ? -d : v - eye;
+        float lod = max(floor(log2(float(ibr_tile) / (size * ibr_sharpness))), 0.0);
+        lod = min(lod, log2(float(ibr_tile)));
+#if SPLAT
+        if (size < 3.0) { lod = log2(float(ibr_tile)); }   // one texel: the view's mean
+#endif
+        float fade = clamp((size - ibr_range.x) / max(ibr_range.y - ibr_range.x, 1e-6), 0.0, 1.0)
+          * clamp((ibr_range.w - size) / max(ibr_range.w - ibr_range.z, 1e-6), 0.0, 1.0);
+        ibr_card = vec4(lod, 0.5 * exp2(lod) / float(ibr_tile), fade, size);
+        ibr_instance = i;
+        // Normals go by the inverse transpose; their length, the spread of an average, is kept.
+        mat3 n = transpose(q_from_eye);
+        ibr_eye_normal = n / length(n[0]);
+        vec2 g = (ibr_encode(d) * 0.5 + 0.5) * float(ibr_views - 1);
+        vec2 base = clamp(floor(g), vec2(0.0), vec2(float(ibr_views - 2)));
+        vec2 f = g - base;
+#if VIEWS_BLENDED == 3
+        vec2 side = f.x > f.y ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
+        ibr_cell[0] = vec3(base, 1.0 - max(f.x, f.y));
+        ibr_cell[1] = vec3(base + side, abs(f.x - f.y));
+        ibr_cell[2] = vec3(base + 1.0, min(f.x, f.y));
+#else
+        ibr_cell[0] = vec3(base + floor(f + 0.5), 1.0);
+#endif
+        for (int k = 0; k < VIEWS_BLENDED; ++k)
+        {
+          vec2 cell = ibr_cell[k].xy;
+          mat3 frame = ibr_frame(ibr_decode(cell / float(ibr_views - 1) * 2.0 - 1.0));
+          ibr_point[k] = frame * v;
+          ibr_ray[k] = frame * ray;
+          // Eye-space depth of a point given in the view's axes.
+          vec3 row = frame * vec3(eye_from_q[0].z, eye_from_q[1].z, eye_from_q[2].z);
+          ibr_depth_row[k] = vec4(row, c.z);
+        }
+      }
+    }
+  }
+
+//@fragment.declare
+uniform sampler2D ibr_geometry;
+uniform sampler2D ibr_albedo;
+uniform sampler2D ibr_lut;            // colours of a scalar atlas
+uniform int ibr_has_lut;
+uniform vec4 ibr_nan_color;
+uniform int ibr_views;
+uniform int ibr_multiply;             // instance colours multiply the albedo instead
+uniform float ibr_margin;
+uniform float ibr_cut;                // coverage below which nothing is drawn
+uniform vec4 ibr_clip_depth;          // rows z and w of clip from eye, z columns: zz, zw, wz, ww
+in vec4 vertexVCVSOutput;
+in vec3 ibr_point[VIEWS_BLENDED];
+in vec3 ibr_ray[VIEWS_BLENDED];
+flat in vec3 ibr_cell[VIEWS_BLENDED];
+flat in mat3 ibr_eye_normal;
+flat in vec4 ibr_depth_row[VIEWS_BLENDED];
+flat in vec4 ibr_look;
+flat in vec4 ibr_card;
+flat in int ibr_instance;
+in vec2 ibr_splat;
+
+vec2 ibr_texcoord(vec2 p, vec2 cell)
+{
+  vec2 t = clamp(p / ibr_margin * 0.5 + 0.5, ibr_card.y, 1.0 - ibr_card.y);
+  return (cell + t) / float(ibr_views);
+}
+
+//@fragment.sample
+  vec4 vertexVC = vertexVCVSOutput;
+  vec4 ibr_g = vec4(0.0);        // eye depth, coverage, normal xy: sums over views
+  vec4 ibr_a = vec4(0.0);        // albedo, normal z
+  float ibr_w = 0.0;
+  for (int k = 0; k < VIEWS_BLENDED; ++k)
+  {
+    vec3 point = ibr_point[k];
+    vec2 slope = ibr_ray[k].xy / ibr_ray[k].z;
+    vec2 base = point.xy - slope * point.z;
+    float h = 0.0;
+    for (int s = 0; s < STEPS; ++s)
+    {
+      vec2 t = ibr_texcoord(base + slope * h, ibr_cell[k].xy);
+      h = textureLod(ibr_geometry, t, ibr_card.x).r * 2.0 - 1.0;
+      h *= ibr_margin;
+    }
+    vec2 p = STEPS > 0 ? base + slope * h : point.xy;
+    vec2 t = ibr_texcoord(p, ibr_cell[k].xy);
+    vec4 g = textureLod(ibr_geometry, t, ibr_card.x);
+    vec4 a = textureLod(ibr_albedo, t, ibr_card.x);
+    float z = (g.r * 2.0 - 1.0) * ibr_margin;
+#if VIEWS_BLENDED == 3
+    float miss = z - h;
+    float w = ibr_cell[k].z * exp2(-400.0 * miss * miss) + 1e-6 * ibr_cell[k].z;
+#else
+    float w = 1.0;
+#endif
+    float depth = dot(ibr_depth_row[k].xyz, vec3(p, z)) + ibr_depth_row[k].w;
+    float inside = step(max(abs(p.x), abs(p.y)), ibr_margin);
+#if SPLAT
+    inside = max(inside, step(ibr_card.w, 3.0));
+#endif
+    ibr_g += w * vec4(depth, inside * vec3(g.g, g.ba * 2.0 - 1.0));
+    ibr_a += w * inside * vec4(a.rgb, a.a * 2.0 - 1.0);
+    ibr_w += w;
+  }
+  ibr_g /= ibr_w;
+  ibr_a /= ibr_w;
+  float ibr_coverage = ibr_g.g;
+  float ibr_norm = 1.0 / max(ibr_coverage, 0.003);
+  vec3 ibr_base = clamp(ibr_a.rgb * ibr_norm, 0.0, 1.0);
+  vec3 ibr_mean = vec3(ibr_g.ba, ibr_a.a) * ibr_norm;
+  vec3 ibr_normal = ibr_eye_normal * ibr_mean;
+  ibr_normal *= min(length(ibr_mean), 1.0) / max(length(ibr_normal), 1e-6);
+  if (ibr_has_lut == 1)
+  {
+    ibr_base = mix(texture(ibr_lut, vec2(ibr_base.r, 0.5)).rgb, ibr_nan_color.rgb, ibr_base.g);
+  }
+  if (ibr_look.a > 0.75) { ibr_base = ibr_multiply == 1 ? ibr_base * ibr_look.rgb : ibr_look.rgb; }
+#if SPLAT
+  // A box of the object's mean coverage, filtered by the pixel's own box: exact, so that what is
+  // smaller than a pixel neither flickers nor vanishes.
+  if (ibr_card.w < 3.0)
+  {
+    float b = 0.5 * ibr_card.w * ibr_margin * sqrt(ibr_coverage);
+    vec2 o = clamp(min(ibr_splat + 0.5, b) - max(ibr_splat - 0.5, -b), 0.0, 1.0);
+    ibr_coverage = o.x * o.y;
+  }
+#endif
+  ibr_coverage *= ibr_card.z;
+  if (ibr_coverage < ibr_cut) { discard; }
+
+//@fragment.depth
+  {
+    vec2 zw = vec2(ibr_clip_depth.x * ibr_g.r + ibr_clip_depth.y,
+                   ibr_clip_depth.z * ibr_g.r + ibr_clip_depth.w);
+    gl_FragDepth = clamp(zw.x / zw.y * 0.5 + 0.5, 0.0, 1.0);
+  }
+
+//@fragment.color
+  diffuseColor = diffuseIntensity * ibr_base;
+  ambientColor = ambientIntensity * ibr_base;
+  opacity = opacityUniform * ibr_coverage;

@@ -1,0 +1,126 @@
+"""A full-screen program: a fragment shader over a rectangle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pvibr import _vtk
+from pvibr.errors import ShaderError
+
+_VERTEX = """//VTK::System::Dec
+in vec4 ndCoordIn;
+in vec2 texCoordIn;
+out vec2 uv;
+void main() { uv = texCoordIn; gl_Position = ndCoordIn; }
+"""
+_FRAGMENT_HEAD = """//VTK::System::Dec
+//VTK::Output::Dec
+in vec2 uv;
+"""
+# GL enums of the states that a full-screen program wants off.
+_BLEND, _DEPTH_TEST, _CULL_FACE, _STENCIL_TEST = 0x0BE2, 0x0B71, 0x0B44, 0x0B90
+
+
+def shader_source(module_file, stem=None) -> str:
+    """Return the text of the shader that lies beside a module.
+
+    Parameters
+    ----------
+    module_file : str
+        ``__file__`` of the module.
+    stem : str, optional
+        Name of the shader without ``.glsl``; default the module's own.
+
+    Returns
+    -------
+    str
+        GLSL text.
+    """
+    path = Path(module_file)
+    return path.with_name(f'{stem or path.stem}.glsl').read_text(encoding='utf-8')
+
+
+def set_uniforms(program, uniforms):
+    """Set uniforms of a program by the type of each value.
+
+    Parameters
+    ----------
+    program : vtkShaderProgram
+        The program, ready.
+    uniforms : dict
+        Name to int, float, a sequence of 2 to 4 floats, or a (3, 3) or (4, 4) matrix
+        (row-major, column vectors).
+    """
+    for name, value in uniforms.items():
+        if isinstance(value, (bool, int, np.integer)):
+            program.SetUniformi(name, int(value))
+        elif np.ndim(value) == 0:
+            program.SetUniformf(name, float(value))
+        elif np.ndim(value) == 1:
+            setter = {2: program.SetUniform2f, 3: program.SetUniform3f, 4: program.SetUniform4f}
+            setter[len(value)](name, [float(v) for v in value])
+        else:
+            flat = np.asarray(value, np.float32).T.ravel().tolist()
+            if len(flat) == 9:
+                program.SetUniformMatrix3x3(name, flat)
+            else:
+                program.SetUniformMatrix4x4v(name, 1, flat)
+
+
+class Quad:
+    """A fragment shader drawn over the whole of whatever target is bound.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        The window whose context holds the program.
+    fragment : str
+        GLSL with ``main``; it reads ``uv`` (0 to 1) and writes ``gl_FragData[i]``.
+    name : str
+        What errors call it.
+
+    Raises
+    ------
+    ShaderError
+        Where the driver does not compile it; the message has the driver's log.
+    """
+
+    def __init__(self, window, fragment, name='quad'):
+        self.window = window
+        self.helper = _vtk.vtkOpenGLQuadHelper(window, _VERTEX, _FRAGMENT_HEAD + fragment, '')
+        self.program = window.GetShaderCache().GetLastShaderBound()
+        if self.program is None or not self.program.GetCompiled():
+            log = self.program.GetError() if self.program else 'no program'
+            msg = f'shader {name!r} does not compile: {log.strip()}'
+            raise ShaderError(msg)
+
+    def draw(self, uniforms=None, textures=None):
+        """Draw once; blending, depth test and culling are off meanwhile.
+
+        Parameters
+        ----------
+        uniforms : dict, optional
+            See :func:`set_uniforms`.
+        textures : dict, optional
+            Sampler name to :class:`pvibr.gl.Texture`.
+        """
+        state = self.window.GetState()
+        state.Push()
+        for flag in (_BLEND, _DEPTH_TEST, _CULL_FACE, _STENCIL_TEST):
+            state.SetEnumState(flag, False)
+        self.window.GetShaderCache().ReadyShaderProgram(self.program)
+        textures = textures or {}
+        set_uniforms(self.program, {n: t.activate() for n, t in textures.items()})
+        set_uniforms(self.program, uniforms or {})
+        try:
+            self.helper.Render()
+        finally:
+            for texture in textures.values():
+                texture.deactivate()
+            state.Pop()
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self.helper.ReleaseGraphicsResources(self.window)

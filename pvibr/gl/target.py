@@ -1,0 +1,97 @@
+"""A framebuffer with its textures: something to draw into."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+
+from pvibr import _vtk
+from pvibr.gl.texture import Texture
+
+
+class Target:
+    """Colour textures and a depth buffer that are drawn into together.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        The window whose context holds it.
+    width, height : int
+        Pixels.
+    formats : sequence of str
+        One format per colour attachment, see :meth:`pvibr.gl.Texture.allocate`.
+    depth : bool
+        Whether there is a depth buffer (float32).
+    filter : str
+        How the colour textures are sampled afterwards.
+    """
+
+    def __init__(self, window, width, height, formats=('rgba8',), *, depth=False, filter='linear'):
+        self.window = window
+        self.width, self.height = width, height
+        self.colors = [Texture(window, filter=filter).allocate(width, height, f) for f in formats]
+        self.depth = Texture(window).allocate(width, height, 'depth32f') if depth else None
+        self.object = _vtk.vtkOpenGLFramebufferObject()
+        self.object.SetContext(window)
+        with self._bound():
+            for i, color in enumerate(self.colors):
+                self.object.AddColorAttachment(i, color.object)
+            if self.depth is not None:
+                self.object.AddDepthAttachment(self.depth.object)
+            self._check()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return sum(t.nbytes for t in [*self.colors, self.depth] if t is not None)
+
+    def _check(self):
+        self.object.ActivateDrawBuffers(len(self.colors))
+        if not self.object.CheckFrameBufferStatus(self.object.GetDrawMode()):
+            msg = f'the driver cannot draw into {len(self.colors)} targets of these formats'
+            raise RuntimeError(msg)
+
+    @contextmanager
+    def _bound(self):
+        state = self.window.GetState()
+        state.PushFramebufferBindings()
+        self.object.Bind()
+        try:
+            yield
+        finally:
+            state.PopFramebufferBindings()
+
+    @contextmanager
+    def drawing(self, clear=None):
+        """Draw into it; framebuffer, viewport and every other GL state come back afterwards.
+
+        Parameters
+        ----------
+        clear : tuple of 4 float, optional
+            Clear all colours to this, and the depth to the far plane.
+        """
+        state = self.window.GetState()
+        state.Push()
+        try:
+            with self._bound():
+                self.object.ActivateDrawBuffers(len(self.colors))
+                state.vtkglViewport(0, 0, self.width, self.height)
+                state.vtkglScissor(0, 0, self.width, self.height)
+                if clear is not None:
+                    self._clear(state, clear)
+                yield self
+        finally:
+            state.Pop()
+
+    def _clear(self, state, color):
+        state.vtkglColorMask(True, True, True, True)
+        state.vtkglDepthMask(True)
+        state.vtkglClearColor(*color)
+        state.vtkglClearDepth(1.0)
+        state.vtkglClear(0x4000 | 0x0100)  # GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self.object.ReleaseGraphicsResources(self.window)
+        for texture in [*self.colors, self.depth]:
+            if texture is not None:
+                texture.release()

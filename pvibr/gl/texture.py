@@ -1,0 +1,156 @@
+"""A texture on the GPU that knows its array."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr import _vtk
+
+_VTK_TYPES = {'uint8': 'VTK_UNSIGNED_CHAR', 'uint16': 'VTK_UNSIGNED_SHORT', 'float32': 'VTK_FLOAT'}
+# GL's sized formats of a render target: what VTK does not choose by itself from a data type.
+_FORMATS = {
+    'rgba8': (None, 'VTK_UNSIGNED_CHAR', 4),
+    'rgba16f': (0x881A, 'VTK_FLOAT', 4),
+    'rgba32f': (0x8814, 'VTK_FLOAT', 4),
+    'r32f': (0x822E, 'VTK_FLOAT', 1),
+}
+_BYTES = {'rgba8': 4, 'rgba16f': 8, 'rgba32f': 16, 'r32f': 4, 'depth32f': 4}
+
+
+def texture_limit(window) -> int:
+    """Return the widest 2D texture that the driver of a window takes, in texels.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        A window whose context exists.
+
+    Returns
+    -------
+    int
+        The limit of width and height.
+    """
+    return int(_vtk.vtkTextureObject.GetMaximumTextureSize(window))
+
+
+class Texture:
+    """A 2D texture: made from an array or empty, sampled by a unit, released with its window.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        The window whose context holds the texture.
+    filter : {'nearest', 'linear', 'mipmap'}
+        How it is sampled; ``'mipmap'`` interpolates within the level that the shader names.
+    repeat : bool
+        Repeat outside [0, 1] instead of clamping to the edge.
+    """
+
+    def __init__(self, window, *, filter='nearest', repeat=False):
+        self.window = window
+        self.object = to = _vtk.vtkTextureObject()
+        to.SetContext(window)
+        wrap = to.Repeat if repeat else to.ClampToEdge
+        to.SetWrapS(wrap)
+        to.SetWrapT(wrap)
+        smooth = to.Nearest if filter == 'nearest' else to.Linear
+        to.SetMagnificationFilter(smooth)
+        to.SetMinificationFilter(to.LinearMipmapNearest if filter == 'mipmap' else smooth)
+        to.SetGenerateMipmap(filter == 'mipmap')
+        if filter == 'mipmap':
+            to.SetMaxLevel(16)
+        self.nbytes = 0
+
+    def upload(self, array) -> Texture:
+        """Put an array of shape (height, width[, channels]) on the GPU, replacing what was there.
+
+        Parameters
+        ----------
+        array : numpy.ndarray
+            uint8 or uint16 (read as 0 to 1) or float32, C order; row 0 is v = 0.
+
+        Returns
+        -------
+        Texture
+            Itself.
+
+        Raises
+        ------
+        ValueError
+            Where a side is zero or above the driver's limit, or the type is another one.
+        """
+        array = np.ascontiguousarray(array)
+        height, width = array.shape[:2]
+        channels = array.shape[2] if array.ndim == 3 else 1
+        limit = texture_limit(self.window)
+        if not (0 < width <= limit and 0 < height <= limit):
+            msg = f'texture of {width} x {height} texels: each side must be 1 to {limit} here'
+            raise ValueError(msg)
+        if array.dtype.name not in _VTK_TYPES:
+            msg = f'texture of dtype {array.dtype}: must be one of {", ".join(_VTK_TYPES)}'
+            raise ValueError(msg)
+        kind = getattr(_vtk, _VTK_TYPES[array.dtype.name])
+        if not self.object.Create2DFromRaw(width, height, channels, kind, array):
+            msg = f'the driver refused a texture of {width} x {height} x {channels} {array.dtype}'
+            raise RuntimeError(msg)
+        mips = 4 / 3 if self.object.GetGenerateMipmap() else 1
+        self.nbytes = int(array.nbytes * mips)
+        return self
+
+    def allocate(self, width, height, format='rgba8') -> Texture:
+        """Make an empty texture to draw into.
+
+        Parameters
+        ----------
+        width, height : int
+            Texels.
+        format : {'rgba8', 'rgba16f', 'rgba32f', 'r32f', 'depth32f'}
+            How a texel is kept.
+
+        Returns
+        -------
+        Texture
+            Itself.
+        """
+        if format == 'depth32f':
+            made = self.object.AllocateDepth(width, height, self.object.Float32)
+        else:
+            internal, kind, channels = _FORMATS[format]
+            if internal is not None:
+                self.object.SetInternalFormat(internal)
+            made = self.object.Create2D(width, height, channels, getattr(_vtk, kind), False)
+        if not made:
+            msg = f'the driver refused a {format} target of {width} x {height}'
+            raise RuntimeError(msg)
+        self.nbytes = width * height * _BYTES[format]
+        return self
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in texels."""
+        return self.object.GetWidth(), self.object.GetHeight()
+
+    def activate(self) -> int:
+        """Bind to a texture unit and return its number, for a sampler."""
+        self.object.Activate()
+        return self.object.GetTextureUnit()
+
+    def deactivate(self):
+        """Give the unit back."""
+        self.object.Deactivate()
+
+    def download(self) -> np.ndarray:
+        """Return the texels as an array (height, width, channels), row 0 at v = 0."""
+        buffer = self.object.Download()
+        kind = self.object.GetVTKDataType()
+        width, height, channels = *self.size, self.object.GetComponents()
+        dtype = {_vtk.VTK_FLOAT: np.float32, _vtk.VTK_UNSIGNED_CHAR: np.uint8}[kind]
+        out = np.empty((height, width, channels), dtype)
+        buffer.Download2D(kind, out, (width, height), channels, (0, 0))
+        buffer.ReleaseMemory()
+        return out
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self.object.ReleaseGraphicsResources(self.window)
+        self.nbytes = 0

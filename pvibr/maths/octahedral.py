@@ -1,0 +1,160 @@
+"""Octahedral map of the sphere and the grid of views that an impostor is baked from.
+
+The map is that of Cigolle et al., "A Survey of Efficient Representations for Independent Unit
+Vectors", JCGT 3(2), 2014, section 3.1; the half-sphere variant is Brian Karis's and Ryan
+Brucks's "hemi-octahedron" (the same square turned by 45 degrees over the upper half).
+``cards.glsl`` holds the same formulas; tests compare the two.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+_POLE = 0.99  # |z| above which the frame's helper axis is y instead of z
+
+
+def encode(directions, half=False):
+    """Map unit vectors to the square.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        Unit vectors. With ``half`` those below the equator are moved to it.
+    half : bool
+        Use the half-sphere map (z >= 0).
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 2)
+        Points of [-1, 1]^2.
+
+    Examples
+    --------
+    >>> from pvibr.maths import octahedral
+    >>> octahedral.encode([0.0, 0.0, 1.0]).tolist()
+    [0.0, 0.0]
+    """
+    d = np.asarray(directions, float)
+    if half:
+        d = np.concatenate([d[..., :2], np.maximum(d[..., 2:], 0.0)], -1)
+    p = d[..., :2] / np.abs(d).sum(-1, keepdims=True)
+    if half:
+        return np.stack([p[..., 0] + p[..., 1], p[..., 0] - p[..., 1]], -1)
+    folded = (1.0 - np.abs(p[..., ::-1])) * np.where(p >= 0.0, 1.0, -1.0)
+    return np.where(d[..., 2:] < 0.0, folded, p)
+
+
+def decode(points, half=False):
+    """Map points of the square back to unit vectors.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., 2)
+        Points of [-1, 1]^2.
+    half : bool
+        Use the half-sphere map.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 3)
+        Unit vectors.
+
+    Examples
+    --------
+    >>> from pvibr.maths import octahedral
+    >>> octahedral.decode([1.0, 0.0]).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    p = np.asarray(points, float)
+    if half:
+        p = 0.5 * np.stack([p[..., 0] + p[..., 1], p[..., 0] - p[..., 1]], -1)
+    z = 1.0 - np.abs(p).sum(-1, keepdims=True)
+    folded = (1.0 - np.abs(p[..., ::-1])) * np.where(p >= 0.0, 1.0, -1.0)
+    d = np.concatenate([np.where(z < 0.0, folded, p), z], -1)
+    return d / np.linalg.norm(d, axis=-1, keepdims=True)
+
+
+def view_directions(n, half=False):
+    """Return the directions of an n x n grid of views, from the object toward the eye.
+
+    Parameters
+    ----------
+    n : int
+        Views along a side; grid points lie on the border, so the fold is hit exactly.
+    half : bool
+        Views of the upper half only.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, n, 3)
+        Unit vectors; the first index is the row (second coordinate of the square).
+
+    Examples
+    --------
+    >>> from pvibr.maths import octahedral
+    >>> octahedral.view_directions(3)[1, 1].tolist()
+    [0.0, 0.0, 1.0]
+    """
+    side = np.linspace(-1.0, 1.0, n)
+    x, y = np.meshgrid(side, side)
+    return decode(np.stack([x, y], -1), half)
+
+
+def frame(directions):
+    """Return right, up and toward-eye axes of views: the rows of a rotation.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        Unit vectors from the object toward the eye.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 3, 3)
+        Rows are right, up, direction: ``frame @ p`` is ``p`` in the view's axes.
+
+    Examples
+    --------
+    >>> from pvibr.maths import octahedral
+    >>> octahedral.frame([1.0, 0.0, 0.0]).tolist()
+    [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
+    """
+    d = np.asarray(directions, float)
+    helper = np.where(np.abs(d[..., 2:]) < _POLE, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
+    right = np.cross(helper, d)
+    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    return np.stack([right, np.cross(d, right), d], -2)
+
+
+def nearest_views(direction, n, half=False):
+    """Return the three grid views around a direction and their barycentric weights.
+
+    Parameters
+    ----------
+    direction : array_like, shape (3,)
+        Unit vector from the object toward the eye.
+    n : int
+        Views along a side.
+    half : bool
+        Half-sphere map.
+
+    Returns
+    -------
+    cells : numpy.ndarray, shape (3, 2), int
+        Column and row of each view.
+    weights : numpy.ndarray, shape (3,)
+        Not negative, sum 1.
+
+    Examples
+    --------
+    >>> from pvibr.maths import octahedral
+    >>> cells, weights = octahedral.nearest_views([0.0, 0.0, 1.0], 3)
+    >>> cells[weights.argmax()].tolist(), float(weights.max())
+    ([1, 1], 1.0)
+    """
+    g = (encode(direction, half) * 0.5 + 0.5) * (n - 1)
+    base = np.clip(np.floor(g), 0, n - 2)
+    f = g - base
+    corner = np.array([1, 0]) if f[0] > f[1] else np.array([0, 1])
+    cells = np.stack([base, base + corner, base + 1]).astype(int)
+    return cells, np.array([1.0 - f.max(), abs(f[0] - f[1]), f.min()])
