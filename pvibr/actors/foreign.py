@@ -1,0 +1,339 @@
+"""Meshes of trimesh as PyVista meshes with the looks that their materials ask for."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+import sys
+import urllib.parse
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.errors import PvibrWarning
+from pvibr.maths.transforms import trs
+
+GPU_INSTANCING = 'EXT_mesh_gpu_instancing'
+COLORS = 'trimesh_colors'
+
+
+def is_trimesh(thing, kind):
+    """Return whether something is a ``trimesh.<kind>``, without importing trimesh."""
+    module = sys.modules.get('trimesh')
+    return module is not None and isinstance(thing, getattr(module, kind))
+
+
+def read_mesh(path):
+    """Read a mesh or scene from a file.
+
+    glTF goes through trimesh, so that textures come along; everything else goes through PyVista
+    and, where that fails, through trimesh.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The file.
+
+    Returns
+    -------
+    pyvista.DataSet, pyvista.MultiBlock or trimesh.Scene
+        What is in the file.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If neither library reads it.
+
+    Examples
+    --------
+    >>> from pyvista import examples
+    >>> from pvibr.actors.foreign import read_mesh
+    >>> read_mesh(examples.planefile).n_cells
+    2452
+
+    """
+    path = Path(path).expanduser()
+    if not path.is_file():
+        msg = f'mesh file {str(path)!r} does not exist.'
+        raise FileNotFoundError(msg)
+    readers = [_read_pyvista, _read_trimesh]
+    if path.suffix.lower() in ('.gltf', '.glb'):
+        readers.reverse()
+    reasons = []
+    for reader in readers:
+        # Whatever a reader of somebody else's format throws only means: try the other one.
+        try:
+            return reader(path)
+        except Exception as error:
+            reasons.append(f'{reader.__name__.removeprefix("_read_")}: {error}')
+    msg = f'{path} cannot be read as a mesh ({"; ".join(reasons)}).'
+    raise ValueError(msg)
+
+
+def scene_instances(scene):
+    """Return the meshes of a scene and where its graph puts them.
+
+    Parameters
+    ----------
+    scene : trimesh.Scene, str or pathlib.Path
+        The scene, or a file. A glTF file's ``EXT_mesh_gpu_instancing`` needs the file, since
+        trimesh drops those poses.
+
+    Returns
+    -------
+    meshes : list of trimesh.Trimesh
+        Each geometry that is used, once.
+    index : numpy.ndarray, shape (n,), int64
+        Which of `meshes` each instance is.
+    matrices : numpy.ndarray, shape (n, 4, 4), float64
+        ``world_from_model`` of each instance.
+
+    Raises
+    ------
+    ValueError
+        If the scene has no triangle mesh.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import trimesh
+    >>> from pvibr.actors.foreign import scene_instances
+    >>> scene = trimesh.Scene({'box': trimesh.creation.box()})
+    >>> scene.graph.update('second', matrix=np.diag([2.0, 2.0, 2.0, 1.0]), geometry='box')
+    >>> meshes, index, matrices = scene_instances(scene)
+    >>> len(meshes), index.tolist(), matrices[:, 0, 0].tolist()
+    (1, [0, 0], [1.0, 2.0])
+
+    """
+    if isinstance(scene, str | Path):
+        scene = _read_trimesh(Path(scene))
+    names, index, matrices = {}, [], []
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph.get(node)
+        if not is_trimesh(scene.geometry[name], 'Trimesh') or not len(scene.geometry[name].faces):
+            _warn_skipped(name, scene.geometry[name])
+            continue
+        copies = matrix @ _node_copies(scene, node)
+        matrices.append(copies)
+        index.append(np.full(len(copies), names.setdefault(name, len(names))))
+    if not names:
+        msg = 'the trimesh scene has no triangle mesh in it.'
+        raise ValueError(msg)
+    meshes = [scene.geometry[name] for name in names]
+    return meshes, np.concatenate(index), np.concatenate(matrices)
+
+
+def as_dataset(mesh, pbr=False, textures=None):
+    """Return a trimesh as PolyData and the add_mesh keywords of its material.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The mesh, with vertex colours, face colours or a textured material.
+    pbr : bool, optional
+        Whether metallic and roughness are wanted too.
+    textures : dict, optional
+        Textures by image, filled in, so that meshes that share an image share a texture.
+
+    Returns
+    -------
+    dataset : pyvista.PolyData
+        Points, triangles, given normals, texture coordinates and colours.
+    look : dict
+        Keywords of :func:`pvibr.actors.parts.as_parts`.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from pvibr.actors.foreign import as_dataset
+    >>> box = trimesh.creation.box()
+    >>> box.visual.face_colors = [255, 0, 0, 255]
+    >>> as_dataset(box)[1]
+    {'scalars': 'trimesh_colors', 'rgb': True, 'preference': 'cell'}
+
+    """
+    dataset = pv.PolyData.from_regular_faces(np.array(mesh.vertices), np.array(mesh.faces))
+    # Only normals that came with the file: trimesh would compute others on demand.
+    normals = mesh._cache.cache.get('vertex_normals')
+    if normals is not None and len(normals) == dataset.n_points:
+        dataset.point_data.active_normals = np.array(normals)
+    textures = {} if textures is None else textures
+    visual = mesh.visual
+    if visual.kind == 'vertex':
+        return dataset, _colored(dataset.point_data, visual.vertex_colors)
+    if visual.kind == 'face':
+        return dataset, _colored(dataset.cell_data, visual.face_colors)
+    if visual.kind == 'texture':
+        return dataset, _material_look(dataset, visual, pbr, textures)
+    return dataset, {}
+
+
+def _read_pyvista(path):
+    mesh = pv.read(path)
+    if not mesh.n_points and not isinstance(mesh, pv.MultiBlock):
+        msg = 'no points in it'
+        raise ValueError(msg)
+    return mesh
+
+
+def _read_trimesh(path):
+    import trimesh
+
+    scene = trimesh.load_scene(path, process=False)
+    if not scene.geometry:
+        msg = 'no geometry in it'
+        raise ValueError(msg)
+    document = None
+    for edge in _instanced_edges(scene):
+        document = document or _Gltf(path)
+        extension = edge['metadata']['gltf_extensions'][GPU_INSTANCING]
+        edge['metadata']['pvibr_copies'] = document.copies(extension['attributes'])
+    return scene
+
+
+def _instanced_edges(scene):
+    for edge in scene.graph.transforms.edge_data.values():
+        if GPU_INSTANCING in (edge.get('metadata') or {}).get('gltf_extensions', {}):
+            yield edge
+
+
+def _node_copies(scene, node):
+    parent = scene.graph.transforms.parents.get(node)
+    metadata = scene.graph.transforms.edge_data.get((parent, node), {}).get('metadata') or {}
+    copies = metadata.get('pvibr_copies')
+    if copies is None and GPU_INSTANCING in metadata.get('gltf_extensions', {}):
+        msg = (
+            f'node {node!r} has {GPU_INSTANCING}, whose poses trimesh does not keep: one instance '
+            'is drawn. Give the path of the file instead of the trimesh scene.'
+        )
+        warnings.warn(msg, PvibrWarning, stacklevel=4)
+    return np.eye(4)[None] if copies is None else copies
+
+
+def _warn_skipped(name, geometry):
+    msg = f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn.'
+    warnings.warn(msg, PvibrWarning, stacklevel=3)
+
+
+class _Gltf:
+    """The accessors of a glTF file, for what trimesh leaves unread."""
+
+    TYPES = {5120: 'i1', 5121: 'u1', 5122: '<i2', 5123: '<u2', 5125: '<u4', 5126: '<f4'}
+    WIDTHS = {'SCALAR': 1, 'VEC2': 2, 'VEC3': 3, 'VEC4': 4}
+
+    def __init__(self, path):
+        self.folder = path.parent
+        data = path.read_bytes()
+        self.chunk = b''
+        if data[:4] == b'glTF':
+            length = struct.unpack_from('<I', data, 12)[0]
+            self.chunk, data = data[28 + length :], data[20 : 20 + length]
+        self.tree = json.loads(data)
+
+    def copies(self, attributes):
+        """Return the (n, 4, 4) matrices of an instancing extension."""
+        moves = {name: self.accessor(index) for name, index in attributes.items()}
+        count = max(map(len, moves.values()))
+        spins = moves.get('ROTATION')
+        return trs(
+            moves.get('TRANSLATION', np.zeros((count, 3))),
+            # glTF writes quaternions as x, y, z, w.
+            None if spins is None else spins[:, [3, 0, 1, 2]],
+            moves.get('SCALE'),
+        )
+
+    def accessor(self, index):
+        """Return one accessor as a float64 array; normalised integers become fractions."""
+        accessor = self.tree['accessors'][index]
+        view = self.tree['bufferViews'][accessor['bufferView']]
+        dtype, width = np.dtype(self.TYPES[accessor['componentType']]), self.WIDTHS[accessor['type']]
+        values = np.ndarray(
+            (accessor['count'], width),
+            dtype,
+            self._buffer(view['buffer']),
+            view.get('byteOffset', 0) + accessor.get('byteOffset', 0),
+            (view.get('byteStride', dtype.itemsize * width), dtype.itemsize),
+        )
+        scale = np.iinfo(dtype).max if accessor.get('normalized') else 1
+        return values.astype(np.float64) / scale
+
+    def _buffer(self, index):
+        uri = self.tree['buffers'][index].get('uri')
+        if uri is None:
+            return self.chunk
+        if uri.startswith('data:'):
+            return base64.b64decode(uri.split(',', 1)[1])
+        return (self.folder / urllib.parse.unquote(uri)).read_bytes()
+
+
+def _colored(data, colors):
+    colors = np.asarray(colors, dtype=np.uint8)
+    # An alpha that is full everywhere would only make VTK sort the mesh as translucent.
+    data[COLORS] = colors if (colors[:, 3] < 255).any() else np.ascontiguousarray(colors[:, :3])
+    data.active_scalars_name = COLORS
+    preference = 'point' if data.association == pv.FieldAssociation.POINT else 'cell'
+    return {'scalars': COLORS, 'rgb': True, 'preference': preference}
+
+
+def _material_look(dataset, visual, pbr, textures):
+    material = visual.material
+    mode = getattr(material, 'alphaMode', None) or 'OPAQUE'
+    look = _base_color(material, mode)
+    if pbr:
+        look |= _metalness(material)
+    image = getattr(material, 'baseColorTexture', None) or getattr(material, 'image', None)
+    if image is not None and visual.uv is not None:
+        dataset.active_texture_coordinates = np.array(visual.uv, dtype=np.float32)
+        look['texture'] = _texture(image, mode, textures)
+    colors = visual.vertex_attributes.get('color')
+    if colors is not None and len(colors) == dataset.n_points:
+        look |= _colored(dataset.point_data, _as_bytes(colors))
+    if mode == 'MASK':
+        cutoff = getattr(material, 'alphaCutoff', None)
+        look['alpha_cutoff'] = 0.5 if cutoff is None else float(cutoff)
+    return look
+
+
+def _base_color(material, mode):
+    factor = getattr(material, 'baseColorFactor', None)
+    factor = getattr(material, 'diffuse', None) if factor is None else factor
+    if factor is None:
+        return {'color': 'white'}
+    rgba = _as_bytes(np.asarray(factor)[None])[0] / 255
+    look = {'color': tuple(rgba[:3].tolist())}
+    return look | ({'opacity': float(rgba[3])} if mode == 'BLEND' and rgba[3] < 1 else {})
+
+
+def _metalness(material):
+    factors = {
+        'metallic': getattr(material, 'metallicFactor', None),
+        'roughness': getattr(material, 'roughnessFactor', None),
+    }
+    return {name: 1.0 if value is None else float(value) for name, value in factors.items()}
+
+
+def _as_bytes(colors):
+    """Return (n, 4) uint8 colours from bytes, shorts or fractions with or without alpha."""
+    colors = np.asarray(colors)
+    if colors.dtype.kind == 'f':
+        colors = np.clip(colors, 0, 1) * 255 + 0.5
+    elif colors.dtype.itemsize > 1:
+        colors = colors / np.iinfo(colors.dtype).max * 255 + 0.5
+    rgba = np.full((len(colors), 4), 255, dtype=np.uint8)
+    rgba[:, : colors.shape[1]] = colors
+    return rgba
+
+
+def _texture(image, mode, textures):
+    key = (hash(image.tobytes()), image.size, mode == 'OPAQUE')
+    if key not in textures:
+        # OPAQUE means that alpha is to be ignored; VTK would blend it.
+        pixels = np.asarray(image.convert('RGB' if mode == 'OPAQUE' else 'RGBA'))
+        textures[key] = pv.Texture(pixels)
+        textures[key].interpolate = True
+    return textures[key]
