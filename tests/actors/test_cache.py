@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from pvibr.errors import PvibrWarning
 
 from pvibr.actors import cache as module
 from pvibr.actors.cache import AtlasCache, key_of, pack, unpack
+from pvibr.errors import PvibrWarning
 
 KEY = key_of('a key')
 ARRAYS = {'a': np.arange(12.0).reshape(3, 4), 'b': np.arange(5, dtype=np.uint8)}

@@ -1,0 +1,256 @@
+"""The command line: ``pvibr doctor``, ``demo``, ``view``, ``bake``, ``bench``.
+
+The bodies are imported when their command runs, so that ``pvibr --help`` is instant and
+``pvibr doctor`` works where the rest cannot. What goes wrong is one line on standard error and
+exit code 2; set ``PVIBR_DEBUG=1`` to see where it happened.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+from cyclopts.types import ExistingFile
+
+import pvibr
+from pvibr.errors import PvibrError
+
+OK, WANTING, FAILED, INTERRUPTED = 0, 1, 2, 130
+
+
+def _positive(type_: type, value: float | None) -> None:
+    if value is not None and not (value > 0 and math.isfinite(value)):
+        msg = 'Must be a positive number.'
+        raise ValueError(msg)
+
+
+_Positive = Parameter(validator=_positive)
+_Count = Annotated[int, _Positive]
+_Pixels = Annotated[float, _Positive]
+_Out = Annotated[Path | None, Parameter(name=['--out', '-o'])]
+
+app = App(
+    name='pvibr',
+    help='Draw scenes that are too heavy for triangles, with an error that you choose.',
+    version=lambda: pvibr.__version__,
+    suppress_keyboard_interrupt=False,
+)
+bench = App(name='bench', help='Measure run time against error, here and now.')
+app.command(bench)
+
+
+@app.command
+def doctor() -> int:
+    """Say what draws here, what is missing, and the command that mends it."""
+    from pvibr.doctor import diagnose
+
+    diagnosis = diagnose()
+    print(diagnosis)
+    return WANTING if diagnosis.problems else OK
+
+
+@app.command
+def demo(
+    *,
+    out: Annotated[Path, Parameter(name=['--out', '-o'])] = Path('out'),
+    count: _Count = 10_000,
+    max_error: _Pixels = 1.0,
+    frames: _Count | None = None,
+    window: bool = False,
+    movie: Path | None = None,
+    size: str = '1280x720',
+) -> None:
+    """Walk through a landscape of trees, drawn by VTK and by pvibr.
+
+    Parameters
+    ----------
+    out
+        Folder for the pictures and the table.
+    count
+        Number of trees.
+    max_error
+        What the picture may differ from the full meshes, in pixels.
+    frames
+        Number of frames on the camera path; by default as many as two minutes allow.
+    window
+        Open a window and walk through it.
+    movie
+        MP4 file to write the walk to.
+    size
+        Width and height of the picture in pixels.
+    """
+    pixels = _size(size)
+    from pvibr.demo import main
+
+    _require_gl()
+    main(
+        out=out,
+        count=count,
+        max_error=max_error,
+        frames=frames,
+        window=window,
+        movie=movie,
+        size=pixels,
+    )
+
+
+@app.command
+def view(
+    mesh: ExistingFile,
+    *,
+    poses: ExistingFile,
+    max_error: _Pixels = 1.0,
+    out: _Out = None,
+    size: str = '1280x720',
+    scalars: str | None = None,
+    cmap: str | None = None,
+    columns: str | None = None,
+    window: bool = False,
+) -> None:
+    """Draw a mesh at every pose of a file.
+
+    Parameters
+    ----------
+    mesh
+        Any file that PyVista or trimesh reads.
+    poses
+        CSV with the columns x, y, z and maybe scalars, or NPY of shape (n, 3) or (n, 4, 4).
+    max_error
+        What the picture may differ from the full meshes, in pixels.
+    out
+        PNG file to write the picture to.
+    size
+        Width and height of the picture in pixels.
+    scalars
+        Column of the poses file to colour the instances by.
+    cmap
+        Colour map for the scalars.
+    columns
+        Columns of the poses file to read as x,y,z; "-" stands for zero.
+    window
+        Open a window.
+    """
+    pixels, names = _size(size), _columns(columns)
+    from pvibr.view import main
+
+    _require_gl()
+    main(
+        mesh,
+        poses,
+        max_error=max_error,
+        out=out,
+        size=pixels,
+        scalars=scalars,
+        cmap=cmap,
+        columns=names,
+        window=window,
+    )
+
+
+@app.command
+def bake(mesh: ExistingFile, *, out: _Out = None, sheet: Path | None = None) -> None:
+    """Bake the atlas of a mesh and keep it in a file.
+
+    Parameters
+    ----------
+    mesh
+        Any file that PyVista or trimesh reads.
+    out
+        NPZ file of the atlas; by default beside the mesh, with its name.
+    sheet
+        PNG file for a contact sheet of the atlas.
+    """
+    from pvibr.actors.bake import bake
+    from pvibr.actors.parts import as_parts
+
+    _require_gl()
+    atlas = bake(as_parts(mesh))
+    atlas.save(out or mesh.with_suffix('.npz'))
+    if sheet is not None:
+        atlas.contact_sheet(sheet)
+
+
+@bench.command
+def instances(
+    *, out: Annotated[Path, Parameter(name=['--out', '-o'])] = Path('out'), quick: bool = False
+) -> None:
+    """Measure instances: each point is one setting, VTK's own ways on the same axes.
+
+    Parameters
+    ----------
+    out
+        Folder for the table (JSON) and the plot (PNG).
+    quick
+        Measure a few points only, to see that the bench runs.
+    """
+    from pvibr.bench import main
+
+    _require_gl()
+    main('instances', out=out, quick=quick)
+
+
+def main(tokens: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Parameters
+    ----------
+    tokens : sequence of str, optional
+        The arguments; by default those of the process.
+
+    Returns
+    -------
+    int
+        0 when all went well, 1 when the doctor found something missing, 2 after an error, 130
+        after an interruption.
+    """
+    try:
+        return _run(sys.argv[1:] if tokens is None else list(tokens))
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except (CycloptsError, PvibrError, ImportError, OSError, ValueError) as error:
+        if os.environ.get('PVIBR_DEBUG'):
+            raise
+        print(f'pvibr: error: {_one_line(error)}', file=sys.stderr)
+        return FAILED
+
+
+def _run(tokens: list[str]) -> int:
+    result = app(tokens, print_error=False, exit_on_error=False, result_action='return_value')
+    return result if isinstance(result, int) else OK
+
+
+def _one_line(error: Exception) -> str:
+    return ' '.join(str(error).split()) or type(error).__name__
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.lower().partition('x')
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        msg = f'--size must be like 1280x720, in pixels, got {text!r}.'
+        raise ValueError(msg)
+    return int(width), int(height)
+
+
+def _columns(text: str | None) -> tuple[str | None, ...] | None:
+    if text is None:
+        return None
+    names = tuple(None if name.strip() == '-' else name.strip() for name in text.split(','))
+    if len(names) != 3 or '' in names:
+        msg = f'--columns must name three columns like gx,gy,- (- stands for zero), got {text!r}.'
+        raise ValueError(msg)
+    return names
+
+
+def _require_gl() -> None:
+    from pvibr.doctor import require_gl
+
+    require_gl()
+
+
+if __name__ == '__main__':
+    sys.exit(main())
