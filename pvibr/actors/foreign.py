@@ -112,7 +112,8 @@ def scene_instances(scene):
     """
     if isinstance(scene, str | Path):
         scene = _read_trimesh(Path(scene))
-    names, index, matrices = {}, [], []
+    names: dict[str, int] = {}
+    index, matrices = [], []
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph.get(node)
         if not is_trimesh(scene.geometry[name], 'Trimesh') or not len(scene.geometry[name].faces):
@@ -251,7 +252,10 @@ class _Gltf:
         """Return one accessor as a float64 array; normalised integers become fractions."""
         accessor = self.tree['accessors'][index]
         view = self.tree['bufferViews'][accessor['bufferView']]
-        dtype, width = np.dtype(self.TYPES[accessor['componentType']]), self.WIDTHS[accessor['type']]
+        dtype, width = (
+            np.dtype(self.TYPES[accessor['componentType']]),
+            self.WIDTHS[accessor['type']],
+        )
         values = np.ndarray(
             (accessor['count'], width),
             dtype,

@@ -9,12 +9,8 @@ import numpy as np
 import pyvista as pv
 
 from pvibr import _vtk
-from pvibr.actors.foreign import as_dataset
-from pvibr.actors.foreign import is_trimesh
-from pvibr.actors.foreign import read_mesh
-from pvibr.actors.foreign import scene_instances
-from pvibr.maths.transforms import transform_normals
-from pvibr.maths.transforms import transform_points
+from pvibr.actors.foreign import as_dataset, is_trimesh, read_mesh, scene_instances
+from pvibr.maths.transforms import transform_normals, transform_points
 
 #: Names under which arrays given by value travel through the surface filters.
 SCALARS, OPACITY = 'pvibr_scalars', 'pvibr_opacity'
@@ -227,10 +223,8 @@ def _parts_of(mesh, look, maker):
         return [_from_dataset(dataset, _merged(own, look), maker)]
     if isinstance(mesh, _vtk.vtkActor):
         return _from_actor(mesh, look)
-    try:
+    if isinstance(mesh, _vtk.vtkDataObject):
         mesh = pv.wrap(mesh)
-    except (NotImplementedError, TypeError, ValueError, AttributeError):
-        mesh = None
     if isinstance(mesh, pv.MultiBlock):
         return _from_blocks(mesh, look, maker)
     if isinstance(mesh, pv.DataSet):
@@ -282,6 +276,8 @@ def _with_arrays(dataset, look):
 def _triangles(dataset):
     """Return the triangles of a dataset's surface, with its active arrays still active."""
     active = dataset.active_scalars_info
+    if isinstance(dataset, pv.PointSet):
+        dataset = dataset.cast_to_polydata(deep=False)
     if not isinstance(dataset, pv.PolyData):
         # The filter that add_mesh's mapper has inside.
         dataset = dataset.extract_surface(
@@ -336,7 +332,7 @@ def _for_block(block, look):
 
 def _share_range(blocks, looks):
     """Give blocks that show the same array one range of colours, as add_mesh does."""
-    ranges = {}
+    ranges: dict = {}
     for block, look in zip(blocks, looks, strict=True):
         name = look.get('scalars') or block.active_scalars_name
         values = block[name] if isinstance(name, str) else None
@@ -363,8 +359,7 @@ def _from_scene(scene, look, maker):
         key = tuple(map(_comparable, own.items())) + tuple(dataset.array_names)
         alike.setdefault(key, (own, []))[1].append(_moved(dataset, matrix))
     return [
-        _from_dataset(_joined(pieces), _merged(own, look), maker)
-        for own, pieces in alike.values()
+        _from_dataset(_joined(pieces), _merged(own, look), maker) for own, pieces in alike.values()
     ]
 
 
@@ -380,7 +375,9 @@ def _joined(pieces):
 def _merged(own, look):
     """Let what the user says win over the material: a colour also over texture and colours."""
     if any(look.get(name) is not None for name in ('color', 'scalars', 'texture')):
-        own = {key: own[key] for key in own if key not in ('color', 'scalars', 'rgb', 'preference')}
+        own = {
+            key: own[key] for key in own if key not in ('color', 'scalars', 'rgb', 'preference')
+        }
         if look.get('texture') is None:
             own.pop('texture', None)
             own.pop('alpha_cutoff', None)
@@ -484,7 +481,8 @@ def _moved(mesh, matrix):
     if np.array_equal(matrix, np.eye(4)):
         return mesh
     moved = mesh.copy(deep=False)
-    moved.points = transform_points(matrix, mesh.points)
+    # A shallow copy shares its vtkPoints; its points setter would move the original too.
+    moved.SetPoints(pv.vtk_points(transform_points(matrix, mesh.points)))
     for old, new in ((mesh.point_data, moved.point_data), (mesh.cell_data, moved.cell_data)):
         if old.active_normals is not None:
             new.active_normals = transform_normals(matrix, old.active_normals)
@@ -522,4 +520,6 @@ def _cut_out(actor, cutoff):
     # After the texture is multiplied in. Below the cut-off times the opacity, for the fragment's
     # alpha has the opacity in it.
     text = f'//VTK::TCoord::Impl\n  if (gl_FragData[0].a < {cutoff * opacity:.6f}) discard;\n'
-    actor.GetShaderProperty().AddFragmentShaderReplacement('//VTK::TCoord::Impl', True, text, False)
+    actor.GetShaderProperty().AddFragmentShaderReplacement(
+        '//VTK::TCoord::Impl', True, text, False
+    )
