@@ -87,7 +87,7 @@ def demo(
     pixels = _size(size)
     from pvibr.demo import main
 
-    _require_gl()
+    _require_gl(window=window)
     main(
         out=out,
         count=count,
@@ -138,7 +138,7 @@ def view(
     pixels, names = _size(size), _columns(columns)
     from pvibr.view import main
 
-    _require_gl()
+    _require_gl(window=window)
     main(
         mesh,
         poses,
@@ -161,7 +161,7 @@ def bake(mesh: ExistingFile, *, out: _Out = None, sheet: Path | None = None) -> 
     mesh
         Any file that PyVista or trimesh reads.
     out
-        NPZ file of the atlas; by default beside the mesh, with its name.
+        NPZ file of the atlas; by default beside the mesh, as MESH.atlas.npz.
     sheet
         PNG file for a contact sheet of the atlas.
     """
@@ -170,7 +170,7 @@ def bake(mesh: ExistingFile, *, out: _Out = None, sheet: Path | None = None) -> 
 
     _require_gl()
     atlas = bake(as_parts(mesh))
-    atlas.save(out or mesh.with_suffix('.npz'))
+    atlas.save(out or mesh.with_suffix('.atlas.npz'))
     if sheet is not None:
         atlas.contact_sheet(sheet)
 
@@ -246,9 +246,13 @@ def _columns(text: str | None) -> tuple[str | None, ...] | None:
     return names
 
 
-def _require_gl() -> None:
-    from pvibr.doctor import require_gl
+def _require_gl(*, window: bool = False) -> None:
+    from pvibr.doctor import prefer_egl, require_gl
 
+    if window and sys.platform.startswith('linux') and not os.environ.get('DISPLAY'):
+        msg = '--window needs a display, and the environment variable DISPLAY names none.'
+        raise ValueError(msg)
+    prefer_egl()
     require_gl()
 
 

@@ -114,6 +114,17 @@ def require_gl() -> None:
     raise PvibrError(msg)
 
 
+def prefer_egl() -> None:
+    """Let VTK draw by EGL at once where there is no display to ask first.
+
+    VTK tries the X server before, and complains about it on standard error. Nothing changes where
+    there is a display, no EGL, or a choice of the user's.
+    """
+    headless = sys.platform.startswith('linux') and not os.environ.get('DISPLAY')
+    if headless and _loads_egl():
+        os.environ.setdefault('VTK_DEFAULT_OPENGL_WINDOW', 'vtkEGLRenderWindow')
+
+
 def has_gl_libraries() -> bool:
     """Tell whether the libraries are there that VTK opens at its first window.
 
@@ -125,11 +136,9 @@ def has_gl_libraries() -> bool:
     """
     if not sys.platform.startswith('linux'):
         return True
-    opengl = _loads('libGL.so.1') or _loads('libOpenGL.so.0')
-    egl = _loads('libEGL.so.1') and opengl
     glx = _loads('libGL.so.1') and bool(os.environ.get('DISPLAY'))
     osmesa = _loads('libOSMesa.so.8') or _loads('libOSMesa.so.6')
-    return _loads('libX11.so.6') and (egl or glx or osmesa)
+    return _loads('libX11.so.6') and (_loads_egl() or glx or osmesa)
 
 
 def gl_remedy() -> str:
@@ -146,6 +155,10 @@ def gl_remedy() -> str:
     if shutil.which('dnf'):
         return f'{sudo}dnf install mesa-libEGL mesa-libGL mesa-dri-drivers libX11'
     return 'install the graphics driver, or Mesa (EGL, OpenGL and X11 libraries)'
+
+
+def _loads_egl() -> bool:
+    return _loads('libEGL.so.1') and (_loads('libGL.so.1') or _loads('libOpenGL.so.0'))
 
 
 def _loads(library: str) -> bool:

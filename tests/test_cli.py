@@ -17,7 +17,7 @@ def called(monkeypatch):
         module = types.ModuleType(f'pvibr.{name}')
         module.main = lambda *args, **kwargs: calls.append((args, kwargs))
         monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setattr(cli, '_require_gl', lambda: None)
+    monkeypatch.setattr(cli, '_require_gl', lambda **kwargs: None)
     return calls
 
 
@@ -123,6 +123,14 @@ def test_view_passes_its_options_on(called, files):
     assert args == (Path(files[0]), Path(files[2]))
     assert kwargs['columns'] == ('gx', 'gy', None)
     assert (kwargs['scalars'], kwargs['cmap'], kwargs['out']) == ('growth', 'hot', Path('a.png'))
+
+
+@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='others always have a display')
+def test_a_window_needs_a_display(called, capsys, monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setitem(sys.modules, 'pvibr.demo', types.SimpleNamespace(main=None))
+    monkeypatch.delenv('DISPLAY', raising=False)
+    assert '--window needs a display' in fails(capsys, 'demo', '--window')
 
 
 def test_bench_passes_its_options_on(called):

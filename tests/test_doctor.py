@@ -77,6 +77,26 @@ def test_which_libraries_are_enough(monkeypatch, libraries, display, usable):
     assert has_gl_libraries() is usable
 
 
+@pytest.mark.parametrize(
+    ('libraries', 'display', 'chosen', 'window'),
+    [
+        (('EGL', 'libGL.'), '', None, 'vtkEGLRenderWindow'),
+        (('EGL', 'libGL.'), ':0', None, None),
+        (('EGL',), '', None, None),
+        (('EGL', 'libGL.'), '', 'vtkOSOpenGLRenderWindow', 'vtkOSOpenGLRenderWindow'),
+    ],
+)
+def test_egl_is_preferred_without_a_display(monkeypatch, libraries, display, chosen, window):
+    monkeypatch.setattr(sys, 'platform', 'linux')
+    monkeypatch.setattr(doctor, '_loads', only(*libraries))
+    environment = {'DISPLAY': display}
+    if chosen:
+        environment['VTK_DEFAULT_OPENGL_WINDOW'] = chosen
+    monkeypatch.setattr(doctor.os, 'environ', environment)
+    doctor.prefer_egl()
+    assert environment.get('VTK_DEFAULT_OPENGL_WINDOW') == window
+
+
 def test_a_crash_and_a_failure_elsewhere_are_told(monkeypatch):
     for body, told in {
         'import os, signal; os.kill(os.getpid(), signal.SIGSEGV)': 'SIGSEGV',
