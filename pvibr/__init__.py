@@ -1,1 +1,44 @@
-"""Image-based rendering for PyVista."""
+"""Image-based rendering for PyVista.
+
+Importing it imports nothing else: each name is looked up when first asked for.
+
+Examples
+--------
+>>> import pvibr
+>>> pvibr.Effect.__name__
+'Effect'
+"""
+
+from __future__ import annotations
+
+import importlib
+
+_EXPORTS = {
+    'Atlas': 'pvibr.actors.atlas',
+    'ClosedError': 'pvibr.errors',
+    'Effect': 'pvibr.effect',
+    'Instances': 'pvibr.actors.instances',
+    'Param': 'pvibr.params',
+    'PvibrError': 'pvibr.errors',
+    'PvibrWarning': 'pvibr.errors',
+    'ShaderError': 'pvibr.errors',
+    'attach': 'pvibr.component',
+}
+
+__all__ = ['__version__', *_EXPORTS]  # noqa: F822, PLE0604, RUF100
+
+
+def __getattr__(name):
+    if name == '__version__':
+        value = importlib.import_module('importlib.metadata').version('pvibr')
+    elif name in _EXPORTS:
+        value = getattr(importlib.import_module(_EXPORTS[name]), name)
+    else:
+        msg = f'module {__name__!r} has no attribute {name!r}'
+        raise AttributeError(msg)
+    globals()[name] = value
+    return value
+
+
+def __dir__():
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,394 @@
+"""``plotter.ibr``: what users add to a subplot, and what they read of it."""
+
+from __future__ import annotations
+
+import atexit
+import warnings
+import weakref
+
+import pyvista as pv
+
+from pvibr.errors import ClosedError, PvibrWarning
+from pvibr.pipeline import Pipeline
+from pvibr.report import Report
+
+_attached: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
+
+
+@pv.register_plotter_component('ibr')
+class IBRComponent:
+    """Image-based rendering of a plotter; it acts on the active subplot.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+        The plotter.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> print(pl.ibr.report())
+    effect  state  ms  bytes  why
+    0 frames, 0 bytes between effects
+    >>> pl.close()
+    """
+
+    def __init__(self, plotter):
+        self._plotter = plotter
+        self._pipelines: list[Pipeline] = []
+        self._time = 0.0
+        self._closed = False
+
+    @property
+    def pipeline(self) -> Pipeline:
+        """The active subplot's pipeline."""
+        if self._closed or getattr(self._plotter, '_closed', False):
+            msg = 'the plotter is closed: make a new one and add to its ibr'
+            raise ClosedError(msg)
+        renderer = self._plotter.renderer
+        for pipeline in self._pipelines:
+            if pipeline.renderer is renderer:
+                return pipeline
+        pipeline = Pipeline(renderer)
+        pipeline.time = self._time
+        self._pipelines.append(pipeline)
+        return pipeline
+
+    @property
+    def effects(self) -> tuple:
+        """Effects and things in the active subplot, in the order in which they run."""
+        return self.pipeline.effects
+
+    @property
+    def time(self) -> float:
+        """Seconds; what is animated shows this moment."""
+        return self._time
+
+    @time.setter
+    def time(self, seconds):
+        if not abs(float(seconds)) < float('inf'):
+            msg = f'time = {seconds!r}: must be a finite number of seconds'
+            raise ValueError(msg)
+        self._time = float(seconds)
+        for pipeline in self._pipelines:
+            pipeline.time = self._time
+
+    def add(self, effect):
+        """Put an effect or a thing into the active subplot.
+
+        Parameters
+        ----------
+        effect : pvibr.Effect
+            In no subplot yet.
+
+        Returns
+        -------
+        pvibr.Effect
+            The same, so that its settings can be changed.
+
+        Raises
+        ------
+        TypeError
+            Where it is no effect.
+        ValueError
+            Where it is in a subplot already.
+        ClosedError
+            Where the plotter is closed.
+        """
+        return self.pipeline.add(effect)
+
+    def add_instances(
+        self,
+        mesh,
+        poses,
+        *,
+        index=None,
+        max_error=1.0,
+        name=None,
+        scalars=None,
+        colors=None,
+        cmap=None,
+        clim=None,
+        opacity=1.0,
+        pickable=True,
+        show_scalar_bar=None,
+        reset_camera=None,
+        render=False,
+        cache=True,
+        progress=None,
+        **mesh_kwargs,
+    ):
+        """Draw a mesh many times: near as a mesh, far as images, within an error.
+
+        Parameters
+        ----------
+        mesh : pyvista.DataSet, pyvista.MultiBlock, trimesh.Trimesh, path, or sequence of these
+            What is drawn.
+        poses : array_like
+            (n, 3) points or (n, 4, 4) matrices, float64, world units.
+        index : array_like of int, optional
+            (n,) which of several meshes each instance shows.
+        max_error : float, optional
+            How far what is drawn may be from the mesh, in pixels.
+        name : str, optional
+            What reports call it; something of the same name in the subplot is replaced.
+        scalars, colors : array_like, optional
+            (n,) values or (n, 3) or (n, 4) colours, one per instance.
+        cmap, clim, opacity, pickable, show_scalar_bar : optional
+            As in :meth:`pyvista.Plotter.add_mesh`.
+        reset_camera : bool, optional
+            Whether the camera moves to show everything; default where it was never moved.
+        render : bool, optional
+            Draw at once.
+        cache : bool or path, optional
+            Whether, or where, atlases are kept on disk.
+        progress : bool, optional
+            Whether a long bake shows a progress bar; default on a terminal.
+        **mesh_kwargs
+            As in :meth:`pyvista.Plotter.add_mesh`, for the mesh itself.
+
+        Returns
+        -------
+        pvibr.Instances
+            The instances; their settings can be changed.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where an argument is not allowed; then nothing is added.
+        ClosedError
+            Where the plotter is closed.
+        """
+        from pvibr.actors.instances import Instances
+
+        pipeline = self.pipeline
+        instances = Instances(
+            mesh,
+            poses,
+            index=index,
+            max_error=max_error,
+            name=name,
+            scalars=scalars,
+            colors=colors,
+            cmap=cmap,
+            clim=clim,
+            opacity=opacity,
+            pickable=pickable,
+            show_scalar_bar=show_scalar_bar,
+            cache=cache,
+            progress=progress,
+            window=pipeline.window,
+            **mesh_kwargs,
+        )
+        for old in [e for e in pipeline.effects if name is not None and e.name == name]:
+            pipeline.remove(old)
+        pipeline.add(instances)
+        self._show(reset_camera, render)
+        return instances
+
+    def _show(self, reset_camera, render):
+        renderer = self._plotter.renderer
+        if reset_camera or (reset_camera is None and not getattr(renderer, 'camera_set', True)):
+            self._plotter.reset_camera(render=False)
+        if render:
+            self._plotter.render()
+
+    def remove(self, thing):
+        """Take an effect or a thing out of its subplot.
+
+        Parameters
+        ----------
+        thing : pvibr.Effect
+            In one of the plotter's subplots.
+
+        Raises
+        ------
+        ValueError
+            Where it is in none.
+        """
+        for pipeline in self._pipelines:
+            if thing in pipeline.effects:
+                pipeline.remove(thing)
+                return
+        self.pipeline.remove(thing)  # says what is there
+
+    def clear(self):
+        """Take everything out of the active subplot."""
+        self.pipeline.clear()
+
+    def pick(self, x, y):
+        """Return what is under a pixel of the active subplot.
+
+        Parameters
+        ----------
+        x, y : int
+            Pixels from the lower left corner of the window.
+
+        Returns
+        -------
+        object or None
+            What the first thing that is hit says of the hit; None where none is.
+        """
+        for thing in self.pipeline.effects:
+            pick = getattr(thing, 'pick', None)
+            hit = pick(x, y) if pick is not None else None
+            if hit is not None:
+                return hit
+        return None
+
+    def report(self) -> Report:
+        """Return what ran in the active subplot's last frame, what was skipped and why.
+
+        Returns
+        -------
+        pvibr.report.Report
+            Printed, a table; ``as_dict()`` for programs.
+        """
+        return self.pipeline.report()
+
+    def state(self) -> dict:
+        """Return the settings of everything in every subplot, and the time.
+
+        Returns
+        -------
+        dict
+            Values that JSON keeps; see :meth:`restore`.
+        """
+        self._check_open()
+        subplots = {}
+        for key, pipeline in self._by_key().items():
+            subplots[key] = {n: e.state() for n, e in _named(pipeline).items()}
+        return {'time': self._time, 'subplots': subplots}
+
+    def restore(self, state):
+        """Set what is here to the settings that :meth:`state` returned.
+
+        Parameters
+        ----------
+        state : dict
+            Names that are not here are left out, in one warning.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where a value is not allowed.
+        """
+        self._check_open()
+        unknown = [k for k in state if k not in ('time', 'subplots')]
+        pipelines = self._by_key()
+        for key, effects in state.get('subplots', {}).items():
+            here = _named(pipelines[key]) if key in pipelines else {}
+            for name, settings in effects.items():
+                if name not in here:
+                    unknown.append(f'subplot {key}: {name}')
+                    continue
+                unknown += [f'{name}.{n}' for n in here[name].restore(settings)]
+        self.time = state.get('time', self._time)
+        if unknown:
+            msg = f'not here, so not restored: {", ".join(unknown)}; add the effects first'
+            warnings.warn(msg, PvibrWarning, stacklevel=2)
+
+    def _by_key(self):
+        renderers = list(getattr(self._plotter, 'renderers', [self._plotter.renderer]))
+        return {str(renderers.index(p.renderer)): p for p in self._pipelines if p.effects}
+
+    def _check_open(self):
+        self.pipeline  # noqa: B018
+
+    def close(self):
+        """Release everything; a plotter does so by itself. Calling it again is fine."""
+        self._closed = True
+        while self._pipelines:
+            self._pipelines.pop().release()
+
+    def _on_deleted(self, *_):
+        if self.__dict__:  # not yet taken apart by the collector
+            self.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.close()
+
+    def __plotter_close__(self):
+        self.close()
+
+    def __plotter_deep_clean__(self):
+        self._pipelines.clear()
+
+
+def _named(pipeline) -> dict:
+    """Return effects by name; the second of a name is ``'Name 2'``."""
+    named: dict = {}
+    for effect in pipeline.effects:
+        count = sum(e.name == effect.name for e in named.values())
+        named[f'{effect.name} {count + 1}' if count else effect.name] = effect
+    return named
+
+
+class _Host:
+    """What a component asks of a plotter, for a renderer without one."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+
+    def reset_camera(self, *, render=False):
+        """Show everything."""
+        self.renderer.ResetCamera()
+
+    def render(self):
+        """Draw."""
+        self.renderer.GetRenderWindow().Render()
+
+
+def attach(renderer) -> IBRComponent:
+    """Return ``ibr`` for a plain renderer: VTK scripts, Qt windows, trame applications.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        The renderer; asked again, the same component is returned.
+
+    Returns
+    -------
+    IBRComponent
+        Close it before the window goes; it is also a context manager. What is still open when
+        the window is deleted or the program ends is closed then.
+
+    Raises
+    ------
+    TypeError
+        Where it is no renderer.
+
+    Examples
+    --------
+    >>> from pvibr import _vtk, attach
+    >>> window = _vtk.vtkRenderWindow()
+    >>> renderer = _vtk.vtkRenderer()
+    >>> window.AddRenderer(renderer)
+    >>> with attach(renderer) as ibr:
+    ...     ibr.effects
+    ()
+    """
+    if not (hasattr(renderer, 'IsA') and renderer.IsA('vtkRenderer')):
+        msg = f'renderer = {renderer!r}: must be a vtkRenderer; a plotter has its own plotter.ibr'
+        raise TypeError(msg)
+    found = _attached.get(id(renderer))
+    if found is not None and not found._closed and found._plotter.renderer is renderer:
+        return found
+    component = IBRComponent(_Host(renderer))
+    _attached[id(renderer)] = component
+    # An observer keeps the component as long as the renderer lives, in a way that Python's
+    # collector of cycles sees, unlike an attribute of a VTK object.
+    renderer.AddObserver('DeleteEvent', component._on_deleted)
+    if renderer.GetRenderWindow() is not None:
+        renderer.GetRenderWindow().AddObserver('DeleteEvent', component._on_deleted)
+    return component
+
+
+@atexit.register
+def _close_all():
+    for component in list(_attached.values()):
+        component.close()

@@ -1,0 +1,12 @@
+"""The effects, and the one home of their order."""
+
+#: Whatever is not here (things in a scene, effects of the user's own) comes before, as added.
+ORDER = (
+    'Shadows',  # scene side: what lights reach, known before anything is shaded
+    'Projector',  # scene side: photographs are lit and shadowed like the surface that they cover
+    'DepthOfField',  # a lens blurs the light of the scene itself
+    'Glow',  # chosen objects shine; sharp light after the lens
+    'Bloom',  # whatever is bright by now spreads, the glow too
+    'ToneMapping',  # the last that sees light; from here on colours are those of a display
+    'Outline',  # lines are drawn on the finished picture, in the colour that was asked for
+)

@@ -1,0 +1,118 @@
+"""What one frame is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame of one subplot; read-only, the only thing that is passed to effects.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        The subplot's renderer.
+    window : vtkRenderWindow
+        Its window; the context is current.
+    size : tuple of 2 int
+        Width and height of the subplot in pixels.
+    origin : tuple of 2 int
+        Its lower left corner in the window, in pixels.
+    view_from_world : numpy.ndarray
+        (4, 4) float64, column vectors; the eye at the origin, looking along -z.
+    clip_from_view : numpy.ndarray
+        (4, 4) float64; clip z from -w (near) to w (far).
+    parallel : bool
+        Whether the projection is parallel.
+    near, far : float
+        The clipping planes' distances from the eye, in world units.
+    eye : numpy.ndarray
+        (3,) float64, the camera's position in world space.
+    index : int
+        How many frames the subplot's pipeline drew before.
+    time : float
+        Seconds, as the user set them.
+    picking : bool
+        Whether this frame is drawn to pick and not to be seen.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> frame = Frame(
+    ...     None, None, (64, 32), (0, 0), np.eye(4), np.eye(4),
+    ...     parallel=True, near=0.1, far=1.0, eye=np.zeros(3),
+    ... )  # fmt: skip
+    >>> frame.pixel_scale
+    16.0
+    """
+
+    renderer: Any
+    window: Any
+    size: tuple[int, int]
+    origin: tuple[int, int]
+    view_from_world: np.ndarray
+    clip_from_view: np.ndarray
+    parallel: bool
+    near: float
+    far: float
+    eye: np.ndarray
+    index: int = 0
+    time: float = 0.0
+    picking: bool = False
+
+    @classmethod
+    def of(cls, renderer, *, index=0, time=0.0) -> Frame:
+        """Return the frame that a renderer is about to draw.
+
+        Parameters
+        ----------
+        renderer : vtkRenderer
+            In a window.
+        index : int, optional
+            The frame's number.
+        time : float, optional
+            Seconds.
+
+        Returns
+        -------
+        Frame
+            With copies of the camera's matrices.
+        """
+        camera = renderer.GetActiveCamera()
+        near, far = camera.GetClippingRange()
+        projection = camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1)
+        return cls(
+            renderer=renderer,
+            window=renderer.GetRenderWindow(),
+            size=tuple(renderer.GetSize()),
+            origin=tuple(renderer.GetOrigin()),
+            view_from_world=_matrix(camera.GetModelViewTransformMatrix()),
+            clip_from_view=_matrix(projection),
+            parallel=bool(camera.GetParallelProjection()),
+            near=near,
+            far=far,
+            eye=_frozen(camera.GetPosition()),
+            index=index,
+            time=time,
+            picking=renderer.GetSelector() is not None,
+        )
+
+    @property
+    def pixel_scale(self) -> float:
+        """Pixels per unit of tan(angle) in perspective, per world unit in parallel projection."""
+        return float(self.clip_from_view[1, 1] * self.size[1] / 2)
+
+
+def _matrix(vtk_matrix) -> np.ndarray:
+    elements = [[vtk_matrix.GetElement(i, j) for j in range(4)] for i in range(4)]
+    return _frozen(elements)
+
+
+def _frozen(values) -> np.ndarray:
+    array = np.array(values, np.float64)
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,57 @@
+"""Text, scalar bars and other flat props: kept out of a picture, drawn sharp on top."""
+
+from __future__ import annotations
+
+_FLAT = ('vtkActor2D', 'vtkContextActor', 'vtkLegendScaleActor')
+
+
+class Annotations:
+    """The flat props of a renderer, out of its list while a frame is drawn.
+
+    They leave the list and nothing else: hiding them would change them, and VTK then sets
+    their text anew, which costs more than most frames.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        Whose props they are.
+    """
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._hidden = []
+
+    def hide(self):
+        """Take the flat props out of the list."""
+        props = self.renderer.GetViewProps()
+        flat = [p for p in props if p.GetVisibility() and any(p.IsA(c) for c in _FLAT)]
+        for prop in flat:
+            props.RemoveItem(prop)
+        self._hidden = flat
+
+    def show(self):
+        """Put them back."""
+        props = self.renderer.GetViewProps()
+        for prop in self._hidden:
+            props.AddItem(prop)
+
+    def draw(self, origin, size):
+        """Draw them over what the window holds.
+
+        Parameters
+        ----------
+        origin, size : tuple of 2 int
+            The subplot's place in the window, in pixels.
+        """
+        renderer = self.renderer
+        state = renderer.GetRenderWindow().GetState()
+        state.Push()
+        # In the first frame of a window nobody has set them yet.
+        state.vtkglViewport(*origin, *size)
+        state.vtkglScissor(*origin, *size)
+        for prop in self._hidden:
+            prop.RenderOpaqueGeometry(renderer)  # where scalar bars and text lay themselves out
+        for prop in self._hidden:
+            prop.RenderOverlay(renderer)
+        state.Pop()
+        self._hidden = []

@@ -1,0 +1,240 @@
+"""One setting of an effect, declared once: default, range, unit, meaning."""
+
+from __future__ import annotations
+
+import math
+import numbers
+
+import numpy as np
+
+_KINDS = {
+    bool: (bool, np.bool_),
+    int: (numbers.Integral,),
+    float: (numbers.Real,),
+    str: (str,),
+}
+
+
+class Interval:
+    """A range of numbers in the notation of mathematics.
+
+    Parameters
+    ----------
+    text : str
+        Two bounds between brackets: ``[`` and ``]`` include the bound, ``(`` and ``)`` do not.
+
+    Raises
+    ------
+    ValueError
+        Where the text is not an interval.
+
+    Examples
+    --------
+    >>> 0.0 in Interval('(0, 1]'), 1.0 in Interval('(0, 1]')
+    (False, True)
+    >>> 1e300 in Interval('[0, inf)')
+    True
+    """
+
+    def __init__(self, text):
+        self.text = text
+        try:
+            low, high = text[1:-1].split(',')
+            self.low, self.high = float(low), float(high)
+            well_formed = text[0] in '[(' and text[-1] in '])' and self.low <= self.high
+        except (ValueError, IndexError):
+            well_formed = False
+        if not well_formed:
+            msg = (
+                f'range {text!r}: write two ordered bounds in brackets, such as [0, 1) or (0, inf)'
+            )
+            raise ValueError(msg)
+
+    def __contains__(self, value) -> bool:
+        above = value >= self.low if self.text[0] == '[' else value > self.low
+        below = value <= self.high if self.text[-1] == ']' else value < self.high
+        return above and below
+
+    def __str__(self) -> str:
+        return self.text
+
+
+class Param:
+    """A setting that checks what it is given and tells its owner that it changed.
+
+    Its type is that of the default: bool, int, float, str, or a tuple of floats.
+
+    Parameters
+    ----------
+    default : bool, int, float, str, tuple of float or None
+        The value where none is given; None needs `kind`.
+    doc : str
+        What it means, and when not to use it.
+    range : str, optional
+        Where numbers must lie, such as ``'[0, 1]'`` or ``'(0, inf)'``.
+    choices : sequence, optional
+        The values that are allowed.
+    unit : str, optional
+        What a number counts, such as ``'px'``, ``'world'`` or ``'s'``.
+    optional : bool, optional
+        Whether None, "derived from the scene", is allowed; default where it is the default.
+    kind : type, optional
+        The type where the default is None.
+
+    Raises
+    ------
+    TypeError, ValueError
+        On set, where the value is of another type, not finite, or out of range.
+
+    Examples
+    --------
+    >>> class Lamp:
+    ...     power = Param(1.0, 'How bright it is.', range='[0, inf)', unit='W')
+    >>> lamp = Lamp()
+    >>> lamp.power = 3
+    >>> lamp.power
+    3.0
+    >>> lamp.power = -1
+    Traceback (most recent call last):
+    ValueError: Lamp.power = -1: must be a float in [0, inf) W
+    """
+
+    def __init__(
+        self, default, doc, *, range=None, choices=None, unit='', optional=None, kind=None
+    ):
+        self.default, self.doc, self.unit = default, doc, unit
+        self.range = None if range is None else Interval(range)
+        self.choices = None if choices is None else tuple(choices)
+        self.optional = default is None if optional is None else optional
+        self.kind = type(default) if kind is None else kind
+        self.name = ''
+        if self.kind not in (*_KINDS, tuple):
+            msg = f'default {default!r}: give a bool, int, float, str, tuple, or None with kind='
+            raise TypeError(msg)
+        self.__doc__ = self.describe()
+
+    def __set_name__(self, owner, name):
+        self.name = name
+        if self.default is not None:
+            self.default = self.check(self.default, owner.__name__)
+
+    def __get__(self, owner, cls=None):
+        if owner is None:
+            return self
+        return owner.__dict__.get(self.name, self.default)
+
+    def __set__(self, owner, value):
+        value = self.check(value, type(owner).__name__)
+        if value != self.__get__(owner):
+            owner.__dict__[self.name] = value
+            # What is baked from settings compares this number with the one that it was baked at.
+            owner.__dict__['_revision'] = owner.__dict__.get('_revision', 0) + 1
+
+    def allowed(self) -> str:
+        """Return what may be given, in words.
+
+        Returns
+        -------
+        str
+            Such as ``'a float in [0, 1] px'``.
+        """
+        if self.choices is not None:
+            words = 'one of ' + ', '.join(map(repr, self.choices))
+        elif self.kind is tuple:
+            words = f'{len(self.default)} finite floats' if self.default else 'finite floats'
+        else:
+            words = f'{"an" if self.kind is int else "a"} {self.kind.__name__}'
+        words += f' in {self.range}' if self.range else ''
+        words += f' {self.unit}' if self.unit else ''
+        return words + (' or None (derived from the scene)' if self.optional else '')
+
+    def describe(self) -> str:
+        """Return the meaning, what is allowed and the default, in one line.
+
+        Returns
+        -------
+        str
+            For documentation and the help of commands.
+        """
+        return f'{self.doc} Default {self.default!r}; {self.allowed()}.'
+
+    def check(self, value, owner=''):
+        """Return a value as it is kept.
+
+        Parameters
+        ----------
+        value : object
+            What was given.
+        owner : str, optional
+            What errors call the owner.
+
+        Returns
+        -------
+        object
+            The value in the setting's own type.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where it is not allowed.
+        """
+        if value is None and self.optional:
+            return None
+        msg = f'{owner}.{self.name} = {value!r}: must be {self.allowed()}'
+        if not self._is_kind(value):
+            raise TypeError(msg)
+        kept = tuple(float(v) for v in value) if self.kind is tuple else self.kind(value)
+        if not self._is_allowed(kept):
+            raise ValueError(msg)
+        return kept
+
+    def _is_kind(self, value) -> bool:
+        if self.kind is tuple:
+            is_row = isinstance(value, (tuple, list, np.ndarray)) and np.ndim(value) == 1
+            return is_row and all(_is_number(v, float) for v in value)
+        return _is_number(value, self.kind)
+
+    def _is_allowed(self, kept) -> bool:
+        if self.choices is not None and kept not in self.choices:
+            return False
+        if self.kind is tuple and self.default and len(kept) != len(self.default):
+            return False
+        for number in kept if self.kind is tuple else (kept,):
+            if isinstance(number, float) and not math.isfinite(number):
+                return False
+            if self.range is not None and number not in self.range:
+                return False
+        return True
+
+
+def _is_number(value, kind) -> bool:
+    """Tell whether a value is of a kind; True is no number, though Python takes it for one."""
+    if kind is not bool and isinstance(value, (bool, np.bool_)):
+        return False
+    return isinstance(value, _KINDS[kind])
+
+
+def params_of(cls) -> dict[str, Param]:
+    """Return the settings of a class by name, those of its bases first.
+
+    Parameters
+    ----------
+    cls : type
+        A class with :class:`Param` attributes.
+
+    Returns
+    -------
+    dict
+        Name to :class:`Param`, in the order of declaration.
+
+    Examples
+    --------
+    >>> class Lamp:
+    ...     power = Param(1.0, 'How bright it is.', range='[0, inf)', unit='W')
+    >>> list(params_of(Lamp))
+    ['power']
+    """
+    found = {}
+    for base in reversed(cls.__mro__):
+        found.update({n: p for n, p in vars(base).items() if isinstance(p, Param)})
+    return found

@@ -1,0 +1,374 @@
+"""One renderer's chain of effects and things."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+
+from pvibr.effect import Effect
+from pvibr.effects import ORDER
+from pvibr.errors import ClosedError, PvibrWarning
+from pvibr.frame import Frame
+from pvibr.gl.annotations import Annotations
+from pvibr.gl.picture import Picture
+from pvibr.gl.slot import Slot
+from pvibr.report import Report, Row
+
+
+class Pipeline:
+    """What runs before and after a renderer draws; empty, it does nothing and costs nothing.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        In a window, sooner or later.
+
+    Attributes
+    ----------
+    renderer : vtkRenderer
+        The subplot's renderer.
+    time : float
+        Seconds, passed to every frame.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr import Effect
+    >>> class Count(Effect):
+    ...     frames = 0
+    ...
+    ...     def prepare(self, frame):
+    ...         self.frames += 1
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> pipeline = Pipeline(pl.renderer)
+    >>> count = pipeline.add(Count())
+    >>> pl.show(auto_close=False)
+    >>> count.frames > 0
+    True
+    >>> pipeline.release()
+    >>> pl.close()
+    """
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self.time = 0.0
+        self._entries: list[_Entry] = []
+        self._observers: list[int] = []
+        self._frames = 0
+        self._turn: _Turn | None = None
+        self._stage = _Stage(renderer)
+        self._closed = False
+
+    @property
+    def window(self):
+        """The renderer's window, None while it has none."""
+        return self.renderer.GetRenderWindow()
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """What is in it, in the order in which it runs."""
+        return tuple(entry.effect for entry in self._entries)
+
+    def add(self, effect) -> Effect:
+        """Put an effect or a thing in; it is in the next frame.
+
+        Parameters
+        ----------
+        effect : pvibr.Effect
+            In no pipeline yet.
+
+        Returns
+        -------
+        pvibr.Effect
+            The same.
+
+        Raises
+        ------
+        TypeError
+            Where it is no :class:`pvibr.Effect`.
+        ValueError
+            Where it is in a pipeline already.
+        ClosedError
+            Where this pipeline is released.
+        """
+        self._check_addable(effect)
+        effect.attach(self)
+        effect.pipeline = self
+        self._entries.append(_Entry(effect, Row(effect.name)))
+        self._entries.sort(key=_place)
+        self._observe()
+        return effect
+
+    def _check_addable(self, effect):
+        if self._closed:
+            msg = 'the plotter is closed: make a new one and add the effect there'
+            raise ClosedError(msg)
+        if not isinstance(effect, Effect):
+            msg = f'effect = {effect!r}: must be a pvibr.Effect, such as pvibr.Instances(...)'
+            raise TypeError(msg)
+        if effect.pipeline is not None:
+            here = 'this subplot' if effect.pipeline is self else 'another subplot'
+            msg = (
+                f'{effect.name} is in {here} already: remove it first, or add one more of its kind'
+            )
+            raise ValueError(msg)
+
+    def remove(self, effect):
+        """Take an effect or a thing out and free what it holds on the GPU.
+
+        Parameters
+        ----------
+        effect : pvibr.Effect
+            In this pipeline.
+
+        Raises
+        ------
+        ValueError
+            Where it is not.
+        """
+        if effect not in self.effects:
+            name = getattr(effect, 'name', repr(effect))
+            msg = f'{name} is not in this subplot; here are: {self._names() or "none"}'
+            raise ValueError(msg)
+        self._entries = [e for e in self._entries if e.effect is not effect]
+        self._make_current()
+        try:
+            effect.release()
+        finally:
+            effect.detach()
+            effect.pipeline = None
+            self._observe()
+
+    def clear(self):
+        """Take everything out."""
+        for effect in self.effects:
+            self.remove(effect)
+
+    def release(self):
+        """Take everything out, for good; the context must be alive. Calling it again is fine."""
+        self._closed = True
+        try:
+            self.clear()
+        finally:
+            self._stage.release()
+
+    def report(self) -> Report:
+        """Return what ran in the last frame, what was skipped and why.
+
+        Returns
+        -------
+        pvibr.report.Report
+            Printed, a table.
+        """
+        return Report([e.reported() for e in self._entries], self._frames, self._stage.nbytes)
+
+    def _names(self):
+        return ', '.join(effect.name for effect in self.effects)
+
+    def _make_current(self):
+        window = self.window
+        if window is not None and not window.GetNeverRendered():
+            window.MakeCurrent()
+
+    def _observe(self):
+        """Watch the renderer while, and only while, there is something to run."""
+        if self._entries and not self._observers:
+            # Before and after everyone else's: what others do at these events is in the picture.
+            self._observers = [
+                self.renderer.AddObserver('StartEvent', self._on_start, -1.0),
+                self.renderer.AddObserver('EndEvent', self._on_end, 1.0),
+            ]
+        elif not self._entries:
+            for tag in self._observers:
+                self.renderer.RemoveObserver(tag)
+            self._observers = []
+            self._make_current()
+            self._stage.release()
+
+    def _on_start(self, _renderer, _event):
+        self._drop_removed()
+        frame = Frame.of(self.renderer, index=self._frames, time=self.time)
+        self._turn = turn = _Turn(frame)
+        if 0 in frame.size:
+            return
+        for entry in self._entries:
+            entry.begin(turn)
+        images = [e for e in self._entries if e.running and e.draws]
+        if images and not frame.picking:
+            turn.images = images
+            turn.guard(images, self._stage.begin, any(e.effect.high_range for e in images))
+
+    def _on_end(self, _renderer, _event):
+        turn, self._turn = self._turn, None
+        if turn is None:
+            return
+        if not turn.frame.picking:
+            self._frames += 1
+        self._stage.end(turn)
+        turn.warn()
+
+    def _drop_removed(self):
+        """Forget things whose props were removed by the plotter's own means."""
+        for effect in self.effects:
+            props = effect.props
+            if props and not any(self.renderer.HasViewProp(prop) for prop in props):
+                self.remove(effect)
+
+
+class _Entry:
+    """An effect in a pipeline, with what it did last."""
+
+    def __init__(self, effect, row):
+        self.effect, self.row = effect, row
+        self.running = False
+
+    @property
+    def draws(self) -> bool:
+        return callable(getattr(self.effect, 'render', None))
+
+    def begin(self, turn):
+        """Ask whether the frame needs the effect, and prepare it."""
+        effect, row = self.effect, self.row
+        self.running = False
+        if turn.frame.picking and not effect.picks:
+            return
+        row.ms = 0.0
+        if not effect.enabled:
+            self.stop('off', row.why if row.state == 'off' else 'enabled is False')
+            return
+        needed = turn.guard([self], effect.needed, turn.frame)
+        if needed is True:
+            self.running, row.state, row.why = True, 'ran', ''
+            turn.guard([self], effect.prepare, turn.frame)
+        elif effect.enabled:
+            self.stop('skipped', needed or 'not needed')
+
+    def stop(self, state, why):
+        self.running = False
+        self.row.state, self.row.why = state, str(why)
+
+    def reported(self):
+        """Return the row with what the effect itself says."""
+        details = dict(self.effect.report())
+        self.row.effect = self.effect.name
+        self.row.bytes = int(details.pop('bytes', 0))
+        self.row.details = details
+        return self.row
+
+
+class _Turn:
+    """One frame on its way through a pipeline, with what went wrong in it."""
+
+    def __init__(self, frame):
+        self.frame = frame
+        self.images: list[_Entry] = []
+        self._failures: list[str] = []
+
+    def guard(self, entries, hook: Callable, *args):
+        """Call a hook; an error must not reach VTK's loop: those that it concerns go off."""
+        start = time.perf_counter()
+        try:
+            return hook(*args)
+        except Exception as error:  # noqa: BLE001, RUF100
+            for entry in entries:
+                self._fail(entry, error)
+            return None
+        finally:
+            entries[0].row.ms += 1e3 * (time.perf_counter() - start)
+
+    def _fail(self, entry, error):
+        entry.effect.enabled = False
+        entry.stop('off', f'{type(error).__name__}: {error}')
+        self._failures.append(
+            f'{entry.effect.name} is off, the picture is drawn without it: {entry.row.why}. '
+            'Mend the cause, then set its enabled = True, or remove it.'
+        )
+
+    def warn(self):
+        """Say what went wrong, once; last, since a filter may turn a warning into an error."""
+        if self._failures:
+            warnings.warn('\n'.join(self._failures), PvibrWarning, stacklevel=2)
+
+
+class _Stage:
+    """Where image effects work: the picture, the pass slot, the annotations."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._annotations: Annotations | None = None
+        self._picture: Picture | None = None
+        self._slot: Slot | None = None
+        self._borrowed = False
+
+    @property
+    def nbytes(self) -> int:
+        return self._picture.nbytes if self._picture else 0
+
+    def begin(self, high_range):
+        """Before the renderer draws: flat props out; the slot borrowed where colours need it."""
+        self._annotations = Annotations(self.renderer)
+        self._annotations.hide()
+        # A renderer that draws over others' pixels has no picture of its own in the slot.
+        if high_range and not self.renderer.GetPreserveColorBuffer():
+            self._slot = self._slot or Slot(self.renderer.GetRenderWindow())
+            self._slot.borrow(self.renderer)
+            self._borrowed = True
+
+    def end(self, turn):
+        """After the renderer drew: all back in its place, then effects, then flat props."""
+        if self._annotations is None:
+            return
+        annotations, self._annotations = self._annotations, None
+        borrowed, self._borrowed = self._borrowed, False
+        if borrowed:
+            self._slot.give_back()
+        annotations.show()
+        origin, size = _pixels(self.renderer)
+        running = [e for e in turn.images if e.running]
+        if running:
+            turn.guard(running, self._run, turn, running, (origin, size), borrowed)
+        annotations.draw(origin, size)
+
+    def _run(self, turn, entries, place, borrowed):
+        picture = self._picture_of(place, self._slot if borrowed else None)
+        picture.take()
+        for entry in entries:
+            turn.guard([entry], entry.effect.render, turn.frame, picture)
+        picture.present()
+
+    def _picture_of(self, place, slot):
+        old = self._picture
+        if old is None or (old.origin, old.size) != place or old.slot is not slot:
+            if old is not None:
+                old.release()
+            self._picture = Picture(self.renderer.GetRenderWindow(), *place, slot)
+        return self._picture
+
+    def release(self):
+        for owner in (self._picture, self._slot):
+            if owner is not None:
+                owner.release()
+        self._picture = self._slot = None
+
+
+def _place(entry):
+    name = type(entry.effect).__name__
+    return ORDER.index(name) if name in ORDER else -1
+
+
+def _pixels(renderer):
+    """Return origin and size of a renderer in the window's framebuffer.
+
+    A large screenshot is drawn in tiles as big as the window, each a part of the whole.
+    """
+    window = renderer.GetRenderWindow()
+    if tuple(window.GetTileScale()) == (1, 1):
+        return tuple(renderer.GetOrigin()), tuple(renderer.GetSize())
+    tile, view, whole = window.GetTileViewport(), renderer.GetViewport(), window.GetSize()
+    corners = []
+    for i in range(4):
+        fraction = min(max(view[i], tile[i % 2]), tile[2 + i % 2]) - tile[i % 2]
+        corners.append(round(fraction * whole[i % 2]))
+    x0, y0, x1, y1 = corners
+    return (x0, y0), (x1 - x0, y1 - y0)

@@ -1,0 +1,92 @@
+"""What ran in the last frame, what was skipped and why."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+
+_COLUMNS = ('effect', 'state', 'ms', 'bytes', 'why')
+
+
+@dataclass
+class Row:
+    """What one effect did in the last frame.
+
+    Parameters
+    ----------
+    effect : str
+        Its name.
+    state : {'new', 'ran', 'skipped', 'off'}
+        What became of it.
+    why : str
+        Why it was skipped or is off.
+    ms : float
+        Milliseconds of Python in its hooks.
+    bytes : int
+        What it holds on the GPU.
+    details : dict
+        What the effect itself reports.
+    """
+
+    effect: str
+    state: str = 'new'
+    why: str = ''
+    ms: float = 0.0
+    bytes: int = 0
+    details: dict = field(default_factory=dict)
+
+
+@dataclass
+class Report:
+    """Rows of one or more subplots; printed, it is a table.
+
+    Parameters
+    ----------
+    rows : list of Row
+        One per effect, in the order in which they run.
+    frames : int
+        Frames that were drawn with them.
+    picture_bytes : int
+        What the textures between image effects hold on the GPU.
+
+    Examples
+    --------
+    >>> print(Report([Row('Bloom', 'skipped', 'intensity is 0')], frames=2))
+    effect  state     ms  bytes  why
+    Bloom   skipped  0.0      0  intensity is 0
+    2 frames, 0 bytes between effects
+    """
+
+    rows: list[Row]
+    frames: int = 0
+    picture_bytes: int = 0
+
+    def as_dict(self) -> dict:
+        """Return the same as values that JSON keeps.
+
+        Returns
+        -------
+        dict
+            ``rows`` (one dict per effect), ``frames`` and ``picture_bytes``.
+        """
+        return asdict(self)
+
+    def __str__(self) -> str:
+        cells = [_COLUMNS, *(_cells(row) for row in self.rows)]
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        lines = [_line(row, widths) for row in cells]
+        for row in self.rows:
+            lines += [f'{row.effect}.{k}: {v}' for k, v in row.details.items()]
+        lines.append(f'{self.frames} frames, {self.picture_bytes:,} bytes between effects')
+        return '\n'.join(lines)
+
+
+def _cells(row):
+    return row.effect, row.state, f'{row.ms:.1f}', f'{row.bytes:,}', row.why
+
+
+def _line(cells, widths):
+    name, state, ms, size, why = (
+        cell.rjust(width) if numeric else cell.ljust(width)
+        for cell, width, numeric in zip(cells, widths, (0, 0, 1, 1, 0), strict=True)
+    )
+    return f'{name}  {state}  {ms}  {size}  {why}'.rstrip()
