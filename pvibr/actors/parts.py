@@ -517,9 +517,12 @@ def _cut_out(actor, cutoff):
     opacity = actor.prop.opacity
     if opacity == 1:
         actor.ForceOpaqueOn()
-    # After the texture is multiplied in. Below the cut-off times the opacity, for the fragment's
-    # alpha has the opacity in it.
-    text = f'//VTK::TCoord::Impl\n  if (gl_FragData[0].a < {cutoff * opacity:.6f}) discard;\n'
+    # After the texture is multiplied in; the fragment's alpha has the opacity in it. What stays
+    # is solid: VTK blends in its opaque pass too, and a soft edge would show what lies behind.
+    text = f"""//VTK::TCoord::Impl
+  if (gl_FragData[0].a < {cutoff * opacity:.6f}) discard;
+  gl_FragData[0].a = {opacity:.6f};
+"""
     actor.GetShaderProperty().AddFragmentShaderReplacement(
         '//VTK::TCoord::Impl', True, text, False
     )
