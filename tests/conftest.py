@@ -1,0 +1,32 @@
+"""What all tests share: off-screen, no VTK error unseen, real data where it lies."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+import pyvista as pv
+
+pv.OFF_SCREEN = True
+
+
+@pytest.fixture(autouse=True)
+def no_vtk_errors(monkeypatch):
+    """Fail a test on what VTK would only print: its errors, and Python's within its observers."""
+    errors = []
+    monkeypatch.setattr(sys, 'excepthook', lambda kind, error, _: errors.append(repr(error)))
+    with pv.VtkErrorCatcher(send_to_logging=False) as catcher:
+        yield
+        pv.close_all()
+    errors += [str(event) for event in catcher.error_events]
+    assert not errors, '\n'.join(errors)
+
+
+@pytest.fixture(scope='session')
+def data_dir() -> Path:
+    """The folder of real files that is not part of the repository."""
+    path = Path(__file__).parents[2] / 'shared' / 'data'
+    if not path.is_dir():
+        pytest.skip('needs the real files of ../shared/data')
+    return path
