@@ -47,8 +47,19 @@ class Atlas:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the pictures on the GPU, mip levels included."""
-        return (self.geometry.nbytes + self.albedo.nbytes) * 4 // 3
+        """Bytes of the pictures on the GPU, their smaller levels included."""
+        return (self.geometry.nbytes + self.albedo.nbytes) * 3 // 2
+
+    def textures(self):
+        """Return geometry and albedo with all smaller levels of detail beside them.
+
+        Returns
+        -------
+        list of numpy.ndarray, shape (side, 3 * side / 2, 4), uint8
+            Level 0 at the left, half its size and so on stacked at the right: each level's tiles
+            are averages of their own texels alone, which a driver's mip levels do not promise.
+        """
+        return [_pyramid(p, self.tile) for p in (self.geometry, self.albedo)]
 
     def to_arrays(self) -> dict:
         """Return everything as named arrays, for a file."""
@@ -168,3 +179,20 @@ class Atlas:
     def directions(self) -> np.ndarray:
         """Return the unit vectors from the object to the eye of all views, (views, views, 3)."""
         return octahedral.view_directions(self.views, self.half)
+
+
+def _pyramid(picture, tile):
+    side = len(picture)
+    out = np.zeros((side, side * 3 // 2, 4), np.uint8)
+    out[:, :side] = picture
+    level, row = picture, 0
+    for _ in range(tile.bit_length() - 1):
+        level = _halve(level)
+        out[row : row + len(level), side : side + len(level)] = level
+        row += len(level)
+    return out
+
+
+def _halve(picture):
+    rows = picture[0::2].astype(np.uint16) + picture[1::2]
+    return ((rows[:, 0::2] + rows[:, 1::2] + 2) >> 2).astype(np.uint8)

@@ -9,7 +9,7 @@ uniform sampler2D shape;
 uniform int scale;
 void main()
 {
-  ivec2 corner = ivec2(gl_FragCoord.xy) * scale;
+  ivec2 corner = ivec2(uv * vec2(textureSize(surface, 0))) / scale * scale;
   vec4 color = vec4(0.0);
   vec3 normal = vec3(0.0);
   float depth = 0.0;

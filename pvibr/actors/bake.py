@@ -17,12 +17,6 @@ from pvibr.gl import Quad, Target, shader_source, texture_limit
 from pvibr.maths import octahedral
 
 MARGIN = 1.02  # half side of a tile in radii: the silhouette never touches the tile's border
-_NEAR, _FAR = 0x0B71, 0x0BE2  # GL_DEPTH_TEST, GL_BLEND
-
-_DECLARE = """//VTK::Normal::Dec
-uniform mat3 ibr_object_from_view;
-uniform float ibr_cut;
-"""
 # Lighting is computed by VTK and thrown away: what is kept is the colour before light, which
 # VTK then multiplies by the texture, and the normal after VTK's own flips for two-sided surfaces.
 _UNLIT = """//VTK::Light::Impl
@@ -51,11 +45,11 @@ def hidden_window(width=64, height=64):
     tuple
         The ``vtkRenderWindow`` and its one ``vtkRenderer``.
     """
+    renderer = _vtk.vtkOpenGLRenderer()  # first: it loads VTK's OpenGL, which the window needs
     window = _vtk.vtkRenderWindow()
     window.SetOffScreenRendering(1)
     window.SetMultiSamples(0)
     window.SetSize(width, height)
-    renderer = _vtk.vtkRenderer()
     window.AddRenderer(renderer)
     window.Render()
     try:
@@ -221,7 +215,7 @@ class _Baker:
 def _bake_actor(part):
     """Return a copy of a part's actor that writes its unlit surface."""
     actor = _vtk.vtkActor()
-    actor.SetMapper(copy_mapper(part))
+    actor.SetMapper(part.polydata_mapper())
     actor.ForceOpaqueOn()
     prop = actor.GetProperty()
     prop.DeepCopy(part.actor.GetProperty())
@@ -237,21 +231,12 @@ def _bake_actor(part):
         actor.SetTexture(texture)
     shader = actor.GetShaderProperty()
     for tag, text in (
-        ('//VTK::Normal::Dec', _DECLARE),
         ('//VTK::Light::Impl', _UNLIT),
         ('//VTK::DepthPeeling::Impl', _OUTPUT),
     ):
         shader.AddFragmentShaderReplacement(tag, True, text, False)
-    shader.GetFragmentCustomUniforms().SetUniformf('ibr_cut', part.cutout)
+    shader.GetFragmentCustomUniforms().SetUniformf('ibr_cut', part.alpha_cutoff or 0.0)
     return actor
-
-
-def copy_mapper(part):
-    """Return a mapper of its own for a part's mesh that colours as the part's mapper does."""
-    mapper = _vtk.vtkPolyDataMapper()
-    mapper.ShallowCopy(part.actor.GetMapper())
-    mapper.SetInputData(part.mesh)
-    return mapper
 
 
 def copy_texture(texture):

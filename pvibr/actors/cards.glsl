@@ -35,7 +35,8 @@ flat out vec3 ibr_cell[VIEWS_BLENDED];   // column, row, weight
 flat out mat3 ibr_eye_normal;
 flat out vec4 ibr_depth_row[VIEWS_BLENDED];
 flat out vec4 ibr_look;
-flat out vec4 ibr_card;                  // level of detail, half texel, fade, size in px
+flat out vec3 ibr_card;                  // half texel, fade, size in px
+flat out vec4 ibr_level;                 // origin and scale of the level of detail
 flat out int ibr_instance;
 out vec2 ibr_splat;
 
@@ -69,7 +70,8 @@ mat3 ibr_frame(vec3 d)
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: an empty slot
     vertexVCVSOutput = vec4(0.0);
     ibr_look = vec4(0.0);
-    ibr_card = vec4(0.0);
+    ibr_card = vec3(0.0);
+    ibr_level = vec4(0.0);
     ibr_instance = 0;
     ibr_splat = vec2(0.0);
     ibr_eye_normal = mat3(1.0);
@@ -110,7 +112,11 @@ mat3 ibr_frame(vec3 d)
         && (ibr_parallel == 1 || c.z < stretch);
       if (shown)
       {
-        mat3 q_from_eye = inverse(eye_from_q);
+        // The inverse transpose by cross products: normals need it, its transpose is the inverse.
+        mat3 n = mat3(cross(eye_from_q[1], eye_from_q[2]), cross(eye_from_q[2], eye_from_q[0]),
+          cross(eye_from_q[0], eye_from_q[1]));
+        n /= dot(eye_from_q[0], n[0]);
+        mat3 q_from_eye = transpose(n);
         vec3 eye = ibr_parallel == 1 ? q_from_eye * vec3(0.0, 0.0, 1.0) : -(q_from_eye * c);
         float e = length(eye);
         vec3 d = eye / e;
@@ -143,10 +149,13 @@ mat3 ibr_frame(vec3 d)
 #endif
         float fade = clamp((size - ibr_range.x) / max(ibr_range.y - ibr_range.x, 1e-6), 0.0, 1.0)
           * clamp((ibr_range.w - size) / max(ibr_range.w - ibr_range.z, 1e-6), 0.0, 1.0);
-        ibr_card = vec4(lod, 0.5 * exp2(lod) / float(ibr_tile), fade, size);
+        ibr_card = vec3(0.5 * exp2(lod) / float(ibr_tile), fade, size);
+        // Level 0 fills the left two thirds of the texture, the others are stacked beside it.
+        vec2 scale = vec2(2.0 / 3.0, 1.0) * exp2(-lod) / float(ibr_views);
+        vec2 origin = lod > 0.0 ? vec2(2.0 / 3.0, 1.0 - exp2(1.0 - lod)) : vec2(0.0);
+        ibr_level = vec4(origin, scale);
         ibr_instance = i;
         // Normals go by the inverse transpose; their length, the spread of an average, is kept.
-        mat3 n = transpose(q_from_eye);
         ibr_eye_normal = n / length(n[0]);
         vec2 g = (ibr_encode(d) * 0.5 + 0.5) * float(ibr_views - 1);
         vec2 base = clamp(floor(g), vec2(0.0), vec2(float(ibr_views - 2)));
@@ -179,7 +188,6 @@ uniform sampler2D ibr_albedo;
 uniform sampler2D ibr_lut;            // colours of a scalar atlas
 uniform int ibr_has_lut;
 uniform vec4 ibr_nan_color;
-uniform int ibr_views;
 uniform int ibr_multiply;             // instance colours multiply the albedo instead
 uniform float ibr_margin;
 uniform float ibr_cut;                // coverage below which nothing is drawn
@@ -191,14 +199,15 @@ flat in vec3 ibr_cell[VIEWS_BLENDED];
 flat in mat3 ibr_eye_normal;
 flat in vec4 ibr_depth_row[VIEWS_BLENDED];
 flat in vec4 ibr_look;
-flat in vec4 ibr_card;
+flat in vec3 ibr_card;
+flat in vec4 ibr_level;
 flat in int ibr_instance;
 in vec2 ibr_splat;
 
 vec2 ibr_texcoord(vec2 p, vec2 cell)
 {
-  vec2 t = clamp(p / ibr_margin * 0.5 + 0.5, ibr_card.y, 1.0 - ibr_card.y);
-  return (cell + t) / float(ibr_views);
+  vec2 t = clamp(p / ibr_margin * 0.5 + 0.5, ibr_card.x, 1.0 - ibr_card.x);
+  return ibr_level.xy + (cell + t) * ibr_level.zw;
 }
 
 //@fragment.sample
@@ -215,13 +224,13 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
     for (int s = 0; s < STEPS; ++s)
     {
       vec2 t = ibr_texcoord(base + slope * h, ibr_cell[k].xy);
-      h = textureLod(ibr_geometry, t, ibr_card.x).r * 2.0 - 1.0;
+      h = texture(ibr_geometry, t).r * 2.0 - 1.0;
       h *= ibr_margin;
     }
     vec2 p = STEPS > 0 ? base + slope * h : point.xy;
     vec2 t = ibr_texcoord(p, ibr_cell[k].xy);
-    vec4 g = textureLod(ibr_geometry, t, ibr_card.x);
-    vec4 a = textureLod(ibr_albedo, t, ibr_card.x);
+    vec4 g = texture(ibr_geometry, t);
+    vec4 a = texture(ibr_albedo, t);
     float z = (g.r * 2.0 - 1.0) * ibr_margin;
 #if VIEWS_BLENDED == 3
     float miss = z - h;
@@ -232,7 +241,7 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
     float depth = dot(ibr_depth_row[k].xyz, vec3(p, z)) + ibr_depth_row[k].w;
     float inside = step(max(abs(p.x), abs(p.y)), ibr_margin);
 #if SPLAT
-    inside = max(inside, step(ibr_card.w, 3.0));
+    inside = max(inside, step(ibr_card.z, 3.0));
 #endif
     ibr_g += w * vec4(depth, inside * vec3(g.g, g.ba * 2.0 - 1.0));
     ibr_a += w * inside * vec4(a.rgb, a.a * 2.0 - 1.0);
@@ -254,14 +263,14 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
 #if SPLAT
   // A box of the object's mean coverage, filtered by the pixel's own box: exact, so that what is
   // smaller than a pixel neither flickers nor vanishes.
-  if (ibr_card.w < 3.0)
+  if (ibr_card.z < 3.0)
   {
-    float b = 0.5 * ibr_card.w * ibr_margin * sqrt(ibr_coverage);
+    float b = 0.5 * ibr_card.z * ibr_margin * sqrt(ibr_coverage);
     vec2 o = clamp(min(ibr_splat + 0.5, b) - max(ibr_splat - 0.5, -b), 0.0, 1.0);
     ibr_coverage = o.x * o.y;
   }
 #endif
-  ibr_coverage *= ibr_card.z;
+  ibr_coverage *= ibr_card.y;
   if (ibr_coverage < ibr_cut) { discard; }
 
 //@fragment.depth

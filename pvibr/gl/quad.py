@@ -62,11 +62,10 @@ def set_uniforms(program, uniforms):
             setter = {2: program.SetUniform2f, 3: program.SetUniform3f, 4: program.SetUniform4f}
             setter[len(value)](name, [float(v) for v in value])
         else:
-            flat = np.asarray(value, np.float32).T.ravel().tolist()
-            if len(flat) == 9:
-                program.SetUniformMatrix3x3(name, flat)
-            else:
-                program.SetUniformMatrix4x4v(name, 1, flat)
+            # VTK hands its rows to GL as columns, so it gets the transpose.
+            matrix = _vtk.vtkMatrix3x3() if len(value) == 3 else _vtk.vtkMatrix4x4()
+            matrix.DeepCopy(np.asarray(value, float).T.ravel().tolist())
+            program.SetUniformMatrix(name, matrix)
 
 
 class Quad:

@@ -40,8 +40,8 @@ class Texture:
     ----------
     window : vtkOpenGLRenderWindow
         The window whose context holds the texture.
-    filter : {'nearest', 'linear', 'mipmap'}
-        How it is sampled; ``'mipmap'`` interpolates within the level that the shader names.
+    filter : {'nearest', 'linear'}
+        How it is sampled.
     repeat : bool
         Repeat outside [0, 1] instead of clamping to the edge.
     """
@@ -55,10 +55,7 @@ class Texture:
         to.SetWrapT(wrap)
         smooth = to.Nearest if filter == 'nearest' else to.Linear
         to.SetMagnificationFilter(smooth)
-        to.SetMinificationFilter(to.LinearMipmapNearest if filter == 'mipmap' else smooth)
-        to.SetGenerateMipmap(filter == 'mipmap')
-        if filter == 'mipmap':
-            to.SetMaxLevel(16)
+        to.SetMinificationFilter(smooth)
         self.nbytes = 0
 
     def upload(self, array) -> Texture:
@@ -93,8 +90,7 @@ class Texture:
         if not self.object.Create2DFromRaw(width, height, channels, kind, array):
             msg = f'the driver refused a texture of {width} x {height} x {channels} {array.dtype}'
             raise RuntimeError(msg)
-        mips = 4 / 3 if self.object.GetGenerateMipmap() else 1
-        self.nbytes = int(array.nbytes * mips)
+        self.nbytes = array.nbytes
         return self
 
     def allocate(self, width, height, format='rgba8') -> Texture:

@@ -1,0 +1,337 @@
+"""Cards on the GPU: one atlas, its instances and the programs that draw them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pvibr import _vtk
+from pvibr.gl import Texture, set_uniforms, shader_source
+from pvibr.gl.feature import Feature, sections
+
+BLOCK = 64  # instances that are culled, sorted and chosen together
+_CHUNK = 8192  # cards of one draw
+_POSE_WIDTH = 3072  # texels; a multiple of 3, so that a pose stays in one row
+_ROW = 1024
+
+
+@dataclass(frozen=True)
+class Program:
+    """How a card is drawn.
+
+    Attributes
+    ----------
+    name : str
+        For the report.
+    views : int
+        Views blended, 1 or 3.
+    steps : int
+        Fixed-point steps of the depth correction.
+    corners : int
+        Vertices of a card: 4, or 3 for a triangle around it, cheaper where cards are small.
+    depth : bool
+        Write the depth of each fragment.
+    splat : bool
+        Draw what is below 3 pixels as a box filtered by the pixel.
+    """
+
+    name: str
+    views: int
+    steps: int
+    corners: int = 4
+    depth: bool = False
+    splat: bool = False
+
+    def defines(self) -> str:
+        """Return the preprocessor lines of the program."""
+        values = {
+            'VIEWS_BLENDED': self.views,
+            'STEPS': self.steps,
+            'CORNERS': self.corners,
+            'WRITE_DEPTH': int(self.depth),
+            'SPLAT': int(self.splat),
+        }
+        return ''.join(f'#define {k} {v}\n' for k, v in values.items())
+
+    def feature(self) -> Feature:
+        """Return the shader text of the program by VTK's tags."""
+        part = sections(shader_source(__file__))
+        vertex = {
+            'VTK::PositionVC::Dec': self.defines() + part['vertex.declare'],
+            'VTK::PositionVC::Impl': part['vertex.position'],
+        }
+        depth = part['fragment.depth'] if self.depth else ''
+        fragment = {
+            'VTK::PositionVC::Dec': self.defines() + part['fragment.declare'],
+            'VTK::PositionVC::Impl': part['fragment.sample'],
+            'VTK::Depth::Impl': depth + '//VTK::Depth::Impl\n',
+            'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
+            'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
+        }
+        return Feature(f'card_{self.name}', vertex, fragment)
+
+
+FAR = Program('far', views=1, steps=0, corners=3, splat=True)
+MIDDLE = Program('middle', views=1, steps=2)
+NEAR = Program('near', views=3, steps=2, depth=True)
+PROGRAMS = (FAR, MIDDLE, NEAR)
+
+
+def card_mesh(count, corners, bounds):
+    """Return the polydata of unplaced cards: the shader places them by their vertex number.
+
+    Parameters
+    ----------
+    count : int
+        Cards.
+    corners : int
+        3 or 4 vertices each.
+    bounds : sequence of 6 float
+        What the actor reports as its bounds; the vertices lie at two corners of it.
+
+    Returns
+    -------
+    vtkPolyData
+        Triangles.
+    """
+    low, high = np.array(bounds, float).reshape(3, 2).T
+    points = np.empty((count * corners, 3))
+    points[0::2], points[1::2] = low, high
+    triangle = np.array([0, 1, 2]) if corners == 3 else np.array([0, 1, 2, 0, 2, 3])
+    cells = (np.arange(count)[:, None] * corners + triangle).astype(np.int32).ravel()
+    mesh = _vtk.vtkPolyData()
+    vertices = _vtk.vtkPoints()
+    vertices.SetData(_vtk.numpy_to_vtk(points, deep=True))
+    mesh.SetPoints(vertices)
+    polys = _vtk.vtkCellArray()
+    offsets = np.arange(0, len(cells) + 1, 3, dtype=np.int32)
+    polys.SetData(*(_vtk.numpy_to_vtk(a, deep=True) for a in (offsets, cells)))
+    mesh.SetPolys(polys)
+    return mesh
+
+
+def pack(values, width, channels) -> np.ndarray:
+    """Return values as the rows of an image, padded with zeros.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, shape (n, ...)
+        float32 or uint8.
+    width : int
+        Texels of a row.
+    channels : int
+        Numbers of a texel.
+
+    Returns
+    -------
+    numpy.ndarray, shape (height, width, channels)
+        At least one row.
+    """
+    flat = values.reshape(-1, channels)
+    height = max(1, -(-len(flat) // width))
+    out = np.zeros((height * width, channels), values.dtype)
+    out[: len(flat)] = flat
+    return out.reshape(height, width, channels)
+
+
+class Binder:
+    """Keeps one set of textures bound: those of the cards that were drawn last."""
+
+    def __init__(self):
+        self.owner, self.textures, self.units = None, {}, {}
+
+    def bind(self, owner, textures) -> dict[str, int]:
+        """Bind textures and return their units, after giving back those of another owner."""
+        if self.owner is not owner:
+            self.unbind()
+            self.owner, self.textures = owner, textures
+            self.units = {name: t.activate() for name, t in textures.items()}
+        return self.units
+
+    def unbind(self):
+        """Give every unit back; to be called when the renderer has drawn."""
+        for texture in self.textures.values():
+            texture.deactivate()
+        self.owner, self.textures = None, {}
+
+
+class Cards:
+    """The instances of one atlas as cards.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        Where they are drawn; its context exists.
+    atlas : Atlas
+        The pictures.
+    prop : vtkProperty
+        Material: lighting, ambient, diffuse, specular, opacity, interpolation.
+    bounds : sequence of 6 float
+        World bounds of all instances.
+    binder : Binder
+        Shared by all cards of a renderer.
+    """
+
+    def __init__(self, window, atlas, prop, bounds, binder):
+        self.window, self.atlas, self.binder = window, atlas, binder
+        self.textures = {
+            name: Texture(window, filter='linear').upload(picture)
+            for name, picture in zip(('ibr_geometry', 'ibr_albedo'), atlas.textures(), strict=True)
+        }
+        for name in ('ibr_poses', 'ibr_looks', 'ibr_lut'):
+            filter = 'linear' if name == 'ibr_lut' else 'nearest'
+            self.textures[name] = Texture(window, filter=filter)
+        self.textures['ibr_looks'].upload(np.zeros((1, 1, 4), np.uint8))
+        self.textures['ibr_lut'].upload(np.zeros((1, 2, 4), np.uint8))
+        self.uniforms = {
+            'ibr_views': atlas.views,
+            'ibr_half': int(atlas.half),
+            'ibr_tile': atlas.tile,
+            'ibr_radius': atlas.radius,
+            'ibr_margin': 1.02,
+            'ibr_sharpness': 1.0,
+            'ibr_has_looks': 0,
+            'ibr_has_lut': 0,
+            'ibr_multiply': 0,
+            'ibr_nan_color': (0.5, 0.5, 0.5, 1.0),
+            'ibr_cut': 1 / 255,
+        }
+        self.layers = {p.name: _Layer(self, p, prop, bounds) for p in PROGRAMS}
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return sum(t.nbytes for t in self.textures.values())
+
+    def actors(self):
+        """Return all actors, the far ones first: the order in which they must be drawn."""
+        return [a for layer in self.layers.values() for a in layer.actors]
+
+    def place(self, rows, texels):
+        """Put the poses on the GPU.
+
+        Parameters
+        ----------
+        rows : numpy.ndarray, shape (n, 4) or (n, 3, 4), float32
+            Translation relative to the block's origin, or rows of rotation and translation.
+        texels : {1, 3}
+            Texels of an instance.
+        """
+        self.textures['ibr_poses'].upload(pack(rows, _POSE_WIDTH, 4))
+        self.uniforms |= {'ibr_texels': texels, 'ibr_count': len(rows)}
+        for layer in self.layers.values():
+            layer.allot(len(rows))
+
+    def look(self, looks):
+        """Put per-instance colours on the GPU.
+
+        Parameters
+        ----------
+        looks : numpy.ndarray, shape (n, 4), uint8
+            Red, green, blue; 0 hidden, 128 as baked, 255 coloured.
+        """
+        self.textures['ibr_looks'].upload(pack(looks, _ROW, 4))
+        self.uniforms['ibr_has_looks'] = 1
+
+    def view(self, frame):
+        """Take over the camera of a frame."""
+        clip, view = frame.clip_from_view, frame.view_from_world
+        self.uniforms |= {
+            'ibr_parallel': int(frame.parallel),
+            'ibr_pixel_scale': frame.pixel_scale,
+            'ibr_eye_from_world': view[:3, :3],
+            'ibr_clip_from_eye': clip,
+            'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
+            'ibr_cut': 0.5 if frame.picking else 1 / 255,
+        }
+
+    def show(self, name, blocks, sizes):
+        """Draw some blocks by a program, in the order given.
+
+        Parameters
+        ----------
+        name : str
+            Name of the program.
+        blocks : numpy.ndarray, shape (n, 4), float32
+            Origin in eye space, index.
+        sizes : tuple of 4 float
+            On-screen diameters in pixels between which instances appear, are whole, fade, and
+            are gone.
+        """
+        self.layers[name].show(blocks, sizes)
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self.binder.unbind()
+        for layer in self.layers.values():
+            layer.release()
+        for texture in self.textures.values():
+            texture.release()
+
+
+class _Layer:
+    """The cards of one program: draws of at most a chunk of cards that share one mapper."""
+
+    def __init__(self, cards, program, prop, bounds):
+        self.cards, self.program, self.prop = cards, program, prop
+        self.feature = program.feature()
+        self.blocks = Texture(cards.window)
+        self.block_count = 0
+        self.sizes = (0.0, 0.0, 1.0, 1.0)
+        self.actors: list = []
+        self.failed = None
+        self.bounds = bounds
+        self.chunk = _CHUNK
+        self.mapper = _vtk.vtkPolyDataMapper()
+        self.mapper.ScalarVisibilityOff()
+        self.mapper.AddObserver('UpdateShaderEvent', self._update())
+        self.checked = False
+
+    def allot(self, instances):
+        """Make as many draws as the number of instances can need."""
+        slots = -(-instances // BLOCK) * BLOCK
+        self.chunk = min(_CHUNK, max(slots, BLOCK))
+        mesh = card_mesh(self.chunk, self.program.corners, self.bounds)
+        self.mapper.SetInputData(mesh)
+        for k in range(-(-slots // self.chunk)):
+            actor = _vtk.vtkActor()
+            actor.SetMapper(self.mapper)
+            actor.SetProperty(self.prop)
+            actor.VisibilityOff()
+            self.feature.attach(actor)
+            uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+            uniforms.SetUniformi('ibr_first', k * self.chunk)
+            self.actors.append(actor)
+
+    def show(self, blocks, sizes):
+        self.block_count, self.sizes = len(blocks), sizes
+        if len(blocks):
+            self.blocks.upload(pack(blocks, _ROW, 4))
+        draws = -(-len(blocks) * BLOCK // self.chunk)
+        for k, actor in enumerate(self.actors):
+            if bool(actor.GetVisibility()) != (k < draws):
+                actor.SetVisibility(k < draws)
+
+    def _update(self):
+        @_vtk.calldata_type(_vtk.VTK_OBJECT)
+        def update(_mapper, _event, program):
+            cards = self.cards
+            textures = {**cards.textures, 'ibr_blocks': self.blocks}
+            set_uniforms(program, cards.binder.bind(self, textures))
+            set_uniforms(program, cards.uniforms)
+            program.SetUniformi('ibr_block_count', self.block_count)
+            program.SetUniform4f('ibr_range', self.sizes)
+            if not self.checked:
+                self.checked = True
+                if not self.feature.landed(program):
+                    self.failed = f'shader text of {self.feature.name} did not land'
+
+        return update
+
+    def release(self):
+        self.mapper.RemoveAllObservers()
+        self.mapper.ReleaseGraphicsResources(self.cards.window)
+        for actor in self.actors:
+            actor.ReleaseGraphicsResources(self.cards.window)
+        self.blocks.release()

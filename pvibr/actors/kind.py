@@ -1,0 +1,182 @@
+"""One mesh of an instanced scene: its atlas, its instances in blocks, its levels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.actors.cards import BLOCK, Cards
+from pvibr.actors.meshes import MeshPool
+from pvibr.maths.blocks import Blocks, morton_order
+
+_FADE = 1.15  # a level fades over its coarser neighbour while the size grows by this factor
+_KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
+
+
+class Kind:
+    """Instances of one mesh.
+
+    Parameters
+    ----------
+    levels : list of MeshLevel
+        The mesh first, then ever lighter ones.
+    atlas : Atlas
+        Its pictures, with the error table.
+    ids : numpy.ndarray, shape (n,), int
+        Which of the scene's instances these are.
+    poses : numpy.ndarray, shape (m, 3) or (m, 4, 4), float64
+        All poses of the scene; those of ``ids`` are read.
+    """
+
+    def __init__(self, levels, atlas, ids, poses):
+        self.levels, self.atlas, self.poses = levels, atlas, poses
+        centers, radii = self._spheres(ids)
+        order = morton_order(centers)
+        self.ids = ids[order].astype(np.int32)
+        self.radii = radii[order].astype(np.float32)
+        self.blocks = Blocks.of(centers[order], radii[order], BLOCK)
+        self.pools = [MeshPool(level) for level in levels]
+        self.cards: Cards | None = None
+        self.looks: np.ndarray | None = None
+        self.near: dict[int, int] = {}
+        self.counts: dict[str, int] = {}
+
+    def __len__(self):
+        return len(self.ids)
+
+    def _spheres(self, ids):
+        """Return centres and radii of the bounding spheres of instances, world units."""
+        center, radius = self.atlas.center, self.atlas.radius
+        poses = self.poses[ids]
+        if poses.ndim == 2:
+            return poses + center, np.full(len(poses), radius)
+        stretch = np.linalg.norm(poses[:, :3, :3], axis=1).max(1)
+        return poses[:, :3, :3] @ center + poses[:, :3, 3], stretch * radius
+
+    def centers(self, slots):
+        """Return the centres of the bounding spheres of some slots, world units."""
+        return self._spheres(self.ids[slots])[0]
+
+    def matrix(self, slot):
+        """Return the pose of a slot as a matrix, shape (4, 4)."""
+        pose = self.poses[self.ids[slot]]
+        if pose.ndim == 2:
+            return pose
+        out = np.eye(4)
+        out[:3, 3] = pose
+        return out
+
+    @property
+    def bounds(self):
+        """World bounds of all bounding spheres: x, y and z, low and high."""
+        reach = (self.blocks.reach + self.blocks.largest)[:, None]
+        low, high = (self.blocks.centers - reach).min(0), (self.blocks.centers + reach).max(0)
+        return np.stack([low, high], 1).ravel()
+
+    def upload(self, window, binder, prop, bounds):
+        """Put atlas and poses on the GPU of a window."""
+        self.cards = Cards(window, self.atlas, prop, bounds, binder)
+        self.cards.place(*self._rows())
+        if self.looks is not None:
+            self.cards.look(self.looks)
+
+    def _rows(self):
+        """Return the poses for the GPU: float32, relative to the block's origin."""
+        centers, _ = self._spheres(self.ids)
+        local = centers - np.repeat(self.blocks.centers, BLOCK, 0)[: len(centers)]
+        if self.poses.ndim == 2:
+            rows = np.zeros((len(local), 4), np.float32)
+            rows[:, :3] = local
+            return rows, 1
+        rows = np.empty((len(local), 3, 4), np.float32)
+        rows[:, :, :3] = self.poses[self.ids, :3, :3]
+        rows[:, :, 3] = local
+        return rows, 3
+
+    def set_looks(self, looks):
+        """Take over changed looks, shape (n, 4) uint8 in the scene's order; None is plain."""
+        self.looks = None if looks is None else np.ascontiguousarray(looks[self.ids])
+        if self.cards is not None and self.looks is not None:
+            self.cards.look(self.looks)
+        for pool in self.pools:
+            pool.recolor(self._look)
+
+    def _look(self, slot):
+        if self.looks is None:
+            return (0.0, 0.0, 0.0, 0.5)
+        return tuple(float(v) for v in self.looks[slot] / 255.0)
+
+    def select(self, frame, limits):
+        """Choose what is drawn of every instance.
+
+        Parameters
+        ----------
+        frame : Frame
+            Camera and size.
+        limits : Limits
+            On-screen diameters up to which each level is good enough.
+
+        Returns
+        -------
+        list of vtkActor
+            New actors that the renderer does not have yet.
+        """
+        index, origins, small, large = self.blocks.seen(frame)
+        self.cards.view(frame)
+        self.counts = {'blocks': len(index), 'of blocks': len(self.blocks.centers)}
+        table = np.empty((len(index), 4), np.float32)
+        table[:, :3], table[:, 3] = origins, index
+        edges = limits.cards
+        for k, (name, low, high) in enumerate(edges):
+            used = (large >= low) & (small < high * _FADE) if high > low else large < 0
+            whole = low * _FADE if k else 0.0
+            last = k == len(edges) - 1 or all(h <= lo for _, lo, h in edges[k + 1 :])
+            gone = high * _FADE
+            self.cards.show(name, table[used], (low, whole, high if last else gone, gone))
+            self.counts[name] = int(used.sum()) * BLOCK
+        return self._select_meshes(frame, index[large >= limits.mesh], limits)
+
+    def _select_meshes(self, frame, blocks, limits):
+        slots = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+        slots = slots[slots < len(self.ids)]
+        sizes = np.zeros(0)
+        if len(slots):
+            slots, sizes = self._sizes(frame, slots, limits.mesh)
+        near = self._levels(slots, sizes, limits.meshes)
+        self.near = near
+        new = []
+        for k, pool in enumerate(self.pools):
+            ids = [slot for slot, level in near.items() if level == k]
+            new += pool.show(ids, self.matrix, self._look)
+            self.counts[f'mesh {pool.level.triangles}'] = len(ids)
+        return new
+
+    def _sizes(self, frame, slots, least):
+        """Return the slots in view that are at least so large, and their diameters in pixels."""
+        if self.looks is not None:
+            slots = slots[self.looks[slots, 3] > 0]
+        one = Blocks(self.centers(slots), np.zeros(len(slots)), self.radii[slots], self.radii[slots])
+        index, _, sizes, _ = one.seen(frame)
+        big = sizes >= least
+        return slots[index[big]], sizes[big]
+
+    def _levels(self, slots, sizes, limits):
+        """Return slot to mesh level: the lightest that is good enough at its size."""
+        out = {}
+        for slot, size in zip(slots.tolist(), sizes.tolist(), strict=True):
+            level = next(k for k in range(len(limits) - 1, -1, -1) if size <= limits[k])
+            before = self.near.get(slot)
+            if before is not None and before < level and size * _KEEP**-1 > limits[level]:
+                level = before
+            out[slot] = level
+        return out
+
+    def actors(self):
+        """Return every actor that this kind draws with."""
+        cards = self.cards.actors() if self.cards is not None else []
+        return cards + [a for pool in self.pools for a in pool.actors()]
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        if self.cards is not None:
+            self.cards.release()
+            self.cards = None

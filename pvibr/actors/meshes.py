@@ -1,0 +1,147 @@
+"""Instances that are near enough to be drawn as the mesh itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pvibr import _vtk
+
+# The colour of an instance replaces what scalars and texture give, or multiplies it; a cut-out
+# keeps its holes. Lit colour is what VTK has before it multiplies by the texture.
+_LOOK = """  vec4 ibr_lit = gl_FragData[0];
+//VTK::TCoord::Impl
+  if (gl_FragData[0].a < ibr_cutoff) discard;
+  if (ibr_cutoff > 0.0) gl_FragData[0].a = ibr_lit.a;
+  if (ibr_look.a > 0.75 && ibr_multiply == 0) gl_FragData[0].rgb = ibr_lit.rgb;
+"""
+_COLOR = """//VTK::Color::Impl
+  if (ibr_look.a > 0.75)
+  {
+    vec3 base = ibr_look.rgb;
+    if (ibr_multiply == 1) base *= diffuseColor / max(diffuseIntensity, 1e-6);
+    diffuseColor = diffuseIntensity * base;
+    ambientColor = ambientIntensity * base;
+  }
+"""
+_PLAIN = (0.0, 0.0, 0.0, 0.5)
+
+
+@dataclass
+class MeshLevel:
+    """The mesh, or a lighter stand-in, with its error.
+
+    Attributes
+    ----------
+    parts : list of Part
+        What is drawn.
+    error : float
+        Largest displacement of the surface in radii of the bounding sphere; 0 for the mesh.
+    """
+
+    parts: list
+    error: float = 0.0
+
+    @property
+    def triangles(self) -> int:
+        """Triangles of all parts."""
+        return sum(p.mesh.n_cells for p in self.parts)
+
+
+class MeshPool:
+    """Actors of one level, lent to the instances that need them.
+
+    Parameters
+    ----------
+    level : MeshLevel
+        What they draw.
+    """
+
+    def __init__(self, level):
+        self.level = level
+        self.lent: dict[int, list] = {}
+        self.free: list = []
+        self.multiply = False
+        self.fresh: list = []
+
+    def show(self, ids, matrix_of, look_of):
+        """Show the mesh at some instances and nowhere else.
+
+        Parameters
+        ----------
+        ids : iterable of int
+            Instances.
+        matrix_of : callable
+            Instance to its (4, 4) matrix, world from model.
+        look_of : callable
+            Instance to its look, 4 numbers from 0 to 1.
+
+        Returns
+        -------
+        list of vtkActor
+            Actors that are new and have to be added to the renderer.
+        """
+        wanted = set(ids)
+        for i in [i for i in self.lent if i not in wanted]:
+            actors = self.lent.pop(i)
+            for actor in actors:
+                actor.VisibilityOff()
+            self.free.append(actors)
+        new = []
+        for i in wanted - self.lent.keys():
+            if not self.free:
+                self.free.append([_copy(p) for p in self.level.parts])
+                new += self.free[-1]
+            self.lent[i] = self.free.pop()
+            self._put(self.lent[i], matrix_of(i), look_of(i))
+        return new
+
+    def recolor(self, look_of):
+        """Take over changed looks of the instances shown."""
+        for i, actors in self.lent.items():
+            for actor in actors:
+                self._dress(actor, look_of(i))
+
+    def instance_of(self, actor):
+        """Return the instance that an actor shows, or None."""
+        return next((i for i, actors in self.lent.items() if actor in actors), None)
+
+    def _put(self, actors, matrix, look):
+        values = np.asarray(matrix, float).ravel().tolist()
+        for actor in actors:
+            actor.GetUserMatrix().DeepCopy(values)
+            actor.VisibilityOn()
+            self._dress(actor, look)
+
+    def _dress(self, actor, look):
+        uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+        uniforms.SetUniform4f('ibr_look', look)
+        uniforms.SetUniformi('ibr_multiply', int(self.multiply))
+
+    def actors(self):
+        """Return every actor made so far."""
+        return [a for group in [*self.lent.values(), *self.free] for a in group]
+
+
+def _copy(part):
+    actor = _vtk.vtkActor()
+    source = part.actor
+    actor.SetMapper(source.GetMapper())
+    actor.SetProperty(source.GetProperty())
+    actor.SetBackfaceProperty(source.GetBackfaceProperty())
+    actor.SetTexture(source.GetTexture())
+    actor.SetForceOpaque(source.GetForceOpaque())
+    actor.SetForceTranslucent(source.GetForceTranslucent())
+    actor.SetUserMatrix(_vtk.vtkMatrix4x4())
+    shader = actor.GetShaderProperty()
+    shader.DeepCopy(source.GetShaderProperty())
+    for tag, text in (('//VTK::TCoord::Impl', _LOOK), ('//VTK::Color::Impl', _COLOR)):
+        shader.ClearFragmentShaderReplacement(tag, True)
+        shader.AddFragmentShaderReplacement(tag, True, text, False)
+    uniforms = shader.GetFragmentCustomUniforms()
+    opacity = source.GetProperty().GetOpacity()
+    uniforms.SetUniformf('ibr_cutoff', (part.alpha_cutoff or 0.0) * opacity)
+    uniforms.SetUniform4f('ibr_look', _PLAIN)
+    uniforms.SetUniformi('ibr_multiply', 0)
+    return actor
