@@ -204,7 +204,31 @@ def tree_parts(kind='broadleaf', seed=0, triangles=50_000, height=None):
     [None, 0.5]
 
     """
-    blocks = tree(kind, seed, triangles, height)
+    return dress(tree(kind, seed, triangles, height), kind)
+
+
+def dress(blocks, kind):
+    """Give a grown tree its looks.
+
+    Parameters
+    ----------
+    blocks : pyvista.MultiBlock
+        What :func:`tree` returned.
+    kind : {'broadleaf', 'conifer', 'poplar'}
+        The kind that it was grown as.
+
+    Returns
+    -------
+    list of pvibr.actors.parts.Part
+        As :func:`tree_parts` returns them.
+
+    Examples
+    --------
+    >>> from pvibr.scenes.trees import dress, tree
+    >>> len(dress(tree('conifer'), 'conifer'))
+    2
+
+    """
     look = {'scalars': COLORS, 'rgb': True}
     parts = as_parts(blocks['bark'], **look)
     parts += as_parts(blocks['leaves'], texture=leaf_texture(kind), alpha_cutoff=0.5, **look)

@@ -1,0 +1,282 @@
+"""A wooded valley with a trail through it: thousands of heavy trees and a camera path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import map_coordinates
+from scipy.spatial import cKDTree
+
+from pvibr.maths.transforms import trs
+from pvibr.scenes.trees import COLORS, KINDS, dress, tree
+
+#: Metres along each side of the ground that a tree has on average.
+SPACING = 11.0
+#: Metres on both sides of the trail without trees: the widest crown, and room to breathe.
+CLEARING = 13.0
+#: Cells along each side of the ground.
+CELLS = 128
+SCALES = (0.7, 1.3)
+GRASS, DRY, ROCK = np.array([[128, 150, 78], [178, 172, 108], [158, 150, 136]])
+
+
+@dataclass(frozen=True)
+class Landscape:
+    """Ground, trees and a way through.
+
+    Parameters
+    ----------
+    terrain : pyvista.PolyData
+        The ground: triangles with normals and colours ``'color_rgb'``; metres, z up.
+    kinds : tuple of str
+        Names of the kinds of trees.
+    meshes : list of pyvista.MultiBlock
+        One tree per kind, as :func:`pvibr.scenes.trees.tree` grows it.
+    index : numpy.ndarray, shape (n,), int64
+        Which of `meshes` each tree is.
+    matrices : numpy.ndarray, shape (n, 4, 4), float64
+        ``world_from_model`` of each tree.
+    trail : scipy.interpolate.CubicSpline
+        Where the walk goes, (x, y) from 0 to 1.
+    heights : numpy.ndarray, shape (m, m)
+        Height of the ground over a square grid, x fastest.
+    size : float
+        Side of the ground in metres; its centre is at the origin.
+    view_angle : float, optional
+        The vertical view angle meant for the walk, degrees.
+
+    Examples
+    --------
+    >>> from pvibr.scenes.landscape import landscape
+    >>> scene = landscape(200)
+    >>> eye, focus, up = scene.path(5)[0]
+    >>> bool(2 <= eye[2] - scene.height_at(eye[:2]) <= 12)
+    True
+
+    """
+
+    terrain: pv.PolyData
+    kinds: tuple[str, ...]
+    meshes: list[pv.MultiBlock]
+    index: np.ndarray
+    matrices: np.ndarray
+    trail: CubicSpline
+    heights: np.ndarray
+    size: float
+    view_angle: float = 50.0
+
+    def parts(self):
+        """Return the trees with their looks.
+
+        Returns
+        -------
+        list of list of pvibr.actors.parts.Part
+            Per kind, bark and leaves; what ``add_instances`` takes as meshes.
+
+        """
+        return [dress(mesh, kind) for mesh, kind in zip(self.meshes, self.kinds, strict=True)]
+
+    def height_at(self, places):
+        """Return the height of the ground.
+
+        Parameters
+        ----------
+        places : array_like, shape (..., 2)
+            x and y, metres.
+
+        Returns
+        -------
+        numpy.ndarray, shape (...), float64
+            z, metres; beyond the ground that of its edge.
+
+        """
+        return _height(self.heights, self.size, np.asarray(places, dtype=np.float64))
+
+    def path(self, frames, start=0.0, stop=1.0):
+        """Return the cameras of a walk along the trail.
+
+        Parameters
+        ----------
+        frames : int
+            How many.
+        start, stop : float, optional
+            The share of the trail that is walked, within 0 and 1: a short one gives the small
+            steps of a walk, where popping would be seen.
+
+        Returns
+        -------
+        list of tuple
+            (eye, focus, up) of each frame, each an (x, y, z) tuple in metres: what PyVista takes
+            as ``camera_position``.
+
+        Raises
+        ------
+        ValueError
+            If there are no frames or the share is not within 0 and 1.
+
+        """
+        if frames < 1 or not 0 <= start <= stop <= 1:
+            msg = (
+                f'frames is {frames}, start {start}, stop {stop}; '
+                'they must be at least 1 and 0 <= start <= stop <= 1.'
+            )
+            raise ValueError(msg)
+        share = np.linspace(start, stop, frames)
+        eye, focus = self.trail(share), self.trail(share + 0.07)
+        # From 2.5 m, a walker, to 11.5 m, a low drone, and back.
+        lift = 7.0 - 4.5 * np.cos(share * 4 * np.pi)
+        eye = np.column_stack([eye, self.height_at(eye) + lift])
+        focus = np.column_stack([focus, self.height_at(focus) + 10.0])
+        up = (0.0, 0.0, 1.0)
+        return [
+            (tuple(e), tuple(f), up) for e, f in zip(eye.tolist(), focus.tolist(), strict=True)
+        ]
+
+
+def landscape(n=10_000, seed=0, size=None, triangles=50_000):
+    """Make a landscape.
+
+    Parameters
+    ----------
+    n : int, optional
+        How many trees.
+    seed : int, optional
+        Another seed is another landscape.
+    size : float, optional
+        Side of the ground in metres; by default 11 for each tree along a side, 1100 for 10 000.
+    triangles : int, optional
+        Of each tree.
+
+    Returns
+    -------
+    Landscape
+        Ground, trees, cameras; the same for the same arguments.
+
+    Raises
+    ------
+    ValueError
+        If `n` is not positive or the trees do not fit on the ground.
+
+    Examples
+    --------
+    >>> from pvibr.scenes.landscape import landscape
+    >>> scene = landscape(500, seed=1)
+    >>> scene.matrices.shape, sorted(set(scene.index.tolist()))
+    ((500, 4, 4), [0, 1, 2])
+
+    """
+    if n < 1:
+        msg = f'n is {n}; it must be at least 1 tree.'
+        raise ValueError(msg)
+    # Below some 300 m the trail's clearing would take all the ground.
+    size = max(SPACING * np.sqrt(n), 300.0) if size is None else float(size)
+    rng = np.random.default_rng(seed)
+    heights = _ground(size, rng)
+    trail = _trail(size, rng)
+    places = _places(n, size, heights, trail, rng)
+    z = _height(heights, size, places)
+    return Landscape(
+        terrain=_terrain(heights, size, rng),
+        kinds=tuple(KINDS),
+        meshes=[tree(kind, seed, triangles) for kind in KINDS],
+        index=_kinds_at(places, z, size, rng),
+        matrices=_matrices(places, z, rng),
+        trail=trail,
+        heights=heights,
+        size=size,
+    )
+
+
+def _noise(places, wavelength, size, rng):
+    """Return smooth noise of mean zero and about unit height at places (..., 2)."""
+    knots = int(np.ceil(size / wavelength)) + 3
+    values = rng.standard_normal((knots, knots))
+    where = np.moveaxis(places / wavelength + knots / 2, -1, 0)
+    return map_coordinates(values, where, order=3, mode='grid-wrap')
+
+
+def _grid(size):
+    line = np.linspace(-size / 2, size / 2, CELLS + 1)
+    return np.stack(np.meshgrid(line, line), axis=-1)
+
+
+def _ground(size, rng):
+    places = _grid(size)
+    # A valley: hills all around hide the world's edge and show the forest on their slopes.
+    rim = np.linalg.norm(places, axis=-1) / (size / 2)
+    hills = sum(
+        size * share * _noise(places, size * wave, size, rng)
+        for share, wave in ((0.022, 0.45), (0.009, 0.2), (0.0025, 0.08))
+    )
+    return 0.14 * size * np.minimum(rim, 1.3) ** 1.7 + hills
+
+
+def _height(heights, size, places):
+    y, x = (places.reshape(-1, 2).T[::-1] / size + 0.5) * CELLS
+    found = map_coordinates(heights, [y, x], order=1, mode='nearest')
+    return found.reshape(places.shape[:-1])
+
+
+def _terrain(heights, size, rng):
+    places = _grid(size)
+    points = np.concatenate([places, heights[..., None]], axis=-1).reshape(-1, 3)
+    corner = (np.arange(CELLS)[:, None] * (CELLS + 1) + np.arange(CELLS)).ravel()
+    right, over = corner + 1, corner + CELLS + 1
+    faces = np.stack([corner, right, over + 1, corner, over + 1, over], axis=1).reshape(-1, 3)
+    terrain = pv.PolyData.from_regular_faces(points, faces)
+    slope = np.hypot(*np.gradient(heights, size / CELLS))
+    dry = np.clip(heights / (0.2 * size) + 0.15 * _noise(places, size / 9, size, rng), 0, 1)
+    rock = np.clip(4 * slope - 1.2, 0, 1)
+    color = GRASS + dry[..., None] * (DRY - GRASS)
+    color = color + rock[..., None] * (ROCK - color)
+    color *= 1 + 0.06 * rng.standard_normal((*slope.shape, 1))
+    terrain[COLORS] = np.clip(color, 0, 255).astype(np.uint8).reshape(-1, 3)
+    return terrain.compute_normals(cell_normals=False, split_vertices=False)
+
+
+def _trail(size, rng):
+    share = np.linspace(0, 1.1, 8)
+    x = (share - 0.5) * 0.62 * size
+    y = 0.11 * size * np.sin(share * 7 + rng.uniform(0, 6)) + rng.normal(0, 0.015 * size, 8)
+    return CubicSpline(share, np.column_stack([x, y]))
+
+
+def _places(n, size, heights, trail, rng):
+    """Return where trees stand: one at most in each cell of a fine grid, in clumps."""
+    cells = int(size / min(7.0, size / np.sqrt(3.0 * n)))
+    cell = size / cells
+    line = (np.arange(cells) + 0.5) * cell - size / 2
+    places = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    # Off the middle of the cell by so little that neighbours keep half a cell apart.
+    places += rng.uniform(-0.25, 0.25, places.shape) * cell
+    away = cKDTree(trail(np.linspace(0, 1.1, 2000))).query(places)[0] > CLEARING
+    clump = _noise(places, size / 14, size, rng) + 0.7 * _noise(places, size / 40, size, rng)
+    free = np.flatnonzero(away)
+    if len(free) < n:
+        msg = f'n is {n}, but only {len(free)} trees fit on {size:.0f} m; give a larger size.'
+        raise ValueError(msg)
+    weight = np.exp(1.6 * clump[free])
+    return places[rng.choice(free, n, replace=False, p=weight / weight.sum())]
+
+
+def _kinds_at(places, z, size, rng):
+    """Return spruces on the slopes, poplars low in the valley, broadleaves between."""
+    level = z / (0.14 * size) + 0.35 * _noise(places, size / 10, size, rng)
+    level += rng.normal(0, 0.15, len(z))
+    names = list(KINDS)
+    index = np.full(len(z), names.index('broadleaf'))
+    index[level > np.quantile(level, 0.55)] = names.index('conifer')
+    index[level < np.quantile(level, 0.15)] = names.index('poplar')
+    return index
+
+
+def _matrices(places, z, rng):
+    yaw = rng.uniform(0, np.pi, len(z))
+    none = np.zeros_like(yaw)
+    turns = np.column_stack([np.cos(yaw), none, none, np.sin(yaw)])
+    scales = rng.uniform(*SCALES, len(z))
+    # A little into the ground, so that no foot hangs in the air on a slope.
+    return trs(np.column_stack([places, z - 0.25 * scales]), turns, scales)
