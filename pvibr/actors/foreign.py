@@ -21,7 +21,20 @@ COLORS = 'trimesh_colors'
 
 
 def is_trimesh(thing, kind):
-    """Return whether something is a ``trimesh.<kind>``, without importing trimesh."""
+    """Return whether something is of a class of trimesh, without importing trimesh.
+
+    Parameters
+    ----------
+    thing : object
+        Anything.
+    kind : str
+        Name of the class.
+
+    Returns
+    -------
+    bool
+        Whether it is.
+    """
     module = sys.modules.get('trimesh')
     return module is not None and isinstance(thing, getattr(module, kind))
 
@@ -55,7 +68,6 @@ def read_mesh(path):
     >>> from pvibr.actors.foreign import read_mesh
     >>> read_mesh(examples.planefile).n_cells
     2452
-
     """
     path = Path(path).expanduser()
     if not path.is_file():
@@ -108,7 +120,6 @@ def scene_instances(scene):
     >>> meshes, index, matrices = scene_instances(scene)
     >>> len(meshes), index.tolist(), matrices[:, 0, 0].tolist()
     (1, [0, 0], [1.0, 2.0])
-
     """
     if isinstance(scene, str | Path):
         scene = _read_trimesh(Path(scene))
@@ -156,7 +167,6 @@ def as_dataset(mesh, pbr=False, textures=None):
     >>> box.visual.face_colors = [255, 0, 0, 255]
     >>> as_dataset(box)[1]
     {'scalars': 'trimesh_colors', 'rgb': True, 'preference': 'cell'}
-
     """
     dataset = pv.PolyData.from_regular_faces(np.array(mesh.vertices), np.array(mesh.faces))
     # Only normals that came with the file: trimesh would compute others on demand.

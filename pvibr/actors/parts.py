@@ -59,7 +59,6 @@ class Part:
     >>> part = as_parts(pv.Cube(), color='red')[0]
     >>> part.mesh.n_cells, part.actor.prop.color.name
     (12, 'red')
-
     """
 
     actor: pv.Actor
@@ -75,7 +74,6 @@ class Part:
         -------
         vtkPolyDataMapper
             It shows `mesh` and shares the lookup table.
-
         """
         mapper = _vtk.vtkPolyDataMapper()
         mapper.ShallowCopy(self.actor.mapper)
@@ -121,7 +119,6 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
     >>> from pvibr.actors.parts import as_parts
     >>> [part.mesh.n_cells for part in as_parts(pv.MultiBlock([pv.Cube(), pv.Plane()]))]
     [12, 200]
-
     """
     if alpha_cutoff is not None and not 0 <= alpha_cutoff <= 1:
         msg = f'alpha_cutoff is {alpha_cutoff!r}; it must be within 0 and 1, or None to blend.'
@@ -170,7 +167,6 @@ def as_meshes(meshes, **kwargs):
     >>> from pvibr.actors.parts import as_meshes
     >>> len(as_meshes([pv.Cube(), pv.Sphere()])), len(as_meshes(pv.Cube()))
     (2, 1)
-
     """
     if not isinstance(meshes, list | tuple) or _are_parts(meshes):
         return [as_parts(meshes, **kwargs)]

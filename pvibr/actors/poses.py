@@ -53,7 +53,6 @@ def as_poses(poses):
     array([[1., 2., 3.]])
     >>> as_poses([]).shape
     (0, 3)
-
     """
     array = _as_array(getattr(poses, 'points', poses))
     _check_finite(array)
@@ -100,7 +99,6 @@ def read_poses(path, columns=None):
     ...     _ = file.write_text('x;y;z;height\n1;2;3;17.5\n')
     ...     read_poses(file)
     (array([[1., 2., 3.]]), {'height': array([17.5])})
-
     """
     path = Path(path)
     if path.suffix.lower() == '.npy':

@@ -28,7 +28,6 @@ def rotations(quaternions):
     >>> from pvibr.maths.transforms import rotations
     >>> rotations([0.0, 0.0, 0.0, 2.0])[0].diagonal().tolist()
     [-1.0, -1.0, 1.0]
-
     """
     q = np.atleast_2d(np.asarray(quaternions, dtype=np.float64))
     # Two steps, so that the squares of very long or short quaternions stay in range.
@@ -69,7 +68,6 @@ def trs(translations, quaternions=None, scales=None):
     >>> from pvibr.maths.transforms import trs
     >>> (trs([[1.0, 2.0, 3.0]], scales=2.0)[0] @ [1, 1, 1, 1]).tolist()
     [3.0, 4.0, 5.0, 1.0]
-
     """
     translations = np.atleast_2d(np.asarray(translations, dtype=np.float64))
     matrices = np.zeros((len(translations), 4, 4))
@@ -104,7 +102,6 @@ def transform_points(matrix, points):
     >>> from pvibr.maths.transforms import transform_points
     >>> transform_points(np.diag([2.0, 2.0, 2.0, 1.0]), [[1.0, 2.0, 3.0]]).tolist()
     [[2.0, 4.0, 6.0]]
-
     """
     matrix = np.asarray(matrix, dtype=np.float64)
     return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
@@ -131,7 +128,6 @@ def transform_normals(matrix, normals):
     >>> from pvibr.maths.transforms import transform_normals
     >>> transform_normals(np.diag([1.0, 1.0, -5.0, 1.0]), [[0.0, 0.0, 1.0]]).tolist()
     [[0.0, 0.0, -1.0]]
-
     """
     linear = np.asarray(matrix, dtype=np.float64)[:3, :3]
     # Normals are covectors: n . v must keep its value, so a row times the inverse.

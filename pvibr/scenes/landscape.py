@@ -55,7 +55,6 @@ class Landscape:
     >>> eye, focus, up = scene.path(5)[0]
     >>> bool(2 <= eye[2] - scene.height_at(eye[:2]) <= 12)
     True
-
     """
 
     terrain: pv.PolyData
@@ -75,7 +74,6 @@ class Landscape:
         -------
         list of list of pvibr.actors.parts.Part
             Per kind, bark and leaves; what ``add_instances`` takes as meshes.
-
         """
         return [dress(mesh, kind) for mesh, kind in zip(self.meshes, self.kinds, strict=True)]
 
@@ -85,13 +83,12 @@ class Landscape:
         Parameters
         ----------
         places : array_like, shape (..., 2)
-            x and y, metres.
+            Points (x, y), metres.
 
         Returns
         -------
         numpy.ndarray, shape (...), float64
-            z, metres; beyond the ground that of its edge.
-
+            Metres; beyond the ground the height of its edge.
         """
         return _height(self.heights, self.size, np.asarray(places, dtype=np.float64))
 
@@ -116,7 +113,6 @@ class Landscape:
         ------
         ValueError
             If there are no frames or the share is not within 0 and 1.
-
         """
         if frames < 1 or not 0 <= start <= stop <= 1:
             msg = (
@@ -166,7 +162,6 @@ def landscape(n=10_000, seed=0, size=None, triangles=50_000):
     >>> scene = landscape(500, seed=1)
     >>> scene.matrices.shape, sorted(set(scene.index.tolist()))
     ((500, 4, 4), [0, 1, 2])
-
     """
     if n < 1:
         msg = f'n is {n}; it must be at least 1 tree.'

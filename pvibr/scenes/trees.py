@@ -22,30 +22,70 @@ LEAF_PIXELS = 64
 
 @dataclass(frozen=True)
 class Level:
-    """How the branches of one level grow; lengths are fractions of the parent's length."""
+    """How the branches of one level grow; lengths are fractions of the parent's length.
 
-    count: int  # Children of each branch below.
-    span: tuple[float, float]  # Where along the parent they start.
-    length: tuple[float, float]  # At the start and at the end of the span.
-    angle: tuple[float, float]  # Degrees away from the parent, likewise.
-    lift: float  # How much they bend up on their way; negative droops.
-    wander: float  # How crooked they are.
-    points: int  # Along the curve.
-    sides: int  # Of the tube.
-    flat: bool = False  # Grow to left and right only, as a spruce's side twigs do.
+    Parameters
+    ----------
+    count : int
+        Children of each branch below.
+    span : tuple of float
+        Where along the parent the first and the last start.
+    length : tuple of float
+        At the start and at the end of the span.
+    angle : tuple of float
+        Degrees away from the parent, likewise.
+    lift : float
+        How much they bend up on their way; negative droops.
+    wander : float
+        How crooked they are.
+    points : int
+        Along the curve.
+    sides : int
+        Of the tube.
+    flat : bool, optional
+        Grow to left and right only, as a spruce's side twigs do.
+    """
+
+    count: int
+    span: tuple[float, float]
+    length: tuple[float, float]
+    angle: tuple[float, float]
+    lift: float
+    wander: float
+    points: int
+    sides: int
+    flat: bool = False
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What makes a kind of tree; lengths are fractions of its height."""
+    """What makes a kind of tree.
 
-    height: float  # Metres, unless the caller says otherwise.
-    trunk: float  # Length of the trunk.
-    girth: float  # Radius of the trunk at the ground.
+    Parameters
+    ----------
+    height : float
+        Metres, unless the caller says otherwise.
+    trunk : float
+        Length of the trunk, in heights.
+    girth : float
+        Radius of the trunk at the ground, in heights.
+    levels : tuple of Level
+        The branches, from the trunk outwards.
+    leaf : tuple of float
+        Width and height of a card in metres, on a tree of this height.
+    bark : tuple of int
+        Its colour.
+    leaves : tuple of tuple of int
+        Their colours in the shade and in the light.
+    """
+
+    height: float
+    trunk: float
+    girth: float
     levels: tuple[Level, ...]
-    leaf: tuple[float, float]  # Width and height of a card, metres at the kind's own height.
+    leaf: tuple[float, float]
     bark: tuple[int, int, int]
-    leaves: tuple[tuple[int, int, int], tuple[int, int, int]]  # In the shade, in the light.
+    leaves: tuple[tuple[int, int, int], tuple[int, int, int]]
 
 
 KINDS = {
@@ -124,7 +164,6 @@ def tree(kind='broadleaf', seed=0, triangles=50_000, height=None):
     >>> from pvibr.scenes.trees import tree
     >>> sum(block.n_cells for block in tree('conifer', seed=3))
     50000
-
     """
     form = _kind(kind)
     height = form.height if height is None else height
@@ -168,7 +207,6 @@ def leaf_texture(kind='broadleaf'):
     >>> from pvibr.scenes.trees import leaf_texture
     >>> leaf_texture('poplar').to_array().shape
     (64, 64, 4)
-
     """
     _kind(kind)
     draw = _needles if kind == 'conifer' else _blades
@@ -189,8 +227,14 @@ def tree_parts(kind='broadleaf', seed=0, triangles=50_000, height=None):
 
     Parameters
     ----------
-    kind, seed, triangles, height
-        As in :func:`tree`.
+    kind : {'broadleaf', 'conifer', 'poplar'}, optional
+        The kind.
+    seed : int, optional
+        Another seed is another tree of the kind.
+    triangles : int, optional
+        Of bark and leaves together.
+    height : float, optional
+        Metres; by default the kind's own.
 
     Returns
     -------
@@ -202,7 +246,6 @@ def tree_parts(kind='broadleaf', seed=0, triangles=50_000, height=None):
     >>> from pvibr.scenes.trees import tree_parts
     >>> [part.alpha_cutoff for part in tree_parts('poplar')]
     [None, 0.5]
-
     """
     return dress(tree(kind, seed, triangles, height), kind)
 
@@ -227,7 +270,6 @@ def dress(blocks, kind):
     >>> from pvibr.scenes.trees import dress, tree
     >>> len(dress(tree('conifer'), 'conifer'))
     2
-
     """
     look = {'scalars': COLORS, 'rgb': True}
     parts = as_parts(blocks['bark'], **look)
