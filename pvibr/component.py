@@ -160,9 +160,9 @@ class IBRComponent:
         ClosedError
             Where the plotter is closed.
         """
+        pipeline = self.pipeline
         from pvibr.actors.instances import Instances
 
-        pipeline = self.pipeline
         instances = Instances(
             mesh,
             poses,
@@ -303,8 +303,7 @@ class IBRComponent:
             self._pipelines.pop().release()
 
     def _on_deleted(self, *_):
-        if self.__dict__:  # not yet taken apart by the collector
-            self.close()
+        self._closed = True  # too late to release: asking a dying window for its context crashes
 
     def __enter__(self):
         return self
@@ -355,7 +354,7 @@ def attach(renderer) -> IBRComponent:
     -------
     IBRComponent
         Close it before the window goes; it is also a context manager. What is still open when
-        the window is deleted or the program ends is closed then.
+        the program ends is closed then.
 
     Raises
     ------
@@ -383,8 +382,6 @@ def attach(renderer) -> IBRComponent:
     # An observer keeps the component as long as the renderer lives, in a way that Python's
     # collector of cycles sees, unlike an attribute of a VTK object.
     renderer.AddObserver('DeleteEvent', component._on_deleted)
-    if renderer.GetRenderWindow() is not None:
-        renderer.GetRenderWindow().AddObserver('DeleteEvent', component._on_deleted)
     return component
 
 

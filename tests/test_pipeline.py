@@ -93,7 +93,7 @@ class Broken(Effect):
 
 def scene(pl, *, text=False, opacity=1.0):
     pl.disable_anti_aliasing()
-    pl.add_mesh(pv.Sphere(), color='tan', specular=1.0, show_scalar_bar=False)
+    pl.add_mesh(pv.Sphere(), color='tan', smooth_shading=True, show_scalar_bar=False)
     pl.add_mesh(pv.Cube().translate((0.4, 0.4, 0.4)), color='red', opacity=opacity)
     if text:
         pl.add_text('text', font_size=12)
@@ -221,7 +221,7 @@ def test_identity_leaves_every_pixel(pl, kind, opacity):
 def test_identity_keeps_multisampling(pl):
     pl.enable_anti_aliasing('msaa', multi_samples=4)
     before = show(pl)
-    assert len(np.unique(before[0].reshape(-1, 4), axis=0)) > 20
+    assert len(np.unique(before[0][..., 3])) > 2  # edges that cover a part of a pixel
     pl.ibr.add(Same())
     np.testing.assert_array_equal(grab(pl)[0], before[0])
 

@@ -22,9 +22,10 @@ class Slot:
         self.window = window
         self.framebuffer = _vtk.vtkFramebufferPass()
         self.framebuffer.SetColorFormat(_vtk.vtkTextureObject.Float32)
-        self.framebuffer.SetDepthFormat(_vtk.vtkTextureObject.Float32)
+        # The window's own: order-independent translucency copies depth, which wants one format.
+        self.framebuffer.SetDepthFormat(_vtk.vtkTextureObject.Fixed32)
         self.color, self.depth = Texture(window), Texture(window)
-        self._renderer = self._found = self._plain = None
+        self._renderer = self._found = self._plain = self._way = None
 
     @property
     def nbytes(self) -> int:
@@ -41,10 +42,22 @@ class Slot:
             Whose slot it is.
         """
         self._renderer, self._found = renderer, renderer.GetPass()
-        if self._found is None and self._plain is None:
-            self._plain = plain_pass(renderer)
+        if self._found is None:
+            self._make_plain(renderer)
         self.framebuffer.SetDelegatePass(self._found or self._plain)
         renderer.SetPass(self.framebuffer)
+
+    def _make_plain(self, renderer):
+        way = (
+            renderer.GetUseDepthPeeling(),
+            renderer.GetMaximumNumberOfPeels(),
+            renderer.GetOcclusionRatio(),
+            renderer.GetUseOIT(),
+        )
+        if self._way != way:
+            if self._plain is not None:
+                self._plain.ReleaseGraphicsResources(self.window)
+            self._plain, self._way = plain_pass(renderer), way
 
     def give_back(self):
         """Put back what was found; the textures hold the frame."""
@@ -62,7 +75,7 @@ class Slot:
         for owner in (self.framebuffer, self._plain):
             if owner is not None:
                 owner.ReleaseGraphicsResources(self.window)
-        self._plain = None
+        self._plain = self._way = None
 
 
 def plain_pass(renderer):
@@ -79,13 +92,21 @@ def plain_pass(renderer):
         The chain.
     """
     steps = _vtk.vtkRenderStepsPass()
-    if renderer.GetUseDepthPeeling():
-        peeling = _vtk.vtkDualDepthPeelingPass()
-        peeling.SetMaximumNumberOfPeels(renderer.GetMaximumNumberOfPeels())
-        peeling.SetOcclusionRatio(renderer.GetOcclusionRatio())
-        steps.SetTranslucentPass(peeling)
-    elif renderer.GetUseOIT():
-        steps.SetTranslucentPass(_vtk.vtkOrderIndependentTranslucentPass())
+    steps.SetTranslucentPass(_translucent_pass(renderer))
     camera = _vtk.vtkCameraPass()
     camera.SetDelegatePass(steps)
     return camera
+
+
+def _translucent_pass(renderer):
+    """Return the renderer's own way with translucent props."""
+    if renderer.GetUseDepthPeeling():
+        outer = _vtk.vtkDualDepthPeelingPass()
+        outer.SetMaximumNumberOfPeels(renderer.GetMaximumNumberOfPeels())
+        outer.SetOcclusionRatio(renderer.GetOcclusionRatio())
+    elif renderer.GetUseOIT():
+        outer = _vtk.vtkOrderIndependentTranslucentPass()
+    else:
+        return _vtk.vtkTranslucentPass()
+    outer.SetTranslucentPass(_vtk.vtkTranslucentPass())  # without one, VTK crashes
+    return outer
