@@ -99,54 +99,30 @@ class IBRComponent:
         return self.pipeline.add(effect)
 
     def add_instances(
-        self,
-        mesh,
-        poses,
-        *,
-        index=None,
-        max_error=1.0,
-        name=None,
-        scalars=None,
-        colors=None,
-        cmap=None,
-        clim=None,
-        opacity=1.0,
-        pickable=True,
-        show_scalar_bar=None,
-        reset_camera=None,
-        render=False,
-        cache=True,
-        progress=None,
-        **mesh_kwargs,
-    ):
+        self, mesh, poses=None, *, name=None, show_scalar_bar=None, scalar_bar_args=None,
+        reset_camera=None, render=False, **kwargs,
+    ):  # fmt: skip
         """Draw a mesh many times: near as a mesh, far as images, within an error.
 
         Parameters
         ----------
-        mesh : pyvista.DataSet, pyvista.MultiBlock, trimesh.Trimesh, path, or sequence of these
+        mesh : dataset, MultiBlock, actor, trimesh object, path, or a list of these
             What is drawn.
-        poses : array_like
-            (n, 3) points or (n, 4, 4) matrices, float64, world units.
-        index : array_like of int, optional
-            (n,) which of several meshes each instance shows.
-        max_error : float, optional
-            How far what is drawn may be from the mesh, in pixels.
+        poses : array_like, shape (n, 3) or (n, 4, 4), optional
+            Points or matrices, world units; the graph of a trimesh scene gives them otherwise.
         name : str, optional
-            What reports call it; something of the same name in the subplot is replaced.
-        scalars, colors : array_like, optional
-            (n,) values or (n, 3) or (n, 4) colours, one per instance.
-        cmap, clim, opacity, pickable, show_scalar_bar : optional
+            What the plotter and reports call it; what had the name before is replaced.
+        show_scalar_bar : bool, optional
+            As in :meth:`pyvista.Plotter.add_mesh`; by default as the theme has it.
+        scalar_bar_args : dict, optional
             As in :meth:`pyvista.Plotter.add_mesh`.
         reset_camera : bool, optional
             Whether the camera moves to show everything; default where it was never moved.
         render : bool, optional
             Draw at once.
-        cache : bool or path, optional
-            Whether, or where, atlases are kept on disk.
-        progress : bool, optional
-            Whether a long bake shows a progress bar; default on a terminal.
-        **mesh_kwargs
-            As in :meth:`pyvista.Plotter.add_mesh`, for the mesh itself.
+        **kwargs
+            See :class:`pvibr.Instances`: ``max_error``, ``index``, ``scalars``, ``colors``,
+            ``cmap``, ``clim``, ``opacity``, ``pickable``, and whatever ``add_mesh`` takes.
 
         Returns
         -------
@@ -160,32 +136,27 @@ class IBRComponent:
         ClosedError
             Where the plotter is closed.
         """
-        pipeline = self.pipeline
         from pvibr.actors.instances import Instances
 
-        instances = Instances(
-            mesh,
-            poses,
-            index=index,
-            max_error=max_error,
-            name=name,
-            scalars=scalars,
-            colors=colors,
-            cmap=cmap,
-            clim=clim,
-            opacity=opacity,
-            pickable=pickable,
-            show_scalar_bar=show_scalar_bar,
-            cache=cache,
-            progress=progress,
-            window=pipeline.window,
-            **mesh_kwargs,
-        )
+        pipeline = self.pipeline
+        kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
+        instances = Instances(mesh, poses, name=name, **kwargs)
         for old in [e for e in pipeline.effects if name is not None and e.name == name]:
             pipeline.remove(old)
         pipeline.add(instances)
+        self._add_scalar_bar(instances, show_scalar_bar, scalar_bar_args)
         self._show(reset_camera, render)
         return instances
+
+    def _add_scalar_bar(self, instances, wanted, options):
+        mapper = instances.scalar_mapper()
+        if mapper is None or not hasattr(self._plotter, 'add_scalar_bar'):
+            return
+        if wanted is None:
+            wanted = self._plotter.theme.show_scalar_bar
+        if wanted:
+            options = {'title': instances.scalar_title()} | (options or {})
+            self._plotter.add_scalar_bar(mapper=mapper, render=False, **options)
 
     def _show(self, reset_camera, render):
         renderer = self._plotter.renderer

@@ -118,6 +118,15 @@ class Effect:
             The frame about to be drawn.
         """
 
+    def finish(self, frame):
+        """Put back what only the drawing needed, such as bound textures; the frame is drawn.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame that `prepare` was given.
+        """
+
     def release(self):
         """Free what it holds on the GPU; the context is current. It may be used again."""
 

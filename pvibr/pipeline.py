@@ -205,6 +205,9 @@ class Pipeline:
             return
         if not turn.frame.picking:
             self._frames += 1
+        for entry in self._entries:
+            if entry.running:
+                turn.guard([entry], entry.effect.finish, turn.frame)
         self._stage.end(turn)
         turn.warn()
 
@@ -321,7 +324,7 @@ class _Stage:
             return
         annotations, self._annotations = self._annotations, None
         borrowed, self._borrowed = self._borrowed, False
-        if borrowed:
+        if borrowed and self._slot is not None:
             self._slot.give_back()
         annotations.show()
         origin, size = _pixels(self.renderer)
@@ -342,7 +345,8 @@ class _Stage:
         if old is None or (old.origin, old.size) != place or old.slot is not slot:
             if old is not None:
                 old.release()
-            self._picture = Picture(self.renderer.GetRenderWindow(), *place, slot)
+            origin, size = place
+            self._picture = Picture(self.renderer.GetRenderWindow(), origin, size, slot)
         return self._picture
 
     def release(self):

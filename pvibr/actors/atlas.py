@@ -10,6 +10,8 @@ import numpy as np
 
 from pvibr.maths import octahedral
 
+MARGIN = 1.02  # half side of a tile in radii: the silhouette never touches its border
+
 
 @dataclass
 class Atlas:

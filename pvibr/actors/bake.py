@@ -12,11 +12,10 @@ from contextlib import contextmanager
 import numpy as np
 
 from pvibr import _vtk
-from pvibr.actors.atlas import Atlas
+from pvibr.actors.atlas import MARGIN, Atlas
 from pvibr.gl import Quad, Target, shader_source, texture_limit
 from pvibr.maths import octahedral
 
-MARGIN = 1.02  # half side of a tile in radii: the silhouette never touches the tile's border
 # Lighting is computed by VTK and thrown away: what is kept is the colour before light, which
 # VTK then multiplies by the texture, and the normal after VTK's own flips for two-sided surfaces.
 _UNLIT = """//VTK::Light::Impl

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import dataclass
 
 import numpy as np
 
 from pvibr import _vtk
-from pvibr.gl import Texture, set_uniforms, shader_source
+from pvibr.actors.atlas import MARGIN
+from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 
 BLOCK = 64  # instances that are culled, sorted and chosen together
@@ -78,7 +80,7 @@ NEAR = Program('near', views=3, steps=2, depth=True)
 PROGRAMS = (FAR, MIDDLE, NEAR)
 
 
-def card_mesh(count, corners, bounds):
+def card_mesh(count, corners):
     """Return the polydata of unplaced cards: the shader places them by their vertex number.
 
     Parameters
@@ -87,17 +89,14 @@ def card_mesh(count, corners, bounds):
         Cards.
     corners : int
         3 or 4 vertices each.
-    bounds : sequence of 6 float
-        What the actor reports as its bounds; the vertices lie at two corners of it.
 
     Returns
     -------
     vtkPolyData
         Triangles.
     """
-    low, high = np.array(bounds, float).reshape(3, 2).T
-    points = np.empty((count * corners, 3))
-    points[0::2], points[1::2] = low, high
+    points = np.zeros((count * corners, 3), np.float32)
+    points[1::2] = 1.0
     triangle = np.array([0, 1, 2]) if corners == 3 else np.array([0, 1, 2, 0, 2, 3])
     cells = (np.arange(count)[:, None] * corners + triangle).astype(np.int32).ravel()
     mesh = _vtk.vtkPolyData()
@@ -161,78 +160,76 @@ class Cards:
 
     Parameters
     ----------
-    window : vtkOpenGLRenderWindow
-        Where they are drawn; its context exists.
     atlas : Atlas
         The pictures.
+    count : int
+        Instances.
     prop : vtkProperty
         Material: lighting, ambient, diffuse, specular, opacity, interpolation.
-    bounds : sequence of 6 float
-        World bounds of all instances.
     binder : Binder
         Shared by all cards of a renderer.
     """
 
-    def __init__(self, window, atlas, prop, bounds, binder):
-        self.window, self.atlas, self.binder = window, atlas, binder
-        self.textures = {
-            name: Texture(window, filter='linear').upload(picture)
-            for name, picture in zip(('ibr_geometry', 'ibr_albedo'), atlas.textures(), strict=True)
-        }
-        for name in ('ibr_poses', 'ibr_looks', 'ibr_lut'):
-            filter = 'linear' if name == 'ibr_lut' else 'nearest'
-            self.textures[name] = Texture(window, filter=filter)
-        self.textures['ibr_looks'].upload(np.zeros((1, 1, 4), np.uint8))
-        self.textures['ibr_lut'].upload(np.zeros((1, 2, 4), np.uint8))
+    def __init__(self, atlas, count, prop, binder):
+        self.atlas, self.binder, self.window = atlas, binder, None
+        self.textures: dict[str, Texture] = {}
         self.uniforms = {
+            'ibr_count': count,
             'ibr_views': atlas.views,
             'ibr_half': int(atlas.half),
             'ibr_tile': atlas.tile,
             'ibr_radius': atlas.radius,
-            'ibr_margin': 1.02,
+            'ibr_margin': MARGIN,
             'ibr_sharpness': 1.0,
             'ibr_has_looks': 0,
             'ibr_has_lut': 0,
             'ibr_multiply': 0,
             'ibr_nan_color': (0.5, 0.5, 0.5, 1.0),
-            'ibr_cut': 1 / 255,
         }
-        self.layers = {p.name: _Layer(self, p, prop, bounds) for p in PROGRAMS}
+        self.layers = {p.name: _Layer(self, p, prop, count) for p in PROGRAMS}
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for t in self.textures.values())
+        blocks = sum(layer.blocks.nbytes for layer in self.layers.values() if layer.blocks)
+        return sum(t.nbytes for t in self.textures.values()) + blocks
 
-    def actors(self):
-        """Return all actors, the far ones first: the order in which they must be drawn."""
-        return [a for layer in self.layers.values() for a in layer.actors]
+    @property
+    def failure(self) -> str | None:
+        """What went wrong with the shaders, or None."""
+        return next((layer.failure for layer in self.layers.values() if layer.failure), None)
 
-    def place(self, rows, texels):
-        """Put the poses on the GPU.
+    def upload(self, window, rows):
+        """Put pictures and poses on the GPU of a window whose context is current.
 
         Parameters
         ----------
+        window : vtkOpenGLRenderWindow
+            The window.
         rows : numpy.ndarray, shape (n, 4) or (n, 3, 4), float32
             Translation relative to the block's origin, or rows of rotation and translation.
-        texels : {1, 3}
-            Texels of an instance.
         """
-        self.textures['ibr_poses'].upload(pack(rows, _POSE_WIDTH, 4))
-        self.uniforms |= {'ibr_texels': texels, 'ibr_count': len(rows)}
-        for layer in self.layers.values():
-            layer.allot(len(rows))
+        self.window = window
+        names = ('ibr_geometry', 'ibr_albedo')
+        for name, picture in zip(names, self.atlas.textures(), strict=True):
+            self.textures[name] = Texture(window, filter='linear').upload(picture)
+        self.textures['ibr_poses'] = Texture(window).upload(pack(rows, _POSE_WIDTH, 4))
+        self.textures['ibr_looks'] = Texture(window).upload(np.zeros((1, 1, 4), np.uint8))
+        lut = Texture(window, filter='linear').upload(np.zeros((1, 2, 4), np.uint8))
+        self.textures['ibr_lut'] = lut
+        self.uniforms['ibr_texels'] = 1 if rows.ndim == 2 else 3
 
     def look(self, looks):
         """Put per-instance colours on the GPU.
 
         Parameters
         ----------
-        looks : numpy.ndarray, shape (n, 4), uint8
-            Red, green, blue; 0 hidden, 128 as baked, 255 coloured.
+        looks : numpy.ndarray, shape (n, 4), uint8, or None
+            Red, green, blue; 0 hidden, 128 as baked, 255 coloured. None is as baked.
         """
-        self.textures['ibr_looks'].upload(pack(looks, _ROW, 4))
-        self.uniforms['ibr_has_looks'] = 1
+        self.uniforms['ibr_has_looks'] = int(looks is not None)
+        if looks is not None and self.window is not None:
+            self.textures['ibr_looks'].upload(pack(looks, _ROW, 4))
 
     def view(self, frame):
         """Take over the camera of a frame."""
@@ -240,8 +237,8 @@ class Cards:
         self.uniforms |= {
             'ibr_parallel': int(frame.parallel),
             'ibr_pixel_scale': frame.pixel_scale,
-            'ibr_eye_from_world': view[:3, :3],
-            'ibr_clip_from_eye': clip,
+            'ibr_eye_from_world': uniform_matrix(view[:3, :3]),
+            'ibr_clip_from_eye': uniform_matrix(clip),
             'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
             'ibr_cut': 0.5 if frame.picking else 1 / 255,
         }
@@ -261,77 +258,89 @@ class Cards:
         """
         self.layers[name].show(blocks, sizes)
 
+    def hide(self):
+        """Draw nothing."""
+        for layer in self.layers.values():
+            layer.show(np.zeros((0, 4), np.float32), (0.0, 0.0, 1.0, 1.0))
+
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self.binder.unbind()
         for layer in self.layers.values():
-            layer.release()
+            layer.release(self.window)
         for texture in self.textures.values():
             texture.release()
+        self.textures, self.window = {}, None
 
 
 class _Layer:
     """The cards of one program: draws of at most a chunk of cards that share one mapper."""
 
-    def __init__(self, cards, program, prop, bounds):
-        self.cards, self.program, self.prop = cards, program, prop
+    def __init__(self, cards, program, prop, count):
+        self.cards, self.program = cards, program
         self.feature = program.feature()
-        self.blocks = Texture(cards.window)
+        self.blocks: Texture | None = None
         self.block_count = 0
         self.sizes = (0.0, 0.0, 1.0, 1.0)
-        self.actors: list = []
-        self.failed = None
-        self.bounds = bounds
-        self.chunk = _CHUNK
+        self.failure: str | None = None
+        self.checked = False
         self.mapper = _vtk.vtkPolyDataMapper()
         self.mapper.ScalarVisibilityOff()
-        self.mapper.AddObserver('UpdateShaderEvent', self._update())
-        self.checked = False
+        self.mapper.AddObserver('UpdateShaderEvent', self._updater())
+        slots = -(-count // BLOCK) * BLOCK
+        self.chunk = min(_CHUNK, slots)
+        self.mapper.SetInputData(card_mesh(self.chunk, program.corners))
+        self.actors = [self._actor(k, prop) for k in range(-(-slots // self.chunk))]
 
-    def allot(self, instances):
-        """Make as many draws as the number of instances can need."""
-        slots = -(-instances // BLOCK) * BLOCK
-        self.chunk = min(_CHUNK, max(slots, BLOCK))
-        mesh = card_mesh(self.chunk, self.program.corners, self.bounds)
-        self.mapper.SetInputData(mesh)
-        for k in range(-(-slots // self.chunk)):
-            actor = _vtk.vtkActor()
-            actor.SetMapper(self.mapper)
-            actor.SetProperty(self.prop)
-            actor.VisibilityOff()
-            self.feature.attach(actor)
-            uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-            uniforms.SetUniformi('ibr_first', k * self.chunk)
-            self.actors.append(actor)
+    def _actor(self, number, prop):
+        actor = _vtk.vtkActor()
+        actor.SetMapper(self.mapper)
+        actor.SetProperty(prop)
+        actor.VisibilityOff()
+        actor.PickableOff()
+        actor.UseBoundsOff()
+        self.feature.attach(actor)
+        uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+        uniforms.SetUniformi('ibr_first', number * self.chunk)
+        return actor
 
     def show(self, blocks, sizes):
         self.block_count, self.sizes = len(blocks), sizes
         if len(blocks):
+            self.blocks = self.blocks or Texture(self.cards.window)
             self.blocks.upload(pack(blocks, _ROW, 4))
         draws = -(-len(blocks) * BLOCK // self.chunk)
         for k, actor in enumerate(self.actors):
             if bool(actor.GetVisibility()) != (k < draws):
                 actor.SetVisibility(k < draws)
 
-    def _update(self):
+    def _updater(self):
+        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
+        layer = weakref.ref(self)
+
         @_vtk.calldata_type(_vtk.VTK_OBJECT)
         def update(_mapper, _event, program):
-            cards = self.cards
-            textures = {**cards.textures, 'ibr_blocks': self.blocks}
-            set_uniforms(program, cards.binder.bind(self, textures))
-            set_uniforms(program, cards.uniforms)
-            program.SetUniformi('ibr_block_count', self.block_count)
-            program.SetUniform4f('ibr_range', self.sizes)
-            if not self.checked:
-                self.checked = True
-                if not self.feature.landed(program):
-                    self.failed = f'shader text of {self.feature.name} did not land'
+            layer()._update(program)
 
         return update
 
-    def release(self):
-        self.mapper.RemoveAllObservers()
-        self.mapper.ReleaseGraphicsResources(self.cards.window)
-        for actor in self.actors:
-            actor.ReleaseGraphicsResources(self.cards.window)
-        self.blocks.release()
+    def _update(self, program):
+        cards = self.cards
+        textures = {**cards.textures, 'ibr_blocks': self.blocks}
+        set_uniforms(program, cards.binder.bind(self, textures))
+        set_uniforms(program, cards.uniforms)
+        program.SetUniformi('ibr_block_count', self.block_count)
+        program.SetUniform4f('ibr_range', self.sizes)
+        if not self.checked:
+            self.checked = True
+            if not self.feature.landed(program):
+                self.failure = f'the shader text {self.feature.name} did not land'
+
+    def release(self, window):
+        if window is not None:
+            self.mapper.ReleaseGraphicsResources(window)
+            for actor in self.actors:
+                actor.ReleaseGraphicsResources(window)
+        if self.blocks is not None:
+            self.blocks.release()
+            self.blocks = None

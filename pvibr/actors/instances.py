@@ -2,73 +2,544 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+import pyvista as pv
 
 from pvibr import _vtk
-from pvibr.actors.bake import bake
+from pvibr.actors import looks as look
 from pvibr.actors.cards import Binder
+from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import Kind
-from pvibr.actors.meshes import MeshLevel
+from pvibr.actors.levels import limits_of, make_model
 from pvibr.actors.parts import as_meshes
+from pvibr.actors.picking import nearest_hit
 from pvibr.actors.poses import as_poses
+from pvibr.effect import Effect
+from pvibr.params import Param
+
+_TABLE_OPTIONS = ('n_colors', 'nan_color', 'below_color', 'above_color', 'log_scale')
 
 
-@dataclass(frozen=True)
-class Limits:
-    """On-screen diameters, in pixels, at which levels change.
+class Instances(Effect):
+    """A mesh, or several, drawn at many poses: near as mesh, far as cards made from images.
 
-    Attributes
+    Parameters
     ----------
-    cards : tuple of (str, float, float)
-        Program, from, to.
-    mesh : float
-        From here on meshes are drawn.
-    meshes : tuple of float
-        For each mesh level the largest diameter at which it is good enough; the first is inf.
+    mesh : dataset, MultiBlock, actor, trimesh.Trimesh, trimesh.Scene, path, or a list of these
+        What is drawn. The graph of a trimesh scene gives the poses where none are given.
+    poses : array_like, shape (n, 3) or (n, 4, 4), optional
+        Points or matrices (world from model), world units.
+    index : array_like of int, shape (n,), optional
+        Which of several meshes each instance shows; by turns where it is not given.
+    max_error : float
+        How far, in pixels, an outline may be from the mesh's own.
+    name : str, optional
+        What the plotter and reports call it.
+    scalars : array_like, shape (n,), or str, optional
+        Values per instance, coloured by `cmap`; a name selects an array of the mesh, as in
+        ``add_mesh``.
+    colors : array_like, shape (n, 3), optional
+        Colours per instance, uint8 or float.
+    blend : {'replace', 'multiply'}
+        What colours of instances do with the mesh's own.
+    cmap, clim : optional
+        As in ``add_mesh``.
+    opacity : float or str
+        As in ``add_mesh``.
+    pickable : bool
+        Whether it can be picked.
+    cache : bool or path
+        Whether, or where, atlases are kept on disk.
+    progress : bool, optional
+        Whether a long bake shows a progress bar; by default where standard error is a terminal.
+    views : {'full', 'half'}
+        Whether it is seen from all sides or only from above its own horizon; half a sphere has
+        twice the density of views.
+    **mesh_kwargs
+        As in :meth:`pyvista.Plotter.add_mesh`, for the mesh itself.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where an argument is not allowed.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> cones = pl.ibr.add(pvibr.Instances(pv.Cone(), [[0, 0, 0], [2, 0, 0]], cache=False))
+    >>> cones.n_instances
+    2
+    >>> pl.close()
     """
 
-    cards: tuple
-    mesh: float
-    meshes: tuple
+    max_error = Param(
+        1.0, 'How far an outline may be from that of the mesh.', range='(0, inf)', unit='px'
+    )
+    visibility = Param(True, 'Whether it is drawn at all.')
 
+    def __init__(
+        self, mesh, poses=None, *, index=None, max_error=1.0, name=None, scalars=None,
+        colors=None, blend='replace', cmap=None, clim=None, opacity=1.0, pickable=True,
+        cache=True, progress=None, views='full', theme=None, **mesh_kwargs,
+    ):  # fmt: skip
+        super().__init__(max_error=max_error)
+        self.name = name
+        meshes, poses, index = _scene(mesh, poses, index)
+        poses = as_poses(poses)
+        index = _checked_index(index, len(poses), len(meshes))
+        self._blend = _checked_blend(blend)
+        options = {k: mesh_kwargs.pop(k) for k in _TABLE_OPTIONS if k in mesh_kwargs}
+        own = scalars is not None and not isinstance(scalars, str)
+        if own:
+            mesh_looks = {}
+            look.color_table(look.as_scalars(scalars, len(poses)), cmap, clim, **options)
+        else:
+            mesh_looks = {'scalars': scalars, 'cmap': cmap, 'clim': clim, **options}
+        mesh_looks |= {'opacity': opacity, **mesh_kwargs}
+        given = {k: v for k, v in mesh_looks.items() if v is not None}
+        if colors is not None:
+            look.as_colors(colors, len(poses))
+        parts = as_meshes(meshes, theme=theme, **given)
+        used = np.unique(index)
+        self._models = {
+            int(k): make_model(parts[k], half=_checked_views(views), cache=cache,
+                               progress=progress)
+            for k in used
+        }  # fmt: skip
+        self._binder = Binder()
+        self._anchor = _anchor()
+        self.pickable = pickable
+        self._scalars = self._colors = self._visible = self.table = None
+        self._table_options = {'cmap': cmap, 'clim': clim, **options}
+        self._set_poses(poses, index)
+        if own:
+            self.scalars = scalars
+        elif colors is not None:
+            self.colors = colors
 
-class Instances:
-    """First version."""
+    # -- what it is made of ------------------------------------------------------------------
 
-    def __init__(self, mesh, poses, *, index=None, max_error=1.0, **kw):
-        meshes = as_meshes(mesh if isinstance(mesh, (list, tuple)) else [mesh], **kw)
-        self.poses = as_poses(poses)
-        index = np.zeros(len(self.poses), int) if index is None else np.asarray(index)
-        self.max_error = max_error
-        self.binder = Binder()
-        self.kinds = []
-        for k, parts in enumerate(meshes):
+    @property
+    def n_instances(self) -> int:
+        """How many instances there are."""
+        return len(self._poses)
+
+    def __len__(self):
+        return len(self._poses)
+
+    @property
+    def poses(self) -> np.ndarray:
+        """Points (n, 3) or matrices (n, 4, 4), world units; setting them bakes nothing."""
+        return self._poses
+
+    @poses.setter
+    def poses(self, poses):
+        poses = as_poses(poses)
+        if len(poses) != len(self._poses):
+            msg = f'poses has {len(poses)} rows; it must keep its {len(self._poses)} instances'
+            raise ValueError(msg)
+        pipeline = self.pipeline
+        if pipeline is not None:
+            pipeline._make_current()
+        for kind in self._kinds:
+            kind.release()
+        self._take_out()
+        self._set_poses(poses, self._index)
+        self._recolor()
+        if pipeline is not None:
+            self._put_in(pipeline.renderer)
+
+    def _set_poses(self, poses, index):
+        self._poses, self._index = poses, index
+        self._kinds = []
+        for k, model in self._models.items():
             ids = np.flatnonzero(index == k)
             if len(ids):
-                self.kinds.append(Kind([MeshLevel(parts)], bake(parts), ids, self.poses))
-        self.renderer = None
-        self.limits = Limits((('far', 0, 8), ('middle', 8, 24), ('near', 24, 64)), 64, (np.inf,))
-        self.stamp = None
+                self._kinds.append(Kind(model.levels, model.atlas, ids, poses, self._binder))
+        self._uploaded = False
+        self._stamp = None
+        self._bounds = _union([k.bounds for k in self._kinds])
+        _set_bounds(self._anchor, self._bounds)
 
-    def attach(self, renderer):
-        self.renderer = renderer
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """World bounds: x, y and z, low and high; of an empty set (1, -1, 1, -1, 1, -1)."""
+        return tuple(float(v) for v in self._bounds)
+
+    @property
+    def center(self) -> tuple[float, ...]:
+        """Middle of the bounds, world units."""
+        return tuple(float(v) for v in self._bounds.reshape(3, 2).mean(1))
+
+    @property
+    def atlases(self) -> list:
+        """The atlas of each mesh that is used."""
+        return [model.atlas for model in self._models.values()]
+
+    @property
+    def actor(self):
+        """The prop that stands for all of them in the plotter's ``actors``."""
+        return self._anchor
+
+    # -- looks of single instances -----------------------------------------------------------
+
+    @property
+    def scalars(self):
+        """Values per instance, shape (n,), or None; setting them bakes nothing."""
+        return self._scalars
+
+    @scalars.setter
+    def scalars(self, scalars):
+        if scalars is None:
+            self._scalars = self._colors = self.table = None
+        else:
+            values = look.as_scalars(scalars, len(self))
+            if self.table is None:
+                self.table = look.color_table(values, **self._table_options)
+            self._scalars = values
+            self._colors = look.map_scalars(self.table, values)
+        self._recolor()
+
+    def map(self, cmap=None, clim=None, **options):
+        """Colour the scalars by another map or range; nothing is baked.
+
+        Parameters
+        ----------
+        cmap, clim : optional
+            As in ``add_mesh``; what is None stays.
+        **options
+            ``n_colors``, ``nan_color``, ``below_color``, ``above_color``, ``log_scale``.
+        """
+        if self._scalars is None:
+            msg = 'there are no scalars to map: set scalars first'
+            raise ValueError(msg)
+        changed = {k: v for k, v in {'cmap': cmap, 'clim': clim}.items() if v is not None}
+        merged = self._table_options | changed | options
+        self.table = look.color_table(self._scalars, **merged)
+        self._table_options = merged
+        self._colors = look.map_scalars(self.table, self._scalars)
+        self._recolor()
+
+    @property
+    def colors(self):
+        """Colours per instance, shape (n, 3) uint8, or None for those of the mesh."""
+        return self._colors
+
+    @colors.setter
+    def colors(self, colors):
+        new = None if colors is None else look.as_colors(colors, len(self))
+        self._scalars = self.table = None
+        self._colors = new
+        self._recolor()
+
+    @property
+    def visible(self):
+        """Which instances are drawn, shape (n,) bool."""
+        return np.ones(len(self), bool) if self._visible is None else self._visible
+
+    @visible.setter
+    def visible(self, visible):
+        mask = np.broadcast_to(np.asarray(visible), (len(self),))
+        if mask.dtype != bool:
+            msg = f'visible has dtype {mask.dtype}; it must be bool, one or ({len(self)},)'
+            raise ValueError(msg)
+        self._visible = None if mask.all() else mask.copy()
+        self._recolor()
+
+    def update(self, ids, *, scalars=None, colors=None, visible=None):
+        """Change some instances; nothing is baked.
+
+        Parameters
+        ----------
+        ids : array_like of int
+            Which instances.
+        scalars, colors, visible : optional
+            Their new values.
+
+        Raises
+        ------
+        IndexError
+            Where an instance does not exist.
+        ValueError
+            Where values do not fit.
+        """
+        ids = np.asarray(ids)
+        new_scalars, new_colors, new_visible = self._scalars, self._colors, None
+        if scalars is not None:
+            new_scalars = np.full(len(self), np.nan) if new_scalars is None else new_scalars.copy()
+            new_scalars[ids] = scalars
+        if colors is not None:
+            rows = np.atleast_2d(np.asarray(colors))
+            new_colors = self._base_colors()
+            new_colors[ids] = look.as_colors(rows, len(rows))
+        if visible is not None:
+            new_visible = self.visible.copy()
+            new_visible[ids] = visible
+        if scalars is not None:
+            self.scalars = new_scalars
+        if colors is not None:
+            self.colors = new_colors
+        if new_visible is not None:
+            self.visible = new_visible
+
+    def _base_colors(self):
+        if self._colors is not None:
+            return self._colors.copy()
+        prop = self._kinds[0].levels[0].parts[0].actor.GetProperty()
+        return np.tile(np.rint(np.array(prop.GetColor()) * 255).astype(np.uint8), (len(self), 1))
+
+    def _recolor(self):
+        merged = look.merge(len(self), self._colors, self._visible)
+        if self.pipeline is not None:
+            self.pipeline._make_current()
+        for kind in self._kinds:
+            kind.set_looks(merged, self._blend == 'multiply')
+        self._stamp = None
+
+    def scalar_mapper(self):
+        """Return a mapper with the table of the scalars shown, for a scalar bar; else None."""
+        if self.table is not None:
+            mapper = pv.DataSetMapper()
+            mapper.lookup_table = self.table
+            mapper.scalar_range = self.table.scalar_range
+            return mapper
+        shown = [p.actor.mapper for p in self._parts() if p.actor.mapper.GetScalarVisibility()]
+        tables = [m for m in shown if m.GetColorMode() != 2]
+        return tables[0] if tables else None
+
+    def scalar_title(self) -> str:
+        """Return what a scalar bar calls the scalars."""
+        if self.table is not None:
+            return self._name or 'scalars'
+        return self.scalar_mapper().GetArrayName() or ''
+
+    def _parts(self):
+        return [p for model in self._models.values() for p in model.levels[0].parts]
+
+    # -- the life of an effect ---------------------------------------------------------------
+
+    @property
+    def props(self) -> tuple:
+        """The prop that stands for it in the scene."""
+        return (self._anchor,)
+
+    def attach(self, pipeline):
+        """Put its props into the scene."""
+        super().attach(pipeline)
+        renderer = pipeline.renderer
+        if hasattr(renderer, 'add_actor'):
+            name = self._name or f'Instances({self._anchor.GetAddressAsString("")})'
+            renderer.add_actor(
+                self._anchor, name=name, reset_camera=False, render=False, pickable=False
+            )
+        else:
+            renderer.AddViewProp(self._anchor)
+        self._put_in(renderer)
+
+    def _put_in(self, renderer):
+        # All far cards first, then all nearer ones: their soft edges blend with what is behind.
+        layers = zip(*(k.cards.layers.values() for k in self._kinds), strict=True)
+        self._card_actors = [a for row in layers for layer in row for a in layer.actors]
+        for actor in self._card_actors + [a for k in self._kinds for a in k.mesh_actors()]:
+            renderer.AddViewProp(actor)
+
+    def _take_out(self):
+        if self.pipeline is not None:
+            renderer = self.pipeline.renderer
+            for kind in self._kinds:
+                kind.hide()
+            for actor in self._card_actors + [a for k in self._kinds for a in k.mesh_actors()]:
+                renderer.RemoveViewProp(actor)
+
+    def detach(self):
+        """Take its props out of the scene."""
+        self._take_out()
+        renderer = self.pipeline.renderer
+        if renderer.HasViewProp(self._anchor):
+            if hasattr(renderer, 'remove_actor'):
+                renderer.remove_actor(self._anchor, reset_camera=False, render=False)
+            else:
+                renderer.RemoveViewProp(self._anchor)
+        super().detach()
+
+    def remove(self):
+        """Take it out of its plotter and free what it holds on the GPU; it may be added again."""
+        if self.pipeline is not None:
+            self.pipeline.remove(self)
+
+    #: Frames that are drawn to pick need the cards too.
+    picks = True
+
+    def needed(self, frame) -> bool | str:
+        """Tell whether there is anything to draw."""
+        if not self.visibility or not self._anchor.GetVisibility():
+            self._hide()
+            return 'not visible'
+        return bool(self._kinds) or 'no instances'
+
+    def _hide(self):
+        if self._stamp is not None:
+            for kind in self._kinds:
+                kind.hide()
+            self._stamp = None
 
     def prepare(self, frame):
-        stamp = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size)
-        if stamp == self.stamp:
+        """Choose what is drawn, where camera, size or settings changed."""
+        if not self._uploaded:
+            for kind in self._kinds:
+                kind.upload(frame.window)
+            self._uploaded = True
+        self._keep_last(frame.renderer)
+        camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
+        stamp = (*camera, frame.size, self._revision, frame.picking)
+        if stamp == self._stamp:
             return
-        self.stamp = stamp
-        b = np.array([k.bounds for k in self.kinds])
-        bounds = np.empty(6)
-        bounds[::2], bounds[1::2] = b[:, ::2].min(0), b[:, 1::2].max(0)
-        for kind in self.kinds:
-            if kind.cards is None:
-                prop = _vtk.vtkProperty()
-                prop.DeepCopy(kind.levels[0].parts[0].actor.GetProperty())
-                kind.upload(frame.window, self.binder, prop, bounds)
-                for a in kind.actors():
-                    self.renderer.AddViewProp(a)
-            for a in kind.select(frame, self.limits):
-                self.renderer.AddViewProp(a)
+        self._stamp = stamp
+        limits = [limits_of(model, self.max_error) for model in self._models.values()]
+        for kind, limit in zip(self._kinds, limits, strict=False):
+            for actor in kind.select(frame, limit):
+                actor.SetPickable(bool(self.pickable))
+                frame.renderer.AddViewProp(actor)
+        for kind in self._kinds:
+            if kind.cards.failure:
+                raise RuntimeError(kind.cards.failure)
+
+    def _keep_last(self, renderer):
+        """Draw cards after all other opaque props: their soft edges blend with what is there."""
+        props = renderer.GetViewProps()
+        known = len(self._card_actors) + sum(len(k.mesh_actors()) for k in self._kinds)
+        count = props.GetNumberOfItems()
+        if count == getattr(self, '_prop_count', None) or not known:
+            return
+        for actor in self._card_actors:
+            renderer.RemoveViewProp(actor)
+            renderer.AddViewProp(actor)
+        self._prop_count = count
+
+    def finish(self, frame):
+        """Give the texture units back."""
+        self._binder.unbind()
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        for kind in self._kinds:
+            kind.release()
+        self._uploaded, self._stamp = False, None
+
+    def report(self) -> dict:
+        """Return bytes, what was drawn, and the error tables of the atlases."""
+        counts: dict = {}
+        for kind in self._kinds:
+            for key, value in kind.counts.items():
+                counts[key] = counts.get(key, 0) + value
+        out = {'bytes': sum(k.cards.nbytes for k in self._kinds), 'instances': len(self), **counts}
+        for k, model in self._models.items():
+            out[f'atlas {k}'] = model.describe(self.max_error)
+        return out
+
+    def pick(self, x, y):
+        """Return the nearest instance under a pixel.
+
+        Parameters
+        ----------
+        x, y : float
+            Pixels from the lower left corner of the window.
+
+        Returns
+        -------
+        pvibr.actors.picking.Hit or None
+            ``index`` of the instance and ``point`` on its mesh, world units.
+        """
+        if not self.pickable or self.pipeline is None or not self.visibility:
+            return None
+        return nearest_hit(self._kinds, self.pipeline.renderer, x, y, self.visible)
+
+    def instance_of(self, actor):
+        """Return the index of the instance that a picked actor shows, or None.
+
+        Parameters
+        ----------
+        actor : vtkActor
+            What PyVista's mesh picking returned.
+        """
+        return next((i for k in self._kinds if (i := k.instance_of(actor)) is not None), None)
+
+
+def _scene(mesh, poses, index):
+    """Return a list of meshes, poses and index; a scene's graph gives what is not given."""
+    if poses is None:
+        if is_trimesh(mesh, 'Scene') or isinstance(mesh, str):
+            return scene_graph(mesh)
+        msg = 'poses is missing: give (n, 3) points or (n, 4, 4) matrices'
+        raise TypeError(msg)
+    return (list(mesh) if isinstance(mesh, (list, tuple)) else [mesh]), poses, index
+
+
+def scene_graph(scene):
+    """Return meshes, poses and index of a trimesh scene or of a file that trimesh reads."""
+    meshes, index, matrices = scene_instances(scene)
+    return meshes, matrices, index
+
+
+def _checked_index(index, n, meshes):
+    if index is None:
+        return np.arange(n) % meshes if meshes > 1 else np.zeros(n, int)
+    index = np.asarray(index)
+    if index.shape != (n,) or index.dtype.kind not in 'iu':
+        msg = f'index has shape {index.shape}, dtype {index.dtype}; it must be ({n},) integers'
+        raise ValueError(msg)
+    wrong = np.flatnonzero((index < 0) | (index >= meshes))
+    if len(wrong):
+        i = wrong[0]
+        msg = f'index[{i}] is {index[i]}; there are {meshes} meshes: it must be 0 to {meshes - 1}'
+        raise ValueError(msg)
+    return index
+
+
+def _checked_blend(blend):
+    if blend not in ('replace', 'multiply'):
+        msg = f"blend is {blend!r}; it must be 'replace' or 'multiply'"
+        raise ValueError(msg)
+    return blend
+
+
+def _checked_views(views):
+    if views not in ('full', 'half'):
+        msg = f"views is {views!r}; it must be 'full' or 'half'"
+        raise ValueError(msg)
+    return views == 'half'
+
+
+def _anchor():
+    """Return an actor that draws nothing and reports the bounds of all instances."""
+    actor = _vtk.vtkActor()
+    mapper = _vtk.vtkPolyDataMapper()
+    mapper.SetInputData(_vtk.vtkPolyData())
+    actor.SetMapper(mapper)
+    actor.PickableOff()
+    return actor
+
+
+def _set_bounds(actor, bounds):
+    points = _vtk.vtkPoints()
+    points.SetDataTypeToDouble()
+    if bounds[0] <= bounds[1]:
+        points.InsertNextPoint(*bounds[::2])
+        points.InsertNextPoint(*bounds[1::2])
+    mesh = _vtk.vtkPolyData()
+    mesh.SetPoints(points)
+    if points.GetNumberOfPoints():
+        # VTK takes the bounds of cells: a triangle without area covers no pixel.
+        cells = _vtk.vtkCellArray()
+        cells.InsertNextCell(3, (0, 1, 1))
+        mesh.SetPolys(cells)
+    actor.GetMapper().SetInputData(mesh)
+
+
+def _union(bounds):
+    if not bounds:
+        return np.array([1.0, -1.0] * 3)
+    b = np.array(bounds)
+    return np.stack([b[:, ::2].min(0), b[:, 1::2].max(0)], 1).ravel()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr import _vtk
 from pvibr.actors.cards import BLOCK, Cards
 from pvibr.actors.meshes import MeshPool
 from pvibr.maths.blocks import Blocks, morton_order
@@ -25,9 +26,11 @@ class Kind:
         Which of the scene's instances these are.
     poses : numpy.ndarray, shape (m, 3) or (m, 4, 4), float64
         All poses of the scene; those of ``ids`` are read.
+    binder : Binder
+        Shared by all kinds of a scene.
     """
 
-    def __init__(self, levels, atlas, ids, poses):
+    def __init__(self, levels, atlas, ids, poses, binder):
         self.levels, self.atlas, self.poses = levels, atlas, poses
         centers, radii = self._spheres(ids)
         order = morton_order(centers)
@@ -35,7 +38,7 @@ class Kind:
         self.radii = radii[order].astype(np.float32)
         self.blocks = Blocks.of(centers[order], radii[order], BLOCK)
         self.pools = [MeshPool(level) for level in levels]
-        self.cards: Cards | None = None
+        self.cards = Cards(atlas, len(ids), _card_property(levels[0].parts), binder)
         self.looks: np.ndarray | None = None
         self.near: dict[int, int] = {}
         self.counts: dict[str, int] = {}
@@ -72,12 +75,10 @@ class Kind:
         low, high = (self.blocks.centers - reach).min(0), (self.blocks.centers + reach).max(0)
         return np.stack([low, high], 1).ravel()
 
-    def upload(self, window, binder, prop, bounds):
-        """Put atlas and poses on the GPU of a window."""
-        self.cards = Cards(window, self.atlas, prop, bounds, binder)
-        self.cards.place(*self._rows())
-        if self.looks is not None:
-            self.cards.look(self.looks)
+    def upload(self, window):
+        """Put atlas and poses on the GPU of a window whose context is current."""
+        self.cards.upload(window, self._rows())
+        self.cards.look(self.looks)
 
     def _rows(self):
         """Return the poses for the GPU: float32, relative to the block's origin."""
@@ -86,18 +87,19 @@ class Kind:
         if self.poses.ndim == 2:
             rows = np.zeros((len(local), 4), np.float32)
             rows[:, :3] = local
-            return rows, 1
+            return rows
         rows = np.empty((len(local), 3, 4), np.float32)
         rows[:, :, :3] = self.poses[self.ids, :3, :3]
         rows[:, :, 3] = local
-        return rows, 3
+        return rows
 
-    def set_looks(self, looks):
+    def set_looks(self, looks, multiply=False):
         """Take over changed looks, shape (n, 4) uint8 in the scene's order; None is plain."""
         self.looks = None if looks is None else np.ascontiguousarray(looks[self.ids])
-        if self.cards is not None and self.looks is not None:
-            self.cards.look(self.looks)
+        self.cards.uniforms['ibr_multiply'] = int(multiply)
+        self.cards.look(self.looks)
         for pool in self.pools:
+            pool.multiply = multiply
             pool.recolor(self._look)
 
     def _look(self, slot):
@@ -170,13 +172,44 @@ class Kind:
             out[slot] = level
         return out
 
-    def actors(self):
-        """Return every actor that this kind draws with."""
-        cards = self.cards.actors() if self.cards is not None else []
-        return cards + [a for pool in self.pools for a in pool.actors()]
+    def instance_of(self, actor):
+        """Return the scene's instance that an actor of the near meshes shows, or None."""
+        for pool in self.pools:
+            slot = pool.instance_of(actor)
+            if slot is not None:
+                return int(self.ids[slot])
+        return None
+
+    def mesh_actors(self):
+        """Return the actors of the near meshes."""
+        return [a for pool in self.pools for a in pool.actors()]
+
+    def hide(self):
+        """Draw nothing of it."""
+        self.cards.hide()
+        self.near = {}
+        for pool in self.pools:
+            pool.show((), self.matrix, self._look)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        if self.cards is not None:
-            self.cards.release()
-            self.cards = None
+        window = self.cards.window
+        self.cards.release()
+        if window is not None:
+            for actor in self.mesh_actors():
+                actor.ReleaseGraphicsResources(window)
+            for level in self.levels:
+                for part in level.parts:
+                    part.actor.ReleaseGraphicsResources(window)
+
+
+def _card_property(parts):
+    """Return the material of the largest part, as cards need it."""
+    largest = max(parts, key=lambda p: p.mesh.n_cells)
+    prop = _vtk.vtkProperty()
+    prop.DeepCopy(largest.actor.GetProperty())
+    prop.SetRepresentationToSurface()
+    prop.EdgeVisibilityOff()
+    prop.BackfaceCullingOff()
+    prop.FrontfaceCullingOff()
+    return prop

@@ -1,7 +1,15 @@
 """The only code that touches VTK's OpenGL classes."""
 
-from pvibr.gl.quad import Quad, set_uniforms, shader_source
+from pvibr.gl.quad import Quad, set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture, texture_limit
 
-__all__ = ['Quad', 'Target', 'Texture', 'set_uniforms', 'shader_source', 'texture_limit']
+__all__ = [
+    'Quad',
+    'Target',
+    'Texture',
+    'set_uniforms',
+    'shader_source',
+    'texture_limit',
+    'uniform_matrix',
+]

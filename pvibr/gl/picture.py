@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from typing import Any
 
 from pvibr import _vtk
 from pvibr.gl.target import Target
@@ -38,27 +39,24 @@ class Picture:
     def __init__(self, window, origin, size, slot=None):
         self.window, self.origin, self.size, self.slot = window, origin, size, slot
         self._format = 'rgba16f' if slot is None else 'rgba32f'
-        self._source = None if slot else _source(window, size)
+        self._source: Any = _source(window, size) if slot is None else slot
         self._targets: list[Target] = []
         self._drawn: Target | None = None
 
     @property
     def color(self) -> Texture:
         """The picture so far."""
-        if self._drawn is not None:
-            return self._drawn.colors[0]
-        return self.slot.color if self.slot else self._source.colors[0]
+        return (self._source if self._drawn is None else self._drawn).colors[0]
 
     @property
     def depth(self) -> Texture:
         """Depth of the scene."""
-        return self.slot.depth if self.slot else self._source.depth
+        return self._source.depth
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        made = [*self._targets, self.slot or self._source]
-        return sum(t.nbytes for t in made)
+        return sum(t.nbytes for t in [*self._targets, self._source])
 
     def take(self):
         """Take colours and depth off the window; several samples become one."""
@@ -75,7 +73,7 @@ class Picture:
         """Draw the new picture; it becomes `color` afterwards, unless an error ends it."""
         free = [t for t in self._targets if t is not self._drawn]
         if not free:
-            free = [Target(self.window, *self.size, (self._format,))]
+            free = [Target(self.window, self.size[0], self.size[1], (self._format,))]
             self._targets += free
         with free[0].drawing():
             yield self
@@ -107,14 +105,16 @@ class Picture:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for target in [*self._targets, *([self._source] if self._source else [])]:
+        for target in self._targets:
             target.release()
+        if self.slot is None:
+            self._source.release()
         self._targets, self._drawn = [], None
 
 
 def _source(window, size):
     """Return a target of the window's own formats."""
-    source = Target(window, *size, ('rgba8',))
+    source = Target(window, size[0], size[1], ('rgba8',))
     depth = Texture(window)
     theirs = window.GetRenderFramebuffer().GetDepthAttachmentAsTextureObject()
     internal = theirs.GetInternalFormat(theirs.GetVTKDataType(), 1, False)

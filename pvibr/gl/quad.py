@@ -50,22 +50,36 @@ def set_uniforms(program, uniforms):
     program : vtkShaderProgram
         The program, ready.
     uniforms : dict
-        Name to int, float, a sequence of 2 to 4 floats, or a (3, 3) or (4, 4) matrix
-        (row-major, column vectors).
+        Name to int, float, a sequence of 2 to 4 floats, or what :func:`uniform_matrix` gives.
     """
     for name, value in uniforms.items():
-        if isinstance(value, (bool, int, np.integer)):
+        if isinstance(value, (int, np.integer)):
             program.SetUniformi(name, int(value))
-        elif np.ndim(value) == 0:
+        elif isinstance(value, (float, np.floating)):
             program.SetUniformf(name, float(value))
-        elif np.ndim(value) == 1:
+        elif hasattr(value, 'GetElement'):
+            program.SetUniformMatrix(name, value)
+        else:
             setter = {2: program.SetUniform2f, 3: program.SetUniform3f, 4: program.SetUniform4f}
             setter[len(value)](name, [float(v) for v in value])
-        else:
-            # VTK hands its rows to GL as columns, so it gets the transpose.
-            matrix = _vtk.vtkMatrix3x3() if len(value) == 3 else _vtk.vtkMatrix4x4()
-            matrix.DeepCopy(np.asarray(value, float).T.ravel().tolist())
-            program.SetUniformMatrix(name, matrix)
+
+
+def uniform_matrix(rows):
+    """Return a matrix as :func:`set_uniforms` takes it.
+
+    Parameters
+    ----------
+    rows : array_like, shape (3, 3) or (4, 4)
+        For column vectors: ``matrix * v`` in GLSL.
+
+    Returns
+    -------
+    vtkMatrix3x3 or vtkMatrix4x4
+        Transposed, since VTK hands its rows to GL as columns.
+    """
+    matrix = _vtk.vtkMatrix3x3() if len(rows) == 3 else _vtk.vtkMatrix4x4()
+    matrix.DeepCopy(np.asarray(rows, float).T.ravel().tolist())
+    return matrix
 
 
 class Quad:

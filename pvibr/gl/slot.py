@@ -24,13 +24,13 @@ class Slot:
         self.framebuffer.SetColorFormat(_vtk.vtkTextureObject.Float32)
         # The window's own: order-independent translucency copies depth, which wants one format.
         self.framebuffer.SetDepthFormat(_vtk.vtkTextureObject.Fixed32)
-        self.color, self.depth = Texture(window), Texture(window)
+        self.colors, self.depth = [Texture(window)], Texture(window)
         self._renderer = self._found = self._plain = self._way = None
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        width, height = self.color.size
+        width, height = self.colors[0].size
         return width * height * (16 + 4)
 
     def borrow(self, renderer):
@@ -66,7 +66,7 @@ class Slot:
             renderer.SetPass(self._found)
         self._found = None
         self.framebuffer.SetDelegatePass(None)
-        self.color.object = self.framebuffer.GetColorTexture()
+        self.colors[0].object = self.framebuffer.GetColorTexture()
         self.depth.object = self.framebuffer.GetDepthTexture()
 
     def release(self):
