@@ -190,8 +190,6 @@ class Pipeline:
         self._drop_removed()
         frame = Frame.of(self.renderer, index=self._frames, time=self.time)
         self._turn = turn = _Turn(frame)
-        if 0 in frame.size:
-            return
         for entry in self._entries:
             entry.begin(turn)
         images = [e for e in self._entries if e.running and e.draws]
@@ -234,7 +232,7 @@ class _Entry:
         """Ask whether the frame needs the effect, and prepare it."""
         effect, row = self.effect, self.row
         self.running = False
-        if turn.frame.picking and not effect.picks:
+        if 0 in turn.frame.size or (turn.frame.picking and not effect.picks):
             return
         row.ms = 0.0
         if not effect.enabled:

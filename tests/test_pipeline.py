@@ -87,6 +87,9 @@ class Broken(Effect):
     def prepare(self, frame):
         self._fail('prepare')
 
+    def finish(self, frame):
+        self._fail('finish')
+
     def render(self, frame, picture):
         self._fail('render')
 
@@ -451,10 +454,40 @@ def test_things_may_prepare_for_picking(pl):
     assert set(thing.seen) == {True}
 
 
+def test_finish_follows_every_prepare(pl):
+    class Thing(Effect):
+        picks = True
+        calls = ''
+
+        def needed(self, frame):
+            return self.enough or 'enough'
+
+        def prepare(self, frame):
+            self.calls += 'p'
+
+        def finish(self, frame):
+            self.calls += 'f'
+
+    show(pl)
+    thing = Thing()
+    thing.enough = True
+    pl.ibr.add(thing)
+    grab(pl)
+    grab(pl)
+    selector = _vtk.vtkHardwareSelector()
+    selector.SetRenderer(pl.renderer)
+    selector.SetArea(5, 5, 5, 5)
+    selector.Select()
+    thing.enough = False
+    grab(pl)
+    assert thing.calls == 'pf' * (len(thing.calls) // 2)
+    assert len(thing.calls) >= 6
+
+
 # ---------------------------------------------------------------- failure
 
 
-@pytest.mark.parametrize('hook', ['needed', 'prepare', 'render'])
+@pytest.mark.parametrize('hook', ['needed', 'prepare', 'finish', 'render'])
 def test_errors_end_in_one_warning_and_the_plain_picture(pl, hook):
     before = show(pl)
     broken = pl.ibr.add(Broken())
