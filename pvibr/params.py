@@ -214,12 +214,12 @@ def _is_number(value, kind) -> bool:
     return isinstance(value, _KINDS[kind])
 
 
-def params_of(cls) -> dict[str, Param]:
+def params_of(owner) -> dict[str, Param]:
     """Return the settings of a class by name, those of its bases first.
 
     Parameters
     ----------
-    cls : type
+    owner : type
         A class with :class:`Param` attributes.
 
     Returns
@@ -235,6 +235,6 @@ def params_of(cls) -> dict[str, Param]:
     ['power']
     """
     found = {}
-    for base in reversed(cls.__mro__):
+    for base in reversed(owner.__mro__):
         found.update({n: p for n, p in vars(base).items() if isinstance(p, Param)})
     return found
