@@ -1,0 +1,166 @@
+"""How far a picture is from a reference: colour, coverage, outline."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+_CROSS = ndimage.generate_binary_structure(2, 1)
+
+
+def box_reduce(image, factor):
+    """Average an image over squares of pixels.
+
+    Parameters
+    ----------
+    image : numpy.ndarray, shape (h, w) or (h, w, c)
+        h and w are multiples of `factor`.
+    factor : int
+        Side of the squares.
+
+    Returns
+    -------
+    numpy.ndarray, shape (h / factor, w / factor[, c]), float64
+        The means.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.image_error import box_reduce
+    >>> box_reduce(np.arange(4.0).reshape(2, 2), 2).tolist()
+    [[1.5]]
+    """
+    image = np.asarray(image)
+    h, w = image.shape[0] // factor, image.shape[1] // factor
+    blocks = image.reshape(h, factor, w, factor, *image.shape[2:])
+    return blocks.mean((1, 3), dtype=np.float64)
+
+
+def outline(coverage):
+    """Return the pixels of a silhouette: covered by half or more, beside one that is not.
+
+    Parameters
+    ----------
+    coverage : numpy.ndarray, shape (h, w)
+        0 to 1.
+
+    Returns
+    -------
+    numpy.ndarray, shape (h, w), bool
+        Pixels at the image's border count as beside the outside.
+    """
+    inside = np.asarray(coverage) >= 0.5
+    return inside & ~ndimage.binary_erosion(inside, _CROSS)
+
+
+def crossed(coverage):
+    """Return the pixels that a silhouette passes through.
+
+    Parameters
+    ----------
+    coverage : numpy.ndarray, shape (h, w)
+        0 to 1, of many samples a pixel.
+
+    Returns
+    -------
+    numpy.ndarray, shape (h, w), bool
+        Pixels that are partly covered, and those of :func:`outline`.
+    """
+    coverage = np.asarray(coverage)
+    return ((coverage > 0.05) & (coverage < 0.95)) | outline(coverage)
+
+
+def displacements(coverage, reference):
+    """Return how far the silhouettes of two pictures are apart, both ways.
+
+    The distance of each outline pixel of one picture to the nearest pixel that the other's
+    silhouette passes through: a hard edge drawn right scores 0, wherever in its pixels it runs.
+
+    Parameters
+    ----------
+    coverage, reference : numpy.ndarray, shape (h, w)
+        Coverage, 0 to 1.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,)
+        Pixels; empty where neither has an outline, the image's diagonal where only one has.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.image_error import displacements
+    >>> a = np.zeros((9, 9)); a[2:7, 2:7] = 1
+    >>> float(displacements(a, np.roll(a, 2, 0)).max())
+    2.0
+    """
+    return np.concatenate([_one_way(coverage, reference), _one_way(reference, coverage)])
+
+
+def _one_way(drawn, other):
+    edge = outline(drawn)
+    target = crossed(other)
+    if not edge.any():
+        return np.zeros(0)
+    if not target.any():
+        return np.full(int(edge.sum()), float(np.hypot(*edge.shape)))
+    return ndimage.distance_transform_edt(~target)[edge]
+
+
+def silhouette_iou(coverage, reference) -> float:
+    """Return the overlap of two silhouettes: covered in both over covered in either.
+
+    Parameters
+    ----------
+    coverage, reference : numpy.ndarray, shape (h, w)
+        Coverage, 0 to 1.
+
+    Returns
+    -------
+    float
+        1 for the same; partly covered pixels count by their part.
+    """
+    low, high = np.minimum(coverage, reference).sum(), np.maximum(coverage, reference).sum()
+    return float(low / high) if high > 0 else 1.0
+
+
+def psnr(image, reference) -> float:
+    """Return the peak signal-to-noise ratio of images with values from 0 to 1, in decibels.
+
+    Parameters
+    ----------
+    image, reference : numpy.ndarray
+        Same shape.
+
+    Returns
+    -------
+    float
+        Infinity for equal images.
+    """
+    mse = float(np.mean((np.asarray(image, float) - reference) ** 2))
+    return float('inf') if mse == 0 else -10 * float(np.log10(mse))
+
+
+def flip(image, reference):
+    """Return the FLIP difference map of two pictures.
+
+    Parameters
+    ----------
+    image, reference : numpy.ndarray, shape (h, w, 3)
+        Display-ready sRGB, 0 to 1.
+
+    Returns
+    -------
+    numpy.ndarray, shape (h, w)
+        0 for the same to 1; the mean of it is "the" FLIP.
+
+    Notes
+    -----
+    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020, by its
+    authors' own package, at its standard 67 pixels a degree.
+    """
+    import flip_evaluator
+
+    pair = [np.ascontiguousarray(a, np.float32) for a in (reference, image)]
+    error, _, _ = flip_evaluator.evaluate(*pair, 'LDR', applyMagma=False, computeMeanError=False)
+    return np.asarray(error).reshape(image.shape[0], image.shape[1])
