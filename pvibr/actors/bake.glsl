@@ -3,10 +3,11 @@
 // that every further average, mip levels and bilinear taps included, stays right; depth is
 // averaged over the covered samples only. Porter and Duff, "Compositing Digital Images", 1984.
 // Inputs: surface (albedo rgb, coverage), shape (object-space normal * 0.5 + 0.5, depth 0 to 1).
+// Defines: SCALE, samples along a side of a texel.
 // Outputs: geometry (depth, coverage, nx, ny), albedo (r, g, b, nz); normals * 0.5 + 0.5.
 uniform sampler2D surface;
 uniform sampler2D shape;
-uniform int scale;
+const int scale = SCALE;
 void main()
 {
   ivec2 corner = ivec2(uv * vec2(textureSize(surface, 0))) / scale * scale;

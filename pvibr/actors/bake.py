@@ -7,13 +7,14 @@ drawn unlit, four samples or more a texel, with normal, depth and coverage.
 from __future__ import annotations
 
 import time
-from contextlib import contextmanager
 
 import numpy as np
 
 from pvibr import _vtk
 from pvibr.actors.atlas import MARGIN, Atlas
+from pvibr.actors.parts import as_parts
 from pvibr.gl import Quad, Target, shader_source, texture_limit
+from pvibr.gl.offscreen import hidden_window
 from pvibr.maths import octahedral
 
 # Lighting is computed by VTK and thrown away: what is kept is the colour before light, which
@@ -30,32 +31,40 @@ _OUTPUT = """
 """
 
 
-@contextmanager
-def hidden_window(width=64, height=64):
-    """Yield a small off-screen window with a live context, finalized afterwards.
+def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **looks) -> Atlas:
+    """Return a mesh as images from all around, with the error of drawing them measured.
 
     Parameters
     ----------
-    width, height : int
-        Pixels.
+    mesh : dataset, MultiBlock, actor, trimesh object, path or sequence of Part
+        What is drawn.
+    views, tile, half
+        See :func:`bake_parts`.
+    cache : bool or path
+        Whether, or in which folder, the atlas is kept on disk.
+    progress : bool, optional
+        Whether to show a progress bar; by default where standard error is a terminal.
+    **looks
+        As in :meth:`pyvista.Plotter.add_mesh`.
 
-    Yields
-    ------
-    tuple
-        The ``vtkRenderWindow`` and its one ``vtkRenderer``.
+    Returns
+    -------
+    Atlas
+        It can be saved, loaded and looked at.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr.actors.bake import bake
+    >>> atlas = bake(pv.Cone(), views=4, tile=16, cache=False)
+    >>> atlas.geometry.shape
+    (64, 64, 4)
     """
-    renderer = _vtk.vtkOpenGLRenderer()  # first: it loads VTK's OpenGL, which the window needs
-    window = _vtk.vtkRenderWindow()
-    window.SetOffScreenRendering(1)
-    window.SetMultiSamples(0)
-    window.SetSize(width, height)
-    window.AddRenderer(renderer)
-    window.Render()
-    try:
-        yield window, renderer
-    finally:
-        window.RemoveRenderer(renderer)
-        window.Finalize()
+    from pvibr.actors.levels import make_model
+
+    parts = as_parts(mesh, **looks)
+    grid = {'views': views, 'tile': tile, 'half': half}
+    return make_model(parts, cache=cache, progress=progress, **grid).atlas
 
 
 def bounding_sphere(points):
@@ -86,7 +95,7 @@ def bounding_sphere(points):
     return center, radius if radius > 0 else 1.0
 
 
-def bake(parts, *, views=16, tile=128, half=False, supersample=2, progress=None) -> Atlas:
+def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress=None) -> Atlas:
     """Draw the parts of one object from all views into an atlas.
 
     Parameters
@@ -159,7 +168,8 @@ class _Baker:
         self.raster = Target(window, self.views * side, side, ('rgba8', 'rgba8'), depth=True)
         strip = (self.views * self.tile, self.tile)
         self.strip = Target(window, *strip, ('rgba8', 'rgba8'))
-        self.reduce = Quad(window, shader_source(__file__), 'bake.glsl')
+        source = f'#define SCALE {self.scale}\n{shader_source(__file__)}'
+        self.reduce = Quad(window, source, 'bake.glsl')
         self._prepare_camera()
 
     def _prepare_camera(self):
@@ -187,7 +197,7 @@ class _Baker:
                 self._draw(direction)
         surface, shape = self.raster.colors
         with self.strip.drawing():
-            self.reduce.draw({'scale': self.scale}, {'surface': surface, 'shape': shape})
+            self.reduce.draw(textures={'surface': surface, 'shape': shape})
         return [c.download() for c in self.strip.colors]
 
     def _draw(self, direction):

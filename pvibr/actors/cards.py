@@ -199,6 +199,10 @@ class Cards:
         """What went wrong with the shaders, or None."""
         return next((layer.failure for layer in self.layers.values() if layer.failure), None)
 
+    def actors(self) -> list:
+        """Return all actors, those of the far cards first: the order to draw them in."""
+        return [a for layer in self.layers.values() for a in layer.actors]
+
     def upload(self, window, rows):
         """Put pictures and poses on the GPU of a window whose context is current.
 

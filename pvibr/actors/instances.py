@@ -10,7 +10,7 @@ from pvibr.actors import looks as look
 from pvibr.actors.cards import Binder
 from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import Kind
-from pvibr.actors.levels import limits_of, make_model
+from pvibr.actors.levels import make_model
 from pvibr.actors.parts import as_meshes
 from pvibr.actors.picking import nearest_hit
 from pvibr.actors.poses import as_poses
@@ -157,7 +157,7 @@ class Instances(Effect):
         for k, model in self._models.items():
             ids = np.flatnonzero(index == k)
             if len(ids):
-                self._kinds.append(Kind(model.levels, model.atlas, ids, poses, self._binder))
+                self._kinds.append(Kind(model, ids, poses, self._binder))
         self._uploaded = False
         self._stamp = None
         self._bounds = _union([k.bounds for k in self._kinds])
@@ -397,9 +397,8 @@ class Instances(Effect):
         if stamp == self._stamp:
             return
         self._stamp = stamp
-        limits = [limits_of(model, self.max_error) for model in self._models.values()]
-        for kind, limit in zip(self._kinds, limits, strict=False):
-            for actor in kind.select(frame, limit):
+        for kind in self._kinds:
+            for actor in kind.select(frame, kind.model.limits(self.max_error)):
                 actor.SetPickable(bool(self.pickable))
                 frame.renderer.AddViewProp(actor)
         for kind in self._kinds:

@@ -18,10 +18,8 @@ class Kind:
 
     Parameters
     ----------
-    levels : list of MeshLevel
-        The mesh first, then ever lighter ones.
-    atlas : Atlas
-        Its pictures, with the error table.
+    model : Model
+        The mesh with its levels and its atlas.
     ids : numpy.ndarray, shape (n,), int
         Which of the scene's instances these are.
     poses : numpy.ndarray, shape (m, 3) or (m, 4, 4), float64
@@ -30,15 +28,15 @@ class Kind:
         Shared by all kinds of a scene.
     """
 
-    def __init__(self, levels, atlas, ids, poses, binder):
-        self.levels, self.atlas, self.poses = levels, atlas, poses
+    def __init__(self, model, ids, poses, binder):
+        self.model, self.levels, self.atlas, self.poses = model, model.levels, model.atlas, poses
         centers, radii = self._spheres(ids)
         order = morton_order(centers)
         self.ids = ids[order].astype(np.int32)
         self.radii = radii[order].astype(np.float32)
         self.blocks = Blocks.of(centers[order], radii[order], BLOCK)
-        self.pools = [MeshPool(level) for level in levels]
-        self.cards = Cards(atlas, len(ids), _card_property(levels[0].parts), binder)
+        self.pools = [MeshPool(level) for level in self.levels]
+        self.cards = Cards(self.atlas, len(ids), _card_property(self.levels[0].parts), binder)
         self.looks: np.ndarray | None = None
         self.near: dict[int, int] = {}
         self.counts: dict[str, int] = {}

@@ -2,13 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import sys
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from pvibr import _vtk
 from pvibr.actors.atlas import Atlas
-from pvibr.actors.bake import bake
+from pvibr.actors.bake import bake_parts
+from pvibr.actors.cache import AtlasCache, key_of
+from pvibr.actors.cards import PROGRAMS
+from pvibr.actors.decimate import lighter
+from pvibr.actors.measure import measure
 from pvibr.actors.meshes import MeshLevel
+
+VERSION = 1  # of what is kept in the cache: a change of bake, measure or decimation raises it
+SHARES = (0.5, 0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
+_HEAVY = 2000  # triangles from which stand-ins pay
+_BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
+_SLACK = 0.5  # px over max_error in the table, whose distances are whole pixels apart
+_CAUTION = 0.7  # of the way to where interpolation between two sizes meets the bound
+_BETTER = 0.95  # FLIP against the mesh drawn once per pixel that a level must reach
+_MESH_BETTER = 1.1  # the same for lighter meshes, where cards are not good enough
 
 
 @dataclass(frozen=True)
@@ -18,7 +35,7 @@ class Limits:
     Attributes
     ----------
     cards : tuple of (str, float, float)
-        Program, from, to.
+        Program, from, to; empty where both are the same.
     mesh : float
         From here on meshes are drawn.
     meshes : tuple of float
@@ -44,24 +61,241 @@ class Model:
 
     levels: list
     atlas: Atlas
+    _limits: dict = field(default_factory=dict)
+
+    def limits(self, max_error) -> Limits:
+        """Return the sizes at which levels change.
+
+        Parameters
+        ----------
+        max_error : float
+            Pixels.
+
+        Returns
+        -------
+        Limits
+            Derived from the atlas's error table.
+        """
+        if max_error not in self._limits:
+            self._limits[max_error] = limits_of(self.atlas.errors, len(self.levels), max_error)
+        return self._limits[max_error]
 
     def describe(self, max_error) -> str:
-        """Return size, bake time and switch distances in one line."""
-        limits = limits_of(self, max_error)
-        cards = ', '.join(f'{n} to {h:.0f} px' for n, lo, h in limits.cards if h > lo)
-        meshes = ', '.join(
+        """Return views, bake time and the sizes at which levels change, in one line."""
+        limits, a = self.limits(max_error), self.atlas
+        cards = [f'{name} to {high:.0f} px' for name, low, high in limits.cards if high > low]
+        meshes = [
             f'{level.triangles} triangles to {limit:.0f} px'
             for level, limit in zip(reversed(self.levels), reversed(limits.meshes), strict=True)
-        )
-        a = self.atlas
-        return f'{a.views} x {a.views} views of {a.tile} texels; {cards}, {meshes}'
+            if limit > limits.mesh
+        ]
+        head = f'{a.views} x {a.views} views of {a.tile} texels, baked in {a.seconds:.1f} s'
+        return '; '.join([head, *cards, *meshes])
 
 
-def make_model(parts, *, half=False, cache=True, progress=None) -> Model:
-    """Bake."""
-    return Model([MeshLevel(parts)], bake(parts, half=half))
+def limits_of(errors, mesh_levels, max_error) -> Limits:
+    """Return the sizes up to which each level keeps an error.
+
+    Parameters
+    ----------
+    errors : dict of str to numpy.ndarray
+        See :func:`pvibr.actors.measure.measure`.
+    mesh_levels : int
+        How many meshes there are, the full one included.
+    max_error : float
+        Pixels.
+
+    Returns
+    -------
+    Limits
+        Programs in the order of their cost, each from where the cheaper one ends.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> table = {'sizes': np.array([8.0, 16.0]), 'far': np.array([[0.4, 0.5], [2.4, 0.9]]),
+    ...          'middle': np.array([[0.4, 0.5], [1.4, 0.9]]),
+    ...          'near': np.array([[0.4, 0.5], [1.4, 0.9]])}
+    >>> limits_of(table, 1, 1.0).cards
+    (('far', 0.0, 11.08), ('middle', 11.08, 16.0), ('near', 16.0, 16.0))
+    """
+    reached, cards = 0.0, []
+    for program in PROGRAMS:
+        good = _good_up_to(errors, program.name, max_error, _BETTER)
+        good = max(good, reached)
+        cards.append((program.name, reached, good))
+        reached = good
+    meshes = [float('inf')]
+    for i in range(1, mesh_levels):
+        good = _good_up_to(errors, f'mesh{i}', max_error, _MESH_BETTER)
+        if good == errors['sizes'][-1]:
+            # Beyond the table the displacement grows with the size.
+            good = max(good, 2 * max_error / max(float(errors[f'mesh{i}.radii']), 1e-9))
+        meshes.append(min(good, meshes[-1]))
+    return Limits(tuple(cards), reached, tuple(meshes))
 
 
-def limits_of(model, max_error) -> Limits:
-    """Return the sizes at which levels change."""
-    return Limits((('far', 0, 8), ('middle', 8, 24), ('near', 24, 64)), 64, (np.inf,))
+def _good_up_to(errors, name, max_error, better):
+    """Return the largest size at which outline and colour are within bounds, interpolated."""
+    sizes, table = errors['sizes'], errors[name]
+    bounds = np.array([max_error + _SLACK, better * max(1.0, max_error)])
+    over = (table > bounds).any(1)
+    if not over.any():
+        return float(sizes[-1])
+    k = int(over.argmax())
+    if k == 0:
+        return 0.0
+    low, high = table[k - 1], table[k]
+    with np.errstate(divide='ignore', invalid='ignore'):
+        part = np.where(high > bounds, (bounds - low) / (high - low), 1.0).min()
+    return float(sizes[k - 1] + _CAUTION * part * (sizes[k] - sizes[k - 1]))
+
+
+def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=128) -> Model:
+    """Return the levels of a mesh, baked and measured, or taken from the cache.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        The mesh.
+    half : bool
+        Views of the upper half only.
+    cache : bool or path
+        Whether, or in which folder, the atlas is kept on disk.
+    progress : bool, optional
+        Whether to show a progress bar once it takes longer than a second; by default where
+        standard error is a terminal.
+    views, tile : int
+        See :func:`pvibr.actors.bake.bake_parts`.
+
+    Returns
+    -------
+    Model
+        Ready to be drawn.
+    """
+    levels = _levels(parts)
+    folder = None if cache in (True, False) else cache
+    store = AtlasCache(folder) if cache is not False else None
+    key = content_key(parts, views, tile, half) if store is not None else ''
+    found = store.get(key) if store is not None else None
+    if found is not None:
+        try:
+            return Model(levels, Atlas.from_arrays(found))
+        except ValueError:
+            pass  # of an older layout: baked again below, and replaced
+    start = time.perf_counter()
+    with _bar(progress) as advance:
+        atlas = bake_parts(_bake_parts(levels), views=views, tile=tile, half=half,
+                           progress=advance)  # fmt: skip
+    model = Model(levels, atlas)
+    atlas.errors = measure(model)
+    atlas.seconds = time.perf_counter() - start
+    if store is not None:
+        store.put(key, atlas.to_arrays())
+    return model
+
+
+def _levels(parts):
+    levels = [MeshLevel(list(parts))]
+    if levels[0].triangles < _HEAVY:
+        return levels
+    for share in SHARES:
+        lighter_parts = [lighter(p, share) or p for p in parts]
+        level = MeshLevel(lighter_parts)
+        if level.triangles < 0.8 * levels[-1].triangles:
+            levels.append(level)
+    return levels
+
+
+def _bake_parts(levels):
+    """Return the lightest parts that show every texel: surfaces may be simplified, leaves not."""
+    out = list(levels[0].parts)
+    for level in levels[1:]:
+        if level.triangles < _BAKE_TRIANGLES:
+            break
+        for i, part in enumerate(level.parts):
+            if part.alpha_cutoff is None and part.mesh.active_texture_coordinates is None:
+                out[i] = part
+    return out
+
+
+def content_key(parts, views, tile, half) -> str:
+    """Return a hash of everything that the pictures of a mesh depend on.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        The mesh.
+    views, tile : int
+        The grid.
+    half : bool
+        Half a sphere.
+
+    Returns
+    -------
+    str
+        A key of the cache.
+    """
+    values = [VERSION, views, tile, half, SHARES]
+    for part in parts:
+        values += [part.alpha_cutoff, *_mesh_values(part.mesh), *_look_values(part.actor)]
+    return key_of(*values)
+
+
+def _mesh_values(mesh):
+    arrays = [np.asarray(mesh.points), np.asarray(mesh.regular_faces)]
+    for data in (mesh.point_data, mesh.cell_data):
+        for name in sorted(data.keys()):
+            arrays += [name, np.ascontiguousarray(data[name])]
+        arrays += [data.active_scalars_name, data.active_normals_name]
+    return arrays
+
+
+def _look_values(actor):
+    prop, mapper, texture = actor.GetProperty(), actor.GetMapper(), actor.GetTexture()
+    values = [list(prop.GetColor()), prop.GetInterpolation(), prop.GetRepresentation()]
+    values += [prop.GetBackfaceCulling(), prop.GetFrontfaceCulling(), prop.GetOpacity()]
+    values += [mapper.GetScalarVisibility(), mapper.GetScalarMode(), mapper.GetColorMode()]
+    if mapper.GetScalarVisibility():
+        values += [list(mapper.GetScalarRange()), mapper.GetInterpolateScalarsBeforeMapping()]
+        values += [mapper.GetArrayName() or '', *_table_values(mapper.GetLookupTable())]
+    if texture is not None and texture.GetInput() is not None:
+        image = texture.GetInput()
+        scalars = image.GetPointData().GetScalars()
+        values += [list(image.GetDimensions()), _vtk.vtk_to_numpy(scalars)]
+        values += [texture.GetInterpolate(), texture.GetRepeat()]
+    return values
+
+
+def _table_values(table):
+    if table is None or not hasattr(table, 'GetTable'):
+        return [str(table)] if table is not None else []
+    colors = [list(c) for c in (table.GetNanColor(), table.GetBelowRangeColor(),
+                                table.GetAboveRangeColor())]  # fmt: skip
+    flags = [table.GetUseBelowRangeColor(), table.GetUseAboveRangeColor(), table.GetScale()]
+    return [_vtk.vtk_to_numpy(table.GetTable()), list(table.GetRange()), colors, flags]
+
+
+@contextmanager
+def _bar(wanted):
+    """Yield a function that takes the fraction done; a bar appears after a second of it."""
+    if wanted is None:
+        wanted = sys.stderr.isatty()
+    if not wanted:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    start, bar = time.perf_counter(), Progress(console=Console(stderr=True), transient=True)
+    task = bar.add_task('Baking views', total=1.0)
+
+    def advance(done):
+        if time.perf_counter() - start > 1.0:
+            bar.start()
+        bar.update(task, completed=done)
+
+    try:
+        yield advance
+    finally:
+        bar.stop()

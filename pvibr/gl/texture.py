@@ -143,7 +143,9 @@ class Texture:
         dtype = {_vtk.VTK_FLOAT: np.float32, _vtk.VTK_UNSIGNED_CHAR: np.uint8}[kind]
         out = np.empty((height, width, channels), dtype)
         buffer.Download2D(kind, out, (width, height), channels, (0, 0))
+        buffer.UnBind()  # else the window's next read-back goes into it
         buffer.ReleaseMemory()
+        buffer.UnBind()
         return out
 
     def release(self):

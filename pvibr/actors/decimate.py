@@ -1,0 +1,145 @@
+"""Lighter stand-ins of a part, with its look."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from pvibr.actors.parts import Part
+
+_SMALL_PIECE = 20  # triangles: a mesh of pieces with fewer on average may be scattered matter
+_SMALL_SIZE = 0.1  # of the mesh's: scattered matter has no larger piece
+_MISSED = 1.1  # times the triangles wanted: more were not collapsed in good order
+
+
+def lighter(part, share) -> Part | None:
+    """Return a part with a share of the triangles, or None where there is no good way.
+
+    Scattered matter (leaves) is thinned out: some pieces go, the others grow by as much area.
+    Surfaces are simplified by quadrics, their arrays taken from the nearest point; not those
+    with texture coordinates, whose seams would open.
+
+    Parameters
+    ----------
+    part : Part
+        The mesh.
+    share : float
+        Triangles wanted, of 1.
+
+    Returns
+    -------
+    Part or None
+        The stand-in.
+
+    Notes
+    -----
+    Cook et al., "Stochastic Simplification of Aggregate Detail", SIGGRAPH 2007; Garland and
+    Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997, by
+    fast-simplification.
+    """
+    faces = np.asarray(part.mesh.regular_faces)
+    pieces, labels = _pieces(faces, part.mesh.n_points)
+    if _is_scattered(part.mesh, faces, labels, pieces):
+        mesh = _thinned(part.mesh, faces, labels, pieces, share)
+    elif part.mesh.active_texture_coordinates is not None:
+        return None
+    else:
+        mesh = _simplified(part.mesh, faces, share)
+    return _with_mesh(part, mesh) if mesh.n_cells else None
+
+
+def _pieces(faces, n_points):
+    """Return how many pieces hang together, and the piece of each triangle."""
+    rows, columns = faces[:, [0, 1]].T
+    more, others = faces[:, [1, 2]].T
+    i, j = np.concatenate([rows, more]), np.concatenate([columns, others])
+    graph = coo_array((np.ones(len(i), np.int8), (i, j)), shape=(n_points, n_points))
+    _, labels = connected_components(graph, directed=False)
+    used, labels = np.unique(labels[faces[:, 0]], return_inverse=True)
+    return len(used), labels
+
+
+def _is_scattered(mesh, faces, labels, pieces):
+    if not _SMALL_PIECE < pieces or len(faces) > _SMALL_PIECE * pieces:
+        return False
+    points = np.asarray(mesh.points, float)
+    order = np.argsort(labels, kind='stable')
+    starts = np.searchsorted(labels[order], np.arange(pieces))
+    low = np.minimum.reduceat(points[faces[order]].min(1), starts)
+    high = np.maximum.reduceat(points[faces[order]].max(1), starts)
+    return bool((high - low).max() < _SMALL_SIZE * np.ptp(points, axis=0).max())
+
+
+def _thinned(mesh, faces, labels, pieces, share):
+    keep = np.random.default_rng(0).permutation(pieces) < max(1, round(share * pieces))
+    kept = faces[keep[labels]]
+    of_point = np.zeros(mesh.n_points, np.intp)
+    of_point[kept.ravel()] = np.repeat(labels[keep[labels]], 3)
+    ids = np.unique(kept)
+    points = np.asarray(mesh.points, float)[ids]
+    piece = of_point[ids]
+    count = np.maximum(np.bincount(piece, minlength=pieces), 1)[:, None]
+    sums = np.stack([np.bincount(piece, points[:, k], pieces) for k in range(3)], 1)
+    middle = (sums / count)[piece]
+    points = middle + (points - middle) / np.sqrt(keep.mean())
+    new = pv.PolyData()
+    new.points = points.astype(mesh.points.dtype)
+    new.regular_faces = np.searchsorted(ids, kept)
+    return _take(mesh, new, ids, np.flatnonzero(keep[labels]))
+
+
+def _simplified(mesh, faces, share):
+    import fast_simplification
+
+    # In units of its own size: the library works in single precision.
+    points = np.asarray(mesh.points, float)
+    low, size = points.min(0), float(np.ptp(points, axis=0).max()) or 1.0
+    local = np.ascontiguousarray((points - low) / size, np.float32)
+    local, faces = fast_simplification.simplify(
+        local, np.ascontiguousarray(faces, np.int32), target_reduction=1 - share
+    )
+    new = pv.PolyData()
+    new.points = (local.astype(float) * size + low).astype(mesh.points.dtype)
+    new.regular_faces = np.asarray(faces, np.int64).reshape(-1, 3)
+    if not 0 < new.n_cells < _MISSED * share * mesh.n_cells:
+        return pv.PolyData()  # it got stuck: what it did collapse would be wrong
+    _, nearest = cKDTree(points).query(np.asarray(new.points, float))
+    cells = None
+    if mesh.cell_data.keys():
+        _, cells = cKDTree(mesh.cell_centers().points).query(new.cell_centers().points)
+    return _take(mesh, new, nearest, cells)
+
+
+def _take(old, new, points, cells):
+    """Give a mesh the arrays of another at some of its points and cells."""
+    for source, target, ids in (
+        (old.point_data, new.point_data, points),
+        (old.cell_data, new.cell_data, cells),
+    ):
+        for name in source.keys() if ids is not None else ():
+            target[name] = np.asarray(source[name])[ids]
+        for kind in ('active_scalars_name', 'active_normals_name'):
+            if getattr(source, kind) in target.keys():
+                setattr(target, kind, getattr(source, kind))
+        coordinates = source.active_texture_coordinates_name
+        if coordinates in target.keys():
+            target.active_texture_coordinates_name = coordinates
+    return new
+
+
+def _with_mesh(part, mesh):
+    actor = pv.Actor()
+    mapper = part.polydata_mapper()
+    mapper.SetInputDataObject(mesh)
+    actor.SetMapper(mapper)
+    source = part.actor
+    actor.SetProperty(source.GetProperty())
+    actor.SetBackfaceProperty(source.GetBackfaceProperty())
+    actor.SetTexture(source.GetTexture())
+    actor.SetForceOpaque(source.GetForceOpaque())
+    actor.SetForceTranslucent(source.GetForceTranslucent())
+    actor.GetShaderProperty().DeepCopy(source.GetShaderProperty())
+    return Part(actor, mesh, part.alpha_cutoff)

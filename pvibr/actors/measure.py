@@ -1,0 +1,195 @@
+"""The error of each level of detail against the mesh, measured where the atlas is baked.
+
+Views that were not baked are drawn from the supersampled mesh (the reference), from the mesh once
+per pixel, and from each level, at several sizes. The numbers decide which level is good enough at
+which size; they are kept with the atlas.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr import _vtk
+from pvibr.actors.cards import PROGRAMS, Binder
+from pvibr.actors.kind import Kind
+from pvibr.actors.meshes import MeshPool
+from pvibr.frame import Frame
+from pvibr.gl.offscreen import hidden_window, read_rgba
+from pvibr.maths.image_error import box_reduce, displacements, flip
+
+SIZES = (8, 16, 32, 64, 128)  # diameters of the bounding sphere on the screen, px
+_CELL = 9 / 8  # side of a view's cell in diameters: the sizes fit the reference's pixels
+_SAMPLES = 4  # samples of the reference along a side of a pixel at the largest size
+_COLUMNS, _ROWS = 4, 2
+_FLOOR = 1e-4  # mean FLIP below which a ratio says nothing: nothing can be seen
+
+
+def directions(count, half=False):
+    """Return directions spread over the sphere that are on no grid of views.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    half : bool
+        Only with z >= 0.
+
+    Returns
+    -------
+    numpy.ndarray, shape (count, 3)
+        Unit vectors, the spherical Fibonacci points of Keinert et al., "Spherical Fibonacci
+        Mapping", SIGGRAPH Asia 2015, turned by an irrational angle.
+    """
+    k = np.arange(count) + 0.5
+    z = 1 - (1.0 if half else 2.0) * k / count
+    angle = np.pi * (1 + 5**0.5) * k + 0.7
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(angle), r * np.sin(angle), z], 1)
+
+
+def measure(model) -> dict[str, np.ndarray]:
+    """Return the error table of a model's levels.
+
+    Parameters
+    ----------
+    model : Model
+        Mesh levels and a baked atlas.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        ``sizes`` (k,); for every level, cards by the name of their program and meshes by
+        ``mesh<i>``: an array (k, 2) of the 99th percentile of the outline's displacement in
+        pixels and of the mean FLIP over that of the mesh drawn once per pixel. For meshes
+        ``mesh<i>.radii``: the displacement in radii, measured finely.
+    """
+    sheet = _Sheet(model)
+    try:
+        large = SIZES[-1]
+        reference = sheet.draw_mesh(0, large * _SAMPLES)
+        meshes = [reference]
+        meshes += [sheet.draw_mesh(i, large * _SAMPLES) for i in range(1, len(model.levels))]
+        table = {'sizes': np.array(SIZES, float)}
+        rows: dict[str, list] = {}
+        for size in SIZES:
+            factor = large * _SAMPLES // size
+            truth = box_reduce(reference, factor)
+            base = _flip(_once(reference, factor), truth)
+            for i, picture in enumerate(meshes[1:], 1):
+                rows.setdefault(f'mesh{i}', []).append(_row(_once(picture, factor), truth, base))
+            for program in PROGRAMS:
+                card = sheet.draw_cards(program.name, size)
+                rows.setdefault(program.name, []).append(_row(card, truth, base))
+        for i, picture in enumerate(meshes[1:], 1):
+            table[f'mesh{i}.radii'] = np.array(_fine(picture, reference))
+    finally:
+        sheet.release()
+    return table | {name: np.array(r) for name, r in rows.items()}
+
+
+def _once(picture, factor):
+    """Return one sample a pixel, that nearest to the pixel's centre."""
+    return picture[factor // 2 :: factor, factor // 2 :: factor]
+
+
+def _row(picture, truth, base):
+    away = displacements(picture[..., 3], truth[..., 3])
+    worst = float(np.percentile(away, 99)) if len(away) else 0.0
+    return worst, max(_flip(picture, truth), _FLOOR) / max(base, _FLOOR)
+
+
+def _fine(picture, reference):
+    """Return the 99th percentile of the outline's displacement in radii."""
+    coverage = [box_reduce(p[..., 3], 2) for p in (picture, reference)]
+    away = displacements(*coverage)
+    pixels = float(np.percentile(away, 99)) if len(away) else 0.0
+    return 2 * pixels / (SIZES[-1] * _SAMPLES / 2)
+
+
+def _flip(picture, truth):
+    return float(flip(_on_white(picture), _on_white(truth)).mean())
+
+
+def _on_white(picture):
+    return np.clip(picture[..., :3] + 1 - picture[..., 3:], 0, 1)
+
+
+class _Sheet:
+    """Views of a model side by side in a small window of its own."""
+
+    def __init__(self, model):
+        self.model = model
+        self.context = hidden_window()
+        self.window, self.renderer = self.context.__enter__()
+        self.renderer.SetBackground(0, 0, 0)
+        self.renderer.SetBackgroundAlpha(0.0)
+        atlas = model.atlas
+        self.spacing = 2 * atlas.radius * _CELL
+        poses = _poses(atlas, self.spacing)
+        self.kind = Kind(model, np.arange(len(poses)), poses, Binder())
+        self.kind.upload(self.window)
+        for actor in self.kind.cards.actors():
+            self.renderer.AddViewProp(actor)
+        camera = self.renderer.GetActiveCamera()
+        camera.ParallelProjectionOn()
+        camera.SetPosition(0, 0, 4 * atlas.radius)
+        camera.SetFocalPoint(0, 0, 0)
+        camera.SetViewUp(0, 1, 0)
+        camera.SetParallelScale(self.spacing * _ROWS / 2)
+        camera.SetClippingRange(2 * atlas.radius, 6 * atlas.radius)
+
+    def _resize(self, size):
+        cell = round(size * _CELL)
+        self.window.SetSize(cell * _COLUMNS, cell * _ROWS)
+
+    def draw_mesh(self, level, size):
+        """Return the picture of a mesh level, premultiplied RGBA from 0 to 1."""
+        self._resize(size)
+        pool = MeshPool(self.model.levels[level])
+        slots = range(len(self.kind))
+        actors = pool.show(slots, self.kind.matrix, lambda _: (0.0, 0.0, 0.0, 0.5))
+        for actor in actors:
+            self.renderer.AddViewProp(actor)
+        picture = self._picture()
+        for actor in actors:
+            self.renderer.RemoveViewProp(actor)
+            actor.ReleaseGraphicsResources(self.window)
+        return picture
+
+    def draw_cards(self, program, size):
+        """Return the picture of the cards of a program, premultiplied RGBA from 0 to 1."""
+        self._resize(size)
+        cards = self.kind.cards
+        cards.hide()
+        frame = Frame.of(self.renderer)
+        cards.view(frame)
+        _, origins, _, _ = self.kind.blocks.seen(frame)
+        blocks = np.zeros((1, 4), np.float32)
+        blocks[0, :3] = origins[0]
+        cards.show(program, blocks, (0.0, 0.0, 1e9, 1e9))
+        return self._picture()
+
+    def _picture(self):
+        self.window.Render()
+        self.kind.cards.binder.unbind()
+        return read_rgba(self.window).astype(np.float32) / 255
+
+    def release(self):
+        self.kind.release()
+        self.context.__exit__(None, None, None)
+
+
+def _poses(atlas, spacing):
+    """Return a pose per view: turned so that the view's direction is +z, moved to its cell."""
+    from pvibr.maths.octahedral import frame
+
+    views = directions(_COLUMNS * _ROWS, atlas.half)
+    rng = np.random.default_rng(7)
+    poses = np.tile(np.eye(4), (len(views), 1, 1))
+    poses[:, :3, :3] = frame(views)
+    column, row = np.meshgrid(np.arange(_COLUMNS), np.arange(_ROWS))
+    cells = np.stack([column.ravel() - (_COLUMNS - 1) / 2, row.ravel() - (_ROWS - 1) / 2], 1)
+    jitter = rng.uniform(-0.02, 0.02, cells.shape)
+    poses[:, :2, 3] = (cells + jitter) * spacing
+    poses[:, :3, 3] -= np.einsum('nij,j->ni', poses[:, :3, :3], atlas.center)
+    return poses
