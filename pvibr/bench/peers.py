@@ -1,0 +1,120 @@
+"""What VTK itself offers for many instances: ``vtkGlyph3DMapper``, with and without levels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+from scipy.spatial.transform import Rotation
+
+from pvibr import _vtk
+from pvibr.offscreen import Stage, dressed
+
+#: Instances that the peers are measured with; their time is extrapolated to all of them.
+PART = 500
+#: The one level that VTK draws on llvmpipe: nine in ten triangles less, from this many sizes of
+#: the bounding box on.
+LOD_DISTANCE, LOD_REDUCTION = 3.0, 0.9
+
+
+def glyph_actors(meshes, poses, index, *, lod=False) -> list:
+    """Return actors that draw instances by ``vtkGlyph3DMapper``.
+
+    Parameters
+    ----------
+    meshes : list of list of Part
+        Parts by mesh.
+    poses : numpy.ndarray, shape (n, 4, 4)
+        World from model, with uniform scale.
+    index : numpy.ndarray, shape (n,)
+        Which mesh.
+    lod : bool
+        Whether VTK culls and draws a lighter mesh where it is far.
+
+    Returns
+    -------
+    list of vtkActor
+        One for each part of each mesh. The mapper shows no colours of vertices; so each has the
+        mean colour of its part.
+    """
+    actors = []
+    for k, parts in enumerate(meshes):
+        if (index == k).any():
+            points = _points(poses[index == k])
+            actors += [_glyphs(part, points, lod) for part in parts]
+    return actors
+
+
+def _points(poses):
+    points = pv.PolyData(poses[:, :3, 3].copy())
+    scales = np.linalg.norm(poses[:, :3, :3], axis=1)
+    turns = Rotation.from_matrix(poses[:, :3, :3] / scales[:, None, :])
+    points['turn'] = np.roll(turns.as_quat(), 1, axis=1)
+    points['scale'] = scales
+    return points
+
+
+def _glyphs(part, points, lod):
+    mapper = _vtk.vtkGlyph3DMapper()
+    mapper.SetInputData(points)
+    mapper.SetSourceData(part.mesh)
+    mapper.SetOrientationArray('turn')
+    mapper.SetOrientationModeToQuaternion()
+    mapper.SetScaleArray('scale')
+    mapper.SetScaleModeToScaleByVectorComponents()
+    mapper.ScalarVisibilityOff()
+    if lod:
+        mapper.SetCullingAndLOD(True)
+        mapper.SetNumberOfLOD(1)
+        mapper.SetLODDistanceAndTargetReduction(0, LOD_DISTANCE, LOD_REDUCTION)
+    actor = dressed(part, mapper)
+    colors = part.mesh.active_scalars
+    if colors is not None and colors.ndim == 2:
+        actor.SetProperty(pv.Property())
+        actor.GetProperty().DeepCopy(part.actor.GetProperty())
+        actor.GetProperty().SetColor(*(colors[:, :3].mean(0) / 255).tolist())
+    return actor
+
+
+def glyph_seconds(scene, cameras, size, *, lod=False, part=PART, seed=0) -> float:
+    """Return VTK's seconds a frame for all instances of a landscape, extrapolated linearly.
+
+    Parameters
+    ----------
+    scene : pvibr.scenes.landscape.Landscape
+        Ground and trees.
+    cameras : sequence of tuple
+        Where it is measured; the median is taken.
+    size : tuple of 2 int
+        Pixels.
+    lod : bool
+        Whether with culling and levels.
+    part : int
+        Instances that are measured, drawn by lot.
+    seed : int
+        Of the lot.
+
+    Returns
+    -------
+    float
+        Seconds.
+
+    Notes
+    -----
+    With levels each part is drawn in a window of its own and the times are added: VTK 9.7
+    prints errors where two such mappers share a window.
+    """
+    ids = np.random.default_rng(seed).permutation(len(scene.index))[:part]
+    actors = glyph_actors(scene.parts(), scene.matrices[ids], scene.index[ids], lod=lod)
+    groups = [[a] for a in actors] if lod else [actors]
+    empty = _median(scene, [], cameras, size)
+    added = sum(max(_median(scene, group, cameras, size) - empty, 0.0) for group in groups)
+    return empty + added * len(scene.index) / len(ids)
+
+
+def _median(scene, actors, cameras, size):
+    with Stage(size, scene.terrain, scene.view_angle) as stage:
+        stage.add(actors)
+        found = float(np.median(stage.seconds(cameras)))
+        for actor in actors:
+            actor.ReleaseGraphicsResources(stage.window)
+    return found

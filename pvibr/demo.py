@@ -1,0 +1,295 @@
+"""``pvibr demo``: a walk through a landscape of heavy trees, drawn by VTK and by pvibr."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from pvibr.bench.peers import LOD_REDUCTION, PART, glyph_seconds
+from pvibr.figures import compose, error_colors, save
+from pvibr.maths.image_error import flip, psnr, silhouette_iou
+from pvibr.offscreen import (
+    SAMPLES,
+    SKY,
+    Stage,
+    covered,
+    in_view,
+    mesh_actors,
+    spheres,
+)
+from pvibr.scenes.landscape import landscape
+
+#: Frames of the walk that are timed, and of a movie.
+FRAMES, MOVIE_FRAMES, FPS = 24, 360, 30
+#: Frames of the walk that VTK's own ways are timed at.
+PEER_FRAMES = 3
+#: Full meshes that the error is measured with: more would take longer than two minutes allow.
+ERROR_TREES = 1200
+#: Where on the trail the pictures are taken.
+PLACE = 0.42
+
+
+@dataclass
+class Numbers:
+    """What the demo measured; written as JSON beside the pictures."""
+
+    instances: int
+    triangles: int
+    max_error: float
+    size: tuple[int, int]
+    driver: str
+    notes: list[str] = field(default_factory=list)
+    milliseconds: dict[str, float] = field(default_factory=dict)
+    speed_up: dict[str, float] = field(default_factory=dict)
+    error: dict[str, dict[str, float]] = field(default_factory=dict)
+    bake_seconds: float = 0.0
+    gpu_bytes: int = 0
+    seconds: float = 0.0
+
+
+def main(
+    *, out=Path('out'), count=10_000, max_error=1.0, frames=None, window=False, movie=None,
+    size=(1280, 720),
+):  # fmt: skip
+    """Draw, measure and write; with `window` or `movie` only show that.
+
+    Parameters
+    ----------
+    out : pathlib.Path
+        Folder for ``demo.png``, ``off.png``, ``on.png``, ``error.png`` and ``demo.json``.
+    count : int
+        Trees.
+    max_error : float
+        Pixels.
+    frames : int, optional
+        On the camera path.
+    window : bool
+        Open a window.
+    movie : pathlib.Path, optional
+        MP4 file.
+    size : tuple of 2 int
+        Pixels.
+
+    Raises
+    ------
+    ImportError
+        If a movie is asked for and imageio-ffmpeg is not installed.
+
+    Examples
+    --------
+    >>> from pvibr.demo import main
+    >>> main(count=50, out=folder)  # doctest: +SKIP
+    """
+    if movie is not None:
+        _require_ffmpeg()
+    scene = landscape(count)
+    if window:
+        _walk(scene, max_error, frames or MOVIE_FRAMES, size)
+    if movie is not None:
+        _film(scene, max_error, frames or MOVIE_FRAMES, size, Path(movie))
+    if not window and movie is None:
+        numbers = _measure(scene, max_error, frames or FRAMES, size, Path(out))
+        _tell(numbers, Path(out))
+
+
+# -- measuring ---------------------------------------------------------------------------------
+
+
+def _measure(scene, max_error, frames, size, out):
+    start = time.perf_counter()
+    console = Console(stderr=True)
+    triangles = min(sum(p.mesh.n_cells for p in parts) for parts in scene.parts())
+    with Stage(size, scene.terrain, scene.view_angle) as stage, console.status('pvibr') as status:
+        stage.bounds = scene.terrain.bounds
+        trees = _plant(stage.plotter, scene, max_error)
+        numbers = Numbers(len(scene.index), triangles, max_error, size, _driver(stage))
+        numbers.bake_seconds = sum(atlas.seconds for atlas in trees.atlases)
+        seconds = stage.seconds(scene.path(frames))
+        numbers.milliseconds['pvibr'] = float(np.median(seconds)) * 1e3
+        numbers.gpu_bytes = _gpu_bytes(stage.plotter)
+        status.update('full meshes, many samples a pixel')
+        _compare(stage, trees, scene, numbers, out)
+        status.update("VTK's own ways")
+        _time_peers(scene, frames, numbers)
+    numbers.seconds = time.perf_counter() - start
+    return numbers
+
+
+def _plant(plotter, scene, max_error):
+    return plotter.ibr.add_instances(
+        scene.parts(), scene.matrices, index=scene.index, max_error=max_error, name='trees'
+    )
+
+
+def _driver(stage):
+    stage.look([(0, 0, 1), (0, 1, 1), (0, 0, 1)])
+    stage.draw()
+    lines = stage.window.ReportCapabilities().splitlines()
+    found = [line.split(':', 1)[1].strip() for line in lines if 'renderer string' in line]
+    return (found or ['unknown'])[0]
+
+
+def _gpu_bytes(plotter):
+    return sum(row['bytes'] for row in plotter.ibr.report().as_dict()['rows'])
+
+
+def _time_peers(scene, frames, numbers):
+    every = max(1, frames // PEER_FRAMES)
+    cameras = scene.path(frames)[every // 2 :: every][:PEER_FRAMES]
+    for name, lod in (('VTK glyphs', False), ('VTK glyphs, culling + LOD', True)):
+        seconds = glyph_seconds(scene, cameras, numbers.size, lod=lod)
+        numbers.milliseconds[name] = seconds * 1e3
+        numbers.speed_up[name] = seconds * 1e3 / numbers.milliseconds['pvibr']
+    part = min(PART, numbers.instances)
+    if part < numbers.instances:
+        numbers.notes.append(
+            f"VTK's own ways are measured with {part} of {numbers.instances} trees, "
+            'drawn by lot, and extrapolated linearly.'
+        )
+    numbers.notes.append(
+        f'LOD: one level with {LOD_REDUCTION:.0%} of the triangles gone, the one that VTK draws.'
+    )
+
+
+def _compare(stage, trees, scene, numbers, out):
+    """Draw a part of the trees by pvibr and as full meshes, and write the pictures."""
+    camera = scene.path(1, PLACE, PLACE)[0]
+    stage.look(camera)
+    rows = in_view(stage.frame(), *spheres(scene.parts(), scene.matrices, scene.index))
+    shown = rows[:ERROR_TREES]
+    numbers.notes.append(
+        f'Error: at {PLACE:.0%} of the trail, with the {len(shown)} nearest of the {len(rows)} '
+        f'trees in view, against the full meshes at {SAMPLES**2} samples a pixel.'
+    )
+    mask = np.zeros(len(scene.index), bool)
+    mask[shown] = True
+    trees.visible = mask
+    on, on_cover = stage.picture(), stage.coverage()
+    trees.visible = np.ones(len(mask), bool)
+    reference, cover, _ = _full(scene, shown, camera, numbers.size, SAMPLES)
+    off, off_cover, seconds = _full(scene, shown, camera, numbers.size, 1)
+    numbers.milliseconds[f'full meshes, the {len(shown)} of the pictures'] = seconds * 1e3
+    maps = {'VTK, one sample a pixel': (off, off_cover), 'pvibr': (on, on_cover)}
+    errors = {name: flip(picture, reference) for name, (picture, _) in maps.items()}
+    for name, (picture, coverage) in maps.items():
+        numbers.error[name] = {
+            'flip': float(errors[name].mean()),
+            'psnr': psnr(picture, reference),
+            'iou': silhouette_iou(coverage, cover),
+        }
+    _write(out, off, on, errors, numbers)
+
+
+def _full(scene, rows, camera, size, samples):
+    """Return picture, coverage and seconds of the full meshes."""
+    with Stage(size, scene.terrain, scene.view_angle, samples) as stage:
+        stage.bounds = scene.terrain.bounds
+        stage.look(camera)
+        stage.draw()
+        ground = stage.depth()
+        stage.add(mesh_actors(scene.parts(), scene.matrices[rows], scene.index[rows]))
+        seconds = stage.draw()
+        return stage.read(), covered(stage.depth(), ground, samples), seconds
+
+
+# -- showing -----------------------------------------------------------------------------------
+
+
+def _write(out, off, on, errors, numbers):
+    out.mkdir(parents=True, exist_ok=True)
+    error = error_colors(errors['pvibr'])
+    for name, picture in (('off', off), ('on', on), ('error', error)):
+        save(out / f'{name}.png', picture)
+    flips = {name: value['flip'] for name, value in numbers.error.items()}
+    (vtk_flip, own_flip) = flips.values()
+    save(
+        out / 'demo.png',
+        compose([
+            (off, f'VTK: full meshes, one sample a pixel. FLIP {vtk_flip:.3f}'),
+            (on, f'pvibr: max_error={numbers.max_error:g} px. FLIP {own_flip:.3f}'),
+            (error, 'FLIP of pvibr against 16 samples a pixel (black 0, white 1)'),
+        ]),
+    )  # fmt: skip
+
+
+def _tell(numbers, out):
+    (out / 'demo.json').write_text(json.dumps(asdict(numbers), indent=1) + '\n', encoding='utf-8')
+    console = Console()
+    console.print(_times(numbers), _errors(numbers))
+    console.print(
+        f'Baked in {numbers.bake_seconds:.1f} s; {numbers.gpu_bytes / 2**20:.0f} MiB on the GPU. '
+        f'{numbers.driver}'
+    )
+    for note in numbers.notes:
+        console.print(note)
+    console.print(f'{out / "demo.png"} and {out / "demo.json"}, in {numbers.seconds:.0f} s.')
+
+
+def _times(numbers):
+    trees = f'{numbers.instances} trees of >= {numbers.triangles} triangles'
+    table = Table('drawn by', 'ms a frame', 'pvibr is faster', title=trees)
+    for name, milliseconds in sorted(numbers.milliseconds.items(), key=lambda item: -item[1]):
+        faster = numbers.speed_up.get(name)
+        table.add_row(name, f'{milliseconds:,.0f}', f'{faster:,.0f}x' if faster else '')
+    return table
+
+
+def _errors(numbers):
+    table = Table('picture', 'mean FLIP', 'PSNR', 'silhouette IoU')
+    for name, error in numbers.error.items():
+        table.add_row(
+            name, f'{error["flip"]:.4f}', f'{error["psnr"]:.1f} dB', f'{error["iou"]:.3f}'
+        )
+    return table
+
+
+# -- walking -----------------------------------------------------------------------------------
+
+
+def _walk(scene, max_error, frames, size):
+    plotter = _scenery(scene, max_error, size, off_screen=False)
+    plotter.show(interactive_update=True, auto_close=False)
+    for camera in scene.path(frames):
+        plotter.camera_position = camera
+        plotter.update()
+    plotter.show()
+
+
+def _film(scene, max_error, frames, size, file):
+    import imageio
+
+    plotter = _scenery(scene, max_error, size, off_screen=True)
+    plotter.show(auto_close=False)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with imageio.get_writer(file, fps=FPS, macro_block_size=2) as writer:
+        for camera in track(scene.path(frames), f'writing {file}', console=Console(stderr=True)):
+            plotter.camera_position = camera
+            plotter.renderer.ResetCameraClippingRange()
+            writer.append_data(plotter.screenshot(return_img=True))
+    plotter.close()
+
+
+def _scenery(scene, max_error, size, *, off_screen):
+    plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
+    plotter.set_background(SKY)
+    plotter.camera.view_angle = scene.view_angle
+    plotter.add_mesh(scene.terrain, scalars='color_rgb', rgb=True)
+    _plant(plotter, scene, max_error)
+    plotter.camera_position = scene.path(1)[0]
+    return plotter
+
+
+def _require_ffmpeg():
+    try:
+        import imageio_ffmpeg  # noqa: F401
+    except ImportError as error:
+        msg = "--movie needs imageio-ffmpeg: run pip install 'pvibr[movie]'"
+        raise ImportError(msg) from error

@@ -1,0 +1,94 @@
+"""Pictures side by side with a line of text each, and error maps in colour."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+_CAPTION = 26  # px
+
+
+def error_colors(error) -> np.ndarray:
+    """Return an error map as colours: black where there is none, through red to pale yellow.
+
+    Parameters
+    ----------
+    error : numpy.ndarray, shape (h, w)
+        0 to 1.
+
+    Returns
+    -------
+    numpy.ndarray, shape (h, w, 3)
+        0 to 1; the colour map is magma, as FLIP's authors use it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.figures import error_colors
+    >>> error_colors(np.zeros((1, 1))).max() < 0.02
+    np.True_
+    """
+    from matplotlib import colormaps
+
+    return colormaps['magma'](np.clip(error, 0, 1))[..., :3]
+
+
+def as_bytes(picture) -> np.ndarray:
+    """Return a picture with values from 0 to 1 as uint8."""
+    return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
+
+
+def save(path, picture):
+    """Write a picture, shape (h, w, 3), 0 to 1 or uint8, as PNG; its folder is made."""
+    from PIL import Image
+
+    picture = picture if picture.dtype == np.uint8 else as_bytes(picture)
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(picture).save(path)
+
+
+def compose(pictures, columns=3) -> np.ndarray:
+    """Return pictures of the same size side by side, each under its caption.
+
+    Parameters
+    ----------
+    pictures : sequence of (numpy.ndarray, str)
+        Each (h, w, 3), 0 to 1, and its caption.
+    columns : int
+        Pictures in a row.
+
+    Returns
+    -------
+    numpy.ndarray, shape (H, W, 3), uint8
+        On white.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.figures import compose
+    >>> compose([(np.ones((20, 30, 3)), 'one'), (np.ones((20, 30, 3)), 'two')]).shape
+    (46, 64, 3)
+    """
+    tiles = [_captioned(picture, text) for picture, text in pictures]
+    rows = [tiles[k : k + columns] for k in range(0, len(tiles), columns)]
+    blank = np.full_like(tiles[0], 255)
+    width = min(columns, len(tiles))
+    return np.concatenate([_beside(row + [blank] * (width - len(row))) for row in rows])
+
+
+def _beside(tiles):
+    gap = np.full((tiles[0].shape[0], 4, 3), 255, np.uint8)
+    parts = [tiles[0]]
+    for tile in tiles[1:]:
+        parts += [gap, tile]
+    return np.concatenate(parts, axis=1)
+
+
+def _captioned(picture, text):
+    from PIL import Image, ImageDraw, ImageFont
+
+    line = Image.new('RGB', (picture.shape[1], _CAPTION), 'white')
+    font = ImageFont.load_default(size=_CAPTION * 0.66)
+    ImageDraw.Draw(line).text((4, 3), text, fill='black', font=font)
+    return np.concatenate([np.asarray(line), as_bytes(picture)])

@@ -1,0 +1,286 @@
+"""A stage without a screen: the same scene drawn by VTK and by pvibr, read and timed."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pyvista as pv
+
+from pvibr import _vtk
+from pvibr.actors.bake import bounding_sphere
+from pvibr.frame import Frame
+from pvibr.maths.image_error import box_reduce
+
+#: Samples of a reference along a side of a pixel: 16 in each.
+SAMPLES = 4
+SKY = '#dfe9f0'
+
+
+class Stage:
+    """An off-screen window with one sample a pixel.
+
+    Parameters
+    ----------
+    size : tuple of 2 int
+        Width and height in pixels.
+    ground : pyvista.PolyData, optional
+        What stands under the instances, with colours ``'color_rgb'``.
+    view_angle : float, optional
+        Vertical, degrees.
+    samples : int, optional
+        Samples along a side of a pixel: the window is so many times as large, and what is read
+        of it is averaged.
+    background : str, optional
+        Colour.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr.offscreen import Stage
+    >>> with Stage((64, 32)) as stage:
+    ...     stage.plotter.add_mesh(pv.Sphere())
+    ...     stage.look([(3, 0, 0), (0, 0, 0), (0, 0, 1)])
+    ...     stage.picture().shape
+    Actor (...
+    (32, 64, 3)
+    """
+
+    def __init__(self, size, ground=None, view_angle=30.0, samples=1, background=SKY):
+        self.samples = samples
+        pixels = [int(n) * samples for n in size]
+        self.plotter = pv.Plotter(off_screen=True, window_size=pixels)
+        self.plotter.set_background(background)
+        self.plotter.camera.view_angle = view_angle
+        self.window.SetMultiSamples(0)
+        self.ground = None
+        if ground is not None:
+            self.ground = self.plotter.add_mesh(ground, scalars='color_rgb', rgb=True)
+        self.bounds: tuple[float, ...] | None = None
+        self._shown = False
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.close()
+
+    def close(self):
+        """Free everything."""
+        self.plotter.close()
+
+    @property
+    def window(self):
+        """The VTK window."""
+        return self.plotter.ren_win
+
+    @property
+    def renderer(self):
+        """The one renderer."""
+        return self.plotter.renderer
+
+    def add(self, actors):
+        """Put actors in, as they are."""
+        for actor in actors:
+            self.renderer.AddViewProp(actor)
+
+    def look(self, camera):
+        """Take a camera, (eye, focus, up); near and far follow :attr:`bounds` where it is set."""
+        self.plotter.camera_position = camera
+        if not self._shown:
+            self.plotter.show(auto_close=False)
+            self._shown = True
+        # The same planes for whatever is in the scene, so that depths can be compared.
+        self.renderer.ResetCameraClippingRange(*([self.bounds] if self.bounds else []))
+
+    def draw(self) -> float:
+        """Draw, wait until it is done, and return the seconds that it took."""
+        start = time.perf_counter()
+        self.window.Render()
+        self.window.WaitForCompletion()
+        return time.perf_counter() - start
+
+    def seconds(self, cameras) -> np.ndarray:
+        """Return the seconds of a frame at each of some cameras, after one to warm up.
+
+        Parameters
+        ----------
+        cameras : sequence of tuple
+            Each (eye, focus, up).
+
+        Returns
+        -------
+        numpy.ndarray, shape (n,)
+            Seconds.
+        """
+        self.look(cameras[0])
+        self.draw()
+        found = []
+        for camera in cameras:
+            self.look(camera)
+            found.append(self.draw())
+        return np.array(found)
+
+    def frame(self) -> Frame:
+        """Return what the next frame is made of."""
+        return Frame.of(self.renderer)
+
+    def picture(self) -> np.ndarray:
+        """Draw and return colours, shape (h, w, 3), 0 to 1, top row first."""
+        self.draw()
+        return self.read()
+
+    def read(self) -> np.ndarray:
+        """Return the colours of what was drawn last, shape (h, w, 3), 0 to 1, top row first."""
+        return box_reduce(self.pixels(), self.samples) / 255
+
+    def pixels(self) -> np.ndarray:
+        """Return what was drawn last, shape (h * samples, w * samples, 3), uint8."""
+        data = _vtk.vtkUnsignedCharArray()
+        width, height = self.window.GetSize()
+        # The buffer that is drawn to: reading the front one may draw again.
+        self.window.GetPixelData(0, 0, width - 1, height - 1, 0, data, 0)
+        return _vtk.vtk_to_numpy(data).reshape(height, width, 3)[::-1]
+
+    def depth(self) -> np.ndarray:
+        """Return the depth buffer of what was drawn last, shape (h * samples, w * samples)."""
+        data = _vtk.vtkFloatArray()
+        width, height = self.window.GetSize()
+        self.window.GetZbufferData(0, 0, width - 1, height - 1, data)
+        return _vtk.vtk_to_numpy(data).reshape(height, width)[::-1].copy()
+
+    def coverage(self) -> np.ndarray:
+        """Return how much of each pixel all but ground and background cover, (h, w), 0 to 1.
+
+        Drawn before black and before white: what does not change is covered. So it sees soft
+        edges, which a depth buffer does not.
+        """
+        white, black = (self._before(color) for color in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)))
+        return np.clip(1 - (white - black).mean(-1), 0, 1)
+
+    def _before(self, color):
+        renderer, ground = self.renderer, self.ground
+        kept = renderer.GetBackground()
+        renderer.SetBackground(color)
+        if ground is not None:
+            ground.mapper.SetScalarVisibility(False)
+            ground.prop.lighting, ground.prop.color = False, color
+        picture = self.picture()
+        renderer.SetBackground(kept)
+        if ground is not None:
+            ground.mapper.SetScalarVisibility(True)
+            ground.prop.lighting = True
+        return picture
+
+
+def covered(depth, ground_depth, samples) -> np.ndarray:
+    """Return coverage from two depth buffers: where they differ something stands before.
+
+    Parameters
+    ----------
+    depth, ground_depth : numpy.ndarray, shape (h * samples, w * samples)
+        With everything, and with the ground alone, at the same camera.
+    samples : int
+        Along a side of a pixel.
+
+    Returns
+    -------
+    numpy.ndarray, shape (h, w)
+        0 to 1.
+    """
+    return box_reduce(depth != ground_depth, samples)
+
+
+def mesh_actors(meshes, poses, index) -> list:
+    """Return VTK actors of the full meshes: one of each part at each pose.
+
+    Parameters
+    ----------
+    meshes : list of list of Part
+        Parts by mesh.
+    poses : numpy.ndarray, shape (n, 4, 4)
+        World from model.
+    index : numpy.ndarray, shape (n,)
+        Which mesh.
+
+    Returns
+    -------
+    list of vtkActor
+        They share the parts' mappers.
+    """
+    return [
+        _mesh_actor(part, pose) for pose, k in zip(poses, index, strict=True) for part in meshes[k]
+    ]
+
+
+def _mesh_actor(part, pose):
+    matrix = _vtk.vtkMatrix4x4()
+    matrix.DeepCopy(pose.ravel().tolist())
+    actor = dressed(part, part.actor.GetMapper())
+    actor.SetUserMatrix(matrix)
+    return actor
+
+
+def dressed(part, mapper):
+    """Return a new actor with the look of a part."""
+    actor, source = _vtk.vtkActor(), part.actor
+    actor.SetMapper(mapper)
+    actor.SetProperty(source.GetProperty())
+    actor.SetBackfaceProperty(source.GetBackfaceProperty())
+    actor.SetTexture(source.GetTexture())
+    actor.SetForceOpaque(source.GetForceOpaque())
+    actor.SetForceTranslucent(source.GetForceTranslucent())
+    actor.GetShaderProperty().DeepCopy(source.GetShaderProperty())
+    return actor
+
+
+def spheres(meshes, poses, index):
+    """Return bounding spheres of instances.
+
+    Parameters
+    ----------
+    meshes : list of list of Part
+        Parts by mesh.
+    poses : numpy.ndarray, shape (n, 4, 4)
+        World from model.
+    index : numpy.ndarray, shape (n,)
+        Which mesh.
+
+    Returns
+    -------
+    centers : numpy.ndarray, shape (n, 3)
+        World units.
+    radii : numpy.ndarray, shape (n,)
+        World units.
+    """
+    own = [bounding_sphere(np.concatenate([p.mesh.points for p in parts])) for parts in meshes]
+    center, radius = (np.array(a)[index] for a in zip(*own, strict=True))
+    stretch = np.linalg.norm(poses[:, :3, :3], axis=1).max(1)
+    return np.einsum('nij,nj->ni', poses[:, :3, :3], center) + poses[:, :3, 3], radius * stretch
+
+
+def in_view(frame, centers, radii):
+    """Return the spheres that a perspective camera may see, the nearest first.
+
+    Parameters
+    ----------
+    frame : Frame
+        Camera and size.
+    centers : numpy.ndarray, shape (n, 3)
+        World units.
+    radii : numpy.ndarray, shape (n,)
+        World units.
+
+    Returns
+    -------
+    numpy.ndarray of int
+        Rows.
+    """
+    view, clip = frame.view_from_world, frame.clip_from_view
+    x, y, z = (centers @ view[:3, :3].T + view[:3, 3]).T
+    wide, high = 1 / clip[0, 0], 1 / clip[1, 1]
+    seen = -z > -radii
+    for across, tangent in ((x, wide), (y, high)):
+        seen &= np.abs(across) < -z * tangent + radii * np.hypot(1, tangent)
+    rows = np.flatnonzero(seen)
+    return rows[np.argsort(-z[rows])]
