@@ -6,14 +6,14 @@
 // and Oliveira, "Relaxed Cone Stepping", GPU Gems 3, ch. 18 (the fixed-point step before it);
 // weights by residual: Buehler et al., "Unstructured Lumigraph Rendering", SIGGRAPH 2001.
 // Spaces: q = the object's bounding sphere scaled to the unit sphere; eye = VTK's VC.
-// ibr_first, the first slot of a draw, is an actor's custom uniform that VTK declares.
+// ibr_first, the first slot of a draw, and ibr_end, the block after its last, are an actor's custom
+// uniforms: VTK declares them.
 // Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 3; WRITE_DEPTH 0 or 1; SPLAT 0 or 1.
 
 //@vertex.declare
 uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
 uniform sampler2D ibr_blocks;     // visible blocks: origin in eye space, index of the block
 uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as baked, 255 coloured
-uniform int ibr_block_count;      // visible blocks
 uniform int ibr_count;            // instances
 uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
 uniform int ibr_has_looks;
@@ -83,7 +83,7 @@ mat3 ibr_frame(vec3 d)
     int slot = ibr_first + gl_VertexID / CORNERS;
     int corner = gl_VertexID % CORNERS;
     int entry = slot / 64;
-    bool live = entry < ibr_block_count;
+    bool live = entry < ibr_end;
     vec4 block = texelFetch(ibr_blocks, live ? ivec2(entry % 1024, entry / 1024) : ivec2(0), 0);
     int i = int(block.w) * 64 + slot % 64;
     live = live && i < ibr_count;
@@ -204,6 +204,21 @@ flat in vec4 ibr_level;
 flat in int ibr_instance;
 in vec2 ibr_splat;
 
+// How much the normals of a fragment spread: half the width of the soft corner of its cosine.
+float ibr_spread = 0.0;
+
+// The mean of max(0, n . l) over spread normals, which is more than max(0, mean . l): what the
+// card of a tree would lose by lighting the mean alone. A normal distribution of n . l of variance
+// (1 - |mean|^2) / 3 gives the value 0.4 sigma at 0; the parabola agrees there. VTK's light code
+// calls it as max(0, cosine); its max(1e-5, ...) of highlights stays what it is.
+float ibr_lit(float least, float cosine)
+{
+  float s = max(ibr_spread, 1e-4);
+  float soft = cosine + s;
+  float mean = cosine >= s ? cosine : (cosine <= -s ? 0.0 : 0.25 * soft * soft / s);
+  return least < 5e-6 ? mean : max(least, cosine);
+}
+
 vec2 ibr_texcoord(vec2 p, vec2 cell)
 {
   vec2 t = clamp(p / ibr_margin * 0.5 + 0.5, ibr_card.x, 1.0 - ibr_card.x);
@@ -254,7 +269,9 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   vec3 ibr_base = clamp(ibr_a.rgb * ibr_norm, 0.0, 1.0);
   vec3 ibr_mean = vec3(ibr_g.ba, ibr_a.a) * ibr_norm;
   vec3 ibr_normal = ibr_eye_normal * ibr_mean;
-  ibr_normal *= min(length(ibr_mean), 1.0) / max(length(ibr_normal), 1e-6);
+  float ibr_length = min(length(ibr_mean), 1.0);
+  ibr_spread = 0.92 * sqrt(1.0 - ibr_length * ibr_length);
+  ibr_normal *= ibr_length / max(length(ibr_normal), 1e-6);
   if (ibr_has_lut == 1)
   {
     ibr_base = mix(texture(ibr_lut, vec2(ibr_base.r, 0.5)).rgb, ibr_nan_color.rgb, ibr_base.g);

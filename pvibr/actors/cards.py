@@ -13,9 +13,12 @@ from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 
 BLOCK = 64  # instances that are culled, sorted and chosen together
-_CHUNK = 8192  # cards of one draw
+SLAB = 128  # blocks of one draw
+_SLABS = 8  # draws at least, between which the cards of several meshes take turns
 _POSE_WIDTH = 3072  # texels; a multiple of 3, so that a pose stays in one row
 _ROW = 1024
+# Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
+_SOFT_LIGHT = '#define max(a, b) ibr_lit(a, b)\n//VTK::Light::Impl\n#undef max\n'
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,7 @@ class Program:
             'VTK::Depth::Impl': depth + '//VTK::Depth::Impl\n',
             'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
+            'VTK::Light::Impl': _SOFT_LIGHT,
         }
         return Feature(f'card_{self.name}', vertex, fragment)
 
@@ -80,7 +84,7 @@ NEAR = Program('near', views=3, steps=2, depth=True)
 PROGRAMS = (FAR, MIDDLE, NEAR)
 
 
-def card_mesh(count, corners):
+def card_mesh(count, corners, bounds):
     """Return the polydata of unplaced cards: the shader places them by their vertex number.
 
     Parameters
@@ -89,14 +93,17 @@ def card_mesh(count, corners):
         Cards.
     corners : int
         3 or 4 vertices each.
+    bounds : array_like of 6 float
+        World bounds of what they show: VTK leaves out actors whose bounds are out of view.
 
     Returns
     -------
     vtkPolyData
         Triangles.
     """
-    points = np.zeros((count * corners, 3), np.float32)
-    points[1::2] = 1.0
+    low, high = np.asarray(bounds, float).reshape(3, 2).T
+    points = np.empty((count * corners, 3))
+    points[0::2], points[1::2] = low, high
     triangle = np.array([0, 1, 2]) if corners == 3 else np.array([0, 1, 2, 0, 2, 3])
     cells = (np.arange(count)[:, None] * corners + triangle).astype(np.int32).ravel()
     mesh = _vtk.vtkPolyData()
@@ -134,6 +141,54 @@ def pack(values, width, channels) -> np.ndarray:
     return out.reshape(height, width, channels)
 
 
+def slabs(depths) -> list[np.ndarray]:
+    """Divide the blocks of several meshes into draws that take turns from far to near.
+
+    Cards write depth also where they are half transparent, so one that is behind must be drawn
+    first, whichever mesh it shows.
+
+    Parameters
+    ----------
+    depths : list of numpy.ndarray, shape (n,)
+        For each mesh the depth of its blocks, ascending from the farthest.
+
+    Returns
+    -------
+    list of numpy.ndarray of int
+        For each mesh the ends of its draws, beginning with 0; all of the same length.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.actors.cards import slabs
+    >>> [c.tolist() for c in slabs([np.array([-3.0, -1.0]), np.array([-2.0])])]
+    [[0, 1, 1, 2], [0, 0, 1, 1]]
+    """
+    total = sum(len(d) for d in depths)
+    size = SLAB if len(depths) == 1 else min(SLAB, max(1, -(-total // _SLABS)))
+    rank = np.empty(total, int)
+    rank[np.argsort(np.concatenate(depths), kind='stable')] = np.arange(total)
+    edges = np.arange(-(-total // size) + 1)
+    starts = np.cumsum([0, *(len(d) for d in depths)])
+    return [
+        np.searchsorted(rank[a:b] // size, edges)
+        for a, b in zip(starts[:-1], starts[1:], strict=True)
+    ]
+
+
+def slab_count(blocks, meshes) -> int:
+    """Return how many draws of a program a mesh may need.
+
+    Parameters
+    ----------
+    blocks : int
+        Blocks of all meshes.
+    meshes : int
+        How many meshes there are.
+    """
+    return -(-blocks // SLAB) + (_SLABS if meshes > 1 else 0)
+
+
 class Binder:
     """Keeps one set of textures bound: those of the cards that were drawn last."""
 
@@ -164,13 +219,17 @@ class Cards:
         The pictures.
     count : int
         Instances.
+    draws : int
+        Draws of each program, see :func:`slab_count`.
+    bounds : array_like of 6 float
+        World bounds of all instances.
     prop : vtkProperty
         Material: lighting, ambient, diffuse, specular, opacity, interpolation.
     binder : Binder
         Shared by all cards of a renderer.
     """
 
-    def __init__(self, atlas, count, prop, binder):
+    def __init__(self, atlas, count, draws, bounds, prop, binder):
         self.atlas, self.binder, self.window = atlas, binder, None
         self.textures: dict[str, Texture] = {}
         self.uniforms = {
@@ -186,7 +245,7 @@ class Cards:
             'ibr_multiply': 0,
             'ibr_nan_color': (0.5, 0.5, 0.5, 1.0),
         }
-        self.layers = {p.name: _Layer(self, p, prop, count) for p in PROGRAMS}
+        self.layers = {p.name: _Layer(self, p, prop, min(SLAB, -(-count // BLOCK)), draws, bounds) for p in PROGRAMS}
 
     @property
     def nbytes(self) -> int:
@@ -247,7 +306,7 @@ class Cards:
             'ibr_cut': 0.5 if frame.picking else 1 / 255,
         }
 
-    def show(self, name, blocks, sizes):
+    def show(self, name, blocks, sizes, cuts):
         """Draw some blocks by a program, in the order given.
 
         Parameters
@@ -259,13 +318,15 @@ class Cards:
         sizes : tuple of 4 float
             On-screen diameters in pixels between which instances appear, are whole, fade, and
             are gone.
+        cuts : numpy.ndarray of int
+            Where each draw begins and ends, see :func:`slabs`.
         """
-        self.layers[name].show(blocks, sizes)
+        self.layers[name].show(blocks, sizes, cuts)
 
     def hide(self):
         """Draw nothing."""
         for layer in self.layers.values():
-            layer.show(np.zeros((0, 4), np.float32), (0.0, 0.0, 1.0, 1.0))
+            layer.show(np.zeros((0, 4), np.float32), (0.0, 0.0, 1.0, 1.0), np.zeros(1, int))
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
@@ -280,23 +341,20 @@ class Cards:
 class _Layer:
     """The cards of one program: draws of at most a chunk of cards that share one mapper."""
 
-    def __init__(self, cards, program, prop, count):
+    def __init__(self, cards, program, prop, blocks, draws, bounds):
         self.cards, self.program = cards, program
         self.feature = program.feature()
         self.blocks: Texture | None = None
-        self.block_count = 0
         self.sizes = (0.0, 0.0, 1.0, 1.0)
         self.failure: str | None = None
         self.checked = False
         self.mapper = _vtk.vtkPolyDataMapper()
         self.mapper.ScalarVisibilityOff()
         self.mapper.AddObserver('UpdateShaderEvent', self._updater())
-        slots = -(-count // BLOCK) * BLOCK
-        self.chunk = min(_CHUNK, slots)
-        self.mapper.SetInputData(card_mesh(self.chunk, program.corners))
-        self.actors = [self._actor(k, prop) for k in range(-(-slots // self.chunk))]
+        self.mapper.SetInputData(card_mesh(blocks * BLOCK, program.corners, bounds))
+        self.actors = [self._actor(prop) for _ in range(draws)]
 
-    def _actor(self, number, prop):
+    def _actor(self, prop):
         actor = _vtk.vtkActor()
         actor.SetMapper(self.mapper)
         actor.SetProperty(prop)
@@ -304,19 +362,21 @@ class _Layer:
         actor.PickableOff()
         actor.UseBoundsOff()
         self.feature.attach(actor)
-        uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-        uniforms.SetUniformi('ibr_first', number * self.chunk)
         return actor
 
-    def show(self, blocks, sizes):
-        self.block_count, self.sizes = len(blocks), sizes
+    def show(self, blocks, sizes, cuts):
+        self.sizes = sizes
         if len(blocks):
             self.blocks = self.blocks or Texture(self.cards.window)
             self.blocks.upload(pack(blocks, _ROW, 4))
-        draws = -(-len(blocks) * BLOCK // self.chunk)
         for k, actor in enumerate(self.actors):
-            if bool(actor.GetVisibility()) != (k < draws):
-                actor.SetVisibility(k < draws)
+            begin, end = (cuts[k], cuts[k + 1]) if k + 1 < len(cuts) else (0, 0)
+            if bool(actor.GetVisibility()) != bool(end > begin):
+                actor.SetVisibility(bool(end > begin))
+            if end > begin:
+                uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+                uniforms.SetUniformi('ibr_first', int(begin) * BLOCK)
+                uniforms.SetUniformi('ibr_end', int(end))
 
     def _updater(self):
         # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
@@ -333,7 +393,6 @@ class _Layer:
         textures = {**cards.textures, 'ibr_blocks': self.blocks}
         set_uniforms(program, cards.binder.bind(self, textures))
         set_uniforms(program, cards.uniforms)
-        program.SetUniformi('ibr_block_count', self.block_count)
         program.SetUniform4f('ibr_range', self.sizes)
         if not self.checked:
             self.checked = True

@@ -7,7 +7,7 @@ import pyvista as pv
 
 from pvibr import _vtk
 from pvibr.actors import looks as look
-from pvibr.actors.cards import Binder
+from pvibr.actors.cards import BLOCK, Binder, slab_count, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import Kind
 from pvibr.actors.levels import make_model
@@ -154,10 +154,10 @@ class Instances(Effect):
     def _set_poses(self, poses, index):
         self._poses, self._index = poses, index
         self._kinds = []
+        ids = {k: np.flatnonzero(index == k) for k in self._models}
+        draws = slab_count(sum(-(-len(i) // BLOCK) for i in ids.values()), len(ids))
         for k, model in self._models.items():
-            ids = np.flatnonzero(index == k)
-            if len(ids):
-                self._kinds.append(Kind(model, ids, poses, self._binder))
+            self._kinds.append(Kind(model, ids[k], poses, self._binder, draws))
         self._uploaded = False
         self._stamp = None
         self._bounds = _union([k.bounds for k in self._kinds])
@@ -341,7 +341,8 @@ class Instances(Effect):
     def _put_in(self, renderer):
         # All far cards first, then all nearer ones: their soft edges blend with what is behind.
         layers = zip(*(k.cards.layers.values() for k in self._kinds), strict=True)
-        self._card_actors = [a for row in layers for layer in row for a in layer.actors]
+        turns = (zip(*(layer.actors for layer in row), strict=True) for row in layers)
+        self._card_actors = [actor for turn in turns for draw in turn for actor in draw]
         for actor in self._card_actors + [a for k in self._kinds for a in k.mesh_actors()]:
             renderer.AddViewProp(actor)
 
@@ -397,8 +398,15 @@ class Instances(Effect):
         if stamp == self._stamp:
             return
         self._stamp = stamp
-        for kind in self._kinds:
-            for actor in kind.select(frame, kind.model.limits(self.max_error)):
+        limits = [kind.model.limits(self.max_error) for kind in self._kinds]
+        chosen = [k.select(frame, limit) for k, limit in zip(self._kinds, limits, strict=True)]
+        for name in chosen[0]:
+            cuts = slabs([c[name][1] for c in chosen])
+            for kind, c, cut in zip(self._kinds, chosen, cuts, strict=True):
+                blocks, _, sizes = c[name]
+                kind.cards.show(name, blocks, sizes, cut)
+        for kind, limit in zip(self._kinds, limits, strict=True):
+            for actor in kind.select_meshes(frame, limit):
                 actor.SetPickable(bool(self.pickable))
                 frame.renderer.AddViewProp(actor)
         for kind in self._kinds:

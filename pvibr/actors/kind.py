@@ -26,9 +26,11 @@ class Kind:
         All poses of the scene; those of ``ids`` are read.
     binder : Binder
         Shared by all kinds of a scene.
+    draws : int
+        Draws of each program of cards, see :func:`pvibr.actors.cards.slab_count`.
     """
 
-    def __init__(self, model, ids, poses, binder):
+    def __init__(self, model, ids, poses, binder, draws=1):
         self.model, self.levels, self.atlas, self.poses = model, model.levels, model.atlas, poses
         centers, radii = self._spheres(ids)
         order = morton_order(centers)
@@ -36,10 +38,12 @@ class Kind:
         self.radii = radii[order].astype(np.float32)
         self.blocks = Blocks.of(centers[order], radii[order], BLOCK)
         self.pools = [MeshPool(level) for level in self.levels]
-        self.cards = Cards(self.atlas, len(ids), _card_property(self.levels[0].parts), binder)
+        prop = _card_property(self.levels[0].parts)
+        self.cards = Cards(self.atlas, len(ids), draws, self.bounds, prop, binder)
         self.looks: np.ndarray | None = None
         self.near: dict[int, int] = {}
         self.counts: dict[str, int] = {}
+        self.large = np.zeros(0, int)
 
     def __len__(self):
         return len(self.ids)
@@ -106,7 +110,7 @@ class Kind:
         return tuple(float(v) for v in self.looks[slot] / 255.0)
 
     def select(self, frame, limits):
-        """Choose what is drawn of every instance.
+        """Choose which blocks are drawn by which program.
 
         Parameters
         ----------
@@ -117,23 +121,43 @@ class Kind:
 
         Returns
         -------
-        list of vtkActor
-            New actors that the renderer does not have yet.
+        dict of str to (blocks, depths, sizes)
+            For each program what :meth:`Cards.show` takes, and the blocks' depths.
         """
         index, origins, small, large = self.blocks.seen(frame)
         self.cards.view(frame)
         self.counts = {'blocks': len(index), 'of blocks': len(self.blocks.centers)}
         table = np.empty((len(index), 4), np.float32)
         table[:, :3], table[:, 3] = origins, index
-        edges = limits.cards
-        for k, (name, low, high) in enumerate(edges):
-            used = (large >= low) & (small < high * _FADE) if high > low else large < 0
-            whole = low * _FADE if k else 0.0
-            last = k == len(edges) - 1 or all(h <= lo for _, lo, h in edges[k + 1 :])
-            gone = high * _FADE
-            self.cards.show(name, table[used], (low, whole, high if last else gone, gone))
+        depths = origins[:, 2] if frame.parallel else -np.linalg.norm(origins, axis=1)
+        used_programs = [name for name, low, high in limits.cards if high > low]
+        chosen = {}
+        for name, low, high in limits.cards:
+            used = (large >= low) & (small < high * _FADE) & (high > low)
+            whole = low * _FADE if low > 0 else 0.0
+            # The finest cards fade out over the mesh; over the others finer cards fade in.
+            fade = high if used_programs[-1:] == [name] else high * _FADE
+            chosen[name] = table[used], depths[used], (low, whole, fade, high * _FADE)
             self.counts[name] = int(used.sum()) * BLOCK
-        return self._select_meshes(frame, index[large >= limits.mesh], limits)
+        self.large = index[large >= limits.mesh]
+        return chosen
+
+    def select_meshes(self, frame, limits):
+        """Show the mesh at the instances that are too near for cards; return actors that are new.
+
+        Parameters
+        ----------
+        frame : Frame
+            Camera and size, as :meth:`select` was given.
+        limits : Limits
+            On-screen diameters up to which each level is good enough.
+
+        Returns
+        -------
+        list of vtkActor
+            New actors that the renderer does not have yet.
+        """
+        return self._select_meshes(frame, self.large, limits)
 
     def _select_meshes(self, frame, blocks, limits):
         slots = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()

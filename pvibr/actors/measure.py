@@ -166,7 +166,7 @@ class _Sheet:
         _, origins, _, _ = self.kind.blocks.seen(frame)
         blocks = np.zeros((1, 4), np.float32)
         blocks[0, :3] = origins[0]
-        cards.show(program, blocks, (0.0, 0.0, 1e9, 1e9))
+        cards.show(program, blocks, (0.0, 0.0, 1e9, 1e9), np.array([0, 1]))
         return self._picture()
 
     def _picture(self):

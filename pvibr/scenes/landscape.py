@@ -14,7 +14,7 @@ from pvibr.maths.transforms import trs
 from pvibr.scenes.trees import COLORS, KINDS, dress, tree
 
 #: Metres along each side of the ground that a tree has on average.
-SPACING = 11.0
+SPACING = 20.0
 #: Metres on both sides of the trail without trees: the widest crown, and room to breathe.
 CLEARING = 13.0
 #: Cells along each side of the ground.
