@@ -121,6 +121,14 @@ class Stage:
             found.append(self.draw())
         return np.array(found)
 
+    def driver(self) -> str:
+        """Return the name of what draws."""
+        self.look([(0, 0, 1), (0, 1, 1), (0, 0, 1)])
+        self.draw()
+        lines = self.window.ReportCapabilities().splitlines()
+        names = [line.split(':', 1)[1].strip() for line in lines if 'renderer string' in line]
+        return (names or ['unknown'])[0]
+
     def frame(self) -> Frame:
         """Return what the next frame is made of."""
         return Frame.of(self.renderer)

@@ -1,1 +1,42 @@
-"""Measure run time against error."""
+"""Measure run time against error, on the spot; each number beside its bar."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+NAMES = ('instances',)
+
+
+def main(name, *, out=Path('out'), quick=False) -> list:
+    """Measure, print a table, and write it as JSON with a plot beside it.
+
+    Parameters
+    ----------
+    name : {'instances'}
+        What is measured.
+    out : pathlib.Path
+        Folder for ``bench_instances.json`` and ``bench_instances.png``.
+    quick : bool
+        A few points only, to see that it runs; the bars are not meant for them.
+
+    Returns
+    -------
+    list of pvibr.bench.rows.Row
+        What was measured.
+
+    Raises
+    ------
+    ValueError
+        If there is no such bench.
+
+    Examples
+    --------
+    >>> from pvibr.bench import main
+    >>> main('instances', quick=True)  # doctest: +SKIP
+    """
+    if name not in NAMES:
+        msg = f'name is {name!r}; it must be one of {", ".join(NAMES)}.'
+        raise ValueError(msg)
+    from pvibr.bench.instances import measure
+
+    return measure(Path(out), quick=quick)

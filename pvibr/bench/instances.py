@@ -1,0 +1,94 @@
+"""``pvibr bench instances``: many instances against VTK's own ways and the full meshes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from rich.console import Console
+
+from pvibr.bench import crowd, precision, single, walk
+from pvibr.bench.plot import plot
+from pvibr.bench.rows import Results
+from pvibr.offscreen import Stage
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How much is measured.
+
+    Parameters
+    ----------
+    size : tuple of 2 int
+        Pixels.
+    trees : int
+        On the walk.
+    cameras : int
+        Places of the walk where the error is measured.
+    part : int
+        Full meshes drawn there.
+    steps : int
+        Frames of the short walk on which popping is looked for.
+    meshes : int or None
+        Single meshes; None is all.
+    sizes : tuple of int
+        Diameters of the single meshes on the screen, px.
+    errors : tuple of float
+        ``max_error`` of the single meshes, px.
+    directions : int
+        Views of each single mesh.
+    crowd : int
+        Instances of the crowd.
+    """
+
+    size: tuple[int, int] = (1280, 720)
+    trees: int = 10_000
+    cameras: int = 4
+    part: int = 400
+    steps: int = 16
+    meshes: int | None = None
+    sizes: tuple[int, ...] = (16, 32, 64, 128)
+    errors: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
+    directions: int = 6
+    crowd: int = 1_000_000
+
+
+QUICK = Settings(
+    size=(320, 180), trees=300, cameras=1, part=30, steps=3, meshes=2, sizes=(32,),
+    errors=(1.0,), directions=2, crowd=20_000,
+)  # fmt: skip
+
+
+def measure(out, *, quick=False) -> list:
+    """Run every part, print and write the table and the plot, and return the rows.
+
+    Parameters
+    ----------
+    out : pathlib.Path
+        Folder.
+    quick : bool
+        Whether only a few points are measured.
+
+    Returns
+    -------
+    list of Row
+        What was measured.
+    """
+    settings = QUICK if quick else Settings()
+    with Stage((64, 64)) as stage:
+        results = Results(stage.driver(), {'quick': quick, **vars(settings)})
+    console = Console(stderr=True)
+    for name, part in (
+        ('walk', walk.measure),
+        ('single meshes', single.measure),
+        ('crowd', crowd.measure),
+        ('precision', precision.measure),
+    ):
+        start = time.perf_counter()
+        part(settings, results)
+        console.print(f'{name}: {time.perf_counter() - start:.0f} s')
+    out.mkdir(parents=True, exist_ok=True)
+    (out / 'bench_instances.json').write_text(results.to_json() + '\n', encoding='utf-8')
+    plot(results, out / 'bench_instances.png')
+    Console().print(results.table())
+    return results.rows

@@ -1,0 +1,193 @@
+"""Single meshes, small on the screen: whichever level is drawn must not be worse than the mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+import pvibr
+from pvibr.actors.bake import bounding_sphere
+from pvibr.actors.parts import as_parts
+from pvibr.bench.rows import Row
+from pvibr.maths.image_error import displacements, flip
+from pvibr.offscreen import SAMPLES, Stage, covered, mesh_actors
+from pvibr.scenes.trees import dress, tree
+
+VIEW_ANGLE = 30.0
+#: Pixels around the object.
+ROOM = 16
+#: Displacement that the bar allows beyond max_error: outlines are known to whole pixels.
+SLACK = 0.5
+#: Mean FLIP below which a ratio says nothing: nothing can be seen.
+FLOOR = 1e-4
+
+
+def measure(settings, results):
+    """Add the rows of single meshes: FLIP against the mesh's own, displacement of outlines.
+
+    Parameters
+    ----------
+    settings : Settings
+        How much is measured.
+    results : Results
+        Taken further.
+    """
+    worst = dict.fromkeys(settings.errors, 0.0)
+    results.points['single'] = {}
+    for name, make in list(MESHES.items())[: settings.meshes]:
+        found = _Mesh(name, make(), settings).measure()
+        results.points['single'][name] = found
+        _flip_rows(name, found, results)
+        for max_error in settings.errors:
+            worst[max_error] = max(
+                worst[max_error], *(s[str(max_error)][1] for s in found.values())
+            )
+    for max_error, moved in worst.items():
+        name = f'single: worst p99 of displacement, max_error {max_error:g}'
+        results.rows.append(Row(name, moved, 'px', max_error + SLACK))
+
+
+def _flip_rows(name, found, results):
+    for size, by_error in found.items():
+        if '1.0' in by_error:
+            ratio = by_error['1.0'][0]
+            results.rows.append(Row(f'single: {name} at {size} px, FLIP ratio', ratio, 'x', 1.0))
+
+
+class _Mesh:
+    """One mesh, drawn by pvibr, by VTK, and by VTK with many samples."""
+
+    def __init__(self, name, mesh, settings):
+        self.parts, self.settings = as_parts(mesh), settings
+        self.center, self.radius = bounding_sphere(
+            np.concatenate([part.mesh.points for part in self.parts])
+        )
+        self.rng = np.random.default_rng(sum(name.encode()))
+
+    def measure(self):
+        """Return by size and max_error the FLIP ratio and the displacement's 99th percentile."""
+        return {size: self._at(size) for size in self.settings.sizes}
+
+    def _at(self, size):
+        window = (size + 2 * ROOM, size + 2 * ROOM)
+        cameras = [self._camera(size) for _ in range(self.settings.directions)]
+        truth = self._full(window, cameras, SAMPLES)
+        once = self._full(window, cameras, 1)
+        base = _mean_flip(once, truth)
+        found = {}
+        with Stage(window, view_angle=VIEW_ANGLE, background='white') as stage:
+            stage.bounds = self._bounds()
+            drawn = stage.plotter.ibr.add_instances([self.parts], [[0.0, 0.0, 0.0]])
+            for max_error in self.settings.errors:
+                drawn.max_error = max_error
+                pictures = []
+                for camera in cameras:
+                    stage.look(camera)
+                    pictures.append((stage.picture(), stage.coverage()))
+                ratio = max(_mean_flip(pictures, truth), FLOOR) / max(base, FLOOR)
+                found[str(max_error)] = (ratio, _moved(pictures, truth))
+        return found
+
+    def _camera(self, size):
+        away, up, aside = self.rng.normal(size=(3, 3))
+        away /= np.linalg.norm(away)
+        # As high in the window as the sphere has pixels, and not always on the same part of one.
+        height = size + 2 * ROOM
+        tangent = np.tan(np.radians(VIEW_ANGLE / 2)) * size / height
+        eye = self.center + away * self.radius * np.sqrt(1 + 1 / tangent**2)
+        shift = aside * self.radius / size
+        return tuple(map(tuple, (eye + shift, self.center + shift, up)))
+
+    def _bounds(self):
+        low, high = self.center - self.radius, self.center + self.radius
+        return tuple(np.stack([low, high], 1).ravel())
+
+    def _full(self, window, cameras, samples):
+        with Stage(window, view_angle=VIEW_ANGLE, samples=samples, background='white') as stage:
+            stage.bounds = self._bounds()
+            stage.look(cameras[0])
+            stage.draw()
+            empty = stage.depth()
+            stage.add(mesh_actors([self.parts], np.eye(4)[None], [0]))
+            found = []
+            for camera in cameras:
+                stage.look(camera)
+                picture = stage.picture()
+                found.append((picture, covered(stage.depth(), empty, samples)))
+        return found
+
+
+def _mean_flip(pictures, truth):
+    return float(
+        np.mean([flip(a, b).mean() for (a, _), (b, _) in zip(pictures, truth, strict=True)])
+    )
+
+
+def _moved(pictures, truth):
+    away = [displacements(a, b) for (_, a), (_, b) in zip(pictures, truth, strict=True)]
+    away = np.concatenate(away)
+    return float(np.percentile(away, 99)) if len(away) else 0.0
+
+
+# -- the meshes ---------------------------------------------------------------------------------
+
+
+def _knot():
+    knot = _tube(_knot_line(), 0.12, 48)
+    rod = pv.Cylinder(center=(0, 0, 0), direction=(0.2, 0.1, 1), radius=0.015, height=4.5)
+    return pv.MultiBlock([knot, rod])
+
+
+def _knot_line():
+    t = np.linspace(0, 2 * np.pi, 500)
+    r = 1 + 0.4 * np.cos(3 * t)
+    return np.column_stack([r * np.cos(2 * t), r * np.sin(2 * t), 0.5 * np.sin(3 * t)])
+
+
+def _tube(line, radius, sides):
+    return pv.lines_from_points(line).tube(radius=radius, n_sides=sides).triangulate()
+
+
+def _airplane():
+    from pyvista import examples
+
+    return pv.read(examples.planefile)
+
+
+def _statue():
+    """Return a scanned statue where the project's data are, else a bumpy ball."""
+    path = Path(pvibr.__file__).parents[2] / 'shared' / 'data' / 'meshes' / 'koala.obj'
+    if path.is_file():
+        return pv.read(path)
+    ball = pv.Sphere(theta_resolution=200, phi_resolution=200)
+    bumps = 1 + 0.1 * np.sin(9 * ball.points).prod(axis=1, keepdims=True)
+    ball.points *= bumps
+    return ball.compute_normals()
+
+
+def _flat():
+    plate = pv.Plane(i_size=10, j_size=10, i_resolution=160, j_resolution=160)
+    x, y, _ = plate.cell_centers().points.T
+    plate['pattern'] = np.where((np.floor(x) + np.floor(y)) % 2, 0.2, 0.8) + 0.1 * np.sin(3 * x)
+    return plate
+
+
+def _wires():
+    rng = np.random.default_rng(3)
+    feet = rng.normal(size=(24, 3))
+    tips = feet + rng.normal(size=(24, 3))
+    wires = [_tube(np.linspace(a, b, 40), 0.012, 12) for a, b in zip(feet, tips, strict=True)]
+    return pv.merge([*wires, pv.Sphere(radius=0.5, theta_resolution=60, phi_resolution=60)])
+
+
+MESHES = {
+    'knot and rod': _knot,
+    'torus': lambda: pv.ParametricTorus(u_res=150, v_res=100),
+    'airplane': _airplane,
+    'tree': lambda: dress(tree('broadleaf'), 'broadleaf'),
+    'statue': _statue,
+    'flat plate': _flat,
+    'wires': _wires,
+}
