@@ -27,6 +27,8 @@ class Atlas:
         Centre of the bounding sphere, model coordinates.
     radius : float
         Its radius.
+    box : numpy.ndarray, shape (2, 3)
+        Lowest and highest coordinates of the mesh, model coordinates.
     views, tile : int
         Views along a side; texels along a side of a tile.
     half : bool
@@ -41,6 +43,7 @@ class Atlas:
     albedo: np.ndarray
     center: np.ndarray
     radius: float
+    box: np.ndarray
     views: int
     tile: int
     half: bool = False
@@ -65,7 +68,7 @@ class Atlas:
 
     def to_arrays(self) -> dict:
         """Return everything as named arrays, for a file."""
-        numbers = np.array([*self.center, self.radius, self.seconds], float)
+        numbers = np.array([*self.center, self.radius, self.seconds, *np.ravel(self.box)], float)
         grid = np.array([self.views, self.tile, self.half], np.int64)
         out = {'geometry': self.geometry, 'albedo': self.albedo, 'sphere': numbers, 'grid': grid}
         return out | {f'errors.{k}': np.asarray(v) for k, v in self.errors.items()}
@@ -97,13 +100,14 @@ class Atlas:
             msg = f'not an atlas: {err}'
             raise ValueError(msg) from err
         side = views * tile
-        good = sphere.shape == (5,) and np.isfinite(sphere).all() and sphere[3] > 0
+        good = sphere.shape == (11,) and np.isfinite(sphere).all() and sphere[3] > 0
         if not good or any(p.shape != (side, side, 4) or p.dtype != np.uint8 for p in pictures):
             msg = f'not an atlas: pictures must be ({side}, {side}, 4) uint8 with a sphere'
             raise ValueError(msg)
         errors = {k[7:]: np.asarray(arrays[k]) for k in arrays if k.startswith('errors.')}
-        return cls(*pictures, sphere[:3], float(sphere[3]), views, tile, bool(half), errors,
-                   float(sphere[4]))
+        box = sphere[5:].reshape(2, 3)
+        return cls(*pictures, sphere[:3], float(sphere[3]), box, views, tile, bool(half), errors,
+                   float(sphere[4]))  # fmt: skip
 
     def save(self, path):
         """Write to an ``.npz`` file, whole or not at all.

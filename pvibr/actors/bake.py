@@ -150,7 +150,8 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
             baker.release()
     geometry, albedo = (np.concatenate(s) for s in zip(*strips, strict=True))
     fill_depth(geometry, tile)
-    return Atlas(geometry, albedo, center, radius, views, tile, half,
+    box = np.stack([points.min(0), points.max(0)]).astype(float)
+    return Atlas(geometry, albedo, center, radius, box, views, tile, half,
                  seconds=time.perf_counter() - start)
 
 

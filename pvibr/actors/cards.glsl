@@ -15,6 +15,7 @@ uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 w
 uniform sampler2D ibr_blocks;     // visible blocks: origin in eye space, index of the block
 uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as baked, 255 coloured
 uniform int ibr_count;            // instances
+uniform int ibr_unit;             // instances of a block
 uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
 uniform int ibr_has_looks;
 uniform int ibr_views;            // N of the N x N grid
@@ -23,6 +24,8 @@ uniform int ibr_tile;             // texels of a tile
 uniform int ibr_parallel;
 uniform float ibr_radius;         // bounding sphere, model units
 uniform float ibr_margin;         // half side of a tile in radii
+uniform vec3 ibr_box_center;      // bounding box in q: middle and half sides
+uniform vec3 ibr_box_half;
 uniform float ibr_pixel_scale;    // pixels per unit tangent, or per world unit when parallel
 uniform float ibr_sharpness;      // texels per pixel that are asked for
 uniform vec4 ibr_range;           // on-screen diameters in px: appear, whole, fade, gone
@@ -82,10 +85,10 @@ mat3 ibr_frame(vec3 d)
     }
     int slot = ibr_first + gl_VertexID / CORNERS;
     int corner = gl_VertexID % CORNERS;
-    int entry = slot / 64;
+    int entry = slot / ibr_unit;
     bool live = entry < ibr_end;
     vec4 block = texelFetch(ibr_blocks, live ? ivec2(entry % 1024, entry / 1024) : ivec2(0), 0);
-    int i = int(block.w) * 64 + slot % 64;
+    int i = int(block.w) * ibr_unit + slot % ibr_unit;
     live = live && i < ibr_count;
     if (live)
     {
@@ -120,33 +123,40 @@ mat3 ibr_frame(vec3 d)
         vec3 eye = ibr_parallel == 1 ? q_from_eye * vec3(0.0, 0.0, 1.0) : -(q_from_eye * c);
         float e = length(eye);
         vec3 d = eye / e;
-        // The card holds the sphere's silhouette cone where the cone crosses the card's plane.
-        float reach = ibr_margin;
-        if (ibr_parallel == 0) { reach *= inversesqrt(max(1.0 - 1.0 / (e * e), 0.05)); }
         vec3 helper = abs(d.z) < 0.99 ? vec3(0.0, 0.0, 1.0) : vec3(0.0, 1.0, 0.0);
         vec3 right = normalize(cross(helper, d));
         vec3 up = cross(d, right);
-        float grow = 1.0;
+        // The card holds the silhouette of the bounding box, as seen past its nearest point, and
+        // never more than the sphere's; half a texel and half a pixel more for the filters.
+        float lod = max(floor(log2(float(ibr_tile) / (size * ibr_sharpness))), 0.0);
+        lod = min(lod, log2(float(ibr_tile)));
+        vec2 middle = vec2(dot(right, ibr_box_center), dot(up, ibr_box_center));
+        vec2 half_sides = vec2(dot(abs(right), ibr_box_half), dot(abs(up), ibr_box_half));
+        float nearer = dot(d, ibr_box_center) + dot(abs(d), ibr_box_half);
+        float swell = ibr_parallel == 1 ? 1.0 : e / max(e - min(nearer, 1.0), 0.2);
+        float reach = ibr_margin;
+        if (ibr_parallel == 0) { reach *= inversesqrt(max(1.0 - 1.0 / (e * e), 0.05)); }
+        float soft = ibr_margin * exp2(lod) / float(ibr_tile) + 1.0 / size;
+        vec2 low = max((middle - half_sides) * (swell) - soft, vec2(-reach));
+        vec2 high = min((middle + half_sides) * (swell) + soft, vec2(reach));
 #if SPLAT
-        // Never smaller than its pixel: at least half a pixel of room on each side.
-        grow = (size * reach + 1.0) / (size * reach);
+        if (size < 3.0) { lod = log2(float(ibr_tile)); }   // one texel: the view's mean
+        // Never smaller than its pixel: half a pixel of room on each side.
+        low = vec2(-reach - 1.0 / size);
+        high = -low;
 #endif
 #if CORNERS == 3
-        vec2 q = corner == 0 ? vec2(-1.0, -1.0) : (corner == 1 ? vec2(3.0, -1.0) : vec2(-1.0, 3.0));
+        vec2 q = corner == 0 ? vec2(0.0, 0.0) : (corner == 1 ? vec2(2.0, 0.0) : vec2(0.0, 2.0));
 #else
-        vec2 q = vec2(corner == 1 || corner == 2 ? 1.0 : -1.0, corner >= 2 ? 1.0 : -1.0);
+        vec2 q = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
 #endif
-        vec3 v = (q.x * right + q.y * up) * reach * grow;
+        q = mix(low, high, q);
+        vec3 v = q.x * right + q.y * up;
         vec4 p = vec4(c + eye_from_q * v, 1.0);
         vertexVCVSOutput = p;
         gl_Position = ibr_clip_from_eye * p;
-        ibr_splat = q * (size * reach + 1.0) * 0.5;   // pixels from the card's centre
+        ibr_splat = q * size * 0.5;   // pixels from the card's centre
         vec3 ray = ibr_parallel == 1 ? -d : v - eye;
-        float lod = max(floor(log2(float(ibr_tile) / (size * ibr_sharpness))), 0.0);
-        lod = min(lod, log2(float(ibr_tile)));
-#if SPLAT
-        if (size < 3.0) { lod = log2(float(ibr_tile)); }   // one texel: the view's mean
-#endif
         float fade = clamp((size - ibr_range.x) / max(ibr_range.y - ibr_range.x, 1e-6), 0.0, 1.0)
           * clamp((ibr_range.w - size) / max(ibr_range.w - ibr_range.z, 1e-6), 0.0, 1.0);
         ibr_card = vec3(0.5 * exp2(lod) / float(ibr_tile), fade, size);

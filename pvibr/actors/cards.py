@@ -13,12 +13,14 @@ from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 
 BLOCK = 64  # instances that are culled, sorted and chosen together
-SLAB = 128  # blocks of one draw
-_SLABS = 8  # draws at least, between which the cards of several meshes take turns
+_CHUNK = 8192  # cards of one draw
 _POSE_WIDTH = 3072  # texels; a multiple of 3, so that a pose stays in one row
 _ROW = 1024
+PBR = 3  # VTKPBR
 # Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
 _SOFT_LIGHT = '#define max(a, b) ibr_lit(a, b)\n//VTK::Light::Impl\n#undef max\n'
+# VTK computes highlights also where the material has none; the compiler drops what follows.
+DULL = '#define pow(a, b) 0.0\n', '#undef pow\n'
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,10 @@ class Program:
         Write the depth of each fragment.
     splat : bool
         Draw what is below 3 pixels as a box filtered by the pixel.
+    turns : int
+        Draws of each mesh at least, where several meshes take turns from far to near.
+    largest : float
+        On-screen diameter, px, above which it does not pay.
     """
 
     name: str
@@ -47,6 +53,8 @@ class Program:
     corners: int = 4
     depth: bool = False
     splat: bool = False
+    turns: int = 4
+    largest: float = float('inf')
 
     def defines(self) -> str:
         """Return the preprocessor lines of the program."""
@@ -59,8 +67,14 @@ class Program:
         }
         return ''.join(f'#define {k} {v}\n' for k, v in values.items())
 
-    def feature(self) -> Feature:
-        """Return the shader text of the program by VTK's tags."""
+    def feature(self, shiny=True) -> Feature:
+        """Return the shader text of the program by VTK's tags.
+
+        Parameters
+        ----------
+        shiny : bool
+            Whether the material has highlights; without, their power is not computed.
+        """
         part = sections(shader_source(__file__))
         vertex = {
             'VTK::PositionVC::Dec': self.defines() + part['vertex.declare'],
@@ -73,15 +87,16 @@ class Program:
             'VTK::Depth::Impl': depth + '//VTK::Depth::Impl\n',
             'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
-            'VTK::Light::Impl': _SOFT_LIGHT,
+            'VTK::Light::Impl': _SOFT_LIGHT if shiny else DULL[0] + _SOFT_LIGHT + DULL[1],
         }
         return Feature(f'card_{self.name}', vertex, fragment)
 
 
-FAR = Program('far', views=1, steps=0, corners=3, splat=True)
+DOT = Program('dot', views=1, steps=0, corners=3, splat=True, turns=2, largest=6.0)
+FLAT = Program('flat', views=1, steps=0)
 MIDDLE = Program('middle', views=1, steps=2)
 NEAR = Program('near', views=3, steps=2, depth=True)
-PROGRAMS = (FAR, MIDDLE, NEAR)
+PROGRAMS = (DOT, FLAT, MIDDLE, NEAR)
 
 
 def card_mesh(count, corners, bounds):
@@ -141,7 +156,7 @@ def pack(values, width, channels) -> np.ndarray:
     return out.reshape(height, width, channels)
 
 
-def slabs(depths) -> list[np.ndarray]:
+def slabs(depths, turns, capacity) -> list[np.ndarray]:
     """Divide the blocks of several meshes into draws that take turns from far to near.
 
     Cards write depth also where they are half transparent, so one that is behind must be drawn
@@ -151,6 +166,10 @@ def slabs(depths) -> list[np.ndarray]:
     ----------
     depths : list of numpy.ndarray, shape (n,)
         For each mesh the depth of its blocks, ascending from the farthest.
+    turns : int
+        Draws at least, where there are several meshes.
+    capacity : int
+        Blocks of one draw at most.
 
     Returns
     -------
@@ -161,11 +180,11 @@ def slabs(depths) -> list[np.ndarray]:
     --------
     >>> import numpy as np
     >>> from pvibr.actors.cards import slabs
-    >>> [c.tolist() for c in slabs([np.array([-3.0, -1.0]), np.array([-2.0])])]
+    >>> [c.tolist() for c in slabs([np.array([-3.0, -1.0]), np.array([-2.0])], 3, 100)]
     [[0, 1, 1, 2], [0, 0, 1, 1]]
     """
     total = sum(len(d) for d in depths)
-    size = SLAB if len(depths) == 1 else min(SLAB, max(1, -(-total // _SLABS)))
+    size = capacity if len(depths) == 1 else min(capacity, max(1, -(-total // turns)))
     rank = np.empty(total, int)
     rank[np.argsort(np.concatenate(depths), kind='stable')] = np.arange(total)
     edges = np.arange(-(-total // size) + 1)
@@ -176,17 +195,24 @@ def slabs(depths) -> list[np.ndarray]:
     ]
 
 
-def slab_count(blocks, meshes) -> int:
-    """Return how many draws of a program a mesh may need.
+def slab_counts(instances, meshes) -> dict[str, int]:
+    """Return how many draws of each program a mesh may need.
 
     Parameters
     ----------
-    blocks : int
-        Blocks of all meshes.
+    instances : int
+        Of all meshes.
     meshes : int
         How many meshes there are.
+
+    Returns
+    -------
+    dict of str to int
+        By the name of the program.
     """
-    return -(-blocks // SLAB) + (_SLABS if meshes > 1 else 0)
+    # A block may be partly empty, and each mesh has one such block.
+    full = -(-(instances + meshes * BLOCK) // _CHUNK)
+    return {p.name: full + (p.turns if meshes > 1 else 0) for p in PROGRAMS}
 
 
 class Binder:
@@ -219,8 +245,10 @@ class Cards:
         The pictures.
     count : int
         Instances.
-    draws : int
-        Draws of each program, see :func:`slab_count`.
+    unit : int
+        Instances of a block.
+    draws : dict of str to int, optional
+        Draws of each program, see :func:`slab_counts`; enough for one mesh by default.
     bounds : array_like of 6 float
         World bounds of all instances.
     prop : vtkProperty
@@ -229,23 +257,28 @@ class Cards:
         Shared by all cards of a renderer.
     """
 
-    def __init__(self, atlas, count, draws, bounds, prop, binder):
+    def __init__(self, atlas, count, unit, draws, bounds, prop, binder):
         self.atlas, self.binder, self.window = atlas, binder, None
         self.textures: dict[str, Texture] = {}
         self.uniforms = {
             'ibr_count': count,
+            'ibr_unit': unit,
             'ibr_views': atlas.views,
             'ibr_half': int(atlas.half),
             'ibr_tile': atlas.tile,
             'ibr_radius': atlas.radius,
             'ibr_margin': MARGIN,
+            'ibr_box_center': (atlas.box.mean(0) - atlas.center) / atlas.radius,
+            'ibr_box_half': np.ptp(atlas.box, axis=0) / 2 / atlas.radius,
             'ibr_sharpness': 1.0,
             'ibr_has_looks': 0,
             'ibr_has_lut': 0,
             'ibr_multiply': 0,
             'ibr_nan_color': (0.5, 0.5, 0.5, 1.0),
         }
-        self.layers = {p.name: _Layer(self, p, prop, min(SLAB, -(-count // BLOCK)), draws, bounds) for p in PROGRAMS}
+        self.unit, self.capacity = unit, _CHUNK // unit
+        draws = draws or slab_counts(count, 1)
+        self.layers = {p.name: _Layer(self, p, prop, draws[p.name], bounds) for p in PROGRAMS}
 
     @property
     def nbytes(self) -> int:
@@ -341,9 +374,10 @@ class Cards:
 class _Layer:
     """The cards of one program: draws of at most a chunk of cards that share one mapper."""
 
-    def __init__(self, cards, program, prop, blocks, draws, bounds):
+    def __init__(self, cards, program, prop, draws, bounds):
         self.cards, self.program = cards, program
-        self.feature = program.feature()
+        shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
+        self.feature = program.feature(shiny)
         self.blocks: Texture | None = None
         self.sizes = (0.0, 0.0, 1.0, 1.0)
         self.failure: str | None = None
@@ -351,8 +385,13 @@ class _Layer:
         self.mapper = _vtk.vtkPolyDataMapper()
         self.mapper.ScalarVisibilityOff()
         self.mapper.AddObserver('UpdateShaderEvent', self._updater())
-        self.mapper.SetInputData(card_mesh(blocks * BLOCK, program.corners, bounds))
+        self.mapper.SetInputData(card_mesh(self._most(), program.corners, bounds))
         self.actors = [self._actor(prop) for _ in range(draws)]
+
+    def _most(self):
+        """Return the cards of the largest draw."""
+        unit = self.cards.unit
+        return min(_CHUNK, -(-self.cards.uniforms['ibr_count'] // unit) * unit)
 
     def _actor(self, prop):
         actor = _vtk.vtkActor()
@@ -375,7 +414,7 @@ class _Layer:
                 actor.SetVisibility(bool(end > begin))
             if end > begin:
                 uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-                uniforms.SetUniformi('ibr_first', int(begin) * BLOCK)
+                uniforms.SetUniformi('ibr_first', int(begin) * self.cards.unit)
                 uniforms.SetUniformi('ibr_end', int(end))
 
     def _updater(self):

@@ -7,9 +7,9 @@ import pyvista as pv
 
 from pvibr import _vtk
 from pvibr.actors import looks as look
-from pvibr.actors.cards import BLOCK, Binder, slab_count, slabs
+from pvibr.actors.cards import PROGRAMS, Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
-from pvibr.actors.kind import Kind
+from pvibr.actors.kind import Kind, unit_of
 from pvibr.actors.levels import make_model
 from pvibr.actors.parts import as_meshes
 from pvibr.actors.picking import nearest_hit
@@ -155,9 +155,9 @@ class Instances(Effect):
         self._poses, self._index = poses, index
         self._kinds = []
         ids = {k: np.flatnonzero(index == k) for k in self._models}
-        draws = slab_count(sum(-(-len(i) // BLOCK) for i in ids.values()), len(ids))
+        unit, draws = unit_of(len(poses)), slab_counts(len(poses), len(ids))
         for k, model in self._models.items():
-            self._kinds.append(Kind(model, ids[k], poses, self._binder, draws))
+            self._kinds.append(Kind(model, ids[k], poses, self._binder, unit, draws))
         self._uploaded = False
         self._stamp = None
         self._bounds = _union([k.bounds for k in self._kinds])
@@ -400,8 +400,10 @@ class Instances(Effect):
         self._stamp = stamp
         limits = [kind.model.limits(self.max_error) for kind in self._kinds]
         chosen = [k.select(frame, limit) for k, limit in zip(self._kinds, limits, strict=True)]
-        for name in chosen[0]:
-            cuts = slabs([c[name][1] for c in chosen])
+        capacity = min(k.cards.capacity for k in self._kinds)
+        for program in PROGRAMS:
+            name = program.name
+            cuts = slabs([c[name][1] for c in chosen], program.turns, capacity)
             for kind, c, cut in zip(self._kinds, chosen, cuts, strict=True):
                 blocks, _, sizes = c[name]
                 kind.cards.show(name, blocks, sizes, cut)

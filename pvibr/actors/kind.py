@@ -10,7 +10,13 @@ from pvibr.actors.meshes import MeshPool
 from pvibr.maths.blocks import Blocks, morton_order
 
 _FADE = 1.15  # a level fades over its coarser neighbour while the size grows by this factor
+_SORTED = 16_384  # instances up to which each is sorted and culled by itself
 _KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
+
+
+def unit_of(count) -> int:
+    """Return how many instances of a set are culled, sorted and chosen together."""
+    return 1 if count <= _SORTED else BLOCK
 
 
 class Kind:
@@ -26,20 +32,23 @@ class Kind:
         All poses of the scene; those of ``ids`` are read.
     binder : Binder
         Shared by all kinds of a scene.
-    draws : int
-        Draws of each program of cards, see :func:`pvibr.actors.cards.slab_count`.
+    unit : int
+        Instances that are culled, sorted and chosen together, the same for all kinds.
+    draws : dict of str to int
+        Draws of each program of cards, see :func:`pvibr.actors.cards.slab_counts`.
     """
 
-    def __init__(self, model, ids, poses, binder, draws=1):
+    def __init__(self, model, ids, poses, binder, unit=1, draws=None):
         self.model, self.levels, self.atlas, self.poses = model, model.levels, model.atlas, poses
+        self.unit = unit
         centers, radii = self._spheres(ids)
         order = morton_order(centers)
         self.ids = ids[order].astype(np.int32)
         self.radii = radii[order].astype(np.float32)
-        self.blocks = Blocks.of(centers[order], radii[order], BLOCK)
+        self.blocks = Blocks.of(centers[order], radii[order], unit)
         self.pools = [MeshPool(level) for level in self.levels]
         prop = _card_property(self.levels[0].parts)
-        self.cards = Cards(self.atlas, len(ids), draws, self.bounds, prop, binder)
+        self.cards = Cards(self.atlas, len(ids), self.unit, draws, self.bounds, prop, binder)
         self.looks: np.ndarray | None = None
         self.near: dict[int, int] = {}
         self.counts: dict[str, int] = {}
@@ -85,7 +94,7 @@ class Kind:
     def _rows(self):
         """Return the poses for the GPU: float32, relative to the block's origin."""
         centers, _ = self._spheres(self.ids)
-        local = centers - np.repeat(self.blocks.centers, BLOCK, 0)[: len(centers)]
+        local = centers - np.repeat(self.blocks.centers, self.unit, 0)[: len(centers)]
         if self.poses.ndim == 2:
             rows = np.zeros((len(local), 4), np.float32)
             rows[:, :3] = local
@@ -138,7 +147,7 @@ class Kind:
             # The finest cards fade out over the mesh; over the others finer cards fade in.
             fade = high if used_programs[-1:] == [name] else high * _FADE
             chosen[name] = table[used], depths[used], (low, whole, fade, high * _FADE)
-            self.counts[name] = int(used.sum()) * BLOCK
+            self.counts[name] = int(used.sum()) * self.unit
         self.large = index[large >= limits.mesh]
         return chosen
 
@@ -160,7 +169,7 @@ class Kind:
         return self._select_meshes(frame, self.large, limits)
 
     def _select_meshes(self, frame, blocks, limits):
-        slots = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+        slots = (blocks[:, None] * self.unit + np.arange(self.unit)).ravel()
         slots = slots[slots < len(self.ids)]
         sizes = np.zeros(0)
         if len(slots):

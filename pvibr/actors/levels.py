@@ -18,7 +18,7 @@ from pvibr.actors.decimate import lighter
 from pvibr.actors.measure import measure
 from pvibr.actors.meshes import MeshLevel
 
-VERSION = 2  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 3  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARES = (0.5, 0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
 _HEAVY = 2000  # triangles from which stand-ins pay
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
@@ -113,15 +113,15 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     Examples
     --------
     >>> import numpy as np
-    >>> table = {'sizes': np.array([8.0, 16.0]), 'far': np.array([[0.4, 0.5], [2.4, 0.9]]),
-    ...          'middle': np.array([[0.4, 0.5], [1.4, 0.9]]),
-    ...          'near': np.array([[0.4, 0.5], [1.4, 0.9]])}
-    >>> limits_of(table, 1, 1.0).cards
-    (('far', 0.0, 11.08), ('middle', 11.08, 16.0), ('near', 16.0, 16.0))
+    >>> good, bad = np.array([[0.4, 0.5], [1.4, 0.9]]), np.array([[0.4, 0.5], [2.4, 0.9]])
+    >>> table = {'sizes': np.array([8.0, 16.0]), 'dot': good, 'flat': bad, 'middle': good,
+    ...          'near': good}
+    >>> limits_of(table, 1, 1.0).cards[1:]
+    (('flat', 6.0, 11.08), ('middle', 11.08, 16.0), ('near', 16.0, 16.0))
     """
     reached, cards = 0.0, []
     for program in PROGRAMS:
-        good = _good_up_to(errors, program.name, max_error, _BETTER)
+        good = min(_good_up_to(errors, program.name, max_error, _BETTER), program.largest)
         good = max(good, reached)
         cards.append((program.name, reached, good))
         reached = good

@@ -163,10 +163,9 @@ class _Sheet:
         cards.hide()
         frame = Frame.of(self.renderer)
         cards.view(frame)
-        _, origins, _, _ = self.kind.blocks.seen(frame)
-        blocks = np.zeros((1, 4), np.float32)
-        blocks[0, :3] = origins[0]
-        cards.show(program, blocks, (0.0, 0.0, 1e9, 1e9), np.array([0, 1]))
+        index, origins, _, _ = self.kind.blocks.seen(frame)
+        blocks = np.column_stack([origins, index]).astype(np.float32)
+        cards.show(program, blocks, (0.0, 0.0, 1e9, 1e9), np.array([0, len(blocks)]))
         return self._picture()
 
     def _picture(self):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pvibr import _vtk
+from pvibr.actors.cards import DULL, PBR
 
 # The colour of an instance replaces what scalars and texture give, or multiplies it; a cut-out
 # keeps its holes. Lit colour is what VTK has before it multiplies by the texture.
@@ -136,7 +137,11 @@ def _copy(part):
     actor.SetUserMatrix(_vtk.vtkMatrix4x4())
     shader = actor.GetShaderProperty()
     shader.DeepCopy(source.GetShaderProperty())
-    for tag, text in (('//VTK::TCoord::Impl', _LOOK), ('//VTK::Color::Impl', _COLOR)):
+    texts = {'//VTK::TCoord::Impl': _LOOK, '//VTK::Color::Impl': _COLOR}
+    prop = source.GetProperty()
+    if prop.GetSpecular() == 0 and prop.GetInterpolation() != PBR:
+        texts['//VTK::Light::Impl'] = '//VTK::Light::Impl\n'.join(DULL)
+    for tag, text in texts.items():
         shader.ClearFragmentShaderReplacement(tag, True)
         shader.AddFragmentShaderReplacement(tag, True, text, False)
     uniforms = shader.GetFragmentCustomUniforms()

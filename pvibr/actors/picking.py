@@ -88,10 +88,8 @@ def nearest_hit(kinds, renderer, x, y, visible):
 def _candidates(kind, start, direction, visible):
     """Return (distance, slot) of the spheres that the ray enters, the nearest first."""
     blocks = kind.blocks
-    from pvibr.actors.cards import BLOCK
-
     _, near = _spheres(blocks.centers, blocks.reach + blocks.largest, start, direction)
-    slots = (np.flatnonzero(near)[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+    slots = (np.flatnonzero(near)[:, None] * kind.unit + np.arange(kind.unit)).ravel()
     slots = slots[slots < len(kind)]
     slots = slots[visible[kind.ids[slots]]]
     if not len(slots):

@@ -14,9 +14,9 @@ from pvibr.maths.transforms import trs
 from pvibr.scenes.trees import COLORS, KINDS, dress, tree
 
 #: Metres along each side of the ground that a tree has on average.
-SPACING = 20.0
+SPACING = 30.0
 #: Metres on both sides of the trail without trees: the widest crown, and room to breathe.
-CLEARING = 13.0
+CLEARING = 20.0
 #: Cells along each side of the ground.
 CELLS = 128
 SCALES = (0.7, 1.3)
