@@ -76,11 +76,11 @@ def demo(
     max_error
         What the picture may differ from the full meshes, in pixels.
     frames
-        Number of frames on the camera path; by default as many as two minutes allow.
+        Number of frames on the camera path: 24 to be timed, 360 of a walk to be looked at.
     window
-        Open a window and walk through it.
+        Open a window and walk through it, instead of measuring.
     movie
-        MP4 file to write the walk to.
+        MP4 file to write the walk to, instead of measuring.
     size
         Width and height of the picture in pixels.
     """
@@ -110,6 +110,7 @@ def view(
     scalars: str | None = None,
     cmap: str | None = None,
     columns: str | None = None,
+    scale: _Pixels = 1.0,
     window: bool = False,
 ) -> None:
     """Draw a mesh at every pose of a file.
@@ -132,8 +133,10 @@ def view(
         Colour map for the scalars.
     columns
         Columns of the poses file to read as x,y,z; "-" stands for zero.
+    scale
+        How many units of the poses a unit of the mesh is.
     window
-        Open a window.
+        Open a window instead; nothing is written.
     """
     pixels, names = _size(size), _columns(columns)
     from pvibr.view import main
@@ -148,6 +151,7 @@ def view(
         scalars=scalars,
         cmap=cmap,
         columns=names,
+        scale=scale,
         window=window,
     )
 
