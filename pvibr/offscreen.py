@@ -291,4 +291,5 @@ def in_view(frame, centers, radii):
     for across, tangent in ((x, wide), (y, high)):
         seen &= np.abs(across) < -z * tangent + radii * np.hypot(1, tangent)
     rows = np.flatnonzero(seen)
-    return rows[np.argsort(-z[rows])]
+    away = np.linalg.norm(centers[rows] - frame.eye, axis=1)
+    return rows[np.argsort(away)]
