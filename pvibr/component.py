@@ -208,6 +208,36 @@ class IBRComponent:
                 return hit
         return None
 
+    def enable_picking(self, callback, *, side='left'):
+        """Call a function with what a click hits.
+
+        Parameters
+        ----------
+        callback : callable
+            Takes what :meth:`pick` returned; it is not called where nothing was hit.
+        side : {'left', 'right'}
+            The mouse button.
+
+        Raises
+        ------
+        TypeError
+            Where the renderer has no PyVista plotter.
+        """
+        if not hasattr(self._plotter, 'track_click_position'):
+            msg = 'picking by mouse needs a PyVista plotter; call pick(x, y) from your own events'
+            raise TypeError(msg)
+
+        def clicked(_point):
+            hit = self.pick(*self._plotter.iren.get_event_position())
+            if hit is not None:
+                callback(hit)
+
+        self._plotter.track_click_position(clicked, side=side)
+
+    def disable_picking(self):
+        """Call nothing on clicks any more."""
+        self._plotter.untrack_click_position()
+
     def report(self) -> Report:
         """Return what ran in the active subplot's last frame, what was skipped and why.
 

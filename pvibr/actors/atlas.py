@@ -22,7 +22,7 @@ class Atlas:
     geometry : numpy.ndarray, shape (views * tile, views * tile, 4), uint8
         Depth (1 nearest to the eye, over the sphere's diameter), coverage, normal x and y.
     albedo : numpy.ndarray, same shape
-        Unlit colour times coverage (or scalar value and NaN flag), normal z.
+        Unlit colour times coverage, normal z.
     center : numpy.ndarray, shape (3,)
         Centre of the bounding sphere, model coordinates.
     radius : float

@@ -135,8 +135,8 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
     center, radius = bounding_sphere(points)
     with hidden_window() as (window, _):
         limit = texture_limit(window)
-        while views * tile > limit:
-            tile //= 2
+        while views * tile * 3 // 2 > limit and tile > 4:
+            tile //= 2  # the smaller levels lie beside the largest
         supersample = max(1, min(supersample, limit // (views * tile)))
         baker = _Baker(window, parts, center, radius, (views, tile, supersample))
         try:

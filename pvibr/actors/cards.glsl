@@ -32,16 +32,24 @@ uniform vec4 ibr_range;           // on-screen diameters in px: appear, whole, f
 uniform mat3 ibr_eye_from_world;
 uniform mat4 ibr_clip_from_eye;
 out vec4 vertexVCVSOutput;
+#if SPLAT
+uniform sampler2D ibr_geometry;
+uniform sampler2D ibr_albedo;
+out vec2 ibr_splat;                      // pixels from the middle of the box
+flat out vec2 ibr_half_box;              // its half sides in pixels
+flat out vec4 ibr_mean_geometry;         // mean of the view
+flat out vec4 ibr_mean_albedo;
+#else
 out vec3 ibr_point[VIEWS_BLENDED];
 out vec3 ibr_ray[VIEWS_BLENDED];
 flat out vec3 ibr_cell[VIEWS_BLENDED];   // column, row, weight
-flat out mat3 ibr_eye_normal;
 flat out vec4 ibr_depth_row[VIEWS_BLENDED];
+flat out vec4 ibr_level;                 // origin and scale of the level of detail
+#endif
+flat out mat3 ibr_eye_normal;
 flat out vec4 ibr_look;
 flat out vec3 ibr_card;                  // half texel, fade, size in px
-flat out vec4 ibr_level;                 // origin and scale of the level of detail
 flat out int ibr_instance;
-out vec2 ibr_splat;
 
 vec2 ibr_signs(vec2 p) { return vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0); }
 
@@ -74,15 +82,21 @@ mat3 ibr_frame(vec3 d)
     vertexVCVSOutput = vec4(0.0);
     ibr_look = vec4(0.0);
     ibr_card = vec3(0.0);
-    ibr_level = vec4(0.0);
     ibr_instance = 0;
-    ibr_splat = vec2(0.0);
     ibr_eye_normal = mat3(1.0);
+#if SPLAT
+    ibr_splat = vec2(0.0);
+    ibr_half_box = vec2(0.0);
+    ibr_mean_geometry = vec4(0.0);
+    ibr_mean_albedo = vec4(0.0);
+#else
+    ibr_level = vec4(0.0);
     for (int k = 0; k < VIEWS_BLENDED; ++k)
     {
       ibr_point[k] = vec3(0.0); ibr_ray[k] = vec3(0.0); ibr_cell[k] = vec3(0.0);
       ibr_depth_row[k] = vec4(0.0);
     }
+#endif
     int slot = ibr_first + gl_VertexID / CORNERS;
     int corner = gl_VertexID % CORNERS;
     int entry = slot / ibr_unit;
@@ -137,13 +151,12 @@ mat3 ibr_frame(vec3 d)
         float reach = ibr_margin;
         if (ibr_parallel == 0) { reach *= inversesqrt(max(1.0 - 1.0 / (e * e), 0.05)); }
         float soft = ibr_margin * exp2(lod) / float(ibr_tile) + 1.0 / size;
-        vec2 low = max((middle - half_sides) * (swell) - soft, vec2(-reach));
-        vec2 high = min((middle + half_sides) * (swell) + soft, vec2(reach));
 #if SPLAT
-        if (size < 3.0) { lod = log2(float(ibr_tile)); }   // one texel: the view's mean
-        // Never smaller than its pixel: half a pixel of room on each side.
-        low = vec2(-reach - 1.0 / size);
-        high = -low;
+        vec2 low = middle - half_sides - 1.0 / size;
+        vec2 high = middle + half_sides + 1.0 / size;
+#else
+        vec2 low = max((middle - half_sides) * swell - soft, vec2(-reach));
+        vec2 high = min((middle + half_sides) * swell + soft, vec2(reach));
 #endif
 #if CORNERS == 3
         vec2 q = corner == 0 ? vec2(0.0, 0.0) : (corner == 1 ? vec2(2.0, 0.0) : vec2(0.0, 2.0));
@@ -155,19 +168,27 @@ mat3 ibr_frame(vec3 d)
         vec4 p = vec4(c + eye_from_q * v, 1.0);
         vertexVCVSOutput = p;
         gl_Position = ibr_clip_from_eye * p;
-        ibr_splat = q * size * 0.5;   // pixels from the card's centre
         vec3 ray = ibr_parallel == 1 ? -d : v - eye;
         float fade = clamp((size - ibr_range.x) / max(ibr_range.y - ibr_range.x, 1e-6), 0.0, 1.0)
           * clamp((ibr_range.w - size) / max(ibr_range.w - ibr_range.z, 1e-6), 0.0, 1.0);
         ibr_card = vec3(0.5 * exp2(lod) / float(ibr_tile), fade, size);
+#if !SPLAT
         // Level 0 fills the left two thirds of the texture, the others are stacked beside it.
         vec2 scale = vec2(2.0 / 3.0, 1.0) * exp2(-lod) / float(ibr_views);
         vec2 origin = lod > 0.0 ? vec2(2.0 / 3.0, 1.0 - exp2(1.0 - lod)) : vec2(0.0);
         ibr_level = vec4(origin, scale);
+#endif
         ibr_instance = i;
         // Normals go by the inverse transpose; their length, the spread of an average, is kept.
         ibr_eye_normal = n / length(n[0]);
         vec2 g = (ibr_encode(d) * 0.5 + 0.5) * float(ibr_views - 1);
+#if SPLAT
+        ibr_splat = (q - middle) * size * 0.5;
+        ibr_half_box = half_sides * size * 0.5;
+        ivec2 texel = ivec2(g + 0.5) + ibr_views * ivec2(ibr_tile, ibr_tile - 2);
+        ibr_mean_geometry = texelFetch(ibr_geometry, texel, 0);
+        ibr_mean_albedo = texelFetch(ibr_albedo, texel, 0);
+#else
         vec2 base = clamp(floor(g), vec2(0.0), vec2(float(ibr_views - 2)));
         vec2 f = g - base;
 #if VIEWS_BLENDED == 3
@@ -188,6 +209,7 @@ mat3 ibr_frame(vec3 d)
           vec3 row = frame * vec3(eye_from_q[0].z, eye_from_q[1].z, eye_from_q[2].z);
           ibr_depth_row[k] = vec4(row, c.z);
         }
+#endif
       }
     }
   }
@@ -195,24 +217,27 @@ mat3 ibr_frame(vec3 d)
 //@fragment.declare
 uniform sampler2D ibr_geometry;
 uniform sampler2D ibr_albedo;
-uniform sampler2D ibr_lut;            // colours of a scalar atlas
-uniform int ibr_has_lut;
-uniform vec4 ibr_nan_color;
 uniform int ibr_multiply;             // instance colours multiply the albedo instead
 uniform float ibr_margin;
 uniform float ibr_cut;                // coverage below which nothing is drawn
 uniform vec4 ibr_clip_depth;          // rows z and w of clip from eye, z columns: zz, zw, wz, ww
 in vec4 vertexVCVSOutput;
+#if SPLAT
+in vec2 ibr_splat;
+flat in vec2 ibr_half_box;
+flat in vec4 ibr_mean_geometry;
+flat in vec4 ibr_mean_albedo;
+#else
 in vec3 ibr_point[VIEWS_BLENDED];
 in vec3 ibr_ray[VIEWS_BLENDED];
 flat in vec3 ibr_cell[VIEWS_BLENDED];
-flat in mat3 ibr_eye_normal;
 flat in vec4 ibr_depth_row[VIEWS_BLENDED];
+flat in vec4 ibr_level;
+#endif
+flat in mat3 ibr_eye_normal;
 flat in vec4 ibr_look;
 flat in vec3 ibr_card;
-flat in vec4 ibr_level;
 flat in int ibr_instance;
-in vec2 ibr_splat;
 
 // How much the normals of a fragment spread: half the width of the soft corner of its cosine.
 float ibr_spread = 0.0;
@@ -229,14 +254,20 @@ float ibr_lit(float least, float cosine)
   return least < 5e-6 ? mean : max(least, cosine);
 }
 
+#if !SPLAT
 vec2 ibr_texcoord(vec2 p, vec2 cell)
 {
   vec2 t = clamp(p / ibr_margin * 0.5 + 0.5, ibr_card.x, 1.0 - ibr_card.x);
   return ibr_level.xy + (cell + t) * ibr_level.zw;
 }
+#endif
 
 //@fragment.sample
   vec4 vertexVC = vertexVCVSOutput;
+#if SPLAT
+  vec4 ibr_g = vec4(vertexVC.z, ibr_mean_geometry.g, ibr_mean_geometry.ba * 2.0 - 1.0);
+  vec4 ibr_a = vec4(ibr_mean_albedo.rgb, ibr_mean_albedo.a * 2.0 - 1.0);
+#else
   vec4 ibr_g = vec4(0.0);        // eye depth, coverage, normal xy: sums over views
   vec4 ibr_a = vec4(0.0);        // albedo, normal z
   float ibr_w = 0.0;
@@ -265,15 +296,13 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
 #endif
     float depth = dot(ibr_depth_row[k].xyz, vec3(p, z)) + ibr_depth_row[k].w;
     float inside = step(max(abs(p.x), abs(p.y)), ibr_margin);
-#if SPLAT
-    inside = max(inside, step(ibr_card.z, 3.0));
-#endif
     ibr_g += w * vec4(depth, inside * vec3(g.g, g.ba * 2.0 - 1.0));
     ibr_a += w * inside * vec4(a.rgb, a.a * 2.0 - 1.0);
     ibr_w += w;
   }
   ibr_g /= ibr_w;
   ibr_a /= ibr_w;
+#endif
   float ibr_coverage = ibr_g.g;
   float ibr_norm = 1.0 / max(ibr_coverage, 0.003);
   vec3 ibr_base = clamp(ibr_a.rgb * ibr_norm, 0.0, 1.0);
@@ -282,20 +311,14 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   float ibr_length = min(length(ibr_mean), 1.0);
   ibr_spread = 0.92 * sqrt(1.0 - ibr_length * ibr_length);
   ibr_normal *= ibr_length / max(length(ibr_normal), 1e-6);
-  if (ibr_has_lut == 1)
-  {
-    ibr_base = mix(texture(ibr_lut, vec2(ibr_base.r, 0.5)).rgb, ibr_nan_color.rgb, ibr_base.g);
-  }
   if (ibr_look.a > 0.75) { ibr_base = ibr_multiply == 1 ? ibr_base * ibr_look.rgb : ibr_look.rgb; }
 #if SPLAT
-  // A box of the object's mean coverage, filtered by the pixel's own box: exact, so that what is
-  // smaller than a pixel neither flickers nor vanishes.
-  if (ibr_card.z < 3.0)
-  {
-    float b = 0.5 * ibr_card.z * ibr_margin * sqrt(ibr_coverage);
-    vec2 o = clamp(min(ibr_splat + 0.5, b) - max(ibr_splat - 0.5, -b), 0.0, 1.0);
-    ibr_coverage = o.x * o.y;
-  }
+  // The bounding box's rectangle with the view's mean coverage, filtered by the pixel's own box:
+  // exact, so that what is smaller than a pixel neither flickers nor vanishes.
+  float ibr_area = ibr_card.z * ibr_margin;   // side of the tile in pixels
+  vec2 ibr_in = clamp(min(ibr_splat + 0.5, ibr_half_box) - max(ibr_splat - 0.5, -ibr_half_box), 0.0, 1.0);
+  ibr_coverage *= ibr_area * ibr_area / max(4.0 * ibr_half_box.x * ibr_half_box.y, 1e-6);
+  ibr_coverage = min(ibr_coverage, 1.0) * ibr_in.x * ibr_in.y;
 #endif
   ibr_coverage *= ibr_card.y;
   if (ibr_coverage < ibr_cut) { discard; }

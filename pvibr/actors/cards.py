@@ -40,11 +40,11 @@ class Program:
     depth : bool
         Write the depth of each fragment.
     splat : bool
-        Draw what is below 3 pixels as a box filtered by the pixel.
+        Draw a box of the view's mean, filtered by the pixel: for what is a few pixels large.
     turns : int
         Draws of each mesh at least, where several meshes take turns from far to near.
-    largest : float
-        On-screen diameter, px, above which it does not pay.
+    least, largest : float
+        On-screen diameter, px, below which nothing else serves, above which it does not pay.
     """
 
     name: str
@@ -54,6 +54,7 @@ class Program:
     depth: bool = False
     splat: bool = False
     turns: int = 4
+    least: float = 0.0
     largest: float = float('inf')
 
     def defines(self) -> str:
@@ -92,7 +93,7 @@ class Program:
         return Feature(f'card_{self.name}', vertex, fragment)
 
 
-DOT = Program('dot', views=1, steps=0, corners=3, splat=True, turns=2, largest=6.0)
+DOT = Program('dot', views=1, steps=0, corners=3, splat=True, turns=2, least=3.0, largest=6.0)
 FLAT = Program('flat', views=1, steps=0)
 MIDDLE = Program('middle', views=1, steps=2)
 NEAR = Program('near', views=3, steps=2, depth=True)
@@ -272,9 +273,7 @@ class Cards:
             'ibr_box_half': np.ptp(atlas.box, axis=0) / 2 / atlas.radius,
             'ibr_sharpness': 1.0,
             'ibr_has_looks': 0,
-            'ibr_has_lut': 0,
             'ibr_multiply': 0,
-            'ibr_nan_color': (0.5, 0.5, 0.5, 1.0),
         }
         self.unit, self.capacity = unit, _CHUNK // unit
         draws = draws or slab_counts(count, 1)
@@ -311,8 +310,6 @@ class Cards:
             self.textures[name] = Texture(window, filter='linear').upload(picture)
         self.textures['ibr_poses'] = Texture(window).upload(pack(rows, _POSE_WIDTH, 4))
         self.textures['ibr_looks'] = Texture(window).upload(np.zeros((1, 1, 4), np.uint8))
-        lut = Texture(window, filter='linear').upload(np.zeros((1, 2, 4), np.uint8))
-        self.textures['ibr_lut'] = lut
         self.uniforms['ibr_texels'] = 1 if rows.ndim == 2 else 3
 
     def look(self, looks):

@@ -18,7 +18,7 @@ from pvibr.actors.decimate import lighter
 from pvibr.actors.measure import measure
 from pvibr.actors.meshes import MeshLevel
 
-VERSION = 3  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 4  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARES = (0.5, 0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
 _HEAVY = 2000  # triangles from which stand-ins pay
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
@@ -122,7 +122,7 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     reached, cards = 0.0, []
     for program in PROGRAMS:
         good = min(_good_up_to(errors, program.name, max_error, _BETTER), program.largest)
-        good = max(good, reached)
+        good = max(good, program.least, reached)
         cards.append((program.name, reached, good))
         reached = good
     meshes = [float('inf')]
