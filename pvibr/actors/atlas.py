@@ -106,8 +106,11 @@ class Atlas:
             raise ValueError(msg)
         errors = {k[7:]: np.asarray(arrays[k]) for k in arrays if k.startswith('errors.')}
         box = sphere[5:].reshape(2, 3)
-        return cls(*pictures, sphere[:3], float(sphere[3]), box, views, tile, bool(half), errors,
-                   float(sphere[4]))  # fmt: skip
+        geometry, albedo = pictures
+        return cls(
+            geometry, albedo, sphere[:3], float(sphere[3]), box, views, tile, bool(half), errors,
+            seconds=float(sphere[4]),
+        )  # fmt: skip
 
     def save(self, path):
         """Write to an ``.npz`` file, whole or not at all.

@@ -38,8 +38,12 @@ def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **l
     ----------
     mesh : dataset, MultiBlock, actor, trimesh object, path or sequence of Part
         What is drawn.
-    views, tile, half
-        See :func:`bake_parts`.
+    views : int
+        Views along a side of the grid.
+    tile : int
+        Texels along a side of a tile.
+    half : bool
+        Only views from above, at twice their density.
     cache : bool or path
         Whether, or in which folder, the atlas is kept on disk.
     progress : bool, optional
@@ -151,8 +155,17 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
     geometry, albedo = (np.concatenate(s) for s in zip(*strips, strict=True))
     fill_depth(geometry, tile)
     box = np.stack([points.min(0), points.max(0)]).astype(float)
-    return Atlas(geometry, albedo, center, radius, box, views, tile, half,
-                 seconds=time.perf_counter() - start)
+    return Atlas(
+        geometry,
+        albedo,
+        center,
+        radius,
+        box,
+        views,
+        tile,
+        half,
+        seconds=time.perf_counter() - start,
+    )
 
 
 class _Baker:
@@ -250,7 +263,18 @@ def _bake_actor(part):
 
 
 def copy_texture(texture):
-    """Return a texture of its own with the same image, for another window; None stays None."""
+    """Return a texture of its own with the same image, for another window.
+
+    Parameters
+    ----------
+    texture : vtkTexture or None
+        None stays None.
+
+    Returns
+    -------
+    vtkTexture or None
+        The copy.
+    """
     if texture is None or texture.GetInput() is None:
         return None
     copy = _vtk.vtkTexture()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -190,10 +191,7 @@ def slabs(depths, turns, capacity) -> list[np.ndarray]:
     rank[np.argsort(np.concatenate(depths), kind='stable')] = np.arange(total)
     edges = np.arange(-(-total // size) + 1)
     starts = np.cumsum([0, *(len(d) for d in depths)])
-    return [
-        np.searchsorted(rank[a:b] // size, edges)
-        for a, b in zip(starts[:-1], starts[1:], strict=True)
-    ]
+    return [np.searchsorted(rank[a:b] // size, edges) for a, b in pairwise(starts)]
 
 
 def slab_counts(instances, meshes) -> dict[str, int]:
@@ -223,7 +221,20 @@ class Binder:
         self.owner, self.textures, self.units = None, {}, {}
 
     def bind(self, owner, textures) -> dict[str, int]:
-        """Bind textures and return their units, after giving back those of another owner."""
+        """Bind textures and return their units, after giving back those of another owner.
+
+        Parameters
+        ----------
+        owner : object
+            Who draws.
+        textures : dict of str to Texture
+            By the name of their sampler.
+
+        Returns
+        -------
+        dict of str to int
+            Unit of each sampler.
+        """
         if self.owner is not owner:
             self.unbind()
             self.owner, self.textures = owner, textures
@@ -325,7 +336,13 @@ class Cards:
             self.textures['ibr_looks'].upload(pack(looks, _ROW, 4))
 
     def view(self, frame):
-        """Take over the camera of a frame."""
+        """Take over the camera of a frame.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            Camera and size.
+        """
         clip, view = frame.clip_from_view, frame.view_from_world
         self.uniforms |= {
             'ibr_parallel': int(frame.parallel),
@@ -420,7 +437,9 @@ class _Layer:
 
         @_vtk.calldata_type(_vtk.VTK_OBJECT)
         def update(_mapper, _event, program):
-            layer()._update(program)
+            alive = layer()
+            if alive is not None:
+                alive._update(program)
 
         return update
 

@@ -63,7 +63,7 @@ def _pieces(faces, n_points):
 
 
 def _is_scattered(mesh, faces, labels, pieces):
-    if not _SMALL_PIECE < pieces or len(faces) > _SMALL_PIECE * pieces:
+    if not pieces > _SMALL_PIECE or len(faces) > _SMALL_PIECE * pieces:
         return False
     points = np.asarray(mesh.points, float)
     order = np.argsort(labels, kind='stable')
@@ -87,7 +87,7 @@ def _thinned(mesh, faces, labels, pieces, share):
     points = middle + (points - middle) / np.sqrt(keep.mean())
     new = pv.PolyData()
     new.points = points.astype(mesh.points.dtype)
-    new.regular_faces = np.searchsorted(ids, kept)
+    new.regular_faces = np.searchsorted(ids, kept).astype(np.int64)
     return _take(mesh, new, ids, np.flatnonzero(keep[labels]))
 
 
@@ -98,12 +98,12 @@ def _simplified(mesh, faces, share):
     points = np.asarray(mesh.points, float)
     low, size = points.min(0), float(np.ptp(points, axis=0).max()) or 1.0
     local = np.ascontiguousarray((points - low) / size, np.float32)
-    local, faces = fast_simplification.simplify(
+    local, collapsed = fast_simplification.simplify(
         local, np.ascontiguousarray(faces, np.int32), target_reduction=1 - share
     )
     new = pv.PolyData()
     new.points = (local.astype(float) * size + low).astype(mesh.points.dtype)
-    new.regular_faces = np.asarray(faces, np.int64).reshape(-1, 3)
+    new.regular_faces = np.asarray(collapsed, np.int64).reshape(-1, 3)
     if not 0 < new.n_cells < _MISSED * share * mesh.n_cells:
         return pv.PolyData()  # it got stuck: what it did collapse would be wrong
     _, nearest = cKDTree(points).query(np.asarray(new.points, float))
@@ -119,13 +119,13 @@ def _take(old, new, points, cells):
         (old.point_data, new.point_data, points),
         (old.cell_data, new.cell_data, cells),
     ):
-        for name in source.keys() if ids is not None else ():
+        for name in source if ids is not None else ():
             target[name] = np.asarray(source[name])[ids]
         for kind in ('active_scalars_name', 'active_normals_name'):
-            if getattr(source, kind) in target.keys():
+            if getattr(source, kind) in target:
                 setattr(target, kind, getattr(source, kind))
         coordinates = source.active_texture_coordinates_name
-        if coordinates in target.keys():
+        if coordinates in target:
             target.active_texture_coordinates_name = coordinates
     return new
 

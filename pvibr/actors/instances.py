@@ -55,6 +55,8 @@ class Instances(Effect):
     views : {'full', 'half'}
         Whether it is seen from all sides or only from above its own horizon; half a sphere has
         twice the density of views.
+    theme : pyvista.plotting.themes.Theme, optional
+        Defaults of the looks.
     **mesh_kwargs
         As in :meth:`pyvista.Plotter.add_mesh`, for the mesh itself.
 
@@ -326,7 +328,13 @@ class Instances(Effect):
         return (self._anchor,)
 
     def attach(self, pipeline):
-        """Put its props into the scene."""
+        """Put its props into the scene.
+
+        Parameters
+        ----------
+        pipeline : pvibr.pipeline.Pipeline
+            Where it was added.
+        """
         super().attach(pipeline)
         renderer = pipeline.renderer
         if hasattr(renderer, 'add_actor'):
@@ -374,7 +382,13 @@ class Instances(Effect):
     picks = True
 
     def needed(self, frame) -> bool | str:
-        """Tell whether there is anything to draw."""
+        """Tell whether there is anything to draw.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
         if not self.visibility or not self._anchor.GetVisibility():
             self._hide()
             return 'not visible'
@@ -387,7 +401,13 @@ class Instances(Effect):
             self._stamp = None
 
     def prepare(self, frame):
-        """Choose what is drawn, where camera, size or settings changed."""
+        """Choose what is drawn, where camera, size or settings changed.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
         if not self._uploaded:
             for kind in self._kinds:
                 kind.upload(frame.window)
@@ -428,7 +448,13 @@ class Instances(Effect):
         self._prop_count = count
 
     def finish(self, frame):
-        """Give the texture units back."""
+        """Give the texture units back.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame that was drawn.
+        """
         self._binder.unbind()
 
     def release(self):
@@ -487,7 +513,13 @@ def _scene(mesh, poses, index):
 
 
 def scene_graph(scene):
-    """Return meshes, poses and index of a trimesh scene or of a file that trimesh reads."""
+    """Return meshes, poses and index of a trimesh scene or of a file that trimesh reads.
+
+    Parameters
+    ----------
+    scene : trimesh.Scene or path
+        The graph.
+    """
     meshes, index, matrices = scene_instances(scene)
     return meshes, matrices, index
 

@@ -15,7 +15,13 @@ _KEEP = 0.9  # a mesh level is kept until the size is this far below where it wa
 
 
 def unit_of(count) -> int:
-    """Return how many instances of a set are culled, sorted and chosen together."""
+    """Return how many instances of a set are culled, sorted and chosen together.
+
+    Parameters
+    ----------
+    count : int
+        Instances of the whole set.
+    """
     return 1 if count <= _SORTED else BLOCK
 
 
@@ -67,11 +73,23 @@ class Kind:
         return poses[:, :3, :3] @ center + poses[:, :3, 3], stretch * radius
 
     def centers(self, slots):
-        """Return the centres of the bounding spheres of some slots, world units."""
+        """Return the centres of the bounding spheres of some slots, world units.
+
+        Parameters
+        ----------
+        slots : numpy.ndarray of int
+            Places in the order of this kind.
+        """
         return self._spheres(self.ids[slots])[0]
 
     def matrix(self, slot):
-        """Return the pose of a slot as a matrix, shape (4, 4)."""
+        """Return the pose of a slot as a matrix, shape (4, 4).
+
+        Parameters
+        ----------
+        slot : int
+            A place in the order of this kind.
+        """
         pose = self.poses[self.ids[slot]]
         if pose.ndim == 2:
             return pose
@@ -87,7 +105,13 @@ class Kind:
         return np.stack([low, high], 1).ravel()
 
     def upload(self, window):
-        """Put atlas and poses on the GPU of a window whose context is current."""
+        """Put atlas and poses on the GPU of a window whose context is current.
+
+        Parameters
+        ----------
+        window : vtkOpenGLRenderWindow
+            The window.
+        """
         self.cards.upload(window, self._rows())
         self.cards.look(self.looks)
 
@@ -105,7 +129,15 @@ class Kind:
         return rows
 
     def set_looks(self, looks, multiply=False):
-        """Take over changed looks, shape (n, 4) uint8 in the scene's order; None is plain."""
+        """Take over changed looks.
+
+        Parameters
+        ----------
+        looks : numpy.ndarray, shape (n, 4), uint8, or None
+            In the scene's order; None is plain.
+        multiply : bool
+            Whether colours multiply the mesh's own.
+        """
         self.looks = None if looks is None else np.ascontiguousarray(looks[self.ids])
         self.cards.uniforms['ibr_multiply'] = int(multiply)
         self.cards.look(self.looks)
@@ -187,7 +219,9 @@ class Kind:
         """Return the slots in view that are at least so large, and their diameters in pixels."""
         if self.looks is not None:
             slots = slots[self.looks[slots, 3] > 0]
-        one = Blocks(self.centers(slots), np.zeros(len(slots)), self.radii[slots], self.radii[slots])
+        one = Blocks(
+            self.centers(slots), np.zeros(len(slots)), self.radii[slots], self.radii[slots]
+        )
         index, _, sizes, _ = one.seen(frame)
         big = sizes >= least
         return slots[index[big]], sizes[big]
@@ -204,7 +238,13 @@ class Kind:
         return out
 
     def instance_of(self, actor):
-        """Return the scene's instance that an actor of the near meshes shows, or None."""
+        """Return the scene's instance that an actor of the near meshes shows, or None.
+
+        Parameters
+        ----------
+        actor : vtkActor
+            Any actor.
+        """
         for pool in self.pools:
             slot = pool.instance_of(actor)
             if slot is not None:

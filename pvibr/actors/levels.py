@@ -81,7 +81,13 @@ class Model:
         return self._limits[max_error]
 
     def describe(self, max_error) -> str:
-        """Return views, bake time and the sizes at which levels change, in one line."""
+        """Return views, bake time and the sizes at which levels change, in one line.
+
+        Parameters
+        ----------
+        max_error : float
+            Pixels.
+        """
         limits, a = self.limits(max_error), self.atlas
         cards = [f'{name} to {high:.0f} px' for name, low, high in limits.cards if high > low]
         meshes = [
@@ -114,8 +120,13 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     --------
     >>> import numpy as np
     >>> good, bad = np.array([[0.4, 0.5], [1.4, 0.9]]), np.array([[0.4, 0.5], [2.4, 0.9]])
-    >>> table = {'sizes': np.array([8.0, 16.0]), 'dot': good, 'flat': bad, 'middle': good,
-    ...          'near': good}
+    >>> table = {
+    ...     'sizes': np.array([8.0, 16.0]),
+    ...     'dot': good,
+    ...     'flat': bad,
+    ...     'middle': good,
+    ...     'near': good,
+    ... }
     >>> limits_of(table, 1, 1.0).cards[1:]
     (('flat', 6.0, 11.08), ('middle', 11.08, 16.0), ('near', 16.0, 16.0))
     """

@@ -116,13 +116,28 @@ def color_table(scalars, cmap=None, clim=None, **options):
     table.apply_cmap(cmap, options.pop('n_colors', 256))
     for name, value in options.items():
         if value is not None:
-            setattr(table, 'below_range_color' if name == 'below_color' else
-                    'above_range_color' if name == 'above_color' else name, value)
+            setattr(
+                table,
+                'below_range_color'
+                if name == 'below_color'
+                else 'above_range_color'
+                if name == 'above_color'
+                else name,
+                value,
+            )
     return table
 
 
 def map_scalars(table, scalars):
-    """Return the colours of scalars, shape (n, 3) uint8."""
+    """Return the colours of scalars, shape (n, 3) uint8.
+
+    Parameters
+    ----------
+    table : pyvista.LookupTable
+        The colours.
+    scalars : numpy.ndarray, shape (n,)
+        Values.
+    """
     if not len(scalars):
         return np.zeros((0, 3), np.uint8)
     mapped = table.MapScalars(_vtk.numpy_to_vtk(scalars), 1, 0)

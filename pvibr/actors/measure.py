@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr import _vtk
 from pvibr.actors.cards import PROGRAMS, Binder
 from pvibr.actors.kind import Kind
 from pvibr.actors.meshes import MeshPool

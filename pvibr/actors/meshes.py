@@ -99,13 +99,25 @@ class MeshPool:
         return new
 
     def recolor(self, look_of):
-        """Take over changed looks of the instances shown."""
+        """Take over changed looks of the instances shown.
+
+        Parameters
+        ----------
+        look_of : callable
+            Instance to its look, 4 numbers from 0 to 1.
+        """
         for i, actors in self.lent.items():
             for actor in actors:
                 self._dress(actor, look_of(i))
 
     def instance_of(self, actor):
-        """Return the instance that an actor shows, or None."""
+        """Return the instance that an actor shows, or None.
+
+        Parameters
+        ----------
+        actor : vtkActor
+            Any actor.
+        """
         return next((i for i, actors in self.lent.items() if actor in actors), None)
 
     def _put(self, actors, matrix, look):

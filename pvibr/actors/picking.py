@@ -40,8 +40,10 @@ def pixel_ray(renderer, x, y):
 
     Returns
     -------
-    start, direction : numpy.ndarray, shape (3,)
-        World units; on the near plane; of length 1.
+    start : numpy.ndarray, shape (3,)
+        On the near plane, world units.
+    direction : numpy.ndarray, shape (3,)
+        Of length 1.
     """
     ends = []
     for depth in (0.0, 1.0):
@@ -95,8 +97,7 @@ def _candidates(kind, start, direction, visible):
     if not len(slots):
         return []
     enters, hit = _spheres(kind.centers(slots), kind.radii[slots], start, direction)
-    found = sorted(zip(enters[hit].tolist(), slots[hit].tolist(), strict=True))
-    return found
+    return sorted(zip(enters[hit].tolist(), slots[hit].tolist(), strict=True))
 
 
 def _spheres(centers, radii, start, direction):

@@ -8,7 +8,7 @@ _SECTION = re.compile(r'^//@([\w.]+)\s*$', re.M)
 
 
 def sections(text) -> dict[str, str]:
-    """Split a shader file into its entry points.
+    r"""Split a shader file into its entry points.
 
     Parameters
     ----------
@@ -24,8 +24,8 @@ def sections(text) -> dict[str, str]:
     Examples
     --------
     >>> from pvibr.gl.feature import sections
-    >>> sections('about\\n//@vertex.declare\\nuniform int n;\\n')
-    {'vertex.declare': 'uniform int n;\\n'}
+    >>> sections('about\n//@vertex.declare\nuniform int n;\n')
+    {'vertex.declare': 'uniform int n;\n'}
     """
     names = _SECTION.findall(text)
     return dict(zip(names, (t.lstrip('\n') for t in _SECTION.split(text)[2::2]), strict=True))

@@ -167,6 +167,9 @@ class Blocks:
         else:
             near = np.maximum(away - self.reach[index], 1e-300)
             far = away + self.reach[index]
-        return index, origins, scale * self.smallest[index] / far, (
-            scale * self.largest[index] / near
+        return (
+            index,
+            origins,
+            scale * self.smallest[index] / far,
+            (scale * self.largest[index] / near),
         )

@@ -90,7 +90,8 @@ def displacements(coverage, reference):
     --------
     >>> import numpy as np
     >>> from pvibr.maths.image_error import displacements
-    >>> a = np.zeros((9, 9)); a[2:7, 2:7] = 1
+    >>> a = np.zeros((9, 9))
+    >>> a[2:7, 2:7] = 1
     >>> float(displacements(a, np.roll(a, 2, 0)).max())
     2.0
     """
