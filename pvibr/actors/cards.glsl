@@ -8,6 +8,7 @@
 // Spaces: q = the object's bounding sphere scaled to the unit sphere; eye = VTK's VC.
 // ibr_first, the first slot of a draw, and ibr_end, the block after its last, are an actor's custom
 // uniforms: VTK declares them.
+// IBR_DITHER is a number from 0 to 1 that depends on the pixel alone.
 // Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 3; WRITE_DEPTH 0 or 1; SPLAT 0 or 1.
 
 //@vertex.declare
@@ -48,7 +49,7 @@ flat out vec4 ibr_level;                 // origin and scale of the level of det
 #endif
 flat out mat3 ibr_eye_normal;
 flat out vec4 ibr_look;
-flat out vec3 ibr_card;                  // half texel, fade, size in px
+flat out vec4 ibr_card;                  // half texel, size in px, where it ends, where it begins
 flat out int ibr_instance;
 
 vec2 ibr_signs(vec2 p) { return vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0); }
@@ -81,7 +82,7 @@ mat3 ibr_frame(vec3 d)
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: an empty slot
     vertexVCVSOutput = vec4(0.0);
     ibr_look = vec4(0.0);
-    ibr_card = vec3(0.0);
+    ibr_card = vec4(0.0);
     ibr_instance = 0;
     ibr_eye_normal = mat3(1.0);
 #if SPLAT
@@ -169,9 +170,9 @@ mat3 ibr_frame(vec3 d)
         vertexVCVSOutput = p;
         gl_Position = ibr_clip_from_eye * p;
         vec3 ray = ibr_parallel == 1 ? -d : v - eye;
-        float fade = clamp((size - ibr_range.x) / max(ibr_range.y - ibr_range.x, 1e-6), 0.0, 1.0)
-          * clamp((ibr_range.w - size) / max(ibr_range.w - ibr_range.z, 1e-6), 0.0, 1.0);
-        ibr_card = vec3(0.5 * exp2(lod) / float(ibr_tile), fade, size);
+        ibr_card = vec4(0.5 * exp2(lod) / float(ibr_tile), size,
+          (size - ibr_range.z) / max(ibr_range.w - ibr_range.z, 1e-6),
+          ibr_range.y > 0.0 ? (size - ibr_range.x) / max(ibr_range.y - ibr_range.x, 1e-6) : 1.0);
 #if !SPLAT
         // Level 0 fills the left two thirds of the texture, the others are stacked beside it.
         vec2 scale = vec2(2.0 / 3.0, 1.0) * exp2(-lod) / float(ibr_views);
@@ -236,7 +237,7 @@ flat in vec4 ibr_level;
 #endif
 flat in mat3 ibr_eye_normal;
 flat in vec4 ibr_look;
-flat in vec3 ibr_card;
+flat in vec4 ibr_card;
 flat in int ibr_instance;
 
 // How much the normals of a fragment spread: half the width of the soft corner of its cosine.
@@ -315,13 +316,15 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
 #if SPLAT
   // The bounding box's rectangle with the view's mean coverage, filtered by the pixel's own box:
   // exact, so that what is smaller than a pixel neither flickers nor vanishes.
-  float ibr_area = ibr_card.z * ibr_margin;   // side of the tile in pixels
+  float ibr_area = ibr_card.y * ibr_margin;   // side of the tile in pixels
   vec2 ibr_in = clamp(min(ibr_splat + 0.5, ibr_half_box) - max(ibr_splat - 0.5, -ibr_half_box), 0.0, 1.0);
   ibr_coverage *= ibr_area * ibr_area / max(4.0 * ibr_half_box.x * ibr_half_box.y, 1e-6);
   ibr_coverage = min(ibr_coverage, 1.0) * ibr_in.x * ibr_in.y;
 #endif
-  ibr_coverage *= ibr_card.y;
-  if (ibr_coverage < ibr_cut) { discard; }
+  // Neighbouring levels share the pixels between them: each is drawn in full where it is drawn.
+  float ibr_dither = IBR_DITHER;
+  bool ibr_mine = ibr_dither >= ibr_card.z && ibr_dither < ibr_card.w;
+  if (ibr_coverage < ibr_cut || !ibr_mine) { discard; }
 
 //@fragment.depth
   {

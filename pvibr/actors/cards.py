@@ -20,6 +20,12 @@ _ROW = 1024
 PBR = 3  # VTKPBR
 # Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
 _SOFT_LIGHT = '#define max(a, b) ibr_lit(a, b)\n//VTK::Light::Impl\n#undef max\n'
+# Interleaved gradient noise: Jimenez, "Next Generation Post Processing in Call of Duty: Advanced
+# Warfare", SIGGRAPH 2014, slide 123. The same picture every time.
+DITHER = (
+    '#define IBR_DITHER fract(52.9829189 * fract(dot(gl_FragCoord.xy, '
+    'vec2(0.06711056, 0.00583715))))\n'
+)
 # VTK computes highlights also where the material has none; the compiler drops what follows.
 DULL = '#define pow(a, b) 0.0\n', '#undef pow\n'
 
@@ -67,7 +73,7 @@ class Program:
             'WRITE_DEPTH': int(self.depth),
             'SPLAT': int(self.splat),
         }
-        return ''.join(f'#define {k} {v}\n' for k, v in values.items())
+        return DITHER + ''.join(f'#define {k} {v}\n' for k, v in values.items())
 
     def feature(self, shiny=True) -> Feature:
         """Return the shader text of the program by VTK's tags.

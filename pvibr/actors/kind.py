@@ -9,7 +9,7 @@ from pvibr.actors.cards import BLOCK, Cards
 from pvibr.actors.meshes import MeshPool
 from pvibr.maths.blocks import Blocks, morton_order
 
-_FADE = 1.15  # a level fades over its coarser neighbour while the size grows by this factor
+_FADE = 1.1  # a level takes over from its coarser neighbour while the size grows by this factor
 _SORTED = 16_384  # instances up to which each is sorted and culled by itself
 _KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
 
@@ -171,15 +171,12 @@ class Kind:
         table = np.empty((len(index), 4), np.float32)
         table[:, :3], table[:, 3] = origins, index
         depths = origins[:, 2] if frame.parallel else -np.linalg.norm(origins, axis=1)
-        used_programs = [name for name, low, high in limits.cards if high > low]
         chosen = {}
         for name, low, high in limits.cards:
             used = (large >= low) & (small < high * _FADE) & (high > low)
             whole = low * _FADE if low > 0 else 0.0
-            # The finest cards fade out over the mesh; over the others finer cards fade in.
-            fade = high if used_programs[-1:] == [name] else high * _FADE
-            chosen[name] = table[used], depths[used], (low, whole, fade, high * _FADE)
-            self.counts[name] = int(used.sum()) * self.unit
+            chosen[name] = table[used], depths[used], (low, whole, high, high * _FADE)
+            self.counts[name] = min(int(used.sum()) * self.unit, len(self))
         self.large = index[large >= limits.mesh]
         return chosen
 
@@ -208,10 +205,14 @@ class Kind:
             slots, sizes = self._sizes(frame, slots, limits.mesh)
         near = self._levels(slots, sizes, limits.meshes)
         self.near = near
+        band = max(limits.mesh * (_FADE - 1), 1e-9)
+        fades = (sizes - limits.mesh) / band if limits.mesh > 0 else np.ones(len(sizes))
+        fades = {s: f for s, f in zip(slots.tolist(), fades.tolist(), strict=True) if f < 1}
         new = []
         for k, pool in enumerate(self.pools):
             ids = [slot for slot, level in near.items() if level == k]
             new += pool.show(ids, self.matrix, self._look)
+            pool.fade({slot: fades[slot] for slot in ids if slot in fades})
             self.counts[f'mesh {pool.level.triangles}'] = len(ids)
         return new
 

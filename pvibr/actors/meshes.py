@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pvibr import _vtk
-from pvibr.actors.cards import DULL, PBR
+from pvibr.actors.cards import DITHER, DULL, PBR
 
 # The colour of an instance replaces what scalars and texture give, or multiplies it; a cut-out
 # keeps its holes. Lit colour is what VTK has before it multiplies by the texture.
 _LOOK = """  vec4 ibr_lit = gl_FragData[0];
 //VTK::TCoord::Impl
+  if (IBR_DITHER >= ibr_share) discard;
   if (gl_FragData[0].a < ibr_cutoff) discard;
   if (ibr_cutoff > 0.0) gl_FragData[0].a = ibr_lit.a;
   if (ibr_look.a > 0.75 && ibr_multiply == 0) gl_FragData[0].rgb = ibr_lit.rgb;
@@ -64,7 +65,7 @@ class MeshPool:
         self.lent: dict[int, list] = {}
         self.free: list = []
         self.multiply = False
-        self.fresh: list = []
+        self._faded: set[int] = set()
 
     def show(self, ids, matrix_of, look_of):
         """Show the mesh at some instances and nowhere else.
@@ -98,6 +99,20 @@ class MeshPool:
             self._put(self.lent[i], matrix_of(i), look_of(i))
         return new
 
+    def fade(self, shares):
+        """Draw some instances in a share of their pixels; cards have the others.
+
+        Parameters
+        ----------
+        shares : dict of int to float
+            Instances shown to 0 to 1; all others are whole.
+        """
+        for i in self._faded | shares.keys():
+            for actor in self.lent.get(i, ()):
+                uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+                uniforms.SetUniformf('ibr_share', shares.get(i, 1.0))
+        self._faded = set(shares)
+
     def recolor(self, look_of):
         """Take over changed looks of the instances shown.
 
@@ -125,6 +140,8 @@ class MeshPool:
         for actor in actors:
             actor.GetUserMatrix().DeepCopy(values)
             actor.VisibilityOn()
+            uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+            uniforms.SetUniformf('ibr_share', 1.0)
             self._dress(actor, look)
 
     def _dress(self, actor, look):
@@ -149,7 +166,7 @@ def _copy(part):
     actor.SetUserMatrix(_vtk.vtkMatrix4x4())
     shader = actor.GetShaderProperty()
     shader.DeepCopy(source.GetShaderProperty())
-    texts = {'//VTK::TCoord::Impl': _LOOK, '//VTK::Color::Impl': _COLOR}
+    texts = {'//VTK::TCoord::Impl': DITHER + _LOOK, '//VTK::Color::Impl': _COLOR}
     prop = source.GetProperty()
     if prop.GetSpecular() == 0 and prop.GetInterpolation() != PBR:
         texts['//VTK::Light::Impl'] = '//VTK::Light::Impl\n'.join(DULL)
@@ -160,5 +177,6 @@ def _copy(part):
     opacity = source.GetProperty().GetOpacity()
     uniforms.SetUniformf('ibr_cutoff', (part.alpha_cutoff or 0.0) * opacity)
     uniforms.SetUniform4f('ibr_look', _PLAIN)
+    uniforms.SetUniformf('ibr_share', 1.0)
     uniforms.SetUniformi('ibr_multiply', 0)
     return actor
