@@ -34,7 +34,7 @@ PEER_FRAMES = 3
 #: Full meshes that the error is measured with: more would take longer than two minutes allow.
 ERROR_TREES = 2000
 #: Where on the trail the pictures are taken.
-PLACE = 0.5
+PLACE = 0.4
 
 
 @dataclass

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-_CAPTION = 26  # px
+_CAPTION, _PER_WIDTH = 26, 32  # height of a caption: at least, and the picture's width over it
 
 
 def error_colors(error) -> np.ndarray:
@@ -88,7 +88,8 @@ def _beside(tiles):
 def _captioned(picture, text):
     from PIL import Image, ImageDraw, ImageFont
 
-    line = Image.new('RGB', (picture.shape[1], _CAPTION), 'white')
-    font = ImageFont.load_default(size=_CAPTION * 0.66)
+    height = max(_CAPTION, picture.shape[1] // _PER_WIDTH)
+    line = Image.new('RGB', (picture.shape[1], height), 'white')
+    font = ImageFont.load_default(size=height * 0.66)
     ImageDraw.Draw(line).text((4, 3), text, fill='black', font=font)
     return np.concatenate([np.asarray(line), as_bytes(picture)])
