@@ -9,9 +9,12 @@ import pytest
 import pyvista as pv
 
 from pvibr import _vtk
+from pvibr.actors.cards import PROGRAMS
 from pvibr.actors.levels import Limits
 
-LEVELS = ('far', 'middle', 'near', 'mesh')
+_NAMES = [p.name for p in PROGRAMS]
+# The programs of cards by what they are for, from the cheapest to the best.
+ROLES = {'far': _NAMES[0], 'flat': _NAMES[1], 'middle': _NAMES[-2], 'near': _NAMES[-1]}
 
 
 @pytest.fixture(scope='session')
@@ -26,7 +29,7 @@ def bean():
     ball = pv.Sphere(theta_resolution=20, phi_resolution=21)
     x, y, z = ball.points.T
     bent = np.stack([x * (1 + 0.5 * z), 0.6 * y + 0.7 * z * z, z + 0.3 * x], 1)
-    mesh = pv.PolyData(bent + [0.3, -0.2, 0.1], ball.faces)
+    mesh = pv.PolyData(bent + np.array([0.3, -0.2, 0.1]), ball.faces)
     mesh['height'] = mesh.points[:, 2].copy()
     mesh['paint'] = np.rint(255 * np.clip(np.abs(ball.points) * 2, 0, 1)).astype(np.uint8)
     mesh.set_active_scalars(None)
@@ -34,10 +37,15 @@ def bean():
 
 
 def force(instances, level):
-    """Draw all by one level, whatever its size; None is back to what was measured."""
+    """Draw all by one level, whatever its size, or each between the sizes given.
+
+    None is back to what was measured.
+    """
+    ranges = level if isinstance(level, dict) else {level: (0.0, 1e9)}
+    ranges = {ROLES.get(role, role): sizes for role, sizes in ranges.items()}
     for model in instances._models.values():
         meshes = (float('inf'), *(0.0,) * (len(model.levels) - 1))
-        cards = tuple((p, *((0.0, 1e9) if p == level else (0.0, 0.0))) for p in LEVELS[:3])
+        cards = tuple((n, *ranges.get(n, (0.0, 0.0))) for n in _NAMES)
         limits = Limits(cards, 0.0 if level == 'mesh' else 1e9, meshes)
         model._limits = {} if level is None else {instances.max_error: limits}
     instances._stamp = None
@@ -163,5 +171,5 @@ def see():
     """How to look at scenes."""
     return SimpleNamespace(
         grab=grab, depths=depths, rgba=rgba, place=place, force=force, reduce=reduce,
-        centroid=centroid, matrices=matrices, levels=LEVELS,
+        centroid=centroid, matrices=matrices,
     )  # fmt: skip
