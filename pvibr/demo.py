@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import time
 from dataclasses import asdict, dataclass, field
@@ -250,7 +251,10 @@ def _walk(scene, max_error, frames, size):
     plotter = _scenery(scene, max_error, size, off_screen=False)
     plotter.show(interactive_update=True, auto_close=False)
     for camera in scene.path(frames):
+        if plotter.render_window is None:  # closed on the way
+            return
         plotter.camera_position = camera
+        plotter.reset_camera_clipping_range()
         plotter.update()
     plotter.show()
 
@@ -264,14 +268,14 @@ def _film(scene, max_error, frames, size, file):
     with imageio.get_writer(file, fps=FPS, macro_block_size=2) as writer:
         for camera in track(scene.path(frames), f'writing {file}', console=Console(stderr=True)):
             plotter.camera_position = camera
-            plotter.renderer.ResetCameraClippingRange()
+            plotter.reset_camera_clipping_range()
             writer.append_data(plotter.screenshot(return_img=True))
     plotter.close()
 
 
 def _scenery(scene, max_error, size, *, off_screen):
     plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
-    plotter.set_background(SKY)
+    plotter.background_color = SKY
     plotter.camera.view_angle = scene.view_angle
     plotter.add_mesh(scene.terrain, scalars='color_rgb', rgb=True)
     _plant(plotter, scene, max_error)
@@ -281,7 +285,7 @@ def _scenery(scene, max_error, size, *, off_screen):
 
 def _require_ffmpeg():
     try:
-        import imageio_ffmpeg  # noqa: F401
+        importlib.import_module('imageio_ffmpeg')
     except ImportError as error:
         msg = "--movie needs imageio-ffmpeg: run pip install 'pvibr[movie]'"
         raise ImportError(msg) from error

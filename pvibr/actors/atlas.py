@@ -13,6 +13,34 @@ from pvibr.maths import octahedral
 MARGIN = 1.02  # half side of a tile in radii: the silhouette never touches its border
 
 
+def bounding_sphere(points):
+    """Return a sphere that holds all points: the box's centre and the farthest point from it.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        Model coordinates.
+
+    Returns
+    -------
+    center : numpy.ndarray, shape (3,)
+        Model coordinates.
+    radius : float
+        Positive even for a single point.
+
+    Examples
+    --------
+    >>> from pvibr.actors.atlas import bounding_sphere
+    >>> center, radius = bounding_sphere([[0, 0, 0], [2, 0, 0]])
+    >>> center.tolist(), radius
+    ([1.0, 0.0, 0.0], 1.0)
+    """
+    points = np.asarray(points, float)
+    center = (points.min(0) + points.max(0)) / 2
+    radius = float(np.sqrt(((points - center) ** 2).sum(1).max()))
+    return center, radius if radius > 0 else 1.0
+
+
 @dataclass
 class Atlas:
     """Pictures of an object on an octahedral grid of views.
@@ -49,6 +77,25 @@ class Atlas:
     half: bool = False
     errors: dict = field(default_factory=dict)
     seconds: float = 0.0
+
+    @classmethod
+    def blank(cls, points) -> Atlas:
+        """Return an atlas without pictures, for a driver that cannot draw them.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            Those of the mesh.
+
+        Returns
+        -------
+        Atlas
+            With the right sphere and box.
+        """
+        points = np.asarray(points, float)
+        picture = np.zeros((8, 8, 4), np.uint8)
+        box = np.stack([points.min(0), points.max(0)])
+        return cls(picture, picture.copy(), *bounding_sphere(points), box, views=2, tile=4)
 
     @property
     def nbytes(self) -> int:

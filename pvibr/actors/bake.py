@@ -11,7 +11,7 @@ import time
 import numpy as np
 
 from pvibr import _vtk
-from pvibr.actors.atlas import MARGIN, Atlas
+from pvibr.actors.atlas import MARGIN, Atlas, bounding_sphere
 from pvibr.actors.parts import as_parts
 from pvibr.gl import Quad, Target, shader_source, texture_limit
 from pvibr.gl.offscreen import hidden_window
@@ -69,34 +69,6 @@ def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **l
     parts = as_parts(mesh, **looks)
     grid = {'views': views, 'tile': tile, 'half': half}
     return make_model(parts, cache=cache, progress=progress, **grid).atlas
-
-
-def bounding_sphere(points):
-    """Return a sphere that holds all points: the box's centre and the farthest point from it.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Model coordinates.
-
-    Returns
-    -------
-    center : numpy.ndarray, shape (3,)
-        Model coordinates.
-    radius : float
-        Positive even for a single point.
-
-    Examples
-    --------
-    >>> from pvibr.actors.bake import bounding_sphere
-    >>> center, radius = bounding_sphere([[0, 0, 0], [2, 0, 0]])
-    >>> center.tolist(), radius
-    ([1.0, 0.0, 0.0], 1.0)
-    """
-    points = np.asarray(points, float)
-    center = (points.min(0) + points.max(0)) / 2
-    radius = float(np.sqrt(((points - center) ** 2).sum(1).max()))
-    return center, radius if radius > 0 else 1.0
 
 
 def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress=None) -> Atlas:

@@ -9,7 +9,7 @@
 // ibr_first, the first slot of a draw, and ibr_end, the block after its last, are an actor's custom
 // uniforms: VTK declares them.
 // IBR_DITHER is a number from 0 to 1 that depends on the pixel alone.
-// Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 3; WRITE_DEPTH 0 or 1; SPLAT 0 or 1.
+// Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 1; WRITE_DEPTH 0 or 1; SPLAT 0 or 1.
 
 //@vertex.declare
 uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
@@ -36,8 +36,8 @@ out vec4 vertexVCVSOutput;
 #if SPLAT
 uniform sampler2D ibr_geometry;
 uniform sampler2D ibr_albedo;
-out vec2 ibr_splat;                      // pixels from the middle of the box
-flat out vec2 ibr_half_box;              // its half sides in pixels
+flat out vec4 ibr_box;                   // its half sides and its first axis, in pixels
+flat out float ibr_side;                 // side of the sprite in pixels
 flat out vec4 ibr_mean_geometry;         // mean of the view
 flat out vec4 ibr_mean_albedo;
 #else
@@ -86,8 +86,9 @@ mat3 ibr_frame(vec3 d)
     ibr_instance = 0;
     ibr_eye_normal = mat3(1.0);
 #if SPLAT
-    ibr_splat = vec2(0.0);
-    ibr_half_box = vec2(0.0);
+    ibr_box = vec4(0.0);
+    ibr_side = 1.0;
+    gl_PointSize = 1.0;
     ibr_mean_geometry = vec4(0.0);
     ibr_mean_albedo = vec4(0.0);
 #else
@@ -153,18 +154,13 @@ mat3 ibr_frame(vec3 d)
         if (ibr_parallel == 0) { reach *= inversesqrt(max(1.0 - 1.0 / (e * e), 0.05)); }
         float soft = ibr_margin * exp2(lod) / float(ibr_tile) + 1.0 / size;
 #if SPLAT
-        vec2 low = middle - half_sides - 1.0 / size;
-        vec2 high = middle + half_sides + 1.0 / size;
+        vec2 q = middle;
 #else
         vec2 low = max((middle - half_sides) * swell - soft, vec2(-reach));
         vec2 high = min((middle + half_sides) * swell + soft, vec2(reach));
-#endif
-#if CORNERS == 3
-        vec2 q = corner == 0 ? vec2(0.0, 0.0) : (corner == 1 ? vec2(2.0, 0.0) : vec2(0.0, 2.0));
-#else
         vec2 q = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
-#endif
         q = mix(low, high, q);
+#endif
         vec3 v = q.x * right + q.y * up;
         vec4 p = vec4(c + eye_from_q * v, 1.0);
         vertexVCVSOutput = p;
@@ -184,8 +180,10 @@ mat3 ibr_frame(vec3 d)
         ibr_eye_normal = n / length(n[0]);
         vec2 g = (ibr_encode(d) * 0.5 + 0.5) * float(ibr_views - 1);
 #if SPLAT
-        ibr_splat = (q - middle) * size * 0.5;
-        ibr_half_box = half_sides * size * 0.5;
+        vec2 axis = normalize((eye_from_q * right).xy + vec2(1e-30, 0.0));
+        ibr_box = vec4(half_sides * size * 0.5, axis);
+        ibr_side = ceil(2.0 * length(ibr_box.xy) + 1.0);
+        gl_PointSize = ibr_side;
         ivec2 texel = ivec2(g + 0.5) + ibr_views * ivec2(ibr_tile, ibr_tile - 2);
         ibr_mean_geometry = texelFetch(ibr_geometry, texel, 0);
         ibr_mean_albedo = texelFetch(ibr_albedo, texel, 0);
@@ -224,8 +222,8 @@ uniform float ibr_cut;                // coverage below which nothing is drawn
 uniform vec4 ibr_clip_depth;          // rows z and w of clip from eye, z columns: zz, zw, wz, ww
 in vec4 vertexVCVSOutput;
 #if SPLAT
-in vec2 ibr_splat;
-flat in vec2 ibr_half_box;
+flat in vec4 ibr_box;
+flat in float ibr_side;
 flat in vec4 ibr_mean_geometry;
 flat in vec4 ibr_mean_albedo;
 #else
@@ -317,8 +315,10 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   // The bounding box's rectangle with the view's mean coverage, filtered by the pixel's own box:
   // exact, so that what is smaller than a pixel neither flickers nor vanishes.
   float ibr_area = ibr_card.y * ibr_margin;   // side of the tile in pixels
-  vec2 ibr_in = clamp(min(ibr_splat + 0.5, ibr_half_box) - max(ibr_splat - 0.5, -ibr_half_box), 0.0, 1.0);
-  ibr_coverage *= ibr_area * ibr_area / max(4.0 * ibr_half_box.x * ibr_half_box.y, 1e-6);
+  vec2 ibr_off = (gl_PointCoord - 0.5) * vec2(ibr_side, -ibr_side);
+  ibr_off = vec2(dot(ibr_off, ibr_box.zw), dot(ibr_off, vec2(-ibr_box.w, ibr_box.z)));
+  vec2 ibr_in = clamp(min(ibr_off + 0.5, ibr_box.xy) - max(ibr_off - 0.5, -ibr_box.xy), 0.0, 1.0);
+  ibr_coverage *= ibr_area * ibr_area / max(4.0 * ibr_box.x * ibr_box.y, 1e-6);
   ibr_coverage = min(ibr_coverage, 1.0) * ibr_in.x * ibr_in.y;
 #endif
   // Neighbouring levels share the pixels between them: each is drawn in full where it is drawn.

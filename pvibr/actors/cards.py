@@ -18,6 +18,7 @@ _CHUNK = 8192  # cards of one draw
 _POSE_WIDTH = 3072  # texels; a multiple of 3, so that a pose stays in one row
 _ROW = 1024
 PBR = 3  # VTKPBR
+_PROGRAM_POINT_SIZE = 0x8642  # GL enum
 # Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
 _SOFT_LIGHT = '#define max(a, b) ibr_lit(a, b)\n//VTK::Light::Impl\n#undef max\n'
 # Interleaved gradient noise: Jimenez, "Next Generation Post Processing in Call of Duty: Advanced
@@ -43,7 +44,7 @@ class Program:
     steps : int
         Fixed-point steps of the depth correction.
     corners : int
-        Vertices of a card: 4, or 3 for a triangle around it, cheaper where cards are small.
+        Vertices of a card: 4, or 1 for a point sprite, cheaper where cards are small.
     depth : bool
         Write the depth of each fragment.
     splat : bool
@@ -100,7 +101,7 @@ class Program:
         return Feature(f'card_{self.name}', vertex, fragment)
 
 
-DOT = Program('dot', views=1, steps=0, corners=3, splat=True, turns=2, least=3.0, largest=6.0)
+DOT = Program('dot', views=1, steps=0, corners=1, splat=True, turns=2, least=3.0, largest=6.0)
 FLAT = Program('flat', views=1, steps=0)
 MIDDLE = Program('middle', views=1, steps=2)
 NEAR = Program('near', views=3, steps=2, depth=True)
@@ -115,7 +116,7 @@ def card_mesh(count, corners, bounds):
     count : int
         Cards.
     corners : int
-        3 or 4 vertices each.
+        1 or 4 vertices each.
     bounds : array_like of 6 float
         World bounds of what they show: VTK leaves out actors whose bounds are out of view.
 
@@ -127,16 +128,22 @@ def card_mesh(count, corners, bounds):
     low, high = np.asarray(bounds, float).reshape(3, 2).T
     points = np.empty((count * corners, 3))
     points[0::2], points[1::2] = low, high
-    triangle = np.array([0, 1, 2]) if corners == 3 else np.array([0, 1, 2, 0, 2, 3])
-    cells = (np.arange(count)[:, None] * corners + triangle).astype(np.int32).ravel()
+    cell = np.array([0]) if corners == 1 else np.array([0, 1, 2, 0, 2, 3])
+    cells = (np.arange(count)[:, None] * corners + cell).astype(np.int32).ravel()
     mesh = _vtk.vtkPolyData()
     vertices = _vtk.vtkPoints()
     vertices.SetData(_vtk.numpy_to_vtk(points, deep=True))
     mesh.SetPoints(vertices)
     polys = _vtk.vtkCellArray()
-    offsets = np.arange(0, len(cells) + 1, 3, dtype=np.int32)
+    offsets = np.arange(0, len(cells) + 1, 1 if corners == 1 else 3, dtype=np.int32)
     polys.SetData(*(_vtk.numpy_to_vtk(a, deep=True) for a in (offsets, cells)))
-    mesh.SetPolys(polys)
+    if corners == 1:
+        # VTK lights points that have normals, whatever these are.
+        mesh.SetVerts(polys)
+        normals = _vtk.numpy_to_vtk(np.zeros((count, 3), np.float32), deep=True)
+        mesh.GetPointData().SetNormals(normals)
+    else:
+        mesh.SetPolys(polys)
     return mesh
 
 
@@ -288,7 +295,7 @@ class Cards:
             'ibr_margin': MARGIN,
             'ibr_box_center': (atlas.box.mean(0) - atlas.center) / atlas.radius,
             'ibr_box_half': np.ptp(atlas.box, axis=0) / 2 / atlas.radius,
-            'ibr_sharpness': 1.0,
+            'ibr_sharpness': 1.42,  # 1.4 to 2.8 texels a pixel: measured best, 1 blurs outlines
             'ibr_has_looks': 0,
             'ibr_multiply': 0,
         }
@@ -451,6 +458,8 @@ class _Layer:
 
     def _update(self, program):
         cards = self.cards
+        if self.program.corners == 1:
+            cards.window.GetState().SetEnumState(_PROGRAM_POINT_SIZE, True)
         textures = {**cards.textures, 'ibr_blocks': self.blocks}
         set_uniforms(program, cards.binder.bind(self, textures))
         set_uniforms(program, cards.uniforms)

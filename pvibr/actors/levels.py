@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+import warnings
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -17,8 +18,9 @@ from pvibr.actors.cards import PROGRAMS
 from pvibr.actors.decimate import lighter
 from pvibr.actors.measure import measure
 from pvibr.actors.meshes import MeshLevel
+from pvibr.errors import PvibrWarning
 
-VERSION = 4  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 6  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARES = (0.5, 0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
 _HEAVY = 2000  # triangles from which stand-ins pay
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
@@ -105,7 +107,7 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     Parameters
     ----------
     errors : dict of str to numpy.ndarray
-        See :func:`pvibr.actors.measure.measure`.
+        See :func:`pvibr.actors.measure.measure`; empty where only the mesh can be drawn.
     mesh_levels : int
         How many meshes there are, the full one included.
     max_error : float
@@ -130,6 +132,9 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     >>> limits_of(table, 1, 1.0).cards[1:]
     (('flat', 6.0, 11.08), ('middle', 11.08, 16.0), ('near', 16.0, 16.0))
     """
+    if not errors:
+        never = tuple((p.name, 0.0, 0.0) for p in PROGRAMS)
+        return Limits(never, 0.0, (float('inf'), *[0.0] * (mesh_levels - 1)))
     reached, cards = 0.0, []
     for program in PROGRAMS:
         good = min(_good_up_to(errors, program.name, max_error, _BETTER), program.largest)
@@ -194,15 +199,27 @@ def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=1
             return Model(levels, Atlas.from_arrays(found))
         except ValueError:
             pass  # of an older layout: baked again below, and replaced
+    try:
+        model = _baked(levels, progress, views=views, tile=tile, half=half)
+    except RuntimeError as error:
+        msg = (
+            f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
+            'the graphics driver.'
+        )
+        warnings.warn(msg, PvibrWarning, stacklevel=3)
+        return Model(levels, Atlas.blank(np.concatenate([p.mesh.points for p in parts])))
+    if store is not None:
+        store.put(key, model.atlas.to_arrays())
+    return model
+
+
+def _baked(levels, progress, **grid):
     start = time.perf_counter()
     with _bar(progress) as advance:
-        atlas = bake_parts(_bake_parts(levels), views=views, tile=tile, half=half,
-                           progress=advance)  # fmt: skip
+        atlas = bake_parts(_bake_parts(levels), progress=advance, **grid)
     model = Model(levels, atlas)
     atlas.errors = measure(model)
     atlas.seconds = time.perf_counter() - start
-    if store is not None:
-        store.put(key, atlas.to_arrays())
     return model
 
 

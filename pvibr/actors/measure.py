@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr import _vtk
 from pvibr.actors.cards import PROGRAMS, Binder
 from pvibr.actors.kind import Kind
 from pvibr.actors.meshes import MeshPool
+from pvibr.errors import ShaderError
 from pvibr.frame import Frame
 from pvibr.gl.offscreen import hidden_window, read_rgba
 from pvibr.maths.image_error import box_reduce, displacements, flip
@@ -61,6 +63,11 @@ def measure(model) -> dict[str, np.ndarray]:
         ``mesh<i>``: an array (k, 2) of the 99th percentile of the outline's displacement in
         pixels and of the mean FLIP over that of the mesh drawn once per pixel. For meshes
         ``mesh<i>.radii``: the displacement in radii, measured finely.
+
+    Raises
+    ------
+    ShaderError
+        Where the driver does not draw cards.
     """
     sheet = _Sheet(model)
     try:
@@ -129,6 +136,9 @@ class _Sheet:
         self.kind.upload(self.window)
         for actor in self.kind.cards.actors():
             self.renderer.AddViewProp(actor)
+        # The lights of PyVista's plotters: harder on averaged normals than a headlight.
+        self.lights = _vtk.vtkLightKit()
+        self.lights.AddLightsToRenderer(self.renderer)
         camera = self.renderer.GetActiveCamera()
         camera.ParallelProjectionOn()
         camera.SetPosition(0, 0, 4 * atlas.radius)
@@ -165,7 +175,11 @@ class _Sheet:
         index, origins, _, _ = self.kind.blocks.seen(frame)
         blocks = np.column_stack([origins, index]).astype(np.float32)
         cards.show(program, blocks, (0.0, 0.0, 1e9, 1e9), np.array([0, len(blocks)]))
-        return self._picture()
+        picture = self._picture()
+        if not cards.layers[program].checked:
+            msg = f'the cards of program {program!r} are not drawn by this driver'
+            raise ShaderError(msg)
+        return picture
 
     def _picture(self):
         self.window.Render()

@@ -106,7 +106,8 @@ def _flat_cards(points, cameras, size):
     radius = SHARE * 2 / len(points) ** (1 / 3)
     corners = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]) * radius
     places = (points[:, None] + corners).astype(np.float32).reshape(-1, 3)
-    cells = np.arange(4 * len(points)).reshape(-1, 4)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    quads = np.arange(4 * len(points)).reshape(-1, 4)
+    cells: np.ndarray = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
     cards = pv.PolyData.from_regular_faces(places, cells)
     cards.active_texture_coordinates = np.full((cards.n_points, 2), 0.5, np.float32)
     mapper = _vtk.vtkPolyDataMapper()

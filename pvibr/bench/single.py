@@ -138,8 +138,8 @@ def _mean_flip(pictures, truth):
 
 
 def _moved(pictures, truth):
-    away = [displacements(a, b) for (_, a), (_, b) in zip(pictures, truth, strict=True)]
-    away = np.concatenate(away)
+    pairs = zip(pictures, truth, strict=True)
+    away = np.concatenate([displacements(a, b) for (_, a), (_, b) in pairs])
     return float(np.percentile(away, 99)) if len(away) else 0.0
 
 

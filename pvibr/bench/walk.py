@@ -80,7 +80,8 @@ def _show(trees, rows):
 
 
 def _error(stage, trees, scene, settings, results, curve):
-    base, own = [], {max_error: [] for max_error, _ in curve}
+    base: list = []
+    own: dict[float, list] = {max_error: [] for max_error, _ in curve}
     for camera in scene.path(2 * settings.cameras + 1)[1::2]:
         stage.look(camera)
         rows = _part(stage.frame(), scene, settings.part)
