@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr import _vtk
-from pvibr.actors.bake import bounding_sphere
+from pvibr.actors.atlas import bounding_sphere
 from pvibr.frame import Frame
 from pvibr.maths.image_error import box_reduce
 
@@ -100,25 +100,28 @@ class Stage:
         self.window.WaitForCompletion()
         return time.perf_counter() - start
 
-    def seconds(self, cameras) -> np.ndarray:
+    def seconds(self, cameras, limit=np.inf) -> np.ndarray:
         """Return the seconds of a frame at each of some cameras, after one to warm up.
 
         Parameters
         ----------
         cameras : sequence of tuple
             Each (eye, focus, up).
+        limit : float, optional
+            Seconds after which no further frame is drawn.
 
         Returns
         -------
         numpy.ndarray, shape (n,)
-            Seconds.
+            Seconds; fewer than cameras where the limit was met.
         """
         self.look(cameras[0])
         self.draw()
-        found = []
+        found: list[float] = []
         for camera in cameras:
-            self.look(camera)
-            found.append(self.draw())
+            if sum(found) < limit:
+                self.look(camera)
+                found.append(self.draw())
         return np.array(found)
 
     def driver(self) -> str:

@@ -66,6 +66,7 @@ def test_in_view_is_what_changes_the_picture():
 def test_seconds_are_one_for_each_camera():
     with Stage((16, 16)) as stage:
         assert stage.seconds([CAMERA, CAMERA]).shape == (2,)
+        assert stage.seconds([CAMERA] * 9, limit=1e-9).shape == (1,)
         assert stage.driver() != 'unknown'
 
 

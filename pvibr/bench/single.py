@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 import pvibr
-from pvibr.actors.bake import bounding_sphere
+from pvibr.actors.atlas import bounding_sphere
 from pvibr.actors.parts import as_parts
 from pvibr.bench.rows import Row
 from pvibr.maths.image_error import displacements, flip
