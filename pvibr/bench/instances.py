@@ -39,6 +39,8 @@ class Settings:
         Views of each single mesh.
     crowd : int
         Instances of the crowd.
+    extremes : int
+        Offsets and scales, of two each.
     """
 
     size: tuple[int, int] = (1280, 720)
@@ -51,11 +53,12 @@ class Settings:
     errors: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
     directions: int = 6
     crowd: int = 1_000_000
+    extremes: int = 2
 
 
 QUICK = Settings(
     size=(320, 180), trees=300, cameras=1, part=30, steps=3, meshes=2, sizes=(32,),
-    errors=(1.0,), directions=2, crowd=20_000,
+    errors=(1.0,), directions=2, crowd=20_000, extremes=1,
 )  # fmt: skip
 
 

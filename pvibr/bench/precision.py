@@ -19,15 +19,14 @@ def measure(settings, results):
     Parameters
     ----------
     settings : Settings
-        Not used: these pictures are small.
+        How many offsets and scales.
     results : Results
         Taken further.
     """
-    del settings
     truth = _picture(0.0, 1.0)
-    for offset in OFFSETS:
+    for offset in OFFSETS[: settings.extremes]:
         _add(results, f'at {offset:g} of its size', _picture(offset, 1.0), truth)
-    for scale in SCALES:
+    for scale in SCALES[: settings.extremes]:
         _add(results, f'{scale:g} as large', _picture(0.0, scale), truth)
 
 
