@@ -57,7 +57,7 @@ vec2 ibr_signs(vec2 p) { return vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 :
 vec2 ibr_encode(vec3 d)
 {
   if (ibr_half == 1) { d.z = max(d.z, 0.0); }
-  vec2 p = d.xy / (abs(d.x) + abs(d.y) + abs(d.z));
+  vec2 p = d.xy / max(abs(d.x) + abs(d.y) + abs(d.z), 1e-9);
   if (ibr_half == 1) { return vec2(p.x + p.y, p.x - p.y); }
   return d.z < 0.0 ? (1.0 - abs(p.yx)) * ibr_signs(p) : p;
 }
@@ -165,6 +165,13 @@ mat3 ibr_frame(vec3 d)
         vec4 p = vec4(c + eye_from_q * v, 1.0);
         vertexVCVSOutput = p;
         gl_Position = ibr_clip_from_eye * p;
+        if (size > ibr_range.z)
+        {
+          // A finer level is drawn over it: behind that, by the depth of the object.
+          float back = ibr_parallel == 1 ? p.z - 2.0 * stretch : p.z * (1.0 + 2.0 * stretch / away);
+          vec4 deep = ibr_clip_from_eye * vec4(p.xy, back, 1.0);
+          gl_Position.z = min(deep.z / deep.w, 0.9999) * gl_Position.w;
+        }
         vec3 ray = ibr_parallel == 1 ? -d : v - eye;
         ibr_card = vec4(0.5 * exp2(lod) / float(ibr_tile), size,
           (size - ibr_range.z) / max(ibr_range.w - ibr_range.z, 1e-6),
@@ -219,6 +226,7 @@ uniform sampler2D ibr_albedo;
 uniform int ibr_multiply;             // instance colours multiply the albedo instead
 uniform float ibr_margin;
 uniform float ibr_cut;                // coverage below which nothing is drawn
+uniform float ibr_dithered;           // 1 where the next finer level is the mesh
 uniform vec4 ibr_clip_depth;          // rows z and w of clip from eye, z columns: zz, zw, wz, ww
 in vec4 vertexVCVSOutput;
 #if SPLAT
@@ -276,12 +284,20 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
     vec2 slope = ibr_ray[k].xy / ibr_ray[k].z;
     vec2 base = point.xy - slope * point.z;
     float h = 0.0;
-    for (int s = 0; s < STEPS; ++s)
-    {
-      vec2 t = ibr_texcoord(base + slope * h, ibr_cell[k].xy);
-      h = texture(ibr_geometry, t).r * 2.0 - 1.0;
-      h *= ibr_margin;
-    }
+#if STEPS > 0
+    // Where the ray meets the depth: two fixed-point steps. Where one view must do, the second is
+    // a secant step, exact on planes however steep, where another fixed-point step would run away;
+    // where views are weighed by what they miss, those that run away lose.
+    vec2 t0 = ibr_texcoord(base, ibr_cell[k].xy);
+    float h1 = (texture(ibr_geometry, t0).r * 2.0 - 1.0) * ibr_margin;
+    vec2 t1 = ibr_texcoord(base + slope * h1, ibr_cell[k].xy);
+    h = (texture(ibr_geometry, t1).r * 2.0 - 1.0) * ibr_margin;
+#if VIEWS_BLENDED == 1
+    float bend = 2.0 * h1 - h;
+    h = abs(bend) > 0.3 * abs(h1) ? h1 + (h - h1) * h1 / bend : h;
+#endif
+    h = clamp(h, -ibr_margin, ibr_margin);
+#endif
     vec2 p = STEPS > 0 ? base + slope * h : point.xy;
     vec2 t = ibr_texcoord(p, ibr_cell[k].xy);
     vec4 g = texture(ibr_geometry, t);
@@ -321,10 +337,19 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   ibr_coverage *= ibr_area * ibr_area / max(4.0 * ibr_box.x * ibr_box.y, 1e-6);
   ibr_coverage = min(ibr_coverage, 1.0) * ibr_in.x * ibr_in.y;
 #endif
-  // Neighbouring levels share the pixels between them: each is drawn in full where it is drawn.
-  float ibr_dither = IBR_DITHER;
-  bool ibr_mine = ibr_dither >= ibr_card.z && ibr_dither < ibr_card.w;
-  if (ibr_coverage < ibr_cut || !ibr_mine) { discard; }
+  // While it takes over from a coarser level a card of coverage c is drawn over it with w c; the
+  // coarser one has what is missing to c below it: 1 - (1 - c) / (1 - w c). So edges keep their
+  // area and nothing shines through. Before a mesh, which cannot blend, pixels are shared.
+  float ibr_full = ibr_coverage;
+  ibr_coverage *= clamp(ibr_card.w, 0.0, 1.0);
+  if (ibr_dithered < 0.5)
+  {
+    float ibr_over = clamp(ibr_card.z, 0.0, 0.999) * ibr_full;
+    float ibr_left = 1.0 - (1.0 - ibr_full) / (1.0 - ibr_over);
+    ibr_coverage *= clamp(ibr_left / max(ibr_full, 1e-4), 0.0, 1.0);
+  }
+  if (ibr_coverage < ibr_cut) { discard; }
+  if (ibr_dithered > 0.5 && IBR_DITHER < ibr_card.z) { discard; }
 
 //@fragment.depth
   {

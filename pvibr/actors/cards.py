@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import pyvista as pv
 
 from pvibr import _vtk
 from pvibr.actors.atlas import MARGIN
@@ -366,7 +367,7 @@ class Cards:
             'ibr_cut': 0.5 if frame.picking else 1 / 255,
         }
 
-    def show(self, name, blocks, sizes, cuts):
+    def show(self, name, blocks, sizes, cuts, dithered=False):
         """Draw some blocks by a program, in the order given.
 
         Parameters
@@ -380,7 +381,11 @@ class Cards:
             are gone.
         cuts : numpy.ndarray of int
             Where each draw begins and ends, see :func:`slabs`.
+        dithered : bool
+            Whether the next finer level is the mesh: pixels are shared with it by a dither,
+            where cards blend with each other.
         """
+        self.layers[name].dithered = dithered
         self.layers[name].show(blocks, sizes, cuts)
 
     def hide(self):
@@ -407,6 +412,7 @@ class _Layer:
         self.feature = program.feature(shiny)
         self.blocks: Texture | None = None
         self.sizes = (0.0, 0.0, 1.0, 1.0)
+        self.dithered = False
         self.failure: str | None = None
         self.checked = False
         self.mapper = _vtk.vtkPolyDataMapper()
@@ -421,7 +427,7 @@ class _Layer:
         return min(_CHUNK, -(-self.cards.uniforms['ibr_count'] // unit) * unit)
 
     def _actor(self, prop):
-        actor = _vtk.vtkActor()
+        actor = pv.Actor()
         actor.SetMapper(self.mapper)
         actor.SetProperty(prop)
         actor.VisibilityOff()
@@ -464,6 +470,7 @@ class _Layer:
         set_uniforms(program, cards.binder.bind(self, textures))
         set_uniforms(program, cards.uniforms)
         program.SetUniform4f('ibr_range', self.sizes)
+        program.SetUniformf('ibr_dithered', float(self.dithered))
         if not self.checked:
             self.checked = True
             if not self.feature.landed(program):

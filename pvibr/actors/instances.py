@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from pathlib import Path
+
 import numpy as np
 import pyvista as pv
 
@@ -10,11 +13,12 @@ from pvibr.actors import looks as look
 from pvibr.actors.cards import PROGRAMS, Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import Kind, unit_of
-from pvibr.actors.levels import make_model
+from pvibr.actors.levels import limits_of, make_model
 from pvibr.actors.parts import as_meshes
 from pvibr.actors.picking import nearest_hit
 from pvibr.actors.poses import as_poses
 from pvibr.effect import Effect
+from pvibr.errors import PvibrWarning
 from pvibr.params import Param
 
 _TABLE_OPTIONS = ('n_colors', 'nan_color', 'below_color', 'above_color', 'log_scale')
@@ -44,8 +48,8 @@ class Instances(Effect):
         What colours of instances do with the mesh's own.
     cmap, clim : optional
         As in ``add_mesh``.
-    opacity : float or str
-        As in ``add_mesh``.
+    opacity : float or str, optional
+        As in ``add_mesh``. Translucent sets are drawn as meshes at every size.
     pickable : bool
         Whether it can be picked.
     cache : bool or path
@@ -83,7 +87,7 @@ class Instances(Effect):
 
     def __init__(
         self, mesh, poses=None, *, index=None, max_error=1.0, name=None, scalars=None,
-        colors=None, blend='replace', cmap=None, clim=None, opacity=1.0, pickable=True,
+        colors=None, blend='replace', cmap=None, clim=None, opacity=None, pickable=True,
         cache=True, progress=None, views='full', theme=None, **mesh_kwargs,
     ):  # fmt: skip
         super().__init__(max_error=max_error)
@@ -111,6 +115,7 @@ class Instances(Effect):
             for k in used
         }  # fmt: skip
         self._binder = Binder()
+        self._failure: str | None = None
         self._anchor = _anchor()
         self.pickable = pickable
         self._scalars = self._colors = self._visible = self.table = None
@@ -415,25 +420,35 @@ class Instances(Effect):
         self._keep_last(frame.renderer)
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         stamp = (*camera, frame.size, self._revision, frame.picking)
+        self._check_cards()
         if stamp == self._stamp:
             return
         self._stamp = stamp
-        limits = [kind.model.limits(self.max_error) for kind in self._kinds]
+        limits = [self._limits(kind) for kind in self._kinds]
         chosen = [k.select(frame, limit) for k, limit in zip(self._kinds, limits, strict=True)]
         capacity = min(k.cards.capacity for k in self._kinds)
         for program in PROGRAMS:
             name = program.name
             cuts = slabs([c[name][1] for c in chosen], program.turns, capacity)
             for kind, c, cut in zip(self._kinds, chosen, cuts, strict=True):
-                blocks, _, sizes = c[name]
-                kind.cards.show(name, blocks, sizes, cut)
+                blocks, _, sizes, last = c[name]
+                kind.cards.show(name, blocks, sizes, cut, last)
         for kind, limit in zip(self._kinds, limits, strict=True):
             for actor in kind.select_meshes(frame, limit):
                 actor.SetPickable(bool(self.pickable))
                 frame.renderer.AddViewProp(actor)
-        for kind in self._kinds:
-            if kind.cards.failure:
-                raise RuntimeError(kind.cards.failure)
+
+    def _limits(self, kind):
+        errors = {} if self._failure else kind.atlas.errors
+        return kind.model.limits(self.max_error) if errors else limits_of({}, len(kind.levels), 1)
+
+    def _check_cards(self):
+        """Where a shader of the cards failed: warn once, and draw meshes from now on."""
+        failure = next((k.cards.failure for k in self._kinds if k.cards.failure), None)
+        if failure and not self._failure:
+            self._failure, self._stamp = failure, None
+            msg = f'{self.name}: {failure}: meshes are drawn instead. Look at `pvibr doctor`.'
+            warnings.warn(msg, PvibrWarning, stacklevel=2)
 
     def _keep_last(self, renderer):
         """Draw cards after all other opaque props: their soft edges blend with what is there."""
@@ -505,7 +520,7 @@ class Instances(Effect):
 def _scene(mesh, poses, index):
     """Return a list of meshes, poses and index; a scene's graph gives what is not given."""
     if poses is None:
-        if is_trimesh(mesh, 'Scene') or isinstance(mesh, str):
+        if is_trimesh(mesh, 'Scene') or isinstance(mesh, str | Path):
             return scene_graph(mesh)
         msg = 'poses is missing: give (n, 3) points or (n, 4, 4) matrices'
         raise TypeError(msg)
@@ -555,7 +570,7 @@ def _checked_views(views):
 
 def _anchor():
     """Return an actor that draws nothing and reports the bounds of all instances."""
-    actor = _vtk.vtkActor()
+    actor = pv.Actor()
     mapper = _vtk.vtkPolyDataMapper()
     mapper.SetInputData(_vtk.vtkPolyData())
     actor.SetMapper(mapper)

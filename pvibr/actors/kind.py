@@ -10,6 +10,7 @@ from pvibr.actors.meshes import MeshPool
 from pvibr.maths.blocks import Blocks, morton_order
 
 _FADE = 1.1  # a level takes over from its coarser neighbour while the size grows by this factor
+_SHARE = 1.05  # the same where cards and mesh share pixels
 _SORTED = 16_384  # instances up to which each is sorted and culled by itself
 _KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
 
@@ -162,7 +163,7 @@ class Kind:
 
         Returns
         -------
-        dict of str to (blocks, depths, sizes)
+        dict of str to (blocks, depths, sizes, dithered)
             For each program what :meth:`Cards.show` takes, and the blocks' depths.
         """
         index, origins, small, large = self.blocks.seen(frame)
@@ -175,7 +176,9 @@ class Kind:
         for name, low, high in limits.cards:
             used = (large >= low) & (small < high * _FADE) & (high > low)
             whole = low * _FADE if low > 0 else 0.0
-            chosen[name] = table[used], depths[used], (low, whole, high, high * _FADE)
+            last = high == limits.mesh
+            sizes = (low, whole, high, high * (_SHARE if last else _FADE))
+            chosen[name] = table[used], depths[used], sizes, last
             self.counts[name] = min(int(used.sum()) * self.unit, len(self))
         self.large = index[large >= limits.mesh]
         return chosen
@@ -205,7 +208,7 @@ class Kind:
             slots, sizes = self._sizes(frame, slots, limits.mesh)
         near = self._levels(slots, sizes, limits.meshes)
         self.near = near
-        band = max(limits.mesh * (_FADE - 1), 1e-9)
+        band = max(limits.mesh * (_SHARE - 1), 1e-9)
         fades = (sizes - limits.mesh) / band if limits.mesh > 0 else np.ones(len(sizes))
         fades = {s: f for s, f in zip(slots.tolist(), fades.tolist(), strict=True) if f < 1}
         new = []

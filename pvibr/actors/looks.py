@@ -125,6 +125,7 @@ def color_table(scalars, cmap=None, clim=None, **options):
                 else name,
                 value,
             )
+    table.BuildSpecialColors()
     return table
 
 

@@ -20,8 +20,12 @@ from pvibr.maths.image_error import box_reduce, displacements, flip
 
 SIZES = (8, 16, 32, 64, 128)  # diameters of the bounding sphere on the screen, px
 _CELL = 9 / 8  # side of a view's cell in diameters: the sizes fit the reference's pixels
-_SAMPLES = 4  # samples of the reference along a side of a pixel at the largest size
-_COLUMNS, _ROWS = 4, 2
+_SAMPLES = 2  # samples of the reference along a side of a pixel at the largest size; 4 at half
+_COLUMNS, _ROWS = 4, 3
+_MESH_SIZE = 64  # below, lighter meshes are not in use where cards are, and alike where not
+_ALIKE = (0.0, 1.0)
+_COARSE = {'dot': 8, 'flat': 64}  # the largest sizes at which these are worth measuring
+_FAR_OFF = (1e9, 1e9)
 _FLOOR = 1e-4  # mean FLIP below which a ratio says nothing: nothing can be seen
 
 
@@ -82,10 +86,13 @@ def measure(model) -> dict[str, np.ndarray]:
             truth = box_reduce(reference, factor)
             base = _flip(_once(reference, factor), truth)
             for i, picture in enumerate(meshes[1:], 1):
-                rows.setdefault(f'mesh{i}', []).append(_row(_once(picture, factor), truth, base))
+                row = _row(_once(picture, factor), truth, base) if size >= _MESH_SIZE else _ALIKE
+                rows.setdefault(f'mesh{i}', []).append(row)
             for program in PROGRAMS:
-                card = sheet.draw_cards(program.name, size)
-                rows.setdefault(program.name, []).append(_row(card, truth, base))
+                row = _FAR_OFF
+                if size <= max(_COARSE.get(program.name, size), SIZES[0]):
+                    row = _row(sheet.draw_cards(program.name, size), truth, base)
+                rows.setdefault(program.name, []).append(row)
         for i, picture in enumerate(meshes[1:], 1):
             table[f'mesh{i}.radii'] = np.array(_fine(picture, reference))
     finally:
@@ -106,10 +113,9 @@ def _row(picture, truth, base):
 
 def _fine(picture, reference):
     """Return the 99th percentile of the outline's displacement in radii."""
-    coverage = [box_reduce(p[..., 3], 2) for p in (picture, reference)]
-    away = displacements(*coverage)
+    away = displacements(picture[..., 3], reference[..., 3])
     pixels = float(np.percentile(away, 99)) if len(away) else 0.0
-    return 2 * pixels / (SIZES[-1] * _SAMPLES / 2)
+    return 2 * pixels / (SIZES[-1] * _SAMPLES)
 
 
 def _flip(picture, truth):

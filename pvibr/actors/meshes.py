@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pyvista as pv
 
 from pvibr import _vtk
 from pvibr.actors.cards import DITHER, DULL, PBR
@@ -155,7 +156,7 @@ class MeshPool:
 
 
 def _copy(part):
-    actor = _vtk.vtkActor()
+    actor = pv.Actor()
     source = part.actor
     actor.SetMapper(source.GetMapper())
     actor.SetProperty(source.GetProperty())

@@ -156,7 +156,11 @@ class Blocks:
         planes = frustum_planes(frame.clip_from_view)
         planes = planes[:4]  # near and far follow what is drawn: they cull nothing
         distance = origins @ planes[:, :3].T + planes[:, 3]
-        index = np.flatnonzero((distance > -(self.reach + self.largest)[:, None]).all(1))
+        around = self.reach + self.largest
+        inside = (distance > -around[:, None]).all(1)
+        if not frame.parallel:
+            inside &= origins[:, 2] < around  # no plane stands behind the eye
+        index = np.flatnonzero(inside)
         origins = origins[index]
         away = np.linalg.norm(origins, axis=1)
         order = np.argsort(origins[:, 2] if frame.parallel else -away)
