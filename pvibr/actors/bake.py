@@ -26,7 +26,8 @@ _UNLIT = """//VTK::Light::Impl
 _OUTPUT = """
   if (gl_FragData[0].a < ibr_cut) discard;
   gl_FragData[0].a = ibr_cut > 0.0 ? 1.0 : gl_FragData[0].a;
-  gl_FragData[1] = vec4(ibr_object_from_view * ibr_normal * 0.5 + 0.5, 1.0 - gl_FragCoord.z);
+  gl_FragData[0].rgb *= gl_FragData[0].a;
+  gl_FragData[1] = gl_FragData[0].a * vec4(ibr_object_from_view * ibr_normal * 0.5 + 0.5, 1.0 - gl_FragCoord.z);
 //VTK::DepthPeeling::Impl
 """
 
@@ -85,7 +86,7 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
     half : bool
         Only views from above (z >= 0) at twice their density.
     supersample : int
-        Samples along a side of a texel.
+        Samples along a side of a texel, 1 or even.
     progress : callable, optional
         Called with the fraction done, 0 to 1.
 
@@ -113,7 +114,8 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
         limit = texture_limit(window)
         while views * tile * 3 // 2 > limit and tile > 4:
             tile //= 2  # the smaller levels lie beside the largest
-        supersample = max(1, min(supersample, limit // (views * tile)))
+        while views * tile * supersample > limit and supersample > 1:
+            supersample //= 2
         baker = _Baker(window, parts, center, radius, (views, tile, supersample))
         try:
             rows = octahedral.view_directions(views, half)
