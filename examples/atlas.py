@@ -20,7 +20,7 @@ VIEWS = 16
 # between two views: colour before light, normal, depth and coverage.
 airplane = examples.load_airplane()
 atlas = airplane.ibr.bake(views=VIEWS, color='silver')
-print(f'{atlas.views} x {atlas.views} views of {atlas.tile} texels, {atlas.nbytes / 2**20:.0f} MiB')
+print(f'{atlas.views} x {atlas.views} views, {atlas.nbytes / 2**20:.0f} MiB')
 
 # %%
 # 2. What was measured on views that were not baked. For each size on the screen and each way of

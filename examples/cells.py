@@ -30,9 +30,9 @@ poses[:, :3, 3] = rng.uniform(0, COUNT ** (1 / 3), (COUNT, 3))
 # %%
 # 3. The scalars are the mesh's own; their colours are baked into the images.
 pl = pv.Plotter(window_size=(960, 540))
-rings = pl.ibr.add_instances(grid, poses, scalars='height', cmap='coolwarm')
+rings = pl.ibr.add_instances(grid, poses, scalars='height', cmap='coolwarm', show_scalar_bar=False)
 pl.camera_position = 'xy'
-pl.camera.zoom(2.5)
+pl.camera.zoom(3)
 pl.show(auto_close=False)
 print(pl.ibr.report())
 pl.close()

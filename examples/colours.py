@@ -34,17 +34,15 @@ poses[:, :2, 3] = places
 # 3. Colours as ``add_mesh`` gives them; the bar is titled by the name.
 power = 8 + 2 * np.sin(places[:, 0] / 4000) + rng.normal(0, 0.5, COUNT)
 pl = pv.Plotter(window_size=(960, 540))
-pl.background_color = 'lightslategray'
+pl.background_color = 'aliceblue'
 farm = pl.ibr.add_instances(
-    turbine, poses, scalars=power, cmap='viridis', clim=(0, 12), name='power (MW)',
-    scalar_bar_args={'vertical': True},
+    turbine, poses, scalars=power, cmap='plasma', clim=(0, 12), name='power (MW)'
 )
 pl.camera_position = [(-900, -700, 450), (5500, 5000, -800), (0, 0, 1)]
 
 # %%
-# 4. The wake takes power from all but the first row, and some are out of service: they are
-# hidden.
-farm.scalars = np.where(places[:, 0] > 0, 0.6 * power, power)
+# 4. Each row takes wind from the next, and some turbines are out of service: they are hidden.
+farm.scalars = power * 0.96 ** (places[:, 0] / 700)
 farm.visible = rng.random(COUNT) > 0.05
 
 # %%
