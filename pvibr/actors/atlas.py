@@ -95,7 +95,8 @@ class Atlas:
         points = np.asarray(points, float)
         picture = np.zeros((8, 8, 4), np.uint8)
         box = np.stack([points.min(0), points.max(0)])
-        return cls(picture, picture.copy(), *bounding_sphere(points), box, views=2, tile=4)
+        center, radius = bounding_sphere(points)
+        return cls(picture, picture.copy(), center, radius, box, views=2, tile=4)
 
     @property
     def nbytes(self) -> int:

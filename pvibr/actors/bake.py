@@ -27,7 +27,8 @@ _OUTPUT = """
   if (gl_FragData[0].a < ibr_cut) discard;
   gl_FragData[0].a = ibr_cut > 0.0 ? 1.0 : gl_FragData[0].a;
   gl_FragData[0].rgb *= gl_FragData[0].a;
-  gl_FragData[1] = gl_FragData[0].a * vec4(ibr_object_from_view * ibr_normal * 0.5 + 0.5, 1.0 - gl_FragCoord.z);
+  gl_FragData[1] =
+    gl_FragData[0].a * vec4(ibr_object_from_view * ibr_normal * 0.5 + 0.5, 1.0 - gl_FragCoord.z);
 //VTK::DepthPeeling::Impl
 """
 

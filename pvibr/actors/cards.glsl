@@ -38,6 +38,7 @@ uniform sampler2D ibr_geometry;
 uniform sampler2D ibr_albedo;
 flat out vec4 ibr_box;                   // its half sides and its first axis, in pixels
 flat out float ibr_side;                 // side of the sprite in pixels
+flat out float ibr_fill;                 // area of a tile over that of the box
 flat out vec4 ibr_mean_geometry;         // mean of the view
 flat out vec4 ibr_mean_albedo;
 #else
@@ -88,6 +89,7 @@ mat3 ibr_frame(vec3 d)
 #if SPLAT
     ibr_box = vec4(0.0);
     ibr_side = 1.0;
+    ibr_fill = 0.0;
     gl_PointSize = 1.0;
     ibr_mean_geometry = vec4(0.0);
     ibr_mean_albedo = vec4(0.0);
@@ -188,7 +190,9 @@ mat3 ibr_frame(vec3 d)
         vec2 g = (ibr_encode(d) * 0.5 + 0.5) * float(ibr_views - 1);
 #if SPLAT
         vec2 axis = normalize((eye_from_q * right).xy + vec2(1e-30, 0.0));
-        ibr_box = vec4(half_sides * size * 0.5, axis);
+        vec2 lengths = vec2(length(eye_from_q * right), length(eye_from_q * up));
+        ibr_box = vec4(half_sides * lengths * ibr_pixel_scale / away, axis);
+        ibr_fill = ibr_margin * ibr_margin / max(half_sides.x * half_sides.y, 1e-6);
         ibr_side = ceil(2.0 * length(ibr_box.xy) + 1.0);
         gl_PointSize = ibr_side;
         ivec2 texel = ivec2(g + 0.5) + ibr_views * ivec2(ibr_tile, ibr_tile - 2);
@@ -232,6 +236,7 @@ in vec4 vertexVCVSOutput;
 #if SPLAT
 flat in vec4 ibr_box;
 flat in float ibr_side;
+flat in float ibr_fill;
 flat in vec4 ibr_mean_geometry;
 flat in vec4 ibr_mean_albedo;
 #else
@@ -330,12 +335,10 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
 #if SPLAT
   // The bounding box's rectangle with the view's mean coverage, filtered by the pixel's own box:
   // exact, so that what is smaller than a pixel neither flickers nor vanishes.
-  float ibr_area = ibr_card.y * ibr_margin;   // side of the tile in pixels
   vec2 ibr_off = (gl_PointCoord - 0.5) * vec2(ibr_side, -ibr_side);
   ibr_off = vec2(dot(ibr_off, ibr_box.zw), dot(ibr_off, vec2(-ibr_box.w, ibr_box.z)));
   vec2 ibr_in = clamp(min(ibr_off + 0.5, ibr_box.xy) - max(ibr_off - 0.5, -ibr_box.xy), 0.0, 1.0);
-  ibr_coverage *= ibr_area * ibr_area / max(4.0 * ibr_box.x * ibr_box.y, 1e-6);
-  ibr_coverage = min(ibr_coverage, 1.0) * ibr_in.x * ibr_in.y;
+  ibr_coverage = min(ibr_coverage * ibr_fill, 1.0) * ibr_in.x * ibr_in.y;
 #endif
   // While it takes over from a coarser level a card of coverage c is drawn over it with w c; the
   // coarser one has what is missing to c below it: 1 - (1 - c) / (1 - w c). So edges keep their

@@ -172,7 +172,7 @@ def pack(values, width, channels) -> np.ndarray:
     return out.reshape(height, width, channels)
 
 
-def slabs(depths, turns, capacity) -> list[np.ndarray]:
+def slabs(depths, turns, unit) -> list[np.ndarray]:
     """Divide the blocks of several meshes into draws that take turns from far to near.
 
     Cards write depth also where they are half transparent, so one that is behind must be drawn
@@ -184,8 +184,8 @@ def slabs(depths, turns, capacity) -> list[np.ndarray]:
         For each mesh the depth of its blocks, ascending from the farthest.
     turns : int
         Draws at least, where there are several meshes.
-    capacity : int
-        Blocks of one draw at most.
+    unit : int
+        Instances of a block.
 
     Returns
     -------
@@ -196,10 +196,10 @@ def slabs(depths, turns, capacity) -> list[np.ndarray]:
     --------
     >>> import numpy as np
     >>> from pvibr.actors.cards import slabs
-    >>> [c.tolist() for c in slabs([np.array([-3.0, -1.0]), np.array([-2.0])], 3, 100)]
+    >>> [c.tolist() for c in slabs([np.array([-3.0, -1.0]), np.array([-2.0])], 3, 1)]
     [[0, 1, 1, 2], [0, 0, 1, 1]]
     """
-    total = sum(len(d) for d in depths)
+    total, capacity = sum(len(d) for d in depths), _CHUNK // unit
     size = capacity if len(depths) == 1 else min(capacity, max(1, -(-total // turns)))
     rank = np.empty(total, int)
     rank[np.argsort(np.concatenate(depths), kind='stable')] = np.arange(total)
@@ -288,7 +288,6 @@ class Cards:
         self.textures: dict[str, Texture] = {}
         self.uniforms = {
             'ibr_count': count,
-            'ibr_unit': unit,
             'ibr_views': atlas.views,
             'ibr_half': int(atlas.half),
             'ibr_tile': atlas.tile,
@@ -300,7 +299,7 @@ class Cards:
             'ibr_has_looks': 0,
             'ibr_multiply': 0,
         }
-        self.unit, self.capacity = unit, _CHUNK // unit
+        self.unit = unit
         draws = draws or slab_counts(count, 1)
         self.layers = {p.name: _Layer(self, p, prop, draws[p.name], bounds) for p in PROGRAMS}
 
@@ -367,7 +366,7 @@ class Cards:
             'ibr_cut': 0.5 if frame.picking else 1 / 255,
         }
 
-    def show(self, name, blocks, sizes, cuts, dithered=False):
+    def show(self, name, blocks, sizes, cuts, *, unit=None, dithered=False):
         """Draw some blocks by a program, in the order given.
 
         Parameters
@@ -381,12 +380,15 @@ class Cards:
             are gone.
         cuts : numpy.ndarray of int
             Where each draw begins and ends, see :func:`slabs`.
+        unit : int, optional
+            1 where an entry of `blocks` is a single instance.
         dithered : bool
             Whether the next finer level is the mesh: pixels are shared with it by a dither,
             where cards blend with each other.
         """
-        self.layers[name].dithered = dithered
-        self.layers[name].show(blocks, sizes, cuts)
+        layer = self.layers[name]
+        layer.dithered, layer.unit = dithered, unit or self.unit
+        layer.show(blocks, sizes, cuts)
 
     def hide(self):
         """Draw nothing."""
@@ -412,7 +414,7 @@ class _Layer:
         self.feature = program.feature(shiny)
         self.blocks: Texture | None = None
         self.sizes = (0.0, 0.0, 1.0, 1.0)
-        self.dithered = False
+        self.dithered, self.unit = False, cards.unit
         self.failure: str | None = None
         self.checked = False
         self.mapper = _vtk.vtkPolyDataMapper()
@@ -447,7 +449,7 @@ class _Layer:
                 actor.SetVisibility(bool(end > begin))
             if end > begin:
                 uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-                uniforms.SetUniformi('ibr_first', int(begin) * self.cards.unit)
+                uniforms.SetUniformi('ibr_first', int(begin) * self.unit)
                 uniforms.SetUniformi('ibr_end', int(end))
 
     def _updater(self):
@@ -471,6 +473,7 @@ class _Layer:
         set_uniforms(program, cards.uniforms)
         program.SetUniform4f('ibr_range', self.sizes)
         program.SetUniformf('ibr_dithered', float(self.dithered))
+        program.SetUniformi('ibr_unit', self.unit)
         if not self.checked:
             self.checked = True
             if not self.feature.landed(program):

@@ -103,7 +103,7 @@ def _simplified(mesh, faces, share):
     )
     new = pv.PolyData()
     new.points = (local.astype(float) * size + low).astype(mesh.points.dtype)
-    new.regular_faces = np.asarray(collapsed, np.int64).reshape(-1, 3)
+    new.regular_faces = np.asarray(collapsed, int).reshape(-1, 3)
     if not 0 < new.n_cells < _MISSED * share * mesh.n_cells:
         return pv.PolyData()  # it got stuck: what it did collapse would be wrong
     _, nearest = cKDTree(points).query(np.asarray(new.points, float))

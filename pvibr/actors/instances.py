@@ -12,7 +12,7 @@ from pvibr import _vtk
 from pvibr.actors import looks as look
 from pvibr.actors.cards import PROGRAMS, Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
-from pvibr.actors.kind import Kind, unit_of
+from pvibr.actors.kind import SORTED, Kind, unit_of
 from pvibr.actors.levels import limits_of, make_model
 from pvibr.actors.parts import as_meshes
 from pvibr.actors.picking import nearest_hit
@@ -426,17 +426,22 @@ class Instances(Effect):
         self._stamp = stamp
         limits = [self._limits(kind) for kind in self._kinds]
         chosen = [k.select(frame, limit) for k, limit in zip(self._kinds, limits, strict=True)]
-        capacity = min(k.cards.capacity for k in self._kinds)
         for program in PROGRAMS:
-            name = program.name
-            cuts = slabs([c[name][1] for c in chosen], program.turns, capacity)
-            for kind, c, cut in zip(self._kinds, chosen, cuts, strict=True):
-                blocks, _, sizes, last = c[name]
-                kind.cards.show(name, blocks, sizes, cut, last)
+            self._show_cards(frame, program, [c[program.name] for c in chosen])
         for kind, limit in zip(self._kinds, limits, strict=True):
             for actor in kind.select_meshes(frame, limit):
                 actor.SetPickable(bool(self.pickable))
                 frame.renderer.AddViewProp(actor)
+
+    def _show_cards(self, frame, program, choices):
+        unit = self._kinds[0].unit
+        if unit > 1 and not program.splat and sum(len(c.table) for c in choices) * unit <= SORTED:
+            pairs = zip(self._kinds, choices, strict=True)
+            unit, choices = 1, [kind.refine(frame, c) for kind, c in pairs]
+        cuts = slabs([c.depths for c in choices], program.turns, unit)
+        for kind, c, cut in zip(self._kinds, choices, cuts, strict=True):
+            look = {'unit': unit, 'dithered': c.dithered}
+            kind.cards.show(program.name, c.table, c.sizes, cut, **look)
 
     def _limits(self, kind):
         errors = {} if self._failure else kind.atlas.errors

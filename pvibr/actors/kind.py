@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from pvibr import _vtk
@@ -11,8 +13,30 @@ from pvibr.maths.blocks import Blocks, morton_order
 
 _FADE = 1.1  # a level takes over from its coarser neighbour while the size grows by this factor
 _SHARE = 1.05  # the same where cards and mesh share pixels
-_SORTED = 16_384  # instances up to which each is sorted and culled by itself
+SORTED = 16_384  # instances up to which each is sorted and culled by itself
 _KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a program of cards draws of a kind.
+
+    Attributes
+    ----------
+    table : numpy.ndarray, shape (n, 4), float32
+        Origin in view coordinates and index of each block, or instance, the farthest first.
+    depths : numpy.ndarray, shape (n,)
+        Ascending from the farthest.
+    sizes : tuple of 4 float
+        On-screen diameters in pixels at which instances appear, are whole, fade, are gone.
+    dithered : bool
+        Whether the next finer level is the mesh.
+    """
+
+    table: np.ndarray
+    depths: np.ndarray
+    sizes: tuple
+    dithered: bool
 
 
 def unit_of(count) -> int:
@@ -23,7 +47,7 @@ def unit_of(count) -> int:
     count : int
         Instances of the whole set.
     """
-    return 1 if count <= _SORTED else BLOCK
+    return 1 if count <= SORTED else BLOCK
 
 
 class Kind:
@@ -163,8 +187,8 @@ class Kind:
 
         Returns
         -------
-        dict of str to (blocks, depths, sizes, dithered)
-            For each program what :meth:`Cards.show` takes, and the blocks' depths.
+        dict of str to Choice
+            For each program what it draws.
         """
         index, origins, small, large = self.blocks.seen(frame)
         self.cards.view(frame)
@@ -175,13 +199,44 @@ class Kind:
         chosen = {}
         for name, low, high in limits.cards:
             used = (large >= low) & (small < high * _FADE) & (high > low)
-            whole = low * _FADE if low > 0 else 0.0
             last = high == limits.mesh
-            sizes = (low, whole, high, high * (_SHARE if last else _FADE))
-            chosen[name] = table[used], depths[used], sizes, last
+            gone = high * (_SHARE if last else _FADE)
+            sizes = (low, low * _FADE if low > 0 else 0.0, high, gone)
+            chosen[name] = Choice(table[used], depths[used], sizes, last)
             self.counts[name] = min(int(used.sum()) * self.unit, len(self))
         self.large = index[large >= limits.mesh]
         return chosen
+
+    def refine(self, frame, choice):
+        """Sort the single instances of a choice of blocks, those out of its sizes left out.
+
+        Parameters
+        ----------
+        frame : Frame
+            Camera and size.
+        choice : Choice
+            Of blocks.
+
+        Returns
+        -------
+        Choice
+            Of instances.
+        """
+        slots = (
+            choice.table[:, 3].astype(int)[:, None] * self.unit + np.arange(self.unit)
+        ).ravel()
+        table = choice.table.repeat(self.unit, 0)[slots < len(self)]
+        slots = slots[slots < len(self)]
+        view = frame.view_from_world
+        eye = self.centers(slots) @ view[:3, :3].T + view[:3, 3]
+        away = np.linalg.norm(eye, axis=1)
+        size = 2 * frame.pixel_scale * self.radii[slots] / (1.0 if frame.parallel else away)
+        depths = eye[:, 2] if frame.parallel else -away
+        # A little more than the shader's own bounds, which decide.
+        used = (size > 0.99 * choice.sizes[0]) & (size < 1.01 * choice.sizes[3])
+        order = np.flatnonzero(used)[np.argsort(depths[used], kind='stable')]
+        table[:, 3] = slots
+        return Choice(table[order], depths[order], choice.sizes, choice.dithered)
 
     def select_meshes(self, frame, limits):
         """Show the mesh at the instances that are too near for cards; return actors that are new.

@@ -20,7 +20,7 @@ from pvibr.actors.measure import measure
 from pvibr.actors.meshes import MeshLevel
 from pvibr.errors import PvibrWarning
 
-VERSION = 8  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 9  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARES = (0.5, 0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
 _HEAVY = 2000  # triangles from which stand-ins pay
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
@@ -93,7 +93,8 @@ class Model:
         limits, a = self.limits(max_error), self.atlas
         cards = [f'{name} to {high:.0f} px' for name, low, high in limits.cards if high > low]
         meshes = [
-            f'{level.triangles} triangles to {limit:.0f} px'
+            f'{level.triangles} triangles '
+            + (f'to {limit:.0f} px' if limit < 1e5 else 'at any size')
             for level, limit in zip(reversed(self.levels), reversed(limits.meshes), strict=True)
             if limit > limits.mesh
         ]

@@ -210,8 +210,13 @@ def _ground(size, rng):
 
 
 def _height(heights, size, places):
-    y, x = (places.reshape(-1, 2).T[::-1] / size + 0.5) * CELLS
-    found = map_coordinates(heights, [y, x], order=1, mode='nearest')
+    """Return the height of the ground's triangles, so that feet stand on what is drawn."""
+    x, y = np.clip((places.reshape(-1, 2).T / size + 0.5) * CELLS, 0, CELLS)
+    column, row = (np.minimum(v.astype(int), CELLS - 1) for v in (x, y))
+    u, v = x - column, y - row
+    here, across = heights[row, column], heights[row + 1, column + 1]
+    corner = np.where(u > v, heights[row, column + 1], heights[row + 1, column])
+    found = here + np.maximum(u, v) * (corner - here) + np.minimum(u, v) * (across - corner)
     return found.reshape(places.shape[:-1])
 
 
