@@ -29,7 +29,7 @@ source = vtk.vtkSuperquadricSource(toroidal=True, phi_resolution=48, theta_resol
 mapper = vtk.vtkPolyDataMapper(input_connection=source.output_port)
 actor = vtk.vtkActor(mapper=mapper)
 actor.property.color = (0.9, 0.6, 0.2)
-places = np.random.default_rng(3).uniform(-25, 25, (COUNT, 3))
+places = np.random.default_rng(3).uniform(-15, 15, (COUNT, 3))
 
 # %%
 # 3. The instances. As a context manager it frees what it holds on the GPU before the window
@@ -37,6 +37,10 @@ places = np.random.default_rng(3).uniform(-25, 25, (COUNT, 3))
 with pvibr.attach(renderer) as ibr:
     ibr.add_instances(actor, places, max_error=1.0)
     renderer.ResetCamera()
+    camera = renderer.GetActiveCamera()
+    camera.Azimuth(30)
+    camera.Elevation(40)
+    camera.Zoom(1.6)
     window.Render()
     print(ibr.report())
 

@@ -8,7 +8,7 @@ import pytest
 import pyvista as pv
 
 FOLDER = Path(__file__).parents[1] / 'examples'
-SMALL = {'COUNT': 120, 'TRIANGLES': 22_000, 'VIEWS': 8, 'SIZE': 120}
+SMALL = {'COUNT': 120, 'TRIANGLES': 29_000, 'VIEWS': 8, 'SIZE': 120}
 EXAMPLES = sorted(FOLDER.glob('*.py'))
 
 
@@ -32,8 +32,10 @@ def run(path):
 
 @pytest.fixture
 def pictures(monkeypatch, tmp_path):
-    """Collect the picture of every plotter as it closes."""
+    """Collect the picture of every plotter as it closes; measure less, and share nothing."""
     found = []
+    monkeypatch.setattr('pvibr.actors.measure.SIZES', (8, 32))
+    monkeypatch.setenv('PVIBR_CACHE', str(tmp_path))
     monkeypatch.setattr(pv, 'OFF_SCREEN', True)
     monkeypatch.setattr(
         pv.global_theme,

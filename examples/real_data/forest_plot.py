@@ -22,10 +22,8 @@ FOLDER = Path('../shared/data/instances/scbi_forestgeo')
 columns = {'delimiter': ',', 'skip_header': 1}
 stems = np.genfromtxt(FOLDER / 'scbi_alive_stems_2018.csv.gz', usecols=(2, 3, 4), **columns)
 stems = stems[np.isfinite(stems).all(1)]
-known = np.loadtxt(
-    (line.split('",')[1] for line in open(FOLDER / 'scbi_elev.csv').readlines()[1:]),
-    delimiter=',',
-)
+lines = (FOLDER / 'scbi_elev.csv').read_text().splitlines()[1:]
+known = np.array([line.rsplit(',', 3)[1:] for line in lines], float)
 x, y = np.meshgrid(np.arange(0, 401, 5.0), np.arange(0, 641, 5.0), indexing='ij')
 
 
