@@ -125,8 +125,10 @@ mat3 ibr_frame(vec3 d)
       else { ibr_look = vec4(0.0, 0.0, 0.0, 0.5); }
       vec3 c = block.xyz + ibr_eye_from_world * center;
       mat3 eye_from_q = ibr_eye_from_world * world_from_q;
-      float stretch = sqrt(max(max(dot(eye_from_q[0], eye_from_q[0]),
-        dot(eye_from_q[1], eye_from_q[1])), dot(eye_from_q[2], eye_from_q[2])));
+      // Gershgorin's bound of the largest stretch, exact where the columns are at right angles.
+      mat3 squares = transpose(eye_from_q) * eye_from_q;
+      vec3 sums = abs(squares[0]) + abs(squares[1]) + abs(squares[2]);
+      float stretch = sqrt(max(max(sums.x, sums.y), sums.z));
       float away = ibr_parallel == 1 ? 1.0 : length(c);
       float size = 2.0 * stretch * ibr_pixel_scale / away;
       bool shown = ibr_look.a > 0.25 && size >= ibr_range.x && size < ibr_range.w

@@ -248,10 +248,14 @@ class Instances(Effect):
 
     @visible.setter
     def visible(self, visible):
-        mask = np.broadcast_to(np.asarray(visible), (len(self),))
-        if mask.dtype != bool:
-            msg = f'visible has dtype {mask.dtype}; it must be bool, one or ({len(self)},)'
+        mask = np.asarray(visible)
+        if mask.dtype != bool or mask.shape not in ((), (len(self),)):
+            msg = (
+                f'visible has shape {mask.shape}, dtype {mask.dtype}; it must be bool, '
+                f'one or ({len(self)},)'
+            )
             raise ValueError(msg)
+        mask = np.broadcast_to(mask, (len(self),))
         self._visible = None if mask.all() else mask.copy()
         self._recolor()
 

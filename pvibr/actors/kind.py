@@ -39,6 +39,30 @@ class Choice:
     dithered: bool
 
 
+def stretches(axes):
+    """Return bounds of how much matrices stretch: exact where their columns are at right angles.
+
+    Parameters
+    ----------
+    axes : numpy.ndarray, shape (n, 3, 3)
+        Linear parts.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,)
+        Never less than the largest singular value (Gershgorin's circles).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.actors.kind import stretches
+    >>> stretches(np.diag([1.0, -3.0, 2.0])[None]).tolist()
+    [3.0]
+    """
+    squares = np.swapaxes(axes, 1, 2) @ axes
+    return np.sqrt(np.abs(squares).sum(2).max(1))
+
+
 def unit_of(count) -> int:
     """Return how many instances of a set are culled, sorted and chosen together.
 
@@ -94,8 +118,8 @@ class Kind:
         poses = self.poses[ids]
         if poses.ndim == 2:
             return poses + center, np.full(len(poses), radius)
-        stretch = np.linalg.norm(poses[:, :3, :3], axis=1).max(1)
-        return poses[:, :3, :3] @ center + poses[:, :3, 3], stretch * radius
+        axes = poses[:, :3, :3]
+        return axes @ center + poses[:, :3, 3], stretches(axes) * radius
 
     def centers(self, slots):
         """Return the centres of the bounding spheres of some slots, world units.
@@ -339,6 +363,8 @@ def _card_property(parts):
     prop = _vtk.vtkProperty()
     prop.DeepCopy(largest.actor.GetProperty())
     prop.SetRepresentationToSurface()
+    if prop.GetInterpolation() == 0:
+        prop.SetInterpolationToGouraud()  # VTK lights no points of a flat material
     prop.EdgeVisibilityOff()
     prop.BackfaceCullingOff()
     prop.FrontfaceCullingOff()

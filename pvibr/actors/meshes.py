@@ -28,6 +28,10 @@ _COLOR = """//VTK::Color::Impl
     ambientColor = ambientIntensity * base;
   }
 """
+# VTK turns normals by the winding that it sees, which a mirrored pose turns around.
+_MIRROR = """//VTK::Normal::Impl
+  if (ibr_mirrored == 1) normalVCVSOutput = -normalVCVSOutput;
+"""
 _PLAIN = (0.0, 0.0, 0.0, 0.5)
 
 
@@ -138,11 +142,13 @@ class MeshPool:
 
     def _put(self, actors, matrix, look):
         values = np.asarray(matrix, float).ravel().tolist()
+        mirrored = int(np.linalg.det(np.asarray(matrix, float)[:3, :3]) < 0)
         for actor in actors:
             actor.GetUserMatrix().DeepCopy(values)
             actor.VisibilityOn()
             uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
             uniforms.SetUniformf('ibr_share', 1.0)
+            uniforms.SetUniformi('ibr_mirrored', mirrored)
             self._dress(actor, look)
 
     def _dress(self, actor, look):
@@ -171,6 +177,8 @@ def _copy(part):
     prop = source.GetProperty()
     if prop.GetSpecular() == 0 and prop.GetInterpolation() != PBR:
         texts['//VTK::Light::Impl'] = '//VTK::Light::Impl\n'.join(DULL)
+    if prop.GetLighting() and part.mesh.point_data.active_normals is not None:
+        texts['//VTK::Normal::Impl'] = _MIRROR
     for tag, text in texts.items():
         shader.ClearFragmentShaderReplacement(tag, True)
         shader.AddFragmentShaderReplacement(tag, True, text, False)
@@ -179,5 +187,6 @@ def _copy(part):
     uniforms.SetUniformf('ibr_cutoff', (part.alpha_cutoff or 0.0) * opacity)
     uniforms.SetUniform4f('ibr_look', _PLAIN)
     uniforms.SetUniformf('ibr_share', 1.0)
+    uniforms.SetUniformi('ibr_mirrored', 0)
     uniforms.SetUniformi('ibr_multiply', 0)
     return actor
