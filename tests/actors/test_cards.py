@@ -110,7 +110,6 @@ def test_area_of_dots(scenes, see, bean, pose, request):
     assert drawn == pytest.approx(wanted, rel=0.08)
 
 
-@pytest.mark.xfail(strict=True, reason='a mirroring matrix turns the normals of VTK inside out')
 def test_mirrored_smooth_meshes_are_lit_as_their_cards(scenes, see, bean):
     looks = LOOK | {'camera': camera((1, -1, 0.7), 60, False)}
     pictures = []

@@ -520,13 +520,12 @@ def test_bad_updates_change_nothing(scenes, see, bean, given, kind, words):
     np.testing.assert_array_equal(see.grab(pl), shown)
 
 
-_UNNAMED = pytest.mark.xfail(strict=True, reason='the message does not name visible')
 
 
 @pytest.mark.parametrize(
     ('name', 'value'),
     [('colors', np.zeros((3, 3))), ('scalars', np.zeros(3)), ('visible', np.zeros(24)),
-     pytest.param('visible', np.zeros(3, bool), id='visible-shape', marks=_UNNAMED),
+     pytest.param('visible', np.zeros(3, bool), id='visible-shape'),
      ('max_error', 0.0)],
 )  # fmt: skip
 def test_bad_settings_change_nothing(scenes, see, bean, name, value):

@@ -48,9 +48,6 @@ LOOKS = {
 # What is known to fall short, by look and level; each is reported.
 _ONE_LAYER = 'a card shows one layer of a closed translucent mesh, where add_mesh blends two'
 SHORT = {('translucent', level): _ONE_LAYER for level in ('far', 'flat', 'middle', 'near')}
-_UNLIT = 'VTK does not light points of a flat-shaded property'
-_FACETED = ('flat', 'ambient', 'rgb', 'cells', 'texture', 'cut-outs', 'culled')
-SHORT |= {(name, 'far'): _UNLIT for name in _FACETED}
 
 
 def turned():

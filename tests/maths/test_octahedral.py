@@ -74,7 +74,6 @@ def test_below_the_horizon_goes_to_it():
     np.testing.assert_allclose(octahedral.decode(low, half=True), [0.6, 0.8, 0], atol=1e-12)
 
 
-@pytest.mark.xfail(strict=True, reason='0 / 0: no direction of the horizon is nearest')
 def test_straight_from_below():
     with np.errstate(invalid='ignore'):
         square = octahedral.encode(np.array([0.0, 0.0, -1.0]), half=True)
