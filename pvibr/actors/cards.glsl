@@ -57,8 +57,8 @@ vec2 ibr_signs(vec2 p) { return vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 :
 
 vec2 ibr_encode(vec3 d)
 {
-  if (ibr_half == 1) { d.z = max(d.z, 0.0); }
-  vec2 p = d.xy / max(abs(d.x) + abs(d.y) + abs(d.z), 1e-9);
+  if (ibr_half == 1) { d = vec3(d.x + 1e-12, d.y, max(d.z, 0.0)); }
+  vec2 p = d.xy / (abs(d.x) + abs(d.y) + abs(d.z));
   if (ibr_half == 1) { return vec2(p.x + p.y, p.x - p.y); }
   return d.z < 0.0 ? (1.0 - abs(p.yx)) * ibr_signs(p) : p;
 }

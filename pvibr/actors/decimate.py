@@ -47,7 +47,8 @@ def lighter(part, share) -> Part | None:
     elif part.mesh.active_texture_coordinates is not None:
         return None
     else:
-        mesh = _simplified(part.mesh, faces, share)
+        flat = part.actor.GetProperty().GetInterpolation() == 0
+        mesh = _simplified(part.mesh, faces, share, flat=flat)
     return _with_mesh(part, mesh) if mesh.n_cells else None
 
 
@@ -91,15 +92,19 @@ def _thinned(mesh, faces, labels, pieces, share):
     return _take(mesh, new, ids, np.flatnonzero(keep[labels]))
 
 
-def _simplified(mesh, faces, share):
+def _simplified(mesh, faces, share, *, flat):
     import fast_simplification
 
     # In units of its own size: the library works in single precision.
     points = np.asarray(mesh.points, float)
     low, size = points.min(0), float(np.ptp(points, axis=0).max()) or 1.0
     local = np.ascontiguousarray((points - low) / size, np.float32)
+    # Points in one place are one: edges along a seam would collapse apart.
+    local, same = np.unique(local, axis=0, return_inverse=True)
+    faces = same.reshape(-1)[faces]
+    whole = (faces != np.roll(faces, 1, axis=1)).all(1)
     local, collapsed = fast_simplification.simplify(
-        local, np.ascontiguousarray(faces, np.int32), target_reduction=1 - share
+        local, np.ascontiguousarray(faces[whole], np.int32), target_reduction=1 - share
     )
     new = pv.PolyData()
     new.points = (local.astype(float) * size + low).astype(mesh.points.dtype)
@@ -110,7 +115,40 @@ def _simplified(mesh, faces, share):
     cells = None
     if mesh.cell_data.keys():
         _, cells = cKDTree(mesh.cell_centers().points).query(new.cell_centers().points)
-    return _take(mesh, new, nearest, cells)
+    _take(mesh, new, nearest, cells)
+    if flat or new.point_data.active_normals is None:
+        # Facets that are too small to be seen become larger: normals that vary hide them. They
+        # follow the winding, as facets do, which normals that nobody sees may not.
+        new.point_data.active_normals = _normals(points, faces, same.reshape(-1))[nearest]
+    return _upright(new)
+
+
+def _upright(mesh):
+    """Turn triangles that collapsing turned over: VTK would light their backs."""
+    faces = np.array(mesh.regular_faces)
+    a, b, c = np.asarray(mesh.points, float)[faces.T]
+    normals = np.asarray(mesh.point_data.active_normals)[faces].sum(1)
+    over = (np.cross(b - a, c - a) * normals).sum(1) < 0
+    faces[over] = faces[over, ::-1]
+    mesh.regular_faces = faces
+    return mesh
+
+
+def _normals(points, faces, same):
+    """Return normals of points by the area of the triangles around; points in one place share."""
+    a, b, c = (points[same_first] for same_first in _corners(faces, same))
+    area = np.cross(b - a, c - a)
+    sums = np.stack(
+        [np.bincount(faces.ravel(), area[:, k].repeat(3), same.max() + 1) for k in range(3)], 1
+    )
+    lengths = np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
+    return (sums / lengths)[same].astype(np.float32)
+
+
+def _corners(faces, same):
+    first = np.zeros(same.max() + 1, np.intp)
+    first[same] = np.arange(len(same))
+    return first[faces].T
 
 
 def _take(old, new, points, cells):
@@ -137,6 +175,11 @@ def _with_mesh(part, mesh):
     actor.SetMapper(mapper)
     source = part.actor
     actor.SetProperty(source.GetProperty())
+    if source.GetProperty().GetInterpolation() == 0 and mesh.point_data.active_normals is not None:
+        smooth = pv.Property()
+        smooth.DeepCopy(source.GetProperty())
+        smooth.SetInterpolationToGouraud()
+        actor.SetProperty(smooth)
     actor.SetBackfaceProperty(source.GetBackfaceProperty())
     actor.SetTexture(source.GetTexture())
     actor.SetForceOpaque(source.GetForceOpaque())

@@ -20,13 +20,13 @@ from pvibr.actors.measure import measure
 from pvibr.actors.meshes import MeshLevel
 from pvibr.errors import PvibrWarning
 
-VERSION = 9  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 14  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARES = (0.5, 0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
 _HEAVY = 2000  # triangles from which stand-ins pay
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
 _SLACK = 0.5  # px over max_error in the table, whose distances are whole pixels apart
 _CAUTION = 0.7  # of the way to where interpolation between two sizes meets the bound
-_BETTER = 0.95  # FLIP against the mesh drawn once per pixel that a level must reach
+_BETTER = 0.9  # FLIP against the mesh drawn once per pixel that a level must reach
 _MESH_BETTER = 1.1  # the same for lighter meshes, where cards are not good enough
 
 
@@ -216,10 +216,14 @@ def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=1
 
 def _baked(levels, progress, **grid):
     start = time.perf_counter()
-    with _bar(progress) as advance:
-        atlas = bake_parts(_bake_parts(levels), progress=advance, **grid)
-    model = Model(levels, atlas)
-    atlas.errors = measure(model)
+    light = _bake_level(levels)
+    for level in (light, 0):
+        with _bar(progress) as advance:
+            atlas = bake_parts(_bake_parts(levels[: level + 1]), progress=advance, **grid)
+        model = Model(levels, atlas)
+        atlas.errors = measure(model)
+        if level == 0 or (atlas.errors['near'][:2, 1] < _BETTER).all():
+            break  # else what the pictures show is not the mesh: once more, from the mesh itself
     atlas.seconds = time.perf_counter() - start
     return model
 
@@ -236,12 +240,15 @@ def _levels(parts):
     return levels
 
 
+def _bake_level(levels):
+    """Return the index of the lightest level that has triangles enough for a bake."""
+    return max(i for i, lv in enumerate(levels) if i == 0 or lv.triangles >= _BAKE_TRIANGLES)
+
+
 def _bake_parts(levels):
     """Return the lightest parts that show every texel: surfaces may be simplified, leaves not."""
     out = list(levels[0].parts)
     for level in levels[1:]:
-        if level.triangles < _BAKE_TRIANGLES:
-            break
         for i, part in enumerate(level.parts):
             if part.alpha_cutoff is None and part.mesh.active_texture_coordinates is None:
                 out[i] = part

@@ -21,9 +21,8 @@ from pvibr.maths.image_error import box_reduce, displacements, flip
 SIZES = (8, 16, 32, 64, 128)  # diameters of the bounding sphere on the screen, px
 _CELL = 9 / 8  # side of a view's cell in diameters: the sizes fit the reference's pixels
 _SAMPLES = 2  # samples of the reference along a side of a pixel at the largest size; 4 at half
-_COLUMNS, _ROWS = 4, 3
-_MESH_SIZE = 64  # below, lighter meshes are not in use where cards are, and alike where not
-_ALIKE = (0.0, 1.0)
+_COLUMNS, _ROWS = 4, 2
+_MESH_SIZE = 64  # px; below, cards are in use mostly
 _COARSE = {'dot': 8, 'flat': 64}  # the largest sizes at which these are worth measuring
 _FAR_OFF = (1e9, 1e9)
 _FLOOR = 1e-4  # mean FLIP below which a ratio says nothing: nothing can be seen
@@ -86,14 +85,18 @@ def measure(model) -> dict[str, np.ndarray]:
             truth = box_reduce(reference, factor)
             base = _flip(_once(reference, factor), truth)
             for i, picture in enumerate(meshes[1:], 1):
-                row = _row(_once(picture, factor), truth, base) if size >= _MESH_SIZE else _ALIKE
-                rows.setdefault(f'mesh{i}', []).append(row)
+                if size >= _MESH_SIZE:
+                    row = _row(_once(picture, factor), truth, base)
+                    rows.setdefault(f'mesh{i}', []).append(row)
             for program in PROGRAMS:
                 row = _FAR_OFF
                 if size <= max(_COARSE.get(program.name, size), SIZES[0]):
                     row = _row(sheet.draw_cards(program.name, size), truth, base)
                 rows.setdefault(program.name, []).append(row)
         for i, picture in enumerate(meshes[1:], 1):
+            # At smaller sizes lighter meshes are no worse than at the first that was measured.
+            same = [rows[f'mesh{i}'][0]] * (len(SIZES) - len(rows[f'mesh{i}']))
+            rows[f'mesh{i}'] = same + rows[f'mesh{i}']
             table[f'mesh{i}.radii'] = np.array(_fine(picture, reference))
     finally:
         sheet.release()
