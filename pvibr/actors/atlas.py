@@ -199,7 +199,7 @@ class Atlas:
         import zipfile
 
         try:
-            with np.load(path, allow_pickle=False) as data:
+            with Path(path).open('rb') as file, np.load(file, allow_pickle=False) as data:
                 return cls.from_arrays({k: data[k] for k in data.files})
         except (zipfile.BadZipFile, EOFError, OSError) as err:
             if isinstance(err, FileNotFoundError):

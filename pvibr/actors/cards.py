@@ -200,7 +200,9 @@ def slabs(depths, turns, unit) -> list[np.ndarray]:
     [[0, 1, 1, 2], [0, 0, 1, 1]]
     """
     total, capacity = sum(len(d) for d in depths), _CHUNK // unit
-    size = capacity if len(depths) == 1 else min(capacity, max(1, -(-total // turns)))
+    if len(depths) == 1:
+        return [np.minimum(np.arange(-(-total // capacity) + 1) * capacity, total)]
+    size = min(capacity, max(1, -(-total // turns)))
     rank = np.empty(total, int)
     rank[np.argsort(np.concatenate(depths), kind='stable')] = np.arange(total)
     edges = np.arange(-(-total // size) + 1)

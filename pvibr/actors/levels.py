@@ -20,14 +20,14 @@ from pvibr.actors.measure import measure
 from pvibr.actors.meshes import MeshLevel
 from pvibr.errors import PvibrWarning
 
-VERSION = 14  # of what is kept in the cache: a change of bake, measure or decimation raises it
-SHARES = (0.5, 0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
+VERSION = 16  # of what is kept in the cache: a change of bake, measure or decimation raises it
+SHARES = (0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
 _HEAVY = 2000  # triangles from which stand-ins pay
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
 _SLACK = 0.5  # px over max_error in the table, whose distances are whole pixels apart
 _CAUTION = 0.7  # of the way to where interpolation between two sizes meets the bound
-_BETTER = 0.9  # FLIP against the mesh drawn once per pixel that a level must reach
-_MESH_BETTER = 1.1  # the same for lighter meshes, where cards are not good enough
+_BETTER = 0.85  # FLIP against the mesh drawn once per pixel that a level must reach
+_MESH_BETTER = 1.0  # the same for lighter meshes, where cards are not good enough
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     Examples
     --------
     >>> import numpy as np
-    >>> good, bad = np.array([[0.4, 0.5], [1.4, 0.9]]), np.array([[0.4, 0.5], [2.4, 0.9]])
+    >>> good, bad = np.array([[0.4, 0.5], [1.4, 0.8]]), np.array([[0.4, 0.5], [2.4, 0.8]])
     >>> table = {
     ...     'sizes': np.array([8.0, 16.0]),
     ...     'dot': good,

@@ -37,7 +37,7 @@ def encode(directions, half=False):
     d = np.asarray(directions, float)
     if half:
         # Straight from below every view of the horizon is as near: take that of x.
-        d = np.concatenate([d[..., :1] + 1e-12, d[..., 1:2], np.maximum(d[..., 2:], 0.0)], -1)
+        d = np.concatenate([d[..., :1] + 1e-15, d[..., 1:2], np.maximum(d[..., 2:], 0.0)], -1)
     p = d[..., :2] / np.abs(d).sum(-1, keepdims=True)
     if half:
         return np.stack([p[..., 0] + p[..., 1], p[..., 0] - p[..., 1]], -1)

@@ -520,8 +520,6 @@ def test_bad_updates_change_nothing(scenes, see, bean, given, kind, words):
     np.testing.assert_array_equal(see.grab(pl), shown)
 
 
-
-
 @pytest.mark.parametrize(
     ('name', 'value'),
     [('colors', np.zeros((3, 3))), ('scalars', np.zeros(3)), ('visible', np.zeros(24)),
