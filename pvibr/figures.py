@@ -35,12 +35,26 @@ def error_colors(error) -> np.ndarray:
 
 
 def as_bytes(picture) -> np.ndarray:
-    """Return a picture with values from 0 to 1 as uint8."""
+    """Return a picture with values from 0 to 1 as uint8.
+
+    Parameters
+    ----------
+    picture : numpy.ndarray
+        Any shape.
+    """
     return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
 
 
 def save(path, picture):
-    """Write a picture, shape (h, w, 3), 0 to 1 or uint8, as PNG; its folder is made."""
+    """Write a picture as PNG; its folder is made.
+
+    Parameters
+    ----------
+    path : path-like
+        Where to.
+    picture : numpy.ndarray, shape (h, w, 3)
+        0 to 1, or uint8.
+    """
     from PIL import Image
 
     picture = picture if picture.dtype == np.uint8 else as_bytes(picture)

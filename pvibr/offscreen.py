@@ -80,12 +80,24 @@ class Stage:
         return self.plotter.renderer
 
     def add(self, actors):
-        """Put actors in, as they are."""
+        """Put actors in, as they are.
+
+        Parameters
+        ----------
+        actors : iterable of vtkProp
+            What is shown.
+        """
         for actor in actors:
             self.renderer.AddViewProp(actor)
 
     def look(self, camera):
-        """Take a camera, (eye, focus, up); near and far follow :attr:`bounds` where it is set."""
+        """Take a camera; near and far follow :attr:`bounds` where it is set.
+
+        Parameters
+        ----------
+        camera : tuple
+            Eye, focus and up, world units.
+        """
         self.plotter.camera_position = camera
         if not self._shown:
             self.plotter.show(auto_close=False)
@@ -233,7 +245,15 @@ def _mesh_actor(part, pose):
 
 
 def dressed(part, mapper):
-    """Return a new actor with the look of a part."""
+    """Return a new actor with the look of a part.
+
+    Parameters
+    ----------
+    part : Part
+        What looks so.
+    mapper : vtkMapper
+        What it draws.
+    """
     actor, source = _vtk.vtkActor(), part.actor
     actor.SetMapper(mapper)
     actor.SetProperty(source.GetProperty())
