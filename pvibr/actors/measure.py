@@ -85,7 +85,7 @@ def measure(model) -> dict[str, np.ndarray]:
             truth = box_reduce(reference, factor)
             base = _flip(_once(reference, factor), truth)
             for i, picture in enumerate(meshes[1:], 1):
-                if size >= _MESH_SIZE:
+                if size >= min(_MESH_SIZE, large):
                     row = _row(_once(picture, factor), truth, base)
                     rows.setdefault(f'mesh{i}', []).append(row)
             for program in PROGRAMS:
