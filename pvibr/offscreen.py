@@ -9,6 +9,7 @@ import pyvista as pv
 
 from pvibr import _vtk
 from pvibr.actors.atlas import bounding_sphere
+from pvibr.actors.parts import dressed
 from pvibr.frame import Frame
 from pvibr.maths.image_error import box_reduce
 
@@ -241,27 +242,6 @@ def _mesh_actor(part, pose):
     matrix.DeepCopy(pose.ravel().tolist())
     actor = dressed(part, part.actor.GetMapper())
     actor.SetUserMatrix(matrix)
-    return actor
-
-
-def dressed(part, mapper):
-    """Return a new actor with the look of a part.
-
-    Parameters
-    ----------
-    part : Part
-        What looks so.
-    mapper : vtkMapper
-        What it draws.
-    """
-    actor, source = _vtk.vtkActor(), part.actor
-    actor.SetMapper(mapper)
-    actor.SetProperty(source.GetProperty())
-    actor.SetBackfaceProperty(source.GetBackfaceProperty())
-    actor.SetTexture(source.GetTexture())
-    actor.SetForceOpaque(source.GetForceOpaque())
-    actor.SetForceTranslucent(source.GetForceTranslucent())
-    actor.GetShaderProperty().DeepCopy(source.GetShaderProperty())
     return actor
 
 

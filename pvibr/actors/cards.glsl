@@ -51,7 +51,6 @@ flat out vec4 ibr_level;                 // origin and scale of the level of det
 flat out mat3 ibr_eye_normal;
 flat out vec4 ibr_look;
 flat out vec4 ibr_card;                  // half texel, size in px, where it ends, where it begins
-flat out int ibr_instance;
 
 vec2 ibr_signs(vec2 p) { return vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0); }
 
@@ -84,7 +83,6 @@ mat3 ibr_frame(vec3 d)
     vertexVCVSOutput = vec4(0.0);
     ibr_look = vec4(0.0);
     ibr_card = vec4(0.0);
-    ibr_instance = 0;
     ibr_eye_normal = mat3(1.0);
 #if SPLAT
     ibr_box = vec4(0.0);
@@ -186,7 +184,6 @@ mat3 ibr_frame(vec3 d)
         vec2 origin = lod > 0.0 ? vec2(2.0 / 3.0, 1.0 - exp2(1.0 - lod)) : vec2(0.0);
         ibr_level = vec4(origin, scale);
 #endif
-        ibr_instance = i;
         // Normals go by the inverse transpose; their length, the spread of an average, is kept.
         ibr_eye_normal = n / length(n[0]);
         vec2 g = (ibr_encode(d) * 0.5 + 0.5) * float(ibr_views - 1);
@@ -251,7 +248,6 @@ flat in vec4 ibr_level;
 flat in mat3 ibr_eye_normal;
 flat in vec4 ibr_look;
 flat in vec4 ibr_card;
-flat in int ibr_instance;
 
 // How much the normals of a fragment spread: half the width of the soft corner of its cosine.
 float ibr_spread = 0.0;

@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pvibr.actors.parts import Part
+from pvibr.actors.parts import Part, dressed
 
 _SMALL_PIECE = 20  # triangles: a mesh of pieces with fewer on average may be scattered matter
 _SMALL_SIZE = 0.1  # of the mesh's: scattered matter has no larger piece
@@ -169,20 +169,13 @@ def _take(old, new, points, cells):
 
 
 def _with_mesh(part, mesh):
-    actor = pv.Actor()
     mapper = part.polydata_mapper()
     mapper.SetInputDataObject(mesh)
-    actor.SetMapper(mapper)
-    source = part.actor
-    actor.SetProperty(source.GetProperty())
-    if source.GetProperty().GetInterpolation() == 0 and mesh.point_data.active_normals is not None:
+    actor = dressed(part, mapper)
+    prop = part.actor.GetProperty()
+    if prop.GetInterpolation() == 0 and mesh.point_data.active_normals is not None:
         smooth = pv.Property()
-        smooth.DeepCopy(source.GetProperty())
+        smooth.DeepCopy(prop)
         smooth.SetInterpolationToGouraud()
         actor.SetProperty(smooth)
-    actor.SetBackfaceProperty(source.GetBackfaceProperty())
-    actor.SetTexture(source.GetTexture())
-    actor.SetForceOpaque(source.GetForceOpaque())
-    actor.SetForceTranslucent(source.GetForceTranslucent())
-    actor.GetShaderProperty().DeepCopy(source.GetShaderProperty())
     return Part(actor, mesh, part.alpha_cutoff)

@@ -277,10 +277,7 @@ class Kind:
         list of vtkActor
             New actors that the renderer does not have yet.
         """
-        return self._select_meshes(frame, self.large, limits)
-
-    def _select_meshes(self, frame, blocks, limits):
-        slots = (blocks[:, None] * self.unit + np.arange(self.unit)).ravel()
+        slots = (self.large[:, None] * self.unit + np.arange(self.unit)).ravel()
         slots = slots[slots < len(self.ids)]
         sizes = np.zeros(0)
         if len(slots):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pyvista as pv
 
 from pvibr import _vtk
 from pvibr.actors.cards import DITHER, DULL, PBR
+from pvibr.actors.parts import dressed
 
 # The colour of an instance replaces what scalars and texture give, or multiplies it; a cut-out
 # keeps its holes. Lit colour is what VTK has before it multiplies by the texture.
@@ -162,19 +162,11 @@ class MeshPool:
 
 
 def _copy(part):
-    actor = pv.Actor()
-    source = part.actor
-    actor.SetMapper(source.GetMapper())
-    actor.SetProperty(source.GetProperty())
-    actor.SetBackfaceProperty(source.GetBackfaceProperty())
-    actor.SetTexture(source.GetTexture())
-    actor.SetForceOpaque(source.GetForceOpaque())
-    actor.SetForceTranslucent(source.GetForceTranslucent())
+    actor = dressed(part, part.actor.GetMapper())
     actor.SetUserMatrix(_vtk.vtkMatrix4x4())
     shader = actor.GetShaderProperty()
-    shader.DeepCopy(source.GetShaderProperty())
     texts = {'//VTK::TCoord::Impl': DITHER + _LOOK, '//VTK::Color::Impl': _COLOR}
-    prop = source.GetProperty()
+    prop = actor.GetProperty()
     if prop.GetSpecular() == 0 and prop.GetInterpolation() != PBR:
         texts['//VTK::Light::Impl'] = '//VTK::Light::Impl\n'.join(DULL)
     if prop.GetLighting() and part.mesh.point_data.active_normals is not None:
@@ -183,8 +175,7 @@ def _copy(part):
         shader.ClearFragmentShaderReplacement(tag, True)
         shader.AddFragmentShaderReplacement(tag, True, text, False)
     uniforms = shader.GetFragmentCustomUniforms()
-    opacity = source.GetProperty().GetOpacity()
-    uniforms.SetUniformf('ibr_cutoff', (part.alpha_cutoff or 0.0) * opacity)
+    uniforms.SetUniformf('ibr_cutoff', (part.alpha_cutoff or 0.0) * prop.GetOpacity())
     uniforms.SetUniform4f('ibr_look', _PLAIN)
     uniforms.SetUniformf('ibr_share', 1.0)
     uniforms.SetUniformi('ibr_mirrored', 0)

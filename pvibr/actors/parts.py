@@ -81,6 +81,32 @@ class Part:
         return mapper
 
 
+def dressed(part, mapper):
+    """Return a new actor with the look of a part.
+
+    Parameters
+    ----------
+    part : Part
+        What looks so.
+    mapper : vtkMapper
+        What it draws.
+
+    Returns
+    -------
+    pyvista.Actor
+        It shares property and texture with the part.
+    """
+    actor, source = pv.Actor(), part.actor
+    actor.SetMapper(mapper)
+    actor.SetProperty(source.GetProperty())
+    actor.SetBackfaceProperty(source.GetBackfaceProperty())
+    actor.SetTexture(source.GetTexture())
+    actor.SetForceOpaque(source.GetForceOpaque())
+    actor.SetForceTranslucent(source.GetForceTranslucent())
+    actor.GetShaderProperty().DeepCopy(source.GetShaderProperty())
+    return actor
+
+
 def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
     """Return the parts that ``add_mesh`` would draw.
 

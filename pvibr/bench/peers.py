@@ -7,7 +7,8 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 from pvibr import _vtk
-from pvibr.offscreen import Stage, dressed
+from pvibr.actors.parts import dressed
+from pvibr.offscreen import Stage
 
 #: Instances that the peers are measured with; their time is extrapolated to all of them.
 PART = 500
