@@ -16,6 +16,7 @@ from pvibr.actors.parts import as_parts
 from pvibr.gl import Quad, Target, shader_source, texture_limit
 from pvibr.gl.offscreen import hidden_window
 from pvibr.maths import octahedral
+from pvibr.maths.surfaces import encloses
 
 # Lighting is computed by VTK and thrown away: what is kept is the colour before light, which
 # VTK then multiplies by the texture, and the normal after VTK's own flips for two-sided surfaces.
@@ -23,9 +24,11 @@ _UNLIT = """//VTK::Light::Impl
   fragOutput0 = vec4(diffuseColor, opacity);
   vec3 ibr_normal = normalVCVSOutput;
 """
-_OUTPUT = """
+_CUT = """
   if (gl_FragData[0].a < ibr_cut) discard;
-  gl_FragData[0].a = ibr_cut > 0.0 ? 1.0 : gl_FragData[0].a;
+  gl_FragData[0].a = 1.0;
+"""
+_OUTPUT = """
   gl_FragData[0].rgb *= gl_FragData[0].a;
   gl_FragData[1] =
     gl_FragData[0].a * vec4(ibr_object_from_view * ibr_normal * 0.5 + 0.5, 1.0 - gl_FragCoord.z);
@@ -123,12 +126,12 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
             strips = []
             for k, directions in enumerate(rows):
                 strips.append(baker.row(directions))
+                fill_depth(strips[-1][0], tile)  # a row at a time stays in the cache
                 if progress is not None:
                     progress((k + 1) / views)
         finally:
             baker.release()
     geometry, albedo = (np.concatenate(s) for s in zip(*strips, strict=True))
-    fill_depth(geometry, tile)
     box = np.stack([points.min(0), points.max(0)]).astype(float)
     return Atlas(
         geometry,
@@ -180,18 +183,17 @@ class _Baker:
         with self.raster.drawing(clear=(0, 0, 0, 0)):
             state.SetEnumState(0x0BE2, False)  # GL_BLEND
             state.SetEnumState(0x0B71, True)  # GL_DEPTH_TEST
-            for i, direction in enumerate(directions):
+            for i, axes in enumerate(octahedral.frame(directions)):
                 state.vtkglViewport(i * side, 0, side, side)
                 state.vtkglScissor(i * side, 0, side, side)
-                self._draw(direction)
+                self._draw(axes)
         surface, shape = self.raster.colors
         with self.strip.drawing():
             self.reduce.draw(textures={'surface': surface, 'shape': shape})
         return [c.download() for c in self.strip.colors]
 
-    def _draw(self, direction):
-        axes = octahedral.frame(direction)
-        self.camera.SetPosition(*(self.center + 2 * MARGIN * self.radius * direction))
+    def _draw(self, axes):
+        self.camera.SetPosition(*(self.center + 2 * MARGIN * self.radius * axes[2]))
         self.camera.SetFocalPoint(*self.center)
         self.camera.SetViewUp(*axes[1])
         self.renderer.UpdateLightsGeometryToFollowCamera()
@@ -224,16 +226,20 @@ def _bake_actor(part):
     prop.SetSpecular(0.0)
     prop.SetOpacity(1.0)
     prop.EdgeVisibilityOff()
+    if part.alpha_cutoff is None and encloses(part.mesh.points, part.mesh.regular_faces):
+        prop.BackfaceCullingOn()  # all hidden: a third of the work
     texture = copy_texture(part.actor.GetTexture())
     if texture is not None:
         actor.SetTexture(texture)
     shader = actor.GetShaderProperty()
+    cut = _CUT if part.alpha_cutoff else ''  # a discard, even unused, costs early depth tests
     for tag, text in (
         ('//VTK::Light::Impl', _UNLIT),
-        ('//VTK::DepthPeeling::Impl', _OUTPUT),
+        ('//VTK::DepthPeeling::Impl', cut + _OUTPUT),
     ):
         shader.AddFragmentShaderReplacement(tag, True, text, False)
-    shader.GetFragmentCustomUniforms().SetUniformf('ibr_cut', part.alpha_cutoff or 0.0)
+    if cut:
+        shader.GetFragmentCustomUniforms().SetUniformf('ibr_cut', part.alpha_cutoff)
     return actor
 
 

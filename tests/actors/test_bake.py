@@ -48,6 +48,20 @@ def test_normals_are_those_of_the_object(ball):
     np.testing.assert_allclose(normals, ball.directions(), atol=0.08)
 
 
+@pytest.mark.parametrize('closed', [True, False])
+def test_backs_that_nobody_sees_are_not_drawn(closed, monkeypatch):
+    mesh = pv.ParametricTorus(u_res=60, v_res=40)
+    mesh = mesh if closed else mesh.clip('z')
+    parts = as_parts(mesh, smooth_shading=True)
+    drawn = bake_parts(parts, views=3, tile=32)
+    monkeypatch.setattr('pvibr.actors.bake.encloses', lambda *_: False)
+    both = bake_parts(parts, views=3, tile=32)
+    # Along outlines a sample may meet front and back at once.
+    differs = (drawn.albedo != both.albedo).any(-1) | (drawn.geometry != both.geometry).any(-1)
+    assert differs.mean() < (2e-3 if closed else 1e-12)
+    assert np.abs(drawn.geometry[..., 1].astype(int) - both.geometry[..., 1]).mean() < 1e-2
+
+
 def test_depth_is_filled_within_each_tile():
     geometry = np.zeros((8, 8, 4), np.uint8)
     geometry[1, 1, :2] = 200, 255

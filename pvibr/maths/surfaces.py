@@ -1,0 +1,53 @@
+"""What the triangles of a surface enclose."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+_THIN = 1e-6  # thickness, of the whole size, below which a piece's sides are not told apart
+
+
+def encloses(points, faces) -> bool:
+    """Tell whether triangles are closed and turned outward, so that nobody sees their backs.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        Any units. Points in one place are one.
+    faces : array_like of int, shape (m, 3)
+        Indices of points, counter-clockwise seen from outside.
+
+    Returns
+    -------
+    bool
+        True where each edge is run through as often one way as the other, and each piece that
+        hangs together has a volume above zero: from outside, the first side met is a front.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.surfaces import encloses
+    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    >>> sides = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> encloses(corners, sides), encloses(corners, sides[1:]), encloses(corners, sides[:, ::-1])
+    (True, False, False)
+    """
+    faces = np.asarray(faces)
+    if not len(faces):
+        return False
+    points, same = np.unique(np.asarray(points), axis=0, return_inverse=True)
+    faces = same.reshape(-1)[faces]
+    count = len(points)
+    begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    if not np.array_equal(np.sort(begin * count + end), np.sort(end * count + begin)):
+        return False
+    graph = coo_array((np.ones(len(begin), np.int8), (begin, end)), shape=(count, count))
+    _, pieces = connected_components(graph, directed=False)
+    local = (points - points.mean(0)).astype(float)
+    a, b, c = (local / (np.ptp(local, axis=0).max() or 1.0))[faces.T]
+    piece = pieces[faces[:, 0]]
+    volumes = np.bincount(piece, (a * np.cross(b, c)).sum(1) / 6)
+    areas = np.bincount(piece, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+    return bool((volumes > _THIN * areas)[piece].all())
