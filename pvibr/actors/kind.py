@@ -219,15 +219,16 @@ class Kind:
         self.counts = {'blocks': len(index), 'of blocks': len(self.blocks.centers)}
         table = np.empty((len(index), 4), np.float32)
         table[:, :3], table[:, 3] = origins, index
-        depths = origins[:, 2] if frame.parallel else -np.linalg.norm(origins, axis=1)
+        depths = origins[:, 2] if frame.parallel else -_lengths(origins.T)
         chosen = {}
         for name, low, high in limits.cards:
-            used = (large >= low) & (small < high * _FADE) & (high > low)
+            fits = (large >= low) & (small < high * _FADE) & (high > low)
+            used = np.flatnonzero(fits)
             last = high == limits.mesh
             gone = high * (_SHARE if last else _FADE)
             sizes = (low, low * _FADE if low > 0 else 0.0, high, gone)
             chosen[name] = Choice(table[used], depths[used], sizes, last)
-            self.counts[name] = min(int(used.sum()) * self.unit, len(self))
+            self.counts[name] = min(len(used) * self.unit, len(self))
         self.large = index[large >= limits.mesh]
         return chosen
 
@@ -252,10 +253,10 @@ class Kind:
         table = choice.table.repeat(self.unit, 0)[slots < len(self)]
         slots = slots[slots < len(self)]
         view = frame.view_from_world
-        eye = self.centers(slots) @ view[:3, :3].T + view[:3, 3]
-        away = np.linalg.norm(eye, axis=1)
+        eye = view[:3, :3] @ self.centers(slots).T + view[:3, 3:]
+        away = _lengths(eye)
         size = 2 * frame.pixel_scale * self.radii[slots] / (1.0 if frame.parallel else away)
-        depths = eye[:, 2] if frame.parallel else -away
+        depths = eye[2] if frame.parallel else -away
         # A little more than the shader's own bounds, which decide.
         used = (size > 0.99 * choice.sizes[0]) & (size < 1.01 * choice.sizes[3])
         order = np.flatnonzero(used)[np.argsort(depths[used], kind='stable')]
@@ -352,6 +353,11 @@ class Kind:
             for level in self.levels:
                 for part in level.parts:
                     part.actor.ReleaseGraphicsResources(window)
+
+
+def _lengths(columns):
+    """Return the lengths of vectors whose coordinates are the rows of an array."""
+    return np.sqrt((columns * columns).sum(0))
 
 
 def _card_property(parts):

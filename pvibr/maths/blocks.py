@@ -152,28 +152,23 @@ class Blocks:
             Bounds of the on-screen diameter of their instances, pixels.
         """
         view = frame.view_from_world
-        origins = self.centers @ view[:3, :3].T + view[:3, 3]
+        # Coordinates lie in rows, each one piece of memory: that is several times faster.
+        origins = view[:3, :3] @ self.centers.T + view[:3, 3:]
         planes = frustum_planes(frame.clip_from_view)
         planes = planes[:4]  # near and far follow what is drawn: they cull nothing
-        distance = origins @ planes[:, :3].T + planes[:, 3]
         around = self.reach + self.largest
-        inside = (distance > -around[:, None]).all(1)
+        inside = (planes[:, :3] @ origins + planes[:, 3:]).min(0) > -around
         if not frame.parallel:
-            inside &= origins[:, 2] < around  # no plane stands behind the eye
+            inside &= origins[2] < around  # no plane stands behind the eye
         index = np.flatnonzero(inside)
-        origins = origins[index]
-        away = np.linalg.norm(origins, axis=1)
-        order = np.argsort(origins[:, 2] if frame.parallel else -away)
-        index, origins, away = index[order], origins[order], away[order]
+        depths = origins[2] if frame.parallel else -np.sqrt((origins * origins).sum(0))
+        index = index[np.argsort(depths[index])]
+        origins = origins.take(index, 1).T
         scale = 2 * frame.pixel_scale
         if frame.parallel:
             near = far = 1.0
         else:
-            near = np.maximum(away - self.reach[index], 1e-300)
-            far = away + self.reach[index]
-        return (
-            index,
-            origins,
-            scale * self.smallest[index] / far,
-            (scale * self.largest[index] / near),
-        )
+            reach, away = self.reach[index], -depths[index]
+            near, far = np.maximum(away - reach, 1e-300), away + reach
+        small, large = self.smallest[index] / far, self.largest[index] / near
+        return index, origins, scale * small, scale * large
