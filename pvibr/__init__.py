@@ -22,6 +22,7 @@ _EXPORTS = {
     'PvibrError': 'pvibr.errors',
     'PvibrWarning': 'pvibr.errors',
     'ShaderError': 'pvibr.errors',
+    'Shadows': 'pvibr.effects.shadows',
     'attach': 'pvibr.component',
 }
 

@@ -127,6 +127,9 @@ class Effect:
             The frame that `prepare` was given.
         """
 
+    def rest(self):
+        """Take back what `prepare` left in the scene: frames are drawn without it now."""
+
     def release(self):
         """Free what it holds on the GPU; the context is current. It may be used again."""
 

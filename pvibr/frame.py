@@ -38,6 +38,8 @@ class Frame:
         Seconds, as the user set them.
     picking : bool
         Whether this frame is drawn to pick and not to be seen.
+    casting : bool
+        Whether it is drawn for its depth alone, from where a light or a projector is.
 
     Examples
     --------
@@ -63,6 +65,7 @@ class Frame:
     index: int = 0
     time: float = 0.0
     picking: bool = False
+    casting: bool = False
 
     @classmethod
     def of(cls, renderer, *, index=0, time=0.0) -> Frame:

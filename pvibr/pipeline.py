@@ -222,7 +222,7 @@ class _Entry:
 
     def __init__(self, effect, row):
         self.effect, self.row = effect, row
-        self.running = False
+        self.running = self._awake = False
 
     @property
     def draws(self) -> bool:
@@ -237,10 +237,18 @@ class _Entry:
         row.ms = 0.0
         if not effect.enabled:
             self.stop('off', row.why if row.state == 'off' else 'enabled is False')
-            return
+        else:
+            self._ask(turn)
+        if self._awake and not self.running:
+            turn.guard([self], effect.rest)
+        self._awake = self.running
+
+    def _ask(self, turn):
+        effect, row = self.effect, self.row
         needed = turn.guard([self], effect.needed, turn.frame)
         if needed is True:
             self.running, row.state, row.why = True, 'ran', ''
+            self._awake = True
             turn.guard([self], effect.prepare, turn.frame)
         elif effect.enabled:
             self.stop('skipped', needed or 'not needed')

@@ -4,6 +4,14 @@ from __future__ import annotations
 
 import re
 
+from pvibr import _vtk
+
+# Interleaved gradient noise: Jimenez, "Next Generation Post Processing in Call of Duty: Advanced
+# Warfare", SIGGRAPH 2014, slide 123. The same picture every time.
+DITHER = (
+    '#define IBR_DITHER fract(52.9829189 * fract(dot(gl_FragCoord.xy, '
+    'vec2(0.06711056, 0.00583715))))\n'
+)
 _SECTION = re.compile(r'^//@([\w.]+)\s*$', re.M)
 
 
@@ -32,7 +40,10 @@ def sections(text) -> dict[str, str]:
 
 
 class Feature:
-    """Shader text for an actor, merged by tag and stage.
+    """Shader text for an actor by tag and stage; several features share an actor.
+
+    A feature that comes to an actor later stands inside the texts that are there already: in the
+    place of VTK's tag, which each text keeps.
 
     Parameters
     ----------
@@ -40,7 +51,7 @@ class Feature:
         Its mark in the generated source, a valid identifier.
     vertex, fragment : dict of str to str, optional
         Tag without slashes (``'VTK::Color::Impl'``) to text; text that does not hold the tag
-        itself replaces VTK's own.
+        itself replaces VTK's own, and then it must be the actor's last feature at that tag.
     """
 
     def __init__(self, name, vertex=None, fragment=None):
@@ -58,13 +69,36 @@ class Feature:
         Parameters
         ----------
         actor : vtkActor
-            The actor; one feature for each tag of it.
+            The actor; a feature is put on it once.
         """
+        for shader, stage, tag, text in self._texts(actor):
+            present = _replacements(shader).get((stage, tag), tag)
+            if self.mark not in present:
+                _replace(shader, stage, tag, present.replace(tag, self._marked(text), 1))
+
+    def detach(self, actor):
+        """Take the text off an actor, leaving that of others as it was.
+
+        Parameters
+        ----------
+        actor : vtkActor
+            The actor; nothing happens where the feature is not on it.
+        """
+        for shader, stage, tag, text in self._texts(actor):
+            present = _replacements(shader).get((stage, tag), '')
+            before, _, after = self._marked(text).partition(tag)
+            if before in present and after in present:
+                _replace(shader, stage, tag, present.replace(before, '').replace(after, ''))
+
+    def _texts(self, actor):
         shader = actor.GetShaderProperty()
         for stage, texts in self.stages.items():
-            add = getattr(shader, f'Add{stage}ShaderReplacement')
             for tag, text in texts.items():
-                add(f'//{tag}', True, self.mark + text, False)
+                yield shader, stage, f'//{tag}', text
+
+    def _marked(self, text):
+        end = '' if text.endswith('\n') else '\n'
+        return f'{self.mark}{text}{end}// end of pvibr:{self.name}\n'
 
     def landed(self, program) -> bool:
         """Return whether every text is in the source of a program.
@@ -79,3 +113,22 @@ class Feature:
             'Fragment': program.GetFragmentShader().GetSource(),
         }
         return all(sources[s].count(self.mark) == len(t) for s, t in self.stages.items())
+
+
+def _replacements(shader) -> dict:
+    """Return the texts on a shader property that come before VTK's own, by stage and tag."""
+    found = {}
+    tag, text = _vtk.reference(''), _vtk.reference('')
+    first, every = _vtk.reference(False), _vtk.reference(False)
+    for i in range(shader.GetNumberOfShaderReplacements()):
+        shader.GetNthShaderReplacement(i, tag, first, text, every)
+        if first.get():
+            stage = shader.GetNthShaderReplacementTypeAsString(i)
+            found[stage, tag.get()] = text.get()
+    return found
+
+
+def _replace(shader, stage, tag, text):
+    getattr(shader, f'Clear{stage}ShaderReplacement')(tag, True)
+    if text.strip() != tag:
+        getattr(shader, f'Add{stage}ShaderReplacement')(tag, True, text, False)

@@ -18,7 +18,8 @@ class Target:
     width, height : int
         Pixels.
     formats : sequence of str
-        One format per colour attachment, see :meth:`pvibr.gl.Texture.allocate`.
+        One format per colour attachment, see :meth:`pvibr.gl.Texture.allocate`; none draws depth
+        alone.
     depth : bool
         Whether there is a depth buffer (float32).
     filter : str
@@ -45,10 +46,17 @@ class Target:
         return sum(t.nbytes for t in [*self.colors, self.depth] if t is not None)
 
     def _check(self):
-        self.object.ActivateDrawBuffers(len(self.colors))
+        self._activate()
         if not self.object.CheckFrameBufferStatus(self.object.GetDrawMode()):
             msg = f'the driver cannot draw into {len(self.colors)} targets of these formats'
             raise RuntimeError(msg)
+
+    def _activate(self):
+        if self.colors:
+            self.object.ActivateDrawBuffers(len(self.colors))
+        else:
+            self.object.DeactivateDrawBuffers()
+            self.object.DeactivateReadBuffer()
 
     @contextmanager
     def _bound(self):
@@ -73,7 +81,7 @@ class Target:
         state.Push()
         try:
             with self._bound():
-                self.object.ActivateDrawBuffers(len(self.colors))
+                self._activate()
                 state.vtkglViewport(0, 0, self.width, self.height)
                 state.vtkglScissor(0, 0, self.width, self.height)
                 if clear is not None:

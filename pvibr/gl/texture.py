@@ -12,9 +12,10 @@ _FORMATS = {
     'rgba8': (None, 'VTK_UNSIGNED_CHAR', 4),
     'rgba16f': (0x881A, 'VTK_FLOAT', 4),
     'rgba32f': (0x8814, 'VTK_FLOAT', 4),
+    'rg32f': (0x8230, 'VTK_FLOAT', 2),
     'r32f': (0x822E, 'VTK_FLOAT', 1),
 }
-_BYTES = {'rgba8': 4, 'rgba16f': 8, 'rgba32f': 16, 'r32f': 4, 'depth32f': 4}
+_BYTES = {'rgba8': 4, 'rgba16f': 8, 'rgba32f': 16, 'rg32f': 8, 'r32f': 4, 'depth32f': 4}
 
 
 def texture_limit(window) -> int:
@@ -100,7 +101,7 @@ class Texture:
         ----------
         width, height : int
             Texels.
-        format : {'rgba8', 'rgba16f', 'rgba32f', 'r32f', 'depth32f'}
+        format : {'rgba8', 'rgba16f', 'rgba32f', 'rg32f', 'r32f', 'depth32f'}
             How a texel is kept.
 
         Returns
@@ -125,6 +126,21 @@ class Texture:
     def size(self) -> tuple[int, int]:
         """Width and height in texels."""
         return self.object.GetWidth(), self.object.GetHeight()
+
+    def compare(self) -> Texture:
+        """Have a depth texture compared by the sampler, filtered: a ``sampler2DShadow``.
+
+        Returns
+        -------
+        Texture
+            Itself; 1 where the reference is at most what the texel holds.
+        """
+        to = self.object
+        to.SetDepthTextureCompare(True)
+        to.SetDepthTextureCompareFunction(to.Lequal)
+        for smooth in (to.SetMagnificationFilter, to.SetMinificationFilter):
+            smooth(to.Linear)
+        return self
 
     def activate(self) -> int:
         """Bind to a texture unit and return its number, for a sampler."""

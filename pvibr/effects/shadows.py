@@ -1,0 +1,321 @@
+"""Shadows of a renderer's lights."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from pvibr.casters import Casters, Surfaces
+from pvibr.depth_view import DepthView
+from pvibr.effect import Effect
+from pvibr.gl import shader_source
+from pvibr.gl.drawer import Drawer
+from pvibr.gl.feature import DITHER, Feature, sections
+from pvibr.lights import SceneLight, light_views, lights_of
+from pvibr.maths.kernels import vogel_disk
+from pvibr.params import Param
+
+#: Views of a directional light at most: of everything, and around the eye.
+_CASCADES = 4
+
+
+class Shadows(Effect):
+    """Shadows of the scene's lights, on everything that they light.
+
+    Parameters
+    ----------
+    casts : callable or sequence of actors, optional
+        Which actors throw shadows; by default all that are visible.
+    receives : callable or sequence of actors, optional
+        Which actors show shadows; by default all that are lit.
+    **settings
+        Values of the settings.
+
+    Notes
+    -----
+    Shadow maps (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978): each light
+    sees the scene's depth, drawn again only when light, casters or fit changed. A light's share
+    of diffuse and specular light is scaled where VTK computes it, so that several lights, any
+    material and any other pass go together. Headlights cast none: the camera does not see them.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True, lighting='none')
+    >>> pl.add_light(pv.Light(position=(1, 1, 3), light_type='scene light'))
+    >>> _ = pl.add_mesh(pv.Plane(i_size=4, j_size=4))
+    >>> _ = pl.add_mesh(pv.Sphere(center=(0, 0, 1)))
+    >>> shadows = pl.ibr.add(pvibr.Shadows())
+    >>> pl.show(auto_close=False)
+    >>> shadows.report()['views drawn']
+    1
+    >>> pl.close()
+    """
+
+    method = Param('pcf', 'How a shadow is found.', choices=('hard', 'pcf'))
+    resolution = Param(2048, "Texels along a side of a light's view.", range='[16, 16384]')
+    softness = Param(1.0, 'Radius of the filter of pcf.', range='[0, 64]', unit='texels')
+    taps = Param(4, 'Comparisons of pcf, four texels each.', range='[1, 64]')
+    offset = Param(
+        0.75, 'How far a receiver is moved along its normal: less shows acne where surfaces '
+        'are concave, more opens gaps under what touches the ground.',
+        range='[0, 16]', unit='texels',
+    )  # fmt: skip
+
+    def __init__(self, *, casts=None, receives=None, **settings):
+        self.casts, self.receives = casts, receives
+        self._lights: list[_LightMaps] = []
+        self._feature: Any = None
+        self._shadowed: dict = {}
+        self._surfaces: Any = None
+        self._drawer: Any = None
+        self._seen: tuple = ()
+        super().__init__(**settings)
+
+    # -- what takes part ----------------------------------------------------------------------
+
+    def _actors(self, chosen):
+        actors = self._surfaces.actors()
+        if chosen is None:
+            return actors
+        if callable(chosen):
+            return [a for a in actors if chosen(a)]
+        wanted = {a.GetAddressAsString('') for a in chosen}
+        return [a for a in actors if a.GetAddressAsString('') in wanted]
+
+    def _casters(self) -> Casters:
+        shown = [a for a in self._actors(self.casts) if a.GetVisibility()]
+        return Casters(shown, [])
+
+    # -- the life of an effect ----------------------------------------------------------------
+
+    def needed(self, frame) -> bool | str:
+        """Tell whether any light casts shadows.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
+        self._seen = tuple(lights_of(frame.renderer))
+        if any(light.kind != 'headlight' for light in self._seen):
+            return True
+        return 'no light casts shadows: headlights cast none, add a scene light'
+
+    def prepare(self, frame):
+        """Draw the lights' depth where it is stale, and hand it to what receives.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
+        if self._drawer is None or self._drawer.renderer is not frame.renderer:
+            self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
+        casters = self._casters()
+        self._match_lights()
+        for maps in self._lights:
+            maps.update(frame, casters)
+        self._dress(frame)
+
+    def _match_lights(self):
+        """Keep what was drawn for a light as long as the light is there."""
+        casting = [light for light in self._seen if light.kind != 'headlight']
+        settings = self._revision
+        old = {maps.light.number: maps for maps in self._lights if maps.settings == settings}
+        kept = [old.pop(light.number, None) for light in casting]
+        for maps in self._lights:
+            if maps not in kept:
+                maps.release()
+        self._lights = []
+        for light, found in zip(casting, kept, strict=True):
+            maps = found or _LightMaps(self._drawer, self, settings)
+            maps.light = light
+            self._lights.append(maps)
+
+    def _dress(self, frame):
+        """Put the shader text on receivers, and the numbers of this frame."""
+        lit = [m for m in self._lights if m.view is not None]
+        signature = (self.method, self.taps, tuple(m.signature() for m in lit))
+        feature = _feature(*signature) if lit else None
+        receivers = {} if feature is None else self._receivers()
+        if feature is not self._feature:
+            self._undress()
+            self._feature = feature
+        for address in [a for a in self._shadowed if a not in receivers]:
+            self._feature.detach(self._shadowed.pop(address))
+        if feature is None:
+            return
+        uniforms = self._uniforms(frame, lit)
+        for address, actor in receivers.items():
+            if address not in self._shadowed:
+                feature.attach(actor)
+                self._shadowed[address] = actor
+            _set(actor.GetShaderProperty().GetFragmentCustomUniforms(), uniforms)
+
+    def _receivers(self) -> dict:
+        return {a.GetAddressAsString(''): a for a in self._actors(self.receives)}
+
+    def _undress(self):
+        for actor in self._shadowed.values():
+            self._feature.detach(actor)
+        self._shadowed = {}
+
+    def _uniforms(self, frame, lit):
+        world_from_view = np.linalg.inv(frame.view_from_world)
+        matrices = [v.texture_from_world() @ world_from_view for m in lit for v in m.views]
+        texels = [_texel(v, m.view.resolution) for m in lit for v in m.views]
+        uniforms = [
+            ('SetUniformMatrix4x4v', 'ibr_shadow_from_view', len(matrices),
+             np.concatenate([m.T.ravel() for m in matrices]).tolist()),
+            ('SetUniform1fv', 'ibr_shadow_texel', len(texels), texels),
+            ('SetUniformf', 'ibr_shadow_offset', self.offset),
+            ('SetUniformf', 'ibr_shadow_spread', self.softness),
+        ]  # fmt: skip
+        for maps in lit:
+            n = maps.light.number
+            place = (frame.view_from_world @ maps.light.homogeneous())[:3].tolist()
+            uniforms += [
+                ('SetUniformi', f'ibr_shadow_map_{n}', maps.view.texture.activate()),
+                ('SetUniform3f', f'ibr_shadow_place_{n}', place),
+                ('SetUniformf', f'ibr_shadow_size_{n}', float(maps.view.resolution)),
+            ]
+        return uniforms
+
+    def finish(self, frame):
+        """Give the texture units back.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame that was drawn.
+        """
+        for maps in self._lights:
+            if maps.view is not None:
+                maps.view.texture.deactivate()
+
+    def rest(self):
+        """Take the shader text off all receivers."""
+        if self._feature is not None:
+            self._undress()
+            self._feature = None
+
+    def detach(self):
+        """Leave the pipeline."""
+        self.rest()
+        super().detach()
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        self.rest()
+        for maps in self._lights:
+            maps.release()
+        if self._drawer is not None:
+            self._drawer.release()
+        self._lights, self._drawer = [], None
+
+    def report(self) -> dict:
+        """Return bytes, views drawn so far, and what casts no shadow."""
+        views = [m.view for m in self._lights if m.view is not None]
+        return {
+            'bytes': sum(v.nbytes for v in views),
+            'lights': len(views),
+            'views': sum(len(v.views) for v in views),
+            'views drawn': sum(m.bakes for m in self._lights),
+            'receivers': len(self._shadowed),
+            'no shadows from': [s.kind for s in self._seen if s.kind == 'headlight'],
+        }
+
+
+class _LightMaps:
+    """What one light sees."""
+
+    light: SceneLight
+
+    def __init__(self, drawer, settings_of, settings):
+        self.drawer, self.owner, self.settings = drawer, settings_of, settings
+        self.view: Any = None
+        self.views: list = []
+        self._released = 0
+
+    @property
+    def bakes(self) -> int:
+        return self._released + (self.view.bakes if self.view else 0)
+
+    def update(self, frame, casters):
+        """Draw what is stale."""
+        bounds, least = casters.bounds(), max(len(self.views), 1)
+        if not len(bounds):
+            self.release()
+            return
+        wanted = self.owner.resolution
+        self.views = light_views(self.light, bounds, frame, wanted, _CASCADES, least)
+        if self.view is None or len(self.view.views) != len(self.views):
+            self.release()
+            compare = self.owner.method == 'pcf'
+            self.view = DepthView(self.drawer, len(self.views), wanted, compare=compare)
+        self.view.update(frame, self.views, casters)
+
+    def signature(self):
+        return (
+            self.light.number, self.light.positional, len(self.views), self.view.columns,
+            self.view.rows,
+        )  # fmt: skip
+
+    def release(self):
+        if self.view is not None:
+            self._released += self.view.bakes
+            self.view.release()
+            self.view = None
+
+
+def _texel(view, resolution) -> float:
+    """Return the size of a texel in world units; at a distance of 1 where it grows with it."""
+    return float(2 / view.clip_from_view[0, 0] / resolution)
+
+
+def _set(target, uniforms):
+    for setter, *values in uniforms:
+        getattr(target, setter)(*values)
+
+
+@lru_cache(maxsize=16)
+def _feature(method, taps, lights) -> Feature:
+    """Return the shader text for some lights, put around VTK's own light code."""
+    text = sections(shader_source(__file__))
+    maps = [f'ibr_shadow_map_{n}' for n, *_ in lights]
+    sampler = 'sampler2DShadow' if method == 'pcf' else 'sampler2D'
+    disk = ', '.join(f'vec2({x:.6f}, {y:.6f})' for x, y in vogel_disk(taps))
+    declared = ''.join(f'#define {m} {m}_unit\n' for m in maps)
+    # VTK declares what is set by number as int; its units are the samplers'.
+    declared += '//VTK::CustomUniforms::Dec\n' + ''.join(f'#undef {m}\n' for m in maps)
+    declared += ''.join(f'uniform {sampler} {m};\n' for m in maps)
+    declared += f'{DITHER}#define TAPS {taps}\n'
+    declared += f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk});\n'
+    declared += text['declare'] + text[method]
+    first = 0
+    for number, positional, count, columns, rows in lights:
+        values = {
+            'POSITIONAL': str(bool(positional)).lower(), 'FIRST': first, 'COUNT': count,
+            'COLUMNS': columns, 'ROWS': rows,
+        }  # fmt: skip
+        declared += ''.join(f'#define {k} {v}\n' for k, v in values.items())
+        declared += text['light'].replace('NUMBER', str(number))
+        declared += ''.join(f'#undef {k}\n' for k in values)
+        first += count
+    apply = text['apply'].replace('PLACE', 'vertexVC.xyz')
+    apply = apply.replace('NORMAL', 'ibr_shadow_flat(vertexVC.xyz)')
+    after = ''
+    for number, *_ in lights:
+        call = f'ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n)'
+        apply += f'  float ibr_shadow_lit_{number} = {call};\n'
+        apply += f'#define lightColor{number} (ibr_shadow_lit_{number} * lightColor{number})\n'
+        after += f'#undef lightColor{number}\n'
+    texts = {
+        'VTK::CustomUniforms::Dec': declared,
+        'VTK::Light::Impl': f'{apply}//VTK::Light::Impl\n{after}',
+    }
+    return Feature('shadows', fragment=texts)

@@ -1,0 +1,98 @@
+"""The scene's props drawn by hand, from another view than the camera's."""
+
+from __future__ import annotations
+
+from pvibr import _vtk
+
+_BLEND, _DEPTH_TEST = 0x0BE2, 0x0B71  # GL enums
+_COLOR_BIT, _DEPTH_BIT = 0x4000, 0x0100
+
+
+class Drawer:
+    """Draws chosen props of a renderer from any view into whatever target is bound.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        In a window whose context is current; its lights are used, since VTK builds a prop's
+        shader anew where the lights differ.
+    """
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self.window = renderer.GetRenderWindow()
+        self.inner = _vtk.vtkOpenGLRenderer()
+        self.inner.SetRenderWindow(self.window)
+        self.inner.AutomaticLightCreationOff()
+        self._projection = _vtk.vtkMatrix4x4()
+
+    def look(self, view, rect, *, clear=True):
+        """Take a view, and a part of the target to draw it in.
+
+        Parameters
+        ----------
+        view : pvibr.maths.views.View
+            Where from, and the projection.
+        rect : tuple of 4 int
+            Left, bottom, width, height in pixels of the target.
+        clear : bool
+            Clear depth to the far plane, and colour to what is set.
+        """
+        state = self.window.GetState()
+        state.vtkglViewport(*rect)
+        state.vtkglScissor(*rect)
+        state.SetEnumState(_BLEND, False)
+        state.SetEnumState(_DEPTH_TEST, True)
+        state.vtkglDepthMask(True)
+        if clear:
+            state.vtkglClearDepth(1.0)
+            state.vtkglClear(_DEPTH_BIT)
+        self._aim(view)
+        self._light()
+
+    def _aim(self, view):
+        # An explicit matrix, since otherwise VTK uses the aspect ratio of the window.
+        camera = self.inner.GetActiveCamera()
+        position, focus, up = view.camera()
+        camera.SetPosition(*position)
+        camera.SetFocalPoint(*focus)
+        camera.SetViewUp(*up)
+        camera.SetClippingRange(view.near, view.far)
+        camera.SetParallelProjection(view.parallel)
+        self._projection.DeepCopy(view.clip_from_view.ravel().tolist())
+        camera.SetExplicitProjectionTransformMatrix(self._projection)
+        camera.UseExplicitProjectionTransformMatrixOn()
+
+    def _light(self):
+        theirs, ours = self.renderer.GetLights(), self.inner.GetLights()
+        if [*theirs] != [*ours]:
+            self.inner.RemoveAllLights()
+            for light in theirs:
+                self.inner.AddLight(light)
+        self.inner.UpdateLights()
+
+    def draw(self, actors, *, translucent=False):
+        """Draw actors that are visible.
+
+        Parameters
+        ----------
+        actors : iterable of vtkActor
+            Of the renderer.
+        translucent : bool
+            Draw what of them is translucent, else what is opaque.
+        """
+        for actor in actors:
+            if translucent:
+                actor.RenderTranslucentPolygonalGeometry(self.inner)
+            else:
+                actor.RenderOpaqueGeometry(self.inner)
+
+    def done(self):
+        """Leave the view, before the renderer itself draws."""
+        # A program keeps the lights as the last camera saw them until a camera is newer.
+        self.renderer.GetActiveCamera().Modified()
+
+    def release(self):
+        """Let the window go."""
+        self.inner.RemoveAllLights()
+        self.inner.SetRenderWindow(None)

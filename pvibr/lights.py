@@ -1,0 +1,171 @@
+"""The lights of a renderer, as VTK's shaders number them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pvibr.maths.views import (
+    View,
+    around,
+    box_distance,
+    corners,
+    look_along,
+    orthographic,
+    perspective,
+)
+
+#: A cone as wide as this (degrees from its axis) is seen better by six views than by one.
+_WIDE = 60.0
+#: The nearest that a caster is drawn, over the farthest: what depth of 32 bits resolves.
+_NEAREST = 1e-3
+_TEXEL = 2.0  # pixels that a texel may cover: an edge is found to half a texel
+_TILE_EDGE = 4.0  # texels around a view, for filters that reach over its edge
+
+
+@dataclass(frozen=True)
+class SceneLight:
+    """A light of a renderer.
+
+    Attributes
+    ----------
+    number : int
+        Its number in VTK's shaders: ``lightColor0`` is that of light 0.
+    kind : {'directional', 'spot', 'point', 'headlight'}
+        A positional light whose cone is 90 degrees or more is a point.
+    position : tuple of 3 float
+        World units.
+    direction : tuple of 3 float
+        Unit vector from the light into the scene.
+    cone : float
+        Degrees from the axis to the edge of a spot's cone.
+    """
+
+    number: int
+    kind: str
+    position: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    cone: float
+
+    @property
+    def positional(self) -> bool:
+        """Whether it has a place, and is not infinitely far away."""
+        return self.kind in ('spot', 'point')
+
+    def homogeneous(self) -> np.ndarray:
+        """Return its place, (4,): with 1, or the direction toward it, with 0."""
+        if self.positional:
+            return np.array([*self.position, 1.0])
+        return np.array([*(-np.array(self.direction)), 0.0])
+
+
+def lights_of(renderer) -> list[SceneLight]:
+    """Return the lights of a renderer that are on.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        Camera lights are where its camera puts them now.
+
+    Returns
+    -------
+    list of SceneLight
+        In VTK's order.
+    """
+    renderer.UpdateLightsGeometryToFollowCamera()
+    on = [light for light in renderer.GetLights() if light.GetSwitch()]
+    return [_scene_light(number, light) for number, light in enumerate(on)]
+
+
+def _scene_light(number, light) -> SceneLight:
+    position = np.array(light.GetTransformedPosition(), float)
+    direction = np.array(light.GetTransformedFocalPoint(), float) - position
+    length = np.linalg.norm(direction)
+    if length == 0 or not np.isfinite(length):
+        direction, length = np.array([0.0, 0.0, -1.0]), 1.0
+    cone = float(light.GetConeAngle())
+    if light.LightTypeIsHeadlight():
+        kind = 'headlight'
+    elif light.GetPositional():
+        kind = 'spot' if cone < 90 else 'point'
+    else:
+        kind = 'directional'
+    return SceneLight(number, kind, tuple(position), tuple(direction / length), cone)
+
+
+def light_views(light, bounds, frame, resolution, cascades, least=1) -> list[View]:
+    """Return the views from a light that hold all casters; the first holds the most.
+
+    Parameters
+    ----------
+    light : SceneLight
+        No headlight.
+    bounds : array_like, shape (n, 6)
+        Of the casters, world units; one or more.
+    frame : pvibr.frame.Frame
+        What is drawn: how sharp the shadows must be, and where.
+    resolution : int
+        Texels along a side of a view.
+    cascades : int
+        Views of a directional light, at most.
+    least : int
+        And at least: a number that went down again would have all drawn anew.
+
+    Returns
+    -------
+    list of View
+        A spot or point light's depend on light and casters alone; so does the first of a
+        directional light, and the others move with the eye in large steps.
+    """
+    if light.kind == 'directional':
+        return _cascades(light, bounds, frame, resolution, (least, cascades))
+    near, far = _reach(light, bounds)
+    if light.kind == 'point' or light.cone > _WIDE:
+        return around(light.position, near, far, 1 + 2 * _TILE_EDGE / resolution)
+    tangent = np.tan(np.radians(max(light.cone, 0.1))) * (1 + 2 * _TILE_EDGE / resolution)
+    return [perspective(light.position, light.direction, tangent, near, far)]
+
+
+def _reach(light, bounds):
+    """Return the distances between which a positional light has casters."""
+    away = np.linalg.norm(corners(bounds) - np.array(light.position), axis=-1)
+    far = max(float(away.max()), np.finfo(float).tiny) * 1.001
+    # What is 60 degrees from the axis is half as far along it.
+    return max(box_distance(light.position, bounds) / 2 * 0.999, _NEAREST * far), far
+
+
+def _cascades(light, bounds, frame, resolution, count):
+    """Return views of halving width around the eye, the first of everything.
+
+    The last is the narrowest: cascades (Zhang et al., "Parallel-split shadow maps",
+    2006) nested as the levels of a clipmap are, so that none depends on where the camera looks.
+    """
+    axes = look_along((0, 0, 0), light.direction)[:3, :3]
+    points = corners(bounds).reshape(-1, 3) @ axes.T
+    low, high = points.min(0), points.max(0)
+    width = max((high - low)[:2].max(), 1e-6 * max((high - low)[2], np.finfo(float).tiny))
+    edge = width * _TILE_EDGE / resolution
+    pad = np.array([edge, edge, max(1e-3 * (high - low)[2], 1e-3 * width)])
+    middle = (low + high) / 2
+    half = np.array([width / 2, width / 2, (high - low)[2] / 2]) + pad
+    views = [orthographic(axes, middle - half, middle + half)]
+    pixel = (1.0 if frame.parallel else frame.near) / frame.pixel_scale
+    texel = 2 * half[0] / resolution
+    wanted = int(np.ceil(np.log2(max(texel / (_TEXEL * pixel), 1.0))))
+    levels = max(min(count[1] - 1, wanted), count[0] - 1)
+    shrink = 2.0 if wanted <= levels else 4.0
+    eye, ahead = frame.eye @ axes.T, -frame.view_from_world[2, :3] @ axes.T
+    return views + [
+        _around_eye(views[0], shrink**k, eye, ahead, axes) for k in range(1, levels + 1)
+    ]
+
+
+def _around_eye(whole, shrink, eye, ahead, axes) -> View:
+    """Return a part of a view, where the eye looks; it moves in steps of a quarter."""
+    half = 1 / np.diag(whole.clip_from_view)[:3] * [1, 1, -1]
+    middle = whole.eye @ axes.T - [0, 0, whole.near + half[2]]
+    part = half / [shrink, shrink, 1]
+    center = middle + np.round((eye + 0.6 * part[0] * ahead - middle) / (0.5 * part)) * 0.5 * part
+    center[2] = middle[2]
+    return orthographic(axes, center - part, center + part)

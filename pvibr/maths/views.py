@@ -1,0 +1,252 @@
+"""Views other than the camera's: of lights and projectors, in float64."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pvibr.maths import octahedral
+
+#: Clip space, -1 to 1, to texture space, 0 to 1: the bias matrix of Everitt et al.
+TEXTURE_FROM_CLIP = np.array(
+    [[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1.0]]
+)
+# Along x, y and z, both ways, with an upward direction each.
+_FACES = [(s * np.eye(3)[k], np.eye(3)[(k + 1) % 3]) for k in range(3) for s in (1.0, -1.0)]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A place to look from, and a projection.
+
+    Attributes
+    ----------
+    view_from_world : numpy.ndarray
+        (4, 4) float64; the eye at the origin, looking along -z.
+    clip_from_view : numpy.ndarray
+        (4, 4) float64; clip z from -w (near) to w (far).
+    near, far : float
+        Distances of the clipping planes along the view, world units.
+    parallel : bool
+        Whether the projection is parallel.
+
+    Examples
+    --------
+    >>> from pvibr.maths.views import perspective
+    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
+    >>> view.texture_from_world() @ [0, 0, 0, 1] / 5
+    array([0.5       , 0.5       , 0.88888889, 1.        ])
+    """
+
+    view_from_world: np.ndarray
+    clip_from_view: np.ndarray
+    near: float
+    far: float
+    parallel: bool
+
+    @property
+    def eye(self) -> np.ndarray:
+        """Position, (3,), world units."""
+        return -self.view_from_world[:3, :3].T @ self.view_from_world[:3, 3]
+
+    def camera(self) -> tuple:
+        """Return position, a point looked at, and the upward direction, world units."""
+        axes = self.view_from_world[:3, :3]
+        return self.eye, self.eye - axes[2] * self.far, axes[1]
+
+    def texture_from_world(self) -> np.ndarray:
+        """Return the matrix that takes world space to texture space times w, (4, 4)."""
+        return TEXTURE_FROM_CLIP @ self.clip_from_view @ self.view_from_world
+
+    def key(self) -> bytes:
+        """Return what two equal views have in common."""
+        return self.view_from_world.tobytes() + self.clip_from_view.tobytes()
+
+
+def look_along(eye, direction, up=None) -> np.ndarray:
+    """Return view space from world space.
+
+    Parameters
+    ----------
+    eye : array_like, shape (3,)
+        World units.
+    direction : array_like, shape (3,)
+        Looked along; of any length but 0.
+    up : array_like, shape (3,), optional
+        Upward; by default any.
+
+    Returns
+    -------
+    numpy.ndarray, shape (4, 4)
+        float64.
+
+    Examples
+    --------
+    >>> from pvibr.maths.views import look_along
+    >>> look_along([0, 0, 5], [0, 0, -1], [0, 1, 0])[2].tolist()
+    [0.0, 0.0, 1.0, -5.0]
+    """
+    back = -np.asarray(direction, float) / np.linalg.norm(direction)
+    if up is None:
+        axes = octahedral.frame(back)
+    else:
+        right = np.cross(up, back)
+        right /= np.linalg.norm(right)
+        axes = np.stack([right, np.cross(back, right), back])
+    view = np.eye(4)
+    view[:3, :3] = axes
+    view[:3, 3] = -axes @ np.asarray(eye, float)
+    return view
+
+
+def perspective(eye, direction, tangent, near, far, up=None) -> View:
+    """Return a square perspective view.
+
+    Parameters
+    ----------
+    eye, direction : array_like, shape (3,)
+        World units.
+    tangent : float
+        Of half the angle of view.
+    near, far : float
+        World units, 0 < near < far.
+    up : array_like, shape (3,), optional
+        Upward.
+
+    Returns
+    -------
+    View
+        float64.
+    """
+    clip = np.zeros((4, 4))
+    clip[0, 0] = clip[1, 1] = 1 / tangent
+    clip[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
+    clip[3, 2] = -1
+    return View(look_along(eye, direction, up), clip, float(near), float(far), False)
+
+
+def around(eye, near, far, tangent=1.0) -> list[View]:
+    """Return the six views all around a point, in the order +x, -x, +y, -y, +z, -z.
+
+    Parameters
+    ----------
+    eye : array_like, shape (3,)
+        World units.
+    near, far : float
+        World units.
+    tangent : float
+        Of half the angle of view; a little over 1 makes neighbours overlap.
+
+    Returns
+    -------
+    list of View
+        Six.
+    """
+    return [perspective(eye, d, tangent, near, far, up) for d, up in _FACES]
+
+
+def orthographic(axes, low, high) -> View:
+    """Return a parallel view of a box.
+
+    Parameters
+    ----------
+    axes : array_like, shape (3, 3)
+        Rows right, up and back in world space, orthonormal.
+    low, high : array_like, shape (3,)
+        Corners of the box along these axes, world units.
+
+    Returns
+    -------
+    View
+        float64; the eye in the middle of the face that looks at the box.
+    """
+    low, high, axes = (np.asarray(a, float) for a in (low, high, axes))
+    middle, half = (low + high) / 2, (high - low) / 2
+    depth = 2 * half[2]
+    eye = np.array([middle[0], middle[1], high[2] + depth])
+    view = np.eye(4)
+    view[:3, :3] = axes
+    view[:3, 3] = -eye
+    clip = np.diag([1 / half[0], 1 / half[1], -2 / depth, 1.0])
+    clip[2, 3] = -3.0  # near is depth, far is twice that: -(far + near) / (far - near)
+    return View(view, clip, depth, 2 * depth, True)
+
+
+def corners(bounds) -> np.ndarray:
+    """Return the corners of boxes.
+
+    Parameters
+    ----------
+    bounds : array_like, shape (n, 6)
+        x, y and z, low and high each.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 8, 3)
+        float64.
+
+    Examples
+    --------
+    >>> from pvibr.maths.views import corners
+    >>> corners([[0, 1, 0, 1, 0, 1]]).shape
+    (1, 8, 3)
+    """
+    b = np.asarray(bounds, float).reshape(-1, 3, 2)
+    pick = np.array([[(i >> k) & 1 for k in range(3)] for i in range(8)])
+    return np.stack([b[:, k, pick[:, k]] for k in range(3)], axis=-1)
+
+
+def box_distance(point, bounds) -> float:
+    """Return the distance of a point to the nearest of some boxes, 0 inside.
+
+    Parameters
+    ----------
+    point : array_like, shape (3,)
+        World units.
+    bounds : array_like, shape (n, 6)
+        x, y and z, low and high each.
+
+    Returns
+    -------
+    float
+        World units.
+
+    Examples
+    --------
+    >>> from pvibr.maths.views import box_distance
+    >>> box_distance([3, 0, 0], [[-1, 1, -1, 1, -1, 1]])
+    2.0
+    """
+    b, p = np.asarray(bounds, float).reshape(-1, 3, 2), np.asarray(point, float)
+    outside = np.maximum(np.maximum(b[..., 0] - p, p - b[..., 1]), 0)
+    return float(np.linalg.norm(outside, axis=1).min())
+
+
+def may_see(view, bounds) -> np.ndarray:
+    """Tell which boxes reach into a view, or may do so.
+
+    Parameters
+    ----------
+    view : View
+        Where from.
+    bounds : array_like, shape (n, 6)
+        x, y and z, low and high each, world units.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,), bool
+        False where all corners are outside of one and the same plane, the near one left out.
+
+    Examples
+    --------
+    >>> from pvibr.maths.views import may_see, perspective
+    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
+    >>> may_see(view, [[-1, 1, -1, 1, -1, 1], [90, 91, 0, 1, 0, 1]]).tolist()
+    [True, False]
+    """
+    points = corners(bounds)
+    clip = view.clip_from_view @ view.view_from_world
+    x, y, z, w = np.moveaxis(points @ clip[:, :3].T + clip[:, 3], -1, 0)
+    outside = [(side > w).all(-1) for side in (x, -x, y, -y, z)]
+    return ~np.any(outside, axis=0)
