@@ -1,0 +1,424 @@
+"""The CPU half of shadow volumes: the edges that a light sees as outline, and what they extrude.
+
+Every triangle shadows a prism of its own that reaches from it to infinity, away from the light.
+Turned toward the light, the prisms add up to the shadow: what lies within k of them is hidden
+by k triangles. Where prisms meet, their sides cancel, and what stays of an edge is an integer, its
+multiplicity: 0 inside a sheet, 1 at its border, 2 at the outline of a closed body, and whatever
+is right where three or more sheets meet. This is Bergeron, "A General Version of Crow's Shadow
+Volumes", IEEE CG&A 6(9), 1986, for meshes of any shape as Kim et al., "Shadow Volumes for
+Non-Manifold Meshes", 2008, count it. A closed body lit from outside needs the triangles that face
+the light only: the same shadow from half the sides, and each but once.
+
+Whatever the sign of a triangle that is seen edge-on, the sides and caps close: an error of the
+sign moves no shadow by more than the rounding of float64. Lights are homogeneous: (x, y, z, 1)
+is a place, (x, y, z, 0) a direction toward the light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """A mesh prepared for the outlines of any light; made by `edge_table`.
+
+    Attributes
+    ----------
+    origin : numpy.ndarray, shape (3,), float64
+        Middle of the mesh's box, in world units; points are stored relative to it.
+    half_box : numpy.ndarray, shape (3,), float64
+        From there to the sides of the box.
+    points : numpy.ndarray, shape (n, 3), float64
+        The distinct points that triangles use, relative to `origin`.
+    triangles : numpy.ndarray, shape (m, 3), int
+        Triangles of three distinct points, in their given order and winding.
+    sources : numpy.ndarray, shape (m,), int
+        Which given triangle each is.
+    planes : numpy.ndarray, shape (m, 4), float64
+        Their planes, positive on the side that sees them counterclockwise; in units of `unit`.
+    unit : float
+        A power of two near the half size of the mesh, in world units.
+    groups : tuple of (numpy.ndarray, shape (e, 2), numpy.ndarray, shape (k, e)), int
+        For each number k of triangles at an edge: the ends of these edges, and their triangles;
+        m is added to a triangle that runs from the second end to the first.
+    """
+
+    origin: np.ndarray
+    half_box: np.ndarray
+    points: np.ndarray
+    triangles: np.ndarray
+    sources: np.ndarray
+    planes: np.ndarray
+    unit: float
+    groups: tuple[tuple[np.ndarray, np.ndarray], ...]
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether this is one or more closed bodies, each wound outward."""
+        if not self.groups:
+            return False
+        m = len(self.triangles)
+        if any(len(halves) != 2 for _, halves in self.groups):
+            return False
+        ((_, halves),) = self.groups
+        if ((halves < m).sum(axis=0) != 1).any():
+            return False
+        neighbours = halves % m
+        links = coo_array((np.ones(neighbours.shape[1], bool), tuple(neighbours)), shape=(m, m))
+        corners = self.points[self.triangles] / self.unit
+        volumes = np.einsum('ij,ij->i', corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+        return bool((np.bincount(connected_components(links)[1], volumes) > 0).all())
+
+
+def edge_table(points, triangles):
+    """Prepare a mesh: weld it, find its planes and what meets at each edge.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        Points in world units. Points of equal coordinates become one.
+    triangles : array_like, shape (m, 3), int
+        Indices of the corners, in any winding. Triangles with a corner twice are left out.
+
+    Returns
+    -------
+    Edges
+        The table; it serves every light.
+
+    Raises
+    ------
+    ValueError
+        If the shapes are others, an index is out of range, or a corner is not finite.
+
+    Examples
+    --------
+    >>> from pvibr.maths.silhouettes import edge_table
+    >>> square = edge_table([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> [len(ends) for ends, _ in square.groups]
+    [4, 1]
+    >>> square.closed
+    False
+    """
+    points, triangles = _checked(points, triangles)
+    points, triangles = _welded(points, triangles)
+    a, b, c = triangles.T
+    sources = np.flatnonzero((a != b) & (b != c) & (c != a))
+    triangles = triangles[sources]
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else np.zeros((2, 3))
+    origin = low + 0.5 * (high - low)
+    points = points - origin
+    half_box = np.abs(points).max(axis=0, initial=0.0)
+    # A power of two rounds nothing, and squares of very small or large meshes stay in range.
+    unit = float(2.0 ** np.frexp(half_box.max() or 1.0)[1])
+    planes = _planes(points / unit, triangles)
+    groups = _groups(triangles, len(points))
+    return Edges(origin, half_box, points, triangles, sources, planes, unit, groups)
+
+
+def facing(edges, light):
+    """Tell which triangles turn their counterclockwise side to a light.
+
+    Parameters
+    ----------
+    edges : Edges
+        The table of the mesh.
+    light : array_like, shape (4,)
+        Place (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
+
+    Returns
+    -------
+    numpy.ndarray, shape (m,), bool
+        False for what is seen edge-on.
+
+    Raises
+    ------
+    ValueError
+        If the light is not finite, has a negative last number or is zero.
+
+    Examples
+    --------
+    >>> from pvibr.maths.silhouettes import edge_table, facing
+    >>> sheet = edge_table([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> [facing(sheet, (0, 0, z, 0)).item() for z in (1, -1)]
+    [True, False]
+    """
+    return _facing(edges, _relative(edges, light))
+
+
+def weights(edges, light):
+    """Return how often the prism of each triangle counts, and which way it is turned.
+
+    Parameters
+    ----------
+    edges : Edges
+        The table of the mesh.
+    light : array_like, shape (4,)
+        Place (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
+
+    Returns
+    -------
+    numpy.ndarray, shape (m,), int8
+        1 as it is wound, -1 turned over, 0 left out: the backs of closed bodies lit from outside,
+        and what has the light for a corner.
+
+    Raises
+    ------
+    ValueError
+        If the light is not finite, has a negative last number or is zero.
+
+    Examples
+    --------
+    >>> from pvibr.maths.silhouettes import edge_table, weights
+    >>> sheet = edge_table([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> [weights(sheet, (0, 0, z, 0)).item() for z in (1, -1)]
+    [1, -1]
+    """
+    light = _relative(edges, light)
+    front = _facing(edges, light).view(np.int8)
+    outside = (np.abs(light[:3]) > light[3] * edges.half_box).any()
+    if outside:
+        return front if edges.closed else 2 * front - 1
+    turns = 2 * front - 1
+    # What a light touches with a corner hides nothing, and the corner has no way to infinity.
+    touching = (light[3] * edges.points == light[:3]).all(axis=1)
+    if touching.any():
+        turns[touching[edges.triangles].any(axis=1)] = 0
+    return turns
+
+
+def silhouettes(edges, light):
+    """Find the edges that bound the shadow.
+
+    Parameters
+    ----------
+    edges : Edges
+        The table of the mesh.
+    light : array_like, shape (4,)
+        Place (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
+
+    Returns
+    -------
+    ends : numpy.ndarray, shape (k, 2), int
+        Indices into the table's points. The side (first, second, second at infinity, first at
+        infinity) is counterclockwise seen from outside the shadow.
+    multiplicities : numpy.ndarray, shape (k,), int
+        How often each side counts; positive.
+
+    Raises
+    ------
+    ValueError
+        If the light is not finite, has a negative last number or is zero.
+
+    Examples
+    --------
+    >>> from pvibr.maths.silhouettes import edge_table, silhouettes
+    >>> square = edge_table([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> ends, multiplicities = silhouettes(square, (0, 0, 1, 0))
+    >>> len(ends), multiplicities.tolist()
+    (4, [1, 1, 1, 1])
+    """
+    return _silhouettes(edges, weights(edges, light))
+
+
+def volume_triangles(edges, light, caps=True):
+    """Return the surface of the shadow as indices alone, for points that stay on the GPU.
+
+    Parameters
+    ----------
+    edges : Edges
+        The table of the mesh, with n points.
+    light : array_like, shape (4,)
+        Place (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
+    caps : bool
+        Close the volume: at the mesh, and at infinity (a direction needs nothing there).
+
+    Returns
+    -------
+    numpy.ndarray, shape (q, 3), int
+        Triangles, counterclockwise seen from outside. Index i < n is point i; n + i is point i
+        moved to infinity, away from the light, and n alone for a direction. A side of
+        multiplicity k is there k times.
+
+    Raises
+    ------
+    ValueError
+        If the light is not finite, has a negative last number or is zero.
+
+    Examples
+    --------
+    >>> from pvibr.maths.silhouettes import edge_table, volume_triangles
+    >>> sheet = edge_table([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> volume_triangles(sheet, (0, 0, 1, 0)).tolist()
+    [[1, 0, 3], [0, 2, 3], [2, 1, 3], [0, 1, 2]]
+    """
+    prisms = weights(edges, light)
+    ends, multiplicities = _silhouettes(edges, prisms)
+    first, second = np.repeat(ends, multiplicities, axis=0).T
+    n, positional = len(edges.points), light[3] > 0
+    if positional:
+        sides = [[first, second, n + second], [first, n + second, n + first]]
+    else:
+        sides = [[first, second, np.full_like(first, n)]]
+    parts = [np.transpose(side) for side in sides]
+    if caps:
+        near = edges.triangles[prisms > 0], edges.triangles[prisms < 0, ::-1]
+        parts += [*near, *(n + cap[:, ::-1] for cap in near if positional)]
+    return np.concatenate(parts)
+
+
+def volume(edges, light, caps=True):
+    """Return the surface of the shadow.
+
+    A point is in shadow if the surface is crossed more often inward than outward on the way from
+    a point that is lit.
+
+    Parameters
+    ----------
+    edges : Edges
+        The table of the mesh.
+    light : array_like, shape (4,)
+        Place (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
+    caps : bool
+        Close the volume: at the mesh, and at infinity (a direction needs nothing there).
+
+    Returns
+    -------
+    vertices : numpy.ndarray, shape (v, 4), float64
+        Homogeneous points, relative to `Edges.origin` in world units; the last number is 1, or 0
+        at infinity, where the others are a unit vector.
+    triangles : numpy.ndarray, shape (q, 3), int
+        Corners, counterclockwise seen from outside. A side of multiplicity k is there k times.
+
+    Raises
+    ------
+    ValueError
+        If the light is not finite, has a negative last number or is zero.
+
+    Examples
+    --------
+    >>> from pvibr.maths.silhouettes import edge_table, volume
+    >>> sheet = edge_table([[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[0, 1, 2]])
+    >>> vertices, triangles = volume(sheet, (0, 0, 1, 0), caps=False)
+    >>> vertices.tolist()[2:]
+    [[-1.0, 1.0, 0.0, 1.0], [-0.0, -0.0, -1.0, 0.0]]
+    >>> triangles.shape
+    (3, 3)
+    """
+    triangles = volume_triangles(edges, light, caps)
+    n, relative = len(edges.points), _relative(edges, light)
+    used = np.zeros(2 * n + 1, bool)
+    used[triangles] = True
+    near, far = np.flatnonzero(used[:n]), np.flatnonzero(used[n:])
+    # For a direction the only far vertex is no point: its weight is zero.
+    away = relative[3] * edges.points[far % max(n, 1)] - relative[:3]
+    away /= np.abs(away).max(axis=1, keepdims=True)  # squares stay in range
+    length = np.linalg.norm(away, axis=1, keepdims=True)
+    vertices = np.zeros((len(near) + len(far), 4))
+    vertices[: len(near), :3] = edges.points[near]
+    vertices[: len(near), 3] = 1
+    vertices[len(near) :, :3] = away / length
+    return vertices, (np.cumsum(used) - 1)[triangles]
+
+
+def _checked(points, triangles):
+    points, triangles = np.asarray(points, np.float64), np.asarray(triangles)
+    for name, array in (('points', points), ('triangles', triangles)):
+        if array.ndim != 2 or array.shape[1] != 3:
+            msg = f'{name} has the shape {array.shape}; it must be (n, 3).'
+            raise ValueError(msg)
+    triangles = triangles.astype(np.intp, copy=False)
+    if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
+        msg = (
+            f'triangles has indices from {triangles.min()} to {triangles.max()}; '
+            f'they must be from 0 to {len(points) - 1}.'
+        )
+        raise ValueError(msg)
+    return points, triangles
+
+
+def _welded(points, triangles):
+    # Points that no triangle uses would move the origin.
+    used = np.zeros(len(points), bool)
+    used[triangles] = True
+    kept = np.flatnonzero(used)
+    bad = kept[~np.isfinite(points[kept]).all(axis=1)]
+    if bad.size:
+        msg = f'points[{bad[0]}] is {points[bad[0]].tolist()}; it must be finite.'
+        raise ValueError(msg)
+    points = points[kept] + 0.0  # no negative zero
+    order = np.lexsort(points.T)
+    new = np.ones(len(points), bool)
+    new[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
+    # The first of equal points stands for all, and the order stays: neighbours stay near.
+    first = np.minimum.reduceat(order, np.flatnonzero(new)) if len(points) else order
+    stands = np.empty(len(points), np.intp)
+    stands[order] = first[np.cumsum(new) - 1]
+    alone = stands == np.arange(len(points))
+    index = np.empty(len(used), np.intp)
+    index[kept] = (np.cumsum(alone) - 1)[stands]
+    return points[alone], index[triangles]
+
+
+def _planes(points, triangles):
+    a, b, c = (points[corner] for corner in triangles.T)
+    normals = np.cross(b - a, c - a)
+    return np.column_stack([normals, -np.einsum('ij,ij->i', normals, a)])
+
+
+def _groups(triangles, n):
+    m = len(triangles)
+    start, end = triangles.T.ravel(), np.roll(triangles, -1, axis=1).T.ravel()
+    low, backward = np.minimum(start, end), start > end
+    keys = low * n + np.where(backward, start, end)
+    order = np.argsort(keys, kind='stable')
+    keys = keys[order]
+    firsts = np.flatnonzero(np.diff(keys, prepend=-1))
+    counts = np.diff(firsts, append=len(keys))
+    groups = []
+    for k in np.unique(counts):
+        chosen = firsts[counts == k]
+        halves = order[chosen + np.arange(k)[:, None]]
+        by_triangle = np.argsort(halves[0] % m)  # gathers are faster in order
+        halves = halves[:, by_triangle]
+        ends = np.stack([low[halves[0]], keys[chosen[by_triangle]] % n], axis=1)
+        groups.append((ends, halves % m + m * backward[halves]))
+    return tuple(groups)
+
+
+def _relative(edges, light):
+    light = np.asarray(light, np.float64)
+    good = light.shape == (4,) and np.isfinite(light).all() and light[3] >= 0 and light.any()
+    if not good:
+        msg = (
+            f'light is {light.tolist()}; it must be a finite (x, y, z, 1) for a place or '
+            '(x, y, z, 0) for a direction that is not zero.'
+        )
+        raise ValueError(msg)
+    return np.append(light[:3] - light[3] * edges.origin, light[3])
+
+
+def _facing(edges, relative):
+    return edges.planes @ (relative * [1, 1, 1, edges.unit]) > 0
+
+
+def _silhouettes(edges, prisms):
+    # Turned over, a triangle runs along its edges the other way: look up m + i for that.
+    table = np.concatenate([prisms, -prisms])
+    ends, multiplicities = [np.zeros((0, 2), np.intp)], [np.zeros(0, np.intp)]
+    for pairs, halves in edges.groups:
+        total = table.take(halves[0]).astype(np.int8 if len(halves) < 128 else np.intp, copy=False)
+        for half in halves[1:]:
+            total += table.take(half)
+        found = np.flatnonzero(total != 0)
+        total = total[found].astype(np.intp)
+        pairs = pairs[found]
+        # A prism's side runs along its edge against its triangle.
+        ends.append(np.where(total[:, None] > 0, pairs[:, ::-1], pairs))
+        multiplicities.append(np.abs(total))
+    return np.concatenate(ends), np.concatenate(multiplicities)
