@@ -32,6 +32,7 @@ _EXTRAS = {
     'docs': 'sphinx_gallery',
     'jupyter': 'trame',
     'movie': 'imageio_ffmpeg',
+    'sun': 'ephem',
     'test': 'pytest',
 }
 
