@@ -1,0 +1,316 @@
+"""Several pictures on one surface: looked up, weighted, blended, and made equally bright.
+
+Arrays over views start with the view: v views, n points, c channels.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Gains are thought to be within this of 1, as a natural logarithm, before any overlap is seen.
+PRIOR = 0.5
+#: Overlaps are never trusted beyond this: their samples are neighbours, not independent.
+_TRUST = 1e-3
+_CLIPPED = 0.02  # share of the range at either end where a camera's response is not to be trusted
+
+
+def sample(image, uv, filter='linear'):
+    """Return the colours of a picture at places.
+
+    Parameters
+    ----------
+    image : array_like, shape (h, w, c) or (h, w)
+        Row 0 at the top, as picture files are read; any type of number.
+    uv : array_like, shape (n, 2)
+        v = 0 at the bottom edge, v = 1 at the top edge of the picture.
+    filter : {'linear', 'nearest'}
+        Between pixel centres. Within half a pixel of the edge the outermost pixel's colour holds.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, c), float64
+        In the picture's own units; NaN outside [0, 1].
+
+    Raises
+    ------
+    ValueError
+        If the picture is empty or no picture, or the filter is unknown.
+
+    Examples
+    --------
+    >>> from pvibr.maths.draping import sample
+    >>> picture = [[0, 10], [20, 30]]
+    >>> sample(picture, [[0.25, 0.75], [0.5, 0.5], [1.0, 0.0], [1.1, 0.0]]).ravel().tolist()
+    [0.0, 15.0, 30.0, nan]
+    """
+    image = np.asarray(image)
+    image = image[..., None] if image.ndim == 2 else image
+    if image.ndim != 3 or not image.size:
+        msg = f'image has the shape {image.shape}; it must be (h, w) or (h, w, c), not empty.'
+        raise ValueError(msg)
+    if filter not in ('linear', 'nearest'):
+        msg = f"filter is {filter!r}; it must be 'linear' or 'nearest'."
+        raise ValueError(msg)
+    uv = np.asarray(uv, dtype=np.float64)
+    inside = ((uv >= 0) & (uv <= 1)).all(axis=1)
+    high, wide = image.shape[:2]
+    place = np.column_stack([uv[inside, 0] * wide, (1 - uv[inside, 1]) * high]) - 0.5
+    colors = np.full((len(uv), image.shape[2]), np.nan)
+    if filter == 'nearest':
+        column, row = _columns_and_rows(np.floor(place + 0.5), wide, high)
+        colors[inside] = image[row, column]
+        return colors
+    base = np.floor(place)
+    across, down = (place - base).T[..., None]
+    left, top = _columns_and_rows(base, wide, high)
+    right, bottom = _columns_and_rows(base + 1, wide, high)
+    above = (1 - across) * image[top, left] + across * image[top, right]
+    below = (1 - across) * image[bottom, left] + across * image[bottom, right]
+    colors[inside] = (1 - down) * above + down * below
+    return colors
+
+
+def border(uv, width):
+    """Return weights that fall smoothly to zero at a picture's edges.
+
+    Parameters
+    ----------
+    uv : array_like, shape (..., 2)
+        Places in the picture.
+    width : float
+        Of the band along each edge, as a share of the picture, 0 to 0.5; 0 for a sharp edge.
+
+    Returns
+    -------
+    numpy.ndarray, shape (...), float64
+        1 further in than the band, 0 outside the picture and at NaN.
+
+    Raises
+    ------
+    ValueError
+        If the width is not in [0, 0.5].
+
+    Examples
+    --------
+    >>> from pvibr.maths.draping import border
+    >>> border([[0.5, 0.5], [0.05, 0.5], [0.0, 0.5], [1.5, 0.5]], 0.1).tolist()
+    [1.0, 0.5, 0.0, 0.0]
+    """
+    if not 0 <= width <= 0.5:
+        msg = f'width is {width}; it must be between 0 and 0.5 of the picture.'
+        raise ValueError(msg)
+    uv = np.asarray(uv, dtype=np.float64)
+    inward = np.minimum(uv, 1 - uv).min(axis=-1)
+    if not width:
+        return (inward >= 0).astype(np.float64)
+    s = np.clip(np.nan_to_num(inward) / width, 0.0, 1.0)
+    return s * s * (3 - 2 * s)
+
+
+def weights(cosines, texels=None, borders=None, masks=None, method='feather', power=1.0):
+    """Return how much each view counts at each point.
+
+    Parameters
+    ----------
+    cosines : array_like, shape (v, n)
+        Of the angle between the surface's normal and the direction to the camera; not positive
+        where the surface faces away.
+    texels : array_like, shape (v, n), optional
+        Width of a pixel there; a view counts by the inverse of its square (pixels per area).
+    borders : array_like, shape (v, n), optional
+        See :func:`border`.
+    masks : array_like, shape (v, n), optional
+        0 (or False) where a view must not be used, up to 1: hidden, masked by hand.
+    method : {'feather', 'best'}
+        All views in proportion, or only the one that counts most (the first of equals).
+    power : float
+        Of the cosine: the higher, the more the views from straight ahead count.
+
+    Returns
+    -------
+    numpy.ndarray, shape (v, n), float64
+        Not negative; the sum over the views is 1, or 0 where no view shows the point. What is NaN
+        in any input counts as 0.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ, or method or power are not as above.
+
+    Examples
+    --------
+    >>> from pvibr.maths.draping import weights
+    >>> weights([[1.0, -1.0], [1.0, -1.0]], texels=[[1.0, 1.0], [2.0, 2.0]]).tolist()
+    [[0.8, 0.0], [0.2, 0.0]]
+    """
+    if method not in ('feather', 'best'):
+        msg = f"method is {method!r}; it must be 'feather' or 'best'."
+        raise ValueError(msg)
+    if not 0 <= power < np.inf:
+        msg = f'power is {power}; it must be 0 or more and finite.'
+        raise ValueError(msg)
+    cosines = np.asarray(cosines, dtype=np.float64)
+    if cosines.ndim != 2:
+        msg = f'cosines have the shape {cosines.shape}; it must be (views, points).'
+        raise ValueError(msg)
+    score = np.where(cosines > 0, np.maximum(cosines, 0.0) ** power, 0.0)
+    for name, factor in ('borders', borders), ('masks', masks):
+        if factor is not None:
+            score *= np.clip(np.nan_to_num(_like(cosines, name, factor)), 0.0, 1.0)
+    if texels is not None:
+        texels = _like(cosines, 'texels', texels)
+        usable = (texels > 0) & (texels < np.inf) & (score > 0)
+        # Relative to the finest, so that no unit of length leaves the range of numbers.
+        finest = np.where(usable, texels, np.inf).min(axis=0, initial=np.inf)
+        ratio = np.divide(finest, texels, out=np.zeros_like(score), where=usable)
+        score *= ratio * ratio
+    if method == 'best':
+        first = np.arange(len(score))[:, None] == score.argmax(axis=0) if len(score) else score
+        score = np.where(first & (score > 0), 1.0, 0.0) if len(score) else score
+    total = score.sum(axis=0)
+    return np.divide(score, total, out=np.zeros_like(score), where=total > 0)
+
+
+def blend(colors, weights):
+    """Return the weighted mean colour of each point.
+
+    Parameters
+    ----------
+    colors : array_like, shape (v, n, c)
+        What each view shows at each point; NaN where it shows nothing.
+    weights : array_like, shape (v, n)
+        Not negative; need not sum to 1.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, c), float64
+        NaN where no view has both a colour and a weight.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit or a weight is negative.
+
+    Examples
+    --------
+    >>> from pvibr.maths.draping import blend
+    >>> nothing = float('nan')
+    >>> blend([[[10.0], [20.0]], [[40.0], [nothing]]], [[2.0, 1.0], [1.0, 1.0]]).tolist()
+    [[20.0], [20.0]]
+    """
+    colors, weights = _views(colors, weights)
+    mixed = np.einsum('vn,vnc->nc', weights, np.where(weights[..., None] > 0, colors, 0.0))
+    total = weights.sum(axis=0)[:, None]
+    return np.divide(mixed, total, out=np.full_like(mixed, np.nan), where=total > 0)
+
+
+def exposure_gains(colors, weights=None, limits=(0.0, 255.0), common=False):
+    """Return factors that make views of the same points equally bright.
+
+    Parameters
+    ----------
+    colors : array_like, shape (v, n, c)
+        What each view shows at each point; NaN where it shows nothing.
+    weights : array_like, shape (v, n), optional
+        Samples whose weight is 0 are left out.
+    limits : tuple of 2 float
+        The darkest and the brightest value a picture can have. What is within 2 % of either may
+        be clipped and is left out.
+    common : bool
+        One factor for all channels of a view, which keeps its hue.
+
+    Returns
+    -------
+    numpy.ndarray, shape (v, c) or (v,), float64
+        Above 0, to multiply the colours of each view by. Their geometric mean is 1 within each
+        group of views that overlap; a view that overlaps no other has 1.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, a weight is negative, or the limits are not in order.
+
+    Notes
+    -----
+    For each two views the median of the logarithms' differences, which a few wrong samples do not
+    move, is one observation of the difference of their gains, as certain as the spread of the
+    samples says. All gains together solve the least squares of these observations and of a prior
+    that keeps them near 1, as in Brown and Lowe, "Automatic Panoramic Image Stitching using
+    Invariant Features", International Journal of Computer Vision 74(1), 2007, section 6; in
+    logarithms, since a gain of 2 is as far from 1 as one of 1/2, and black is no solution.
+
+    Colours that were encoded with a power (as sRGB nearly is) stay so: a change of exposure is a
+    factor there too.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.draping import exposure_gains
+    >>> scene = np.linspace(20.0, 100.0, 500)[:, None]
+    >>> exposure_gains([scene, 2.25 * scene]).ravel().round(2).tolist()
+    [1.5, 0.67]
+    """
+    low, high = limits
+    if not low < high:
+        msg = f'limits are {limits}; the first must be below the second.'
+        raise ValueError(msg)
+    colors, weights = _views(colors, weights)
+    edge = _CLIPPED * (high - low)
+    usable = (colors > max(low + edge, 0.0)) & (colors < high - edge) & (weights[..., None] > 0)
+    logs = np.log(np.where(usable, colors, 1.0))
+    channels = [slice(None)] if common else [slice(c, c + 1) for c in range(colors.shape[2])]
+    gains = [_log_gains(logs[..., c], usable[..., c]) for c in channels]
+    gains = np.exp(np.array(gains).reshape(len(channels), len(colors)).T)
+    return gains[:, 0] if common else gains
+
+
+def _log_gains(logs, usable):
+    count = len(logs)
+    normal = np.eye(count) / PRIOR**2
+    right = np.zeros(count)
+    for i in range(count):
+        for j in range(i + 1, count):
+            both = usable[i] & usable[j]
+            if not both.any():
+                continue
+            difference = logs[j][both] - logs[i][both]
+            middle, certainty = _median(difference)
+            normal[[i, j], [i, j]] += certainty
+            normal[[i, j], [j, i]] -= certainty
+            right[[i, j]] += certainty * middle, -certainty * middle
+    return np.linalg.solve(normal, right)
+
+
+def _median(values):
+    """Return the median and the inverse of its variance."""
+    middle = np.median(values)
+    # 1.48 makes a standard deviation of the median distance, 1.25 that of a median from a mean's.
+    spread = 1.48 * np.median(np.abs(values - middle)) if len(values) > 2 else PRIOR
+    return middle, 1 / ((1.25 * spread) ** 2 / len(values) + _TRUST**2)
+
+
+def _views(colors, weights):
+    """Return both as float64; the weight is 0 where a colour is not finite."""
+    colors = np.asarray(colors, dtype=np.float64)
+    if colors.ndim != 3:
+        msg = f'colors have the shape {colors.shape}; it must be (views, points, channels).'
+        raise ValueError(msg)
+    shown = np.isfinite(colors).all(axis=2)
+    weights = shown if weights is None else _like(shown, 'weights', weights)
+    if (weights < 0).any():
+        msg = f'weights have a minimum of {np.nanmin(weights)}; none may be negative.'
+        raise ValueError(msg)
+    return colors, np.where(shown & (weights > 0), weights, 0.0)
+
+
+def _like(shape_of, name, values):
+    values = np.asarray(values, dtype=np.float64)
+    if values.shape != shape_of.shape:
+        msg = f'{name} have the shape {values.shape}; it must be {shape_of.shape}: views, points.'
+        raise ValueError(msg)
+    return values
+
+
+def _columns_and_rows(place, wide, high):
+    column, row = np.clip(place, 0, (wide - 1, high - 1)).astype(int).T
+    return column, row
