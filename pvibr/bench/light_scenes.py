@@ -1,0 +1,309 @@
+"""Scenes for shadows: white and matt, so that light can be read off the pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+import pvibr
+from pvibr.bench import single
+from pvibr.offscreen import Stage
+from pvibr.scenes.trees import tree
+
+#: Width and height in pixels: square, wide, tall.
+WINDOWS = ((720, 720), (1280, 720), (400, 1200))
+#: Along the shorter side of a window, degrees.
+VIEW_ANGLE = 30.0
+#: Where a scene is moved to, in its sizes.
+AWAY = np.array([1.0, -0.7, 0.3])
+
+
+@dataclass(frozen=True, eq=False)
+class LightScene:
+    """Meshes, lights and a camera.
+
+    Parameters
+    ----------
+    name : str
+        As in tables.
+    meshes : list of pyvista.PolyData
+        Triangles without data, world coordinates, z up; the floor first where there is one.
+    lights : dict of str to pyvista.Light
+        'directional', 'spot' and 'point'; one is shown at a time.
+    camera : tuple
+        Eye, focus and up.
+    """
+
+    name: str
+    meshes: list
+    lights: dict
+    camera: tuple
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Of all meshes, (6,)."""
+        low = np.min([np.array(mesh.bounds)[::2] for mesh in self.meshes], axis=0)
+        high = np.max([np.array(mesh.bounds)[1::2] for mesh in self.meshes], axis=0)
+        return np.stack([low, high], 1).ravel()
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the bounds."""
+        return float(np.linalg.norm(self.bounds[1::2] - self.bounds[::2]))
+
+    def stage(self, light, window, *, smooth=False) -> Stage:
+        """Return a window that shows it by one light, in white before black.
+
+        Parameters
+        ----------
+        light : str
+            Which of `lights`.
+        window : tuple of 2 int
+            Width and height, pixels.
+        smooth : bool, optional
+            Interpolated normals instead of those of the triangles.
+
+        Returns
+        -------
+        pvibr.offscreen.Stage
+            With the camera in place; to be closed.
+        """
+        stage = Stage(window, view_angle=view_angle(window), background='black')
+        stage.plotter.remove_all_lights()
+        stage.plotter.add_light(self.lights[light].copy())
+        for mesh in self.meshes:
+            stage.plotter.add_mesh(
+                mesh, color='white', ambient=0, diffuse=1, specular=0, smooth_shading=smooth
+            )
+        stage.bounds = tuple(self.bounds)
+        stage.look(self.camera)
+        return stage
+
+
+class VtkShadows:
+    """VTK's own shadow pass, switched as an effect is.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        Its active renderer.
+    """
+
+    def __init__(self, plotter):
+        self._plotter, self._enabled = plotter, False
+
+    @property
+    def enabled(self) -> bool:
+        """Whether frames are drawn with it."""
+        return self._enabled
+
+    @enabled.setter
+    def enabled(self, enabled):
+        if enabled != self._enabled:
+            (self._plotter.enable_shadows if enabled else self._plotter.disable_shadows)()
+        self._enabled = enabled
+
+
+def measured_lit(stage, effect, least=0.02):
+    """Return the share of light that is drawn: with an effect over without it.
+
+    Parameters
+    ----------
+    stage : pvibr.offscreen.Stage
+        Of a :class:`LightScene`.
+    effect : object
+        With an attribute `enabled`: pvibr's effects, :class:`VtkShadows`.
+    least : float, optional
+        Light without shadows that is enough to tell; colours have 255 steps.
+
+    Returns
+    -------
+    numpy.ndarray, shape (h, w)
+        NaN where there is too little light to tell.
+    """
+    effect.enabled = False
+    plain = stage.picture().mean(-1)
+    effect.enabled = True
+    shadowed = stage.picture().mean(-1)
+    enough = plain >= least
+    return np.where(enough, shadowed / np.where(enough, plain, 1), np.nan)
+
+
+def view_angle(window) -> float:
+    """Return the vertical view angle that shows the same along the shorter side of any window.
+
+    Parameters
+    ----------
+    window : tuple of 2 int
+        Width and height.
+
+    Returns
+    -------
+    float
+        Degrees.
+
+    Examples
+    --------
+    >>> from pvibr.bench.light_scenes import view_angle
+    >>> view_angle((1280, 720)), view_angle((400, 1200))
+    (30.0, 77.6)
+    """
+    width, height = window
+    tangent = np.tan(np.radians(VIEW_ANGLE / 2)) * max(1.0, height / width)
+    return float(np.degrees(2 * np.arctan(tangent)))
+
+
+def place(scene, offset=0.0, scale=1.0) -> LightScene:
+    """Return a scene made larger and moved as a whole.
+
+    Parameters
+    ----------
+    scene : LightScene
+        Around the origin.
+    offset : float, optional
+        How far, in sizes of what it becomes.
+    scale : float, optional
+        How much larger.
+
+    Returns
+    -------
+    LightScene
+        It looks the same.
+
+    Examples
+    --------
+    >>> from pvibr.bench.light_scenes import SCENES, place
+    >>> far = place(SCENES['spheres'](), offset=1e6, scale=1e-9)
+    >>> f'{far.size:.1e}', f'{far.camera[1][0]:.1e}'
+    ('1.8e-08', '1.4e-02')
+    """
+    shift = AWAY / np.linalg.norm(AWAY) * offset * scene.size * scale
+
+    def moved(points):
+        return np.asarray(points, np.float64) * scale + shift
+
+    meshes = [_bare(moved(mesh.points), mesh.regular_faces) for mesh in scene.meshes]
+    lights = {}
+    for name, light in scene.lights.items():
+        lights[name] = light.copy()
+        lights[name].position = tuple(moved(light.position))
+        lights[name].focal_point = tuple(moved(light.focal_point))
+    eye, focus, up = scene.camera
+    return replace(
+        scene, meshes=meshes, lights=lights, camera=(tuple(moved(eye)), tuple(moved(focus)), up)
+    )
+
+
+# -- the scenes ---------------------------------------------------------------------------------
+
+
+def _spheres():
+    """Return a floor with 50 spheres of 20 000 triangles: half rest on it, half hover."""
+    rng = np.random.default_rng(8)
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(10) - 4.5, (np.arange(5) - 2) * 1.8))
+    meshes = [_floor(12.0)]
+    for k in range(50):
+        radius = rng.uniform(0.25, 0.45)
+        over = 0.0 if k % 2 else rng.uniform(0.1, 1.2)
+        aside = rng.uniform(-0.1, 0.1, 2)
+        ball = pv.Sphere(
+            radius=radius, center=(x[k] + aside[0], y[k] + aside[1], radius + over),
+            theta_resolution=100, phi_resolution=102,
+        )  # fmt: skip
+        meshes.append(_bare(ball.points, ball.regular_faces))
+    return LightScene(
+        'spheres', meshes, _lights((0, 0, 0), 12.0), ((6.0, -17.0, 11.0), (0, 0, 0.3), (0, 0, 1))
+    )
+
+
+def _terrain():
+    """Return a mountain where the project's data are, else made-up hills."""
+    mesh = _mountain()
+    low, high = np.array(mesh.bounds).reshape(3, 2).T
+    mesh.points = (mesh.points - (low + high) / 2) / (high - low)[:2].max() * 12.0
+    lights = _lights((0, 0, 0), 12.0)
+    lights['directional'] = _light((-9.0, 4.0, 3.5), (0, 0, 0))  # low sun: long shadows
+    lights['spot'] = _light((-8.0, -3.0, 4.0), (0, 0, 0.5), cone=30.0)
+    lights['point'] = _light((-3.5, 1.5, 3.0), (0, 0, 0), cone=90.0)
+    return LightScene('terrain', [mesh], lights, ((4.0, -15.0, 10.0), (0, 0, 0), (0, 0, 1)))
+
+
+def _mountain():
+    path = Path(pvibr.__file__).parents[2] / 'shared' / 'data' / 'projection' / 'SainteHelens.dem'
+    if path.is_file():
+        ground = pv.read(path).warp_by_scalar(factor=2.0).extract_surface(algorithm=None)
+        ground = ground.triangulate()
+        return _bare(ground.points, ground.regular_faces)
+    ground = pv.Plane(i_size=12.0, j_size=12.0, i_resolution=400, j_resolution=400).triangulate()
+    points = np.array(ground.points, np.float64)
+    x, y = points[:, 0], points[:, 1]
+    heights = [np.sin(k * x + k) * np.cos(1.3 * k * y) / k for k in (1.0, 2.0, 5.0, 11.0)]
+    points[:, 2] = 0.9 * np.sum(heights, axis=0)
+    return _bare(points, ground.regular_faces)
+
+
+def _standing(name, make):
+    def scene():
+        parts = make()
+        mesh = pv.merge(list(parts)) if isinstance(parts, pv.MultiBlock) else parts
+        mesh = mesh.extract_surface(algorithm=None).triangulate()
+        low, high = np.array(mesh.bounds).reshape(3, 2).T
+        foot = [*(low + high)[:2] / 2, low[2]]
+        points = (np.asarray(mesh.points, float) - foot) / (high - low).max() * 4.0
+        meshes = [_floor(9.0), _bare(points, mesh.regular_faces)]
+        focus = (0.5, 0.3, 0.4 * points[:, 2].max())
+        return LightScene(
+            name, meshes, _lights((0, 0, 0), 10.0), ((4.0, -10.5, 6.0), focus, (0, 0, 1))
+        )
+
+    return scene
+
+
+def _statue():
+    mesh = single.MESHES['statue']()
+    size = np.ptp(np.array(mesh.bounds).reshape(3, 2), axis=1)
+    # The scan lies on its back where the data are; it shall stand.
+    return mesh.rotate_x(90.0) if size[1] > size[2] else mesh
+
+
+def _lights(middle, size):
+    """Return one light of each kind for what stands on a floor."""
+    middle = np.array(middle, float)
+    return {
+        'directional': _light(middle + np.array([-0.5, -0.3, 0.7]) * size, middle),
+        'spot': _light(middle + np.array([-0.45, -0.35, 0.55]) * size, middle, cone=20.0),
+        'point': _light(middle + np.array([-0.08, -0.06, 0.42]) * size, middle, cone=90.0),
+    }
+
+
+def _light(position, focus, cone=None):
+    light = pv.Light(
+        position=tuple(position), focal_point=tuple(focus), color='white', intensity=1.0,
+        light_type='scene light',
+    )  # fmt: skip
+    if cone is not None:
+        light.positional, light.cone_angle = True, cone
+    return light
+
+
+def _floor(size):
+    floor = pv.Plane(i_size=size, j_size=size, i_resolution=1, j_resolution=1).triangulate()
+    return _bare(floor.points, floor.regular_faces)
+
+
+def _bare(points, faces):
+    """Return triangles alone, with points in float64."""
+    return pv.PolyData.from_regular_faces(np.asarray(points, np.float64), np.asarray(faces))
+
+
+#: What makes each scene.
+SCENES = {
+    'spheres': _spheres,
+    'terrain': _terrain,
+    'tree': _standing('tree', lambda: tree('broadleaf')),
+    'airplane': _standing('airplane', single.MESHES['airplane']),
+    'statue': _standing('statue', _statue),
+}
