@@ -186,9 +186,10 @@ def weights(edges, light):
         return front if edges.closed else 2 * front - 1
     turns = 2 * front - 1
     # What a light touches with a corner hides nothing, and the corner has no way to infinity.
-    touching = (light[3] * edges.points == light[:3]).all(axis=1)
-    if touching.any():
-        turns[touching[edges.triangles].any(axis=1)] = 0
+    corners = np.flatnonzero(light[3] * edges.points[:, 0] == light[0])
+    corners = corners[(light[3] * edges.points[corners] == light[:3]).all(axis=1)]
+    if len(corners):
+        turns[np.isin(edges.triangles, corners).any(axis=1)] = 0
     return turns
 
 

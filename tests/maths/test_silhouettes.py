@@ -306,6 +306,14 @@ def test_edge_on_faces_away():
         assert np.isfinite(volume(table, light)[0]).all()
 
 
+def test_a_light_at_a_corner_skips_what_it_touches():
+    table = edge_table(*CUBE)
+    corner = np.append(CUBE[0][0], 1)
+    touched = (CUBE[1] == 0).any(axis=1)
+    np.testing.assert_array_equal(weights(table, corner) == 0, touched)
+    assert np.isfinite(volume(table, corner)[0]).all()
+
+
 def test_no_triangles():
     table = edge_table(np.zeros((0, 3)), np.zeros((0, 3), int))
     assert not table.closed
