@@ -684,7 +684,8 @@ def as_camera(camera, size):
     camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
         A dict has the keys of :class:`Pinhole` (``size`` may be left out); a tuple is
         ``(K, R, t)`` or ``(K, R, t, distortion)``. Of a ``pyvista.Camera`` the place, direction,
-        angle (or parallel scale) and window centre count; the picture's size gives the aspect.
+        angle (or parallel scale) and window centre count; the picture's size gives the aspect,
+        and what is behind the camera is never seen.
     size : tuple of 2 int
         Width and height of the picture in pixels.
 
@@ -735,7 +736,7 @@ def _from_view(camera, size):
         raise ValueError(msg)
     right /= np.linalg.norm(right)
     up = np.cross(right, ahead)
-    _check_model(camera)
+    _check_plain(camera)
     width, height = size
     shift = np.array(camera.GetWindowCenter() if hasattr(camera, 'GetWindowCenter') else (0, 0))
     if camera.parallel_projection:
@@ -755,13 +756,24 @@ def _from_view(camera, size):
     return Pinhole(K, R, -R @ position, size)
 
 
-def _check_model(camera):
-    if not hasattr(camera, 'GetModelTransformMatrix'):
-        return
-    model = camera.GetModelTransformMatrix()
-    if any(model.GetElement(i, j) != (i == j) for i in range(4) for j in range(4)):
-        msg = 'camera has a model transform; it must be the identity: move the camera instead.'
-        raise ValueError(msg)
+def _check_plain(camera):
+    """Raise for what VTK's cameras can do beyond a pinhole: their picture would not be ours."""
+    identity = [float(i == j) for i in range(4) for j in range(4)]
+    plain = {
+        'ModelTransformMatrix': identity,
+        'UserTransform': None,
+        'UserViewTransform': None,
+        'UseExplicitProjectionTransformMatrix': 0,
+        'UseOffAxisProjection': 0,
+        'ViewShear': (0.0, 0.0, 1.0),
+    }
+    for name, expected in plain.items():
+        found = getattr(camera, f'Get{name}', lambda expected=expected: expected)()
+        if hasattr(found, 'GetElement'):
+            found = [found.GetElement(i, j) for i in range(4) for j in range(4)]
+        if found != expected:
+            msg = f'camera.Get{name}() is {found}; only {expected} can be used.'
+            raise ValueError(msg)
 
 
 def _named(camera):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import imageio.v3 as iio
 import numpy as np
 import pytest
 from hypothesis import given
@@ -197,6 +198,25 @@ def test_few_samples_are_hardly_believed():
     few, many = (exposure_gains(one.repeat(n, axis=1))[0, 0] for n in (1, 1000))
     assert 1 < few < many
     assert many == pytest.approx(2, rel=1e-4)
+
+
+@pytest.mark.data
+def test_photographs_give_a_scene_its_published_colours(berlin):
+    points, published, views = berlin
+    shown = []
+    for file, camera, pixels in views:
+        colors = sample(iio.imread(file), camera.project(points)[0])
+        shown.append(np.where(np.isfinite(pixels[:, :1]), colors, np.nan))
+    # Each colour was taken from one of the photographs, at the pixel that was matched.
+    least = np.nanmin(np.abs(shown - published).max(axis=2), axis=0)
+    assert np.median(least) < 5
+    gains = exposure_gains(shown)
+    np.testing.assert_allclose(gains, 1, atol=0.05)
+    before, after = (
+        np.nanmedian(np.log(values[0] / values[1]), axis=0)
+        for values in (np.array(shown), shown * gains[:, None])
+    )
+    assert (np.abs(after) < 0.2 * np.abs(before)).all()
 
 
 @pytest.mark.parametrize(
