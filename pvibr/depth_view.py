@@ -53,12 +53,11 @@ class DepthView:
         """Bytes on the GPU."""
         return self.target.nbytes
 
-    def tile(self, k) -> tuple[float, float, float, float]:
-        """Return offset and scale of a view in the texture: u, v, width, height, 0 to 1."""
-        column, row = k % self.columns, k // self.columns
-        return column / self.columns, row / self.rows, 1 / self.columns, 1 / self.rows
+    def corner(self, k) -> tuple[int, int]:
+        """Return the lower left texel of a view in the texture."""
+        return k % self.columns * self.resolution, k // self.columns * self.resolution
 
-    def update(self, frame, views, casters) -> bool:
+    def update(self, frame, views, casters) -> list[int]:
         """Draw the views that are stale.
 
         Parameters
@@ -72,14 +71,14 @@ class DepthView:
 
         Returns
         -------
-        bool
-            Whether any was drawn.
+        list of int
+            Those that were drawn.
         """
         shared = casters.key()
         stale = [k for k, v in enumerate(views) if self._keys[k] != (v.key(), shared)]
         self.views = list(views)
         if not stale:
-            return False
+            return []
         with self.target.drawing():
             for k in stale:
                 self._draw(frame, views[k], k, casters)
@@ -89,16 +88,14 @@ class DepthView:
         for k in stale:
             self._keys[k] = (views[k].key(), shared)
         self.bakes += len(stale)
-        return True
+        return stale
 
     def _draw(self, frame, view, k, casters):
         seen = seen_from(frame, view, self.resolution)
         casters = casters.seen(view)
         for thing in casters.things:
             thing.prepare(seen)
-        side = self.resolution
-        rect = (k % self.columns * side, k // self.columns * side, side, side)
-        self.drawer.look(view, rect)
+        self.drawer.look(view, (*self.corner(k), self.resolution, self.resolution))
         self.drawer.draw(casters.actors)
         for thing in casters.things:
             self.drawer.draw(thing.drawn())

@@ -150,7 +150,9 @@ def _cascades(light, bounds, frame, resolution, count):
     middle = (low + high) / 2
     half = np.array([width / 2, width / 2, (high - low)[2] / 2]) + pad
     views = [orthographic(axes, middle - half, middle + half)]
-    pixel = (1.0 if frame.parallel else frame.near) / frame.pixel_scale
+    # Near planes are far before what is seen; in a box they are all that is known.
+    away = max(box_distance(frame.eye, bounds), frame.near)
+    pixel = (1.0 if frame.parallel else away) / frame.pixel_scale
     texel = 2 * half[0] / resolution
     wanted = int(np.ceil(np.log2(max(texel / (_TEXEL * pixel), 1.0))))
     levels = max(min(count[1] - 1, wanted), count[0] - 1)

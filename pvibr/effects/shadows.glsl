@@ -35,34 +35,178 @@ vec2 ibr_shadow_slope(mat4 m, vec4 q, vec3 n)
   return vec2(a.z * b.y - b.z * a.y, b.z * a.x - a.z * b.x) / det;
 }
 
-//@hard
-float ibr_shadow_test(
-  sampler2D map, vec4 tile, vec3 q, vec2 slope, float bias, float side, vec2 spread)
+// What is known where a comparison is made: place and depth in the view (0 to 1), depth per texture
+// coordinate on the receiver's plane, allowance for rounding; the view's tile in the texture, its
+// texels along a side, near, far, whether it is a perspective, and the light's size: the tangent
+// of half its angle, or its radius over what half the view's width is at a distance of 1.
+struct ibr_Shadow
 {
-  vec2 texel = floor(clamp(q.xy * side, vec2(0.0), vec2(side - 1.0)));
-  float depth = texelFetch(map, ivec2(tile.xy * vec2(textureSize(map, 0)) + texel), 0).r;
-  float plane = q.z + dot(slope, (texel + 0.5) / side - q.xy);
-  return plane - bias > depth ? 0.0 : 1.0;
+  vec3 place;
+  vec2 slope;
+  float bias;
+  vec4 tile;
+  float side;
+  float near;
+  float far;
+  bool perspective;
+  float size;
+};
+
+float ibr_shadow_linear(ibr_Shadow s, float d)
+{
+  return s.perspective ? s.near * d / (s.far - d * (s.far - s.near)) : d;
+}
+
+//@hard
+float ibr_shadow_test(sampler2D map, ibr_Shadow s)
+{
+  vec2 texel = floor(clamp(s.place.xy * s.side, vec2(0.0), vec2(s.side - 1.0)));
+  float depth = texelFetch(map, ivec2(s.tile.xy * vec2(textureSize(map, 0)) + texel), 0).r;
+  float plane = s.place.z + dot(s.slope, (texel + 0.5) / s.side - s.place.xy);
+  return plane - s.bias > depth ? 0.0 : 1.0;
 }
 
 //@pcf
-// Percentage-closer filtering (Reeves et al. 1987): what is filtered is the comparison.
-float ibr_shadow_test(
-  sampler2DShadow map, vec4 tile, vec3 q, vec2 slope, float bias, float side, vec2 spread)
+// Percentage-closer filtering (Reeves et al., SIGGRAPH 1987): what is filtered is the comparison.
+float ibr_shadow_test(sampler2DShadow map, ibr_Shadow s)
 {
   float angle = 6.2831853 * IBR_DITHER;
   mat2 turn = TAPS > 4 ? mat2(cos(angle), sin(angle), -sin(angle), cos(angle)) : mat2(1.0);
   // A tap compares the four texels around it with the depth at their middle.
-  float reach = bias + 0.75 * (abs(slope.x) + abs(slope.y)) / side;
+  float reach = s.bias + 0.75 * (abs(s.slope.x) + abs(s.slope.y)) / s.side;
   float lit = 0.0;
   for (int i = 0; i < TAPS; ++i)
   {
-    vec2 d = turn * ibr_shadow_disk[i] * spread;
-    vec2 uv = clamp(q.xy + d, 1.0 / side, 1.0 - 1.0 / side);
-    float plane = q.z + dot(slope, uv - q.xy) - reach;
-    lit += texture(map, vec3(tile.xy + uv * tile.zw, min(plane, 1.0)));
+    vec2 d = turn * ibr_shadow_disk[i] * ibr_shadow_softness / s.side;
+    vec2 uv = clamp(s.place.xy + d, 1.0 / s.side, 1.0 - 1.0 / s.side);
+    float plane = s.place.z + dot(s.slope, uv - s.place.xy) - reach;
+    lit += texture(map, vec3(s.tile.xy + uv * s.tile.zw, min(plane, 1.0)));
   }
   return lit / float(TAPS);
+}
+
+//@pcss
+// Percentage-closer soft shadows (Fernando, SIGGRAPH 2005 sketches): what hides the light within
+// the cone from the receiver to the light is looked for, and its distance sets the filter.
+// The depth that hides the receiver's plane at a place, or 2.
+float ibr_shadow_hider(sampler2D map, ibr_Shadow s, vec2 d)
+{
+  vec2 texel = floor(clamp((s.place.xy + d) * s.side, vec2(0.0), vec2(s.side - 1.0)));
+  float depth = texelFetch(map, ivec2(s.tile.xy * vec2(textureSize(map, 0)) + texel), 0).r;
+  float plane = s.place.z + dot(s.slope, (texel + 0.5) / s.side - s.place.xy);
+  return plane - s.bias > depth ? depth : 2.0;
+}
+
+float ibr_shadow_distance(ibr_Shadow s, float d)
+{
+  return s.near + ibr_shadow_linear(s, d) * (s.far - s.near);
+}
+
+// Radius in the view of the cone to the light, at some distance from the light.
+float ibr_shadow_cone(ibr_Shadow s, float from, float to)
+{
+  return s.perspective ? 0.5 * s.size * (to - from) / (to * from) : s.size * (to - from);
+}
+
+float ibr_shadow_test(sampler2D map, ibr_Shadow s)
+{
+  float angle = 6.2831853 * IBR_DITHER;
+  mat2 turn = mat2(cos(angle), sin(angle), -sin(angle), cos(angle));
+  float to = ibr_shadow_distance(s, s.place.z);
+  float least = 0.7 / s.side;
+  float reach = clamp(ibr_shadow_cone(s, s.near, to), least, 0.25);
+  float sum = 0.0;
+  float found = 0.0;
+  for (int i = 0; i < TAPS; ++i)
+  {
+    vec2 d = turn * ibr_shadow_disk[i] * reach;
+    float depth = ibr_shadow_hider(map, s, d);
+    if (depth < 2.0)
+    {
+      float from = ibr_shadow_distance(s, depth);
+      // What lies within the search but beside the cone counts where there is nothing else.
+      float w = length(d) <= ibr_shadow_cone(s, from, to) + least ? 1.0 : 0.02;
+      sum += w * from;
+      found += w;
+    }
+  }
+  if (found == 0.0) return 1.0;
+  float radius = clamp(ibr_shadow_cone(s, sum / found, to), least, reach);
+  float lit = 0.0;
+  for (int i = 0; i < TAPS; ++i)
+    lit += ibr_shadow_hider(map, s, turn * ibr_shadow_disk[i] * radius) < 2.0 ? 0.0 : 1.0;
+  return lit / float(TAPS);
+}
+
+//@moments
+// Where a moment map is read: away from its neighbours in the texture.
+vec4 ibr_shadow_moments(sampler2D map, ibr_Shadow s)
+{
+  vec2 uv = clamp(s.place.xy, 1.0 / s.side, 1.0 - 1.0 / s.side);
+  return texture(map, s.tile.xy + uv * s.tile.zw);
+}
+
+// The variance that the receiver's own plane has within the filter.
+float ibr_shadow_spread(ibr_Shadow s)
+{
+  float d = 0.5 * length(s.slope) * max(ibr_shadow_softness, 1.0) / s.side;
+  float step = ibr_shadow_linear(s, s.place.z) - ibr_shadow_linear(s, s.place.z - d);
+  return step * step + 1e-7;
+}
+
+// The most that can be lit by what the two moments tell (Chebyshev), dark tails cut off.
+float ibr_shadow_most(vec2 m, float t, float least)
+{
+  float variance = max(m.y - m.x * m.x, least);
+  float d = t - m.x;
+  float most = d <= 0.0 ? 1.0 : variance / (variance + d * d);
+  return clamp((most - 0.2) / 0.8, 0.0, 1.0);
+}
+
+//@vsm
+float ibr_shadow_test(sampler2D map, ibr_Shadow s)
+{
+  vec4 m = ibr_shadow_moments(map, s);
+  float t = ibr_shadow_linear(s, s.place.z - s.bias);
+  return ibr_shadow_most(m.xy, t, ibr_shadow_spread(s));
+}
+
+//@evsm
+float ibr_shadow_test(sampler2D map, ibr_Shadow s)
+{
+  vec4 m = ibr_shadow_moments(map, s);
+  float t = 2.0 * ibr_shadow_linear(s, s.place.z - s.bias) - 1.0;
+  float least = 4.0 * ibr_shadow_spread(s);
+  float a = exp(WARP * t);
+  float b = -exp(-WARP * t);
+  float lit = ibr_shadow_most(m.xy, a, least * WARP * WARP * a * a);
+  return min(lit, ibr_shadow_most(m.zw, b, least * WARP * WARP * b * b));
+}
+
+//@msm
+// The least that is hidden by what four moments tell: the Hamburger problem, solved by the
+// Cholesky factors of its matrix (Peters and Klein, I3D 2015, algorithm 1).
+float ibr_shadow_test(sampler2D map, ibr_Shadow s)
+{
+  float z = ibr_shadow_linear(s, s.place.z - s.bias) - sqrt(ibr_shadow_spread(s));
+  vec4 m = mix(ibr_shadow_moments(map, s), vec4(0.0, 0.63, 0.0, 0.63), 6e-6);
+  float d2 = m.y - m.x * m.x;
+  float l = (m.z - m.x * m.y) / d2;
+  float d3 = m.w - m.y * m.y - l * l * d2;
+  float c1 = z - m.x;
+  float c2 = (z * z - m.y - l * c1) / d3;
+  c1 = c1 / d2 - l * c2;
+  float c0 = 1.0 - c1 * m.x - c2 * m.y;
+  float p = c1 / c2;
+  float r = sqrt(max(0.25 * p * p - c0 / c2, 0.0));
+  float low = -0.5 * p - r;
+  float high = -0.5 * p + r;
+  float hidden = 0.0;
+  if (high < z)
+    hidden = 1.0 + (low * high - m.x * (low + high) + m.y) / ((high - z) * (z - low));
+  else if (low < z)
+    hidden = (z * high - m.x * (z + high) + m.y) / ((high - low) * (z - low));
+  return 1.0 - clamp(hidden, 0.0, 1.0);
 }
 
 //@light
@@ -103,10 +247,18 @@ float ibr_shadow_NUMBER(vec3 p, vec3 n)
   s.z += moved.z - s.z - dot(slope, moved.xy - s.xy);
   // Rounding: of depth, and of vertices to parts of a texel when the map was drawn.
   float bias = 4e-7 + (abs(slope.x) + abs(slope.y)) / side / 128.0;
-  ivec2 place = ivec2((view - FIRST) % COLUMNS, (view - FIRST) / COLUMNS);
-  vec4 tile = vec4(vec2(place) / vec2(COLUMNS, ROWS), 1.0 / vec2(COLUMNS, ROWS));
-  return ibr_shadow_test(
-    ibr_shadow_map_NUMBER, tile, s, slope, bias, side, vec2(ibr_shadow_spread / side));
+  ivec2 cell = ivec2((view - FIRST) % COLUMNS, (view - FIRST) / COLUMNS);
+  ibr_Shadow found;
+  found.place = s;
+  found.slope = slope;
+  found.bias = bias;
+  found.tile = vec4(vec2(cell) / vec2(COLUMNS, ROWS), 1.0 / vec2(COLUMNS, ROWS));
+  found.side = side;
+  found.near = ibr_shadow_range[3 * view];
+  found.far = ibr_shadow_range[3 * view + 1];
+  found.size = ibr_shadow_range[3 * view + 2];
+  found.perspective = POSITIONAL;
+  return ibr_shadow_test(ibr_shadow_map_NUMBER, found);
 }
 
 //@apply

@@ -15,6 +15,7 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import DITHER, Feature, sections
 from pvibr.lights import SceneLight, light_views, lights_of
 from pvibr.maths.kernels import vogel_disk
+from pvibr.moments import KINDS, WARP, Moments
 from pvibr.params import Param
 
 #: Views of a directional light at most: of everything, and around the eye.
@@ -55,10 +56,28 @@ class Shadows(Effect):
     >>> pl.close()
     """
 
-    method = Param('pcf', 'How a shadow is found.', choices=('hard', 'pcf'))
+    method = Param(
+        'pcf', 'How a shadow is found: compared once, compared and filtered, softer with '
+        'distance as the size of the light has it, or from blurred moments of depth.',
+        choices=('hard', 'pcf', 'pcss', *KINDS),
+    )  # fmt: skip
     resolution = Param(2048, "Texels along a side of a light's view.", range='[16, 16384]')
-    softness = Param(1.0, 'Radius of the filter of pcf.', range='[0, 64]', unit='texels')
-    taps = Param(4, 'Comparisons of pcf, four texels each.', range='[1, 64]')
+    softness = Param(
+        1.0, 'Radius of the filter of pcf, standard deviation of the blur of moments.',
+        range='[0, 64]', unit='texels',
+    )  # fmt: skip
+    taps = Param(
+        None, 'Comparisons of a filter; by default 4 of pcf and 32 of pcss.',
+        range='[1, 64]', kind=int,
+    )  # fmt: skip
+    angle = Param(
+        0.53, 'Apparent diameter of directional lights, for pcss; the sun has 0.53.',
+        range='(0, 90)', unit='degrees',
+    )  # fmt: skip
+    radius = Param(
+        None, 'Radius of spot and point lights, for pcss; by default a fiftieth of how far their '
+        'casters reach.', range='(0, inf)', unit='world', kind=float,
+    )  # fmt: skip
     offset = Param(
         0.75, 'How far a receiver is moved along its normal: less shows acne where surfaces '
         'are concave, more opens gaps under what touches the ground.',
@@ -139,7 +158,8 @@ class Shadows(Effect):
     def _dress(self, frame):
         """Put the shader text on receivers, and the numbers of this frame."""
         lit = [m for m in self._lights if m.view is not None]
-        signature = (self.method, self.taps, tuple(m.signature() for m in lit))
+        taps = self.taps or {'pcss': 32}.get(self.method, 4)
+        signature = (self.method, taps, tuple(m.signature() for m in lit))
         feature = _feature(*signature) if lit else None
         receivers = {} if feature is None else self._receivers()
         if feature is not self._feature:
@@ -168,22 +188,31 @@ class Shadows(Effect):
         world_from_view = np.linalg.inv(frame.view_from_world)
         matrices = [v.texture_from_world() @ world_from_view for m in lit for v in m.views]
         texels = [_texel(v, m.view.resolution) for m in lit for v in m.views]
+        ranges = [x for m in lit for v in m.views for x in (v.near, v.far, self._size(v))]
         uniforms = [
             ('SetUniformMatrix4x4v', 'ibr_shadow_from_view', len(matrices),
              np.concatenate([m.T.ravel() for m in matrices]).tolist()),
             ('SetUniform1fv', 'ibr_shadow_texel', len(texels), texels),
             ('SetUniformf', 'ibr_shadow_offset', self.offset),
-            ('SetUniformf', 'ibr_shadow_spread', self.softness),
+            ('SetUniform1fv', 'ibr_shadow_range', len(ranges), ranges),
+            ('SetUniformf', 'ibr_shadow_softness', self.softness),
         ]  # fmt: skip
         for maps in lit:
             n = maps.light.number
             place = (frame.view_from_world @ maps.light.homogeneous())[:3].tolist()
             uniforms += [
-                ('SetUniformi', f'ibr_shadow_map_{n}', maps.view.texture.activate()),
+                ('SetUniformi', f'ibr_shadow_map_{n}', maps.texture.activate()),
                 ('SetUniform3f', f'ibr_shadow_place_{n}', place),
                 ('SetUniformf', f'ibr_shadow_size_{n}', float(maps.view.resolution)),
             ]
         return uniforms
+
+    def _size(self, view) -> float:
+        """Return the light's size as the shader takes it, in units of a view."""
+        if view.parallel:
+            half_width = 1 / view.clip_from_view[0, 0]
+            return float(np.tan(np.radians(self.angle / 2)) / (2 * half_width))
+        return float((self.radius or view.far / 50) * view.clip_from_view[0, 0])
 
     def finish(self, frame):
         """Give the texture units back.
@@ -195,7 +224,7 @@ class Shadows(Effect):
         """
         for maps in self._lights:
             if maps.view is not None:
-                maps.view.texture.deactivate()
+                maps.texture.deactivate()
 
     def rest(self):
         """Take the shader text off all receivers."""
@@ -221,7 +250,7 @@ class Shadows(Effect):
         """Return bytes, views drawn so far, and what casts no shadow."""
         views = [m.view for m in self._lights if m.view is not None]
         return {
-            'bytes': sum(v.nbytes for v in views),
+            'bytes': sum(m.nbytes for m in self._lights),
             'lights': len(views),
             'views': sum(len(v.views) for v in views),
             'views drawn': sum(m.bakes for m in self._lights),
@@ -238,12 +267,21 @@ class _LightMaps:
     def __init__(self, drawer, settings_of, settings):
         self.drawer, self.owner, self.settings = drawer, settings_of, settings
         self.view: Any = None
+        self.moments: Any = None
         self.views: list = []
         self._released = 0
 
     @property
     def bakes(self) -> int:
         return self._released + (self.view.bakes if self.view else 0)
+
+    @property
+    def nbytes(self) -> int:
+        return sum(owner.nbytes for owner in (self.view, self.moments) if owner)
+
+    @property
+    def texture(self):
+        return (self.moments or self.view).texture
 
     def update(self, frame, casters):
         """Draw what is stale."""
@@ -255,9 +293,12 @@ class _LightMaps:
         self.views = light_views(self.light, bounds, frame, wanted, _CASCADES, least)
         if self.view is None or len(self.view.views) != len(self.views):
             self.release()
-            compare = self.owner.method == 'pcf'
-            self.view = DepthView(self.drawer, len(self.views), wanted, compare=compare)
-        self.view.update(frame, self.views, casters)
+            method = self.owner.method
+            self.view = DepthView(self.drawer, len(self.views), wanted, compare=method == 'pcf')
+            self.moments = Moments(self.view, method) if method in KINDS else None
+        for k in self.view.update(frame, self.views, casters):
+            if self.moments is not None:
+                self.moments.update(k, self.owner.softness)
 
     def signature(self):
         return (
@@ -266,10 +307,12 @@ class _LightMaps:
         )  # fmt: skip
 
     def release(self):
+        if self.moments is not None:
+            self.moments.release()
         if self.view is not None:
             self._released += self.view.bakes
             self.view.release()
-            self.view = None
+        self.view = self.moments = None
 
 
 def _texel(view, resolution) -> float:
@@ -293,9 +336,9 @@ def _feature(method, taps, lights) -> Feature:
     # VTK declares what is set by number as int; its units are the samplers'.
     declared += '//VTK::CustomUniforms::Dec\n' + ''.join(f'#undef {m}\n' for m in maps)
     declared += ''.join(f'uniform {sampler} {m};\n' for m in maps)
-    declared += f'{DITHER}#define TAPS {taps}\n'
+    declared += f'{DITHER}#define TAPS {taps}\n#define WARP {WARP:.1f}\n'
     declared += f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk});\n'
-    declared += text['declare'] + text[method]
+    declared += text['declare'] + (text['moments'] if method in KINDS else '') + text[method]
     first = 0
     for number, positional, count, columns, rows in lights:
         values = {

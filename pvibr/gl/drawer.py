@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pvibr import _vtk
 
-_BLEND, _DEPTH_TEST = 0x0BE2, 0x0B71  # GL enums
-_COLOR_BIT, _DEPTH_BIT = 0x4000, 0x0100
+_BLEND, _DEPTH_TEST, _SCISSOR_TEST = 0x0BE2, 0x0B71, 0x0C11  # GL enums
+_DEPTH_BIT = 0x0100
 
 
 class Drawer:
@@ -36,11 +36,12 @@ class Drawer:
         rect : tuple of 4 int
             Left, bottom, width, height in pixels of the target.
         clear : bool
-            Clear depth to the far plane, and colour to what is set.
+            Clear depth to the far plane.
         """
         state = self.window.GetState()
         state.vtkglViewport(*rect)
         state.vtkglScissor(*rect)
+        state.SetEnumState(_SCISSOR_TEST, True)
         state.SetEnumState(_BLEND, False)
         state.SetEnumState(_DEPTH_TEST, True)
         state.vtkglDepthMask(True)
