@@ -22,9 +22,11 @@ scene = landscape(COUNT, triangles=TRIANGLES)
 # %%
 # 2. All trees at once. They are seen from above the ground only, so half a sphere of views is
 # enough, at twice the density.
-pl = pv.Plotter(window_size=(960, 540))
+pl = pv.Plotter(window_size=(960, 540), lighting='none')
+for light in scene.lights():  # the sun and the sky
+    pl.add_light(light)
 pl.background_color = 'lightsteelblue'
-pl.add_mesh(scene.terrain, scalars='color_rgb', rgb=True)
+pl.add_mesh(scene.terrain, scalars='color_rgb', rgb=True).prop.interpolation = 'Phong'
 trees = pl.ibr.add_instances(
     scene.parts(), scene.matrices, index=scene.index, max_error=1.0, views='half', name='trees'
 )

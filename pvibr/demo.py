@@ -21,6 +21,7 @@ from pvibr.offscreen import (
     SAMPLES,
     SKY,
     Stage,
+    add_ground,
     covered,
     in_view,
     mesh_actors,
@@ -111,7 +112,8 @@ def _measure(scene, max_error, frames, size, out):
     start = time.perf_counter()
     console = Console(stderr=True)
     triangles = min(sum(p.mesh.n_cells for p in parts) for parts in scene.parts())
-    with Stage(size, scene.terrain, scene.view_angle) as stage, console.status('pvibr') as status:
+    stage = Stage(size, scene.terrain, scene.view_angle, lights=scene.lights())
+    with stage, console.status('pvibr') as status:
         stage.bounds = scene.terrain.bounds
         trees = _plant(stage.plotter, scene, max_error)
         numbers = Numbers(len(scene.index), triangles, max_error, size, stage.driver())
@@ -191,7 +193,7 @@ def _compare(stage, trees, scene, numbers, out):
 
 def _full(scene, rows, camera, size, samples):
     """Return picture, coverage and seconds of the full meshes."""
-    with Stage(size, scene.terrain, scene.view_angle, samples) as stage:
+    with Stage(size, scene.terrain, scene.view_angle, samples, lights=scene.lights()) as stage:
         stage.bounds = scene.terrain.bounds
         stage.look(camera)
         stage.draw()
@@ -282,10 +284,12 @@ def _film(scene, max_error, frames, size, file):
 
 
 def _scenery(scene, max_error, size, *, off_screen):
-    plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
+    plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), lighting='none')
+    for light in scene.lights():
+        plotter.add_light(light)
     plotter.set_background(SKY)  # type: ignore[arg-type]
     plotter.camera.view_angle = scene.view_angle
-    plotter.add_mesh(scene.terrain, scalars='color_rgb', rgb=True)
+    add_ground(plotter, scene.terrain)
     _plant(plotter, scene, max_error)
     plotter.camera_position = scene.path(1)[0]
     return plotter

@@ -34,6 +34,8 @@ class Stage:
         of it is averaged.
     background : str, optional
         Colour.
+    lights : sequence of pyvista.Light, optional
+        Instead of those that a plotter has by default.
 
     Examples
     --------
@@ -47,16 +49,20 @@ class Stage:
     (32, 64, 3)
     """
 
-    def __init__(self, size, ground=None, view_angle=30.0, samples=1, background=SKY):
+    def __init__(self, size, ground=None, view_angle=30.0, samples=1, background=SKY, lights=()):
         self.samples = samples
         pixels = [int(n) * samples for n in size]
-        self.plotter = pv.Plotter(off_screen=True, window_size=pixels)
+        self.plotter = pv.Plotter(
+            off_screen=True, window_size=pixels, lighting='none' if lights else 'light kit'
+        )
+        for light in lights:
+            self.plotter.add_light(light)
         self.plotter.set_background(background)
         self.plotter.camera.view_angle = view_angle
         self.window.SetMultiSamples(0)
         self.ground = None
         if ground is not None:
-            self.ground = self.plotter.add_mesh(ground, scalars='color_rgb', rgb=True)
+            self.ground = add_ground(self.plotter, ground)
         self.bounds: tuple[float, ...] | None = None
         self._shown = False
 
@@ -195,6 +201,27 @@ class Stage:
             ground.mapper.SetScalarVisibility(True)
             ground.prop.lighting = True
         return picture
+
+
+def add_ground(plotter, ground):
+    """Add a ground to a plotter and return its actor.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        Where to.
+    ground : pyvista.PolyData
+        With colours ``'color_rgb'``; smooth where it has normals.
+
+    Returns
+    -------
+    pyvista.Actor
+        The ground.
+    """
+    actor = plotter.add_mesh(ground, scalars='color_rgb', rgb=True)
+    if ground.point_data.active_normals is not None:
+        actor.prop.interpolation = 'Phong'  # not smooth_shading, which computes them anew
+    return actor
 
 
 def covered(depth, ground_depth, samples) -> np.ndarray:

@@ -5,7 +5,7 @@ import pyvista as pv
 from pvibr.actors.parts import as_parts
 from pvibr.figures import compose, error_colors
 from pvibr.maths.image_error import silhouette_iou
-from pvibr.offscreen import Stage, covered, in_view, mesh_actors, spheres
+from pvibr.offscreen import Stage, add_ground, covered, in_view, mesh_actors, spheres
 
 CAMERA = [(6.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
 
@@ -36,6 +36,29 @@ def test_a_picture_is_the_camera_s_whatever_the_samples(ground):
     assert np.abs(once - many).mean() < 0.01
     # What is averaged has values between those of one sample.
     assert len(np.unique(many.round(6))) > len(np.unique(once.round(6)))
+
+
+def test_lights_given_are_the_only_ones(ground):
+    pictures = []
+    for lights in ((), [pv.Light(position=(0, 0, 1), color=color) for color in ('red', 'lime')]):
+        with Stage((80, 60), ground, lights=lights) as stage:
+            stage.bounds = ground.bounds
+            stage.look(CAMERA)
+            pictures.append(stage.picture())
+            assert len(stage.renderer.lights) == (len(lights) or 5)
+    kit, two = (picture[45, 40] for picture in pictures)
+    assert (kit > 0).all()
+    assert two[2] == 0 < two[0] < two[1]
+
+
+def test_a_ground_with_normals_is_smooth(ground):
+    plotter = pv.Plotter(off_screen=True)
+    assert add_ground(plotter, ground).prop.interpolation.name == 'PHONG'
+    bare = ground.copy()
+    bare.point_data.clear()
+    bare['color_rgb'] = ground['color_rgb']
+    assert add_ground(plotter, bare).prop.interpolation.name == 'FLAT'
+    plotter.close()
 
 
 def test_coverage_by_depth_and_by_two_grounds_agree(ground):

@@ -113,7 +113,7 @@ def glyph_seconds(scene, cameras, size, *, lod=False, part=PART, seed=0) -> floa
 
 
 def _median(scene, actors, cameras, size):
-    with Stage(size, scene.terrain, scene.view_angle) as stage:
+    with Stage(size, scene.terrain, scene.view_angle, lights=scene.lights()) as stage:
         stage.add(actors)
         found = float(np.median(stage.seconds(cameras)))
         for actor in actors:

@@ -28,7 +28,7 @@ def measure(settings, results):
         Taken further.
     """
     scene = landscape(settings.trees)
-    with Stage(settings.size, scene.terrain, scene.view_angle) as stage:
+    with Stage(settings.size, scene.terrain, scene.view_angle, lights=scene.lights()) as stage:
         stage.bounds = scene.terrain.bounds
         trees = stage.plotter.ibr.add_instances(
             scene.parts(), scene.matrices, index=scene.index, max_error=1.0
@@ -104,7 +104,7 @@ def _error(stage, trees, scene, settings, results, curve):
 
 def _full(scene, rows, cameras, size, samples):
     """Return pictures of full meshes."""
-    with Stage(size, scene.terrain, scene.view_angle, samples) as stage:
+    with Stage(size, scene.terrain, scene.view_angle, samples, lights=scene.lights()) as stage:
         stage.bounds = scene.terrain.bounds
         stage.add(mesh_actors(scene.parts(), scene.matrices[rows], scene.index[rows]))
         return _pictures(stage, cameras)

@@ -20,6 +20,10 @@ CLEARING = 20.0
 #: Cells along each side of the ground.
 CELLS = 128
 SCALES = (0.7, 1.3)
+#: Where the sun stands, over the shoulder of who walks, and how its light and the sky's are
+#: coloured and how strong they are.
+SUN = (-0.6, 0.3, 1.3)
+SUNLIGHT, SKYLIGHT = ((1.0, 0.95, 0.85), 0.9), ((0.85, 0.93, 1.0), 0.6)
 GRASS, DRY, ROCK = np.array([[128, 150, 78], [178, 172, 108], [158, 150, 136]])
 
 
@@ -76,6 +80,23 @@ class Landscape:
             Per kind, bark and leaves; what ``add_instances`` takes as meshes.
         """
         return [dress(mesh, kind) for mesh, kind in zip(self.meshes, self.kinds, strict=True)]
+
+    def lights(self):
+        """Return new lights for one plotter: the sun, and the sky.
+
+        Light from all of the sky is about what comes from where the camera is: so shades are not
+        black, and two lights suffice where PyVista's plotters have five.
+
+        Returns
+        -------
+        list of pyvista.Light
+            For ``Plotter.add_light``; the plotter made with ``lighting='none'``.
+        """
+        (sun, bright), (sky, dim) = SUNLIGHT, SKYLIGHT
+        return [
+            pv.Light(position=SUN, color=sun, intensity=bright, light_type='scene light'),
+            pv.Light(color=sky, intensity=dim, light_type='headlight'),
+        ]
 
     def height_at(self, places):
         """Return the height of the ground.
