@@ -307,8 +307,9 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
     vec4 a = texture(ibr_albedo, t);
     float z = (g.r * 2.0 - 1.0) * ibr_margin;
 #if VIEWS_BLENDED == 3
+    // A view that sees the background where others see the object may just look past an edge.
     float miss = z - h;
-    float w = ibr_cell[k].z * exp2(-400.0 * miss * miss) + 1e-6 * ibr_cell[k].z;
+    float w = ibr_cell[k].z * (exp2(-400.0 * miss * miss) * (0.3 + 0.7 * g.g) + 1e-6);
 #else
     float w = 1.0;
 #endif

@@ -20,7 +20,7 @@ from pvibr.actors.measure import measure
 from pvibr.actors.meshes import MeshLevel
 from pvibr.errors import PvibrWarning
 
-VERSION = 16  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 19  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARES = (0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
 _HEAVY = 2000  # triangles from which stand-ins pay
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves

@@ -1,4 +1,9 @@
-"""Single meshes, small on the screen: whichever level is drawn must not be worse than the mesh."""
+"""Single meshes, small on the screen: whichever level is drawn must not be worse than the mesh.
+
+Each is seen as in a window of 1280 x 720: what is cut out of it is drawn, by a camera as far away
+as there. A camera of the same angle in a window of the cut's size would be at 4 to 8 radii of the
+mesh, from where it is never so small on a screen.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +20,8 @@ from pvibr.maths.image_error import displacements, flip
 from pvibr.offscreen import SAMPLES, Stage, covered, mesh_actors
 from pvibr.scenes.trees import dress, tree
 
-VIEW_ANGLE = 30.0
+#: Vertical angle in degrees and height in pixels of the window that the views are cut from.
+VIEW_ANGLE, HEIGHT = 30.0, 720
 #: Pixels around the object.
 ROOM = 16
 #: Displacement that the bar allows beyond max_error: outlines are known to whole pixels.
@@ -45,18 +51,23 @@ def measure(settings, results):
 
 
 def _moved_rows(results):
-    """Add for each max_error, and for the mesh itself, the outline that is farthest away."""
-    worst: dict[str, tuple[float, str]] = {}
+    """Add for each max_error, and for the mesh itself, the outline farthest beyond its bar.
+
+    Where the mesh itself, drawn once per pixel, is farther from the truth than a bar (thin things
+    break up between samples), no level of detail can be asked for more: the bar is the mesh's.
+    """
+    worst: dict[str, tuple[float, float, float, str]] = {}
     for name, found in results.points['single'].items():
         for size, by_error in found.items():
+            own = by_error[ONCE][1]
             for key, (_, moved) in by_error.items():
-                here = (moved, f'{name} at {size} px')
+                bar = 0.0 if key == ONCE else max(float(key) + SLACK, own)
+                here = (moved - bar, bar, moved, f'{name} at {size} px')
                 worst[key] = max(worst.get(key, here), here)
-    for key, (moved, where) in worst.items():
-        bar = None if key == ONCE else float(key) + SLACK
+    for key, (_, bar, moved, where) in worst.items():
         drawn = key if key == ONCE else f'max_error {key}'
-        row = Row(f'single: worst p99 of displacement, {drawn} ({where})', moved, 'px', bar)
-        results.rows.append(row)
+        name = f'single: worst p99 of displacement, {drawn} ({where})'
+        results.rows.append(Row(name, moved, 'px', None if key == ONCE else bar))
 
 
 def _flip_rows(name, found, results):
@@ -81,13 +92,13 @@ class _Mesh:
         return {size: self._at(size) for size in self.settings.sizes}
 
     def _at(self, size):
-        window = (size + 2 * ROOM, size + 2 * ROOM)
+        window = _window(size)
         cameras = [self._camera(size) for _ in range(self.settings.directions)]
-        truth = self._full(window, cameras, SAMPLES)
-        once = self._full(window, cameras, 1)
+        truth = self._full(size, cameras, SAMPLES)
+        once = self._full(size, cameras, 1)
         base = _mean_flip(once, truth)
         found = {ONCE: (1.0, _moved(once, truth))}
-        with Stage(window, view_angle=VIEW_ANGLE, background='white') as stage:
+        with Stage(window, view_angle=_angle(size), background='white') as stage:
             stage.bounds = self._bounds()
             drawn = stage.plotter.ibr.add_instances(
                 [self.parts], [[0.0, 0.0, 0.0]], show_scalar_bar=False
@@ -106,8 +117,7 @@ class _Mesh:
         away, up, aside = self.rng.normal(size=(3, 3))
         away /= np.linalg.norm(away)
         # As high in the window as the sphere has pixels, and not always on the same part of one.
-        height = size + 2 * ROOM
-        tangent = np.tan(np.radians(VIEW_ANGLE / 2)) * size / height
+        tangent = np.tan(np.radians(VIEW_ANGLE / 2)) * size / HEIGHT
         eye = self.center + away * self.radius * np.sqrt(1 + 1 / tangent**2)
         shift = aside * self.radius / size
         return tuple(map(tuple, (eye + shift, self.center + shift, up)))
@@ -116,8 +126,9 @@ class _Mesh:
         low, high = self.center - self.radius, self.center + self.radius
         return tuple(np.stack([low, high], 1).ravel())
 
-    def _full(self, window, cameras, samples):
-        with Stage(window, view_angle=VIEW_ANGLE, samples=samples, background='white') as stage:
+    def _full(self, size, cameras, samples):
+        look = {'view_angle': _angle(size), 'samples': samples, 'background': 'white'}
+        with Stage(_window(size), **look) as stage:
             stage.bounds = self._bounds()
             stage.look(cameras[0])
             stage.draw()
@@ -129,6 +140,17 @@ class _Mesh:
                 picture = stage.picture()
                 found.append((picture, covered(stage.depth(), empty, samples)))
         return found
+
+
+def _window(size):
+    """Return width and height of the cut around an object of a size, px."""
+    return size + 2 * ROOM, size + 2 * ROOM
+
+
+def _angle(size):
+    """Return the vertical angle of the cut, degrees."""
+    part = _window(size)[1] / HEIGHT
+    return float(np.degrees(2 * np.arctan(np.tan(np.radians(VIEW_ANGLE / 2)) * part)))
 
 
 def _mean_flip(pictures, truth):

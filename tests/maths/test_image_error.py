@@ -56,6 +56,17 @@ def test_what_is_moved_is_displaced_by_that(shift):
     np.testing.assert_allclose(np.sort(away), np.sort(ie.displacements(other, one)))
 
 
+def test_where_an_outline_is_displaced():
+    holed = disc(20)
+    holed[32, 32] = 0
+    pixels, away = ie.outline_distances(holed, disc(20))
+    np.testing.assert_array_equal(pixels, np.argwhere(ie.outline(holed)))
+    around = np.abs(pixels - 32).sum(1) == 1
+    assert around.sum() == 4
+    assert away[around].min() >= 17
+    assert away[~around].max() == 0
+
+
 @pytest.mark.parametrize('growth', [2, 4])
 def test_what_grows_is_displaced_by_that(growth):
     away = ie.displacements(disc(12), disc(12 + growth))
