@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from pvibr.gl.feature import Feature
 from pvibr.maths.views import may_see
 
+_SURFACE = 2  # VTK_SURFACE
 _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
 
 
@@ -22,16 +25,56 @@ class Surfaces:
 
     def __init__(self, renderer):
         self.renderer = renderer
-        self._stamp = None
-        self._actors: list = []
+        self._stamp: tuple = ()
+        self._all: dict = {}
+        self._free: dict = {}
 
-    def actors(self) -> list:
-        """Return the actors that draw polygons, lines or points of data, hidden ones too."""
-        stamp = self.renderer.GetViewProps().GetMTime()
+    def update(self, things):
+        """Look again, where props came or went.
+
+        Parameters
+        ----------
+        things : sequence of pvibr.Effect
+            Those that draw by actors of their own, see :class:`Casters`.
+        """
+        stamp = self.renderer.GetViewProps().GetMTime(), *map(id, things)
         if stamp != self._stamp:
             self._stamp = stamp
-            self._actors = [a for a in self.renderer.GetActors() if _is_surface(a)]
-        return self._actors
+            found = [a for a in self.renderer.GetActors() if _is_surface(a)]
+            self._all = {address(a): a for a in found}
+            owned = {address(a) for thing in things for a in thing.actors()}
+            self._free = {k: a for k, a in self._all.items() if k not in owned}
+
+    def chosen(self, choice, things=()) -> tuple[dict, list]:
+        """Return the actors that are no thing's, and the things, that are chosen.
+
+        Parameters
+        ----------
+        choice : None, callable or sequence
+            All; those for which it returns true; or those in it.
+        things : sequence of pvibr.Effect
+            What else there is.
+
+        Returns
+        -------
+        dict
+            Address to actor.
+        list
+            Of the things.
+        """
+        if choice is None:
+            return self._free, list(things)
+        if not callable(choice):
+            wanted = {address(a) if hasattr(a, 'GetAddressAsString') else id(a) for a in choice}
+            actors = {k: a for k, a in self._free.items() if k in wanted}
+            return actors, [t for t in things if id(t) in wanted]
+        actors = {k: a for k, a in self._free.items() if choice(a)}
+        return actors, [t for t in things if choice(t)]
+
+
+def address(actor) -> str:
+    """Return what two wrappers of one VTK object have in common."""
+    return actor.GetAddressAsString('')
 
 
 def _is_surface(actor) -> bool:
@@ -39,6 +82,95 @@ def _is_surface(actor) -> bool:
         return False
     mapper = actor.GetMapper()
     return mapper is not None and any(mapper.IsA(name) for name in _MAPPERS)
+
+
+# Points as spheres are squares to VTK, which has only their normals and depth. Their bulge is told
+# in widths of the window, whatever the target's width is.
+SPHERES = Feature(
+    'spheres',
+    fragment={
+        'VTK::Depth::Impl': """#define ZCalcR (ZCalcR * (1.0 + ibr_bulge))
+//VTK::Depth::Impl
+#define IBR_NORMAL normalVCVSOutput
+#define IBR_PLACE (vertexVC.xyz + \\
+  normalVCVSOutput * ZCalcR * (cameraParallel == 1 ? 1.0 : -vertexVC.z))
+"""
+    },
+)
+
+
+def is_thin(actor) -> bool:
+    """Tell whether an actor draws points or lines, as wide as its material says in pixels.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        With a mapper.
+
+    Returns
+    -------
+    bool
+        False where there are polygons, too.
+    """
+    if actor.GetMapper().IsA('vtkPointGaussianMapper'):
+        return False  # its points are as large as the world says
+    if actor.GetProperty().GetRepresentation() != _SURFACE:
+        return True
+    data = actor.GetMapper().GetInput()
+    return (
+        bool(data)
+        and data.IsA('vtkPolyData')
+        and not (data.GetNumberOfPolys() or data.GetNumberOfStrips())
+    )
+
+
+def draws_spheres(actor) -> bool:
+    """Tell whether an actor draws points as spheres, and nothing else.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        With a mapper.
+    """
+    return bool(actor.GetProperty().GetRenderPointsAsSpheres()) and is_thin(actor)
+
+
+@contextmanager
+def sized(actors, scale_at, bulge):
+    """Draw points and lines as large as they are in the camera's picture.
+
+    Parameters
+    ----------
+    actors : iterable of vtkActor
+        Those that are polygons stay as they are.
+    scale_at : callable
+        Takes a point (3,) in world space; returns how many pixels a pixel of the camera is there.
+    bulge : float
+        Width of the window over that of the target.
+    """
+    kept = []
+    for actor in actors:
+        if is_thin(actor):
+            prop = actor.GetProperty()
+            scale = float(scale_at(np.array(actor.GetCenter())))
+            kept.append((actor, prop.GetPointSize(), prop.GetLineWidth()))
+            prop.SetPointSize(max(prop.GetPointSize() * scale, 1.0))
+            prop.SetLineWidth(max(prop.GetLineWidth() * scale, 1.0))
+            _set_bulge(actor, bulge)
+    try:
+        yield
+    finally:
+        for actor, size, width in reversed(kept):
+            actor.GetProperty().SetPointSize(size)
+            actor.GetProperty().SetLineWidth(width)
+            _set_bulge(actor, 1.0)
+
+
+def _set_bulge(actor, bulge):
+    if draws_spheres(actor):
+        SPHERES.attach(actor)
+        uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+        uniforms.SetUniformf('ibr_bulge', bulge - 1.0)
 
 
 @dataclass
@@ -50,7 +182,8 @@ class Casters:
     actors : list of vtkActor
         Visible props that are drawn as they are.
     things : list of pvibr.Effect
-        Things in the pipeline that choose what they draw for each view, such as instances.
+        Things in the pipeline that choose what they draw for each view, such as instances: they
+        have ``prepare``, ``finish``, ``bounds``, ``stamp()``, ``actors()`` and ``drawn()``.
     """
 
     actors: list = field(default_factory=list)
@@ -58,8 +191,12 @@ class Casters:
 
     def key(self) -> tuple:
         """Return what changes whenever anything drawn does."""
-        actors = tuple((a.GetAddressAsString(''), a.GetRedrawMTime()) for a in self.actors)
+        actors = tuple((address(a), a.GetRedrawMTime()) for a in self.actors)
         return actors, tuple((id(t), t.stamp()) for t in self.things)
+
+    def translucent(self) -> list:
+        """Return the actors that light shines through."""
+        return [a for a in self.actors if a.HasTranslucentPolygonalGeometry()]
 
     def bounds(self) -> np.ndarray:
         """Return the world bounds of each, shape (n, 6); of what has none, nothing."""

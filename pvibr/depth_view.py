@@ -3,10 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from pvibr.casters import SPHERES, address, sized
 from pvibr.gl import Target, texture_limit
+from pvibr.gl.feature import Feature
+
+# What a translucent caster leaves of the light, and how near it is: one pass each, since the
+# two blend in different ways.
+_VEIL = Feature(
+    'veil',
+    fragment={
+        'VTK::DepthPeeling::Impl': """  if (ibr_veil == 1)
+  {
+    float thin = 1.0 - gl_FragData[0].a;
+    vec3 color = diffuseColor / max(diffuseIntensity, 1e-6);
+    gl_FragData[0] = vec4(thin * mix(color, vec3(1.0), thin), 1.0);
+  }
+  else if (ibr_veil == 2)
+    gl_FragData[0] = vec4(gl_FragCoord.z);
+//VTK::DepthPeeling::Impl
+"""
+    },
+)
 
 
 class DepthView:
@@ -22,6 +43,8 @@ class DepthView:
         Texels along a side of each; less where the driver's limit asks for it.
     compare : bool
         Whether it is read by a ``sampler2DShadow``.
+    veiled : bool
+        Whether translucent casters let light through; else they are left out.
 
     Attributes
     ----------
@@ -29,7 +52,7 @@ class DepthView:
         Views drawn so far.
     """
 
-    def __init__(self, drawer, views, resolution, *, compare=False):
+    def __init__(self, drawer, views, resolution, *, compare=False, veiled=False):
         self.drawer = drawer
         self.columns = int(np.ceil(np.sqrt(views)))
         self.rows = -(-views // self.columns)
@@ -38,20 +61,35 @@ class DepthView:
         size = self.columns * self.resolution, self.rows * self.resolution
         self.target = Target(drawer.window, *size, (), depth=True)
         if compare:
-            self.target.depth.compare()
+            self.texture.compare()
+        self.veils: list = []
+        if veiled:
+            formats = ('rgba8', 'r32f')
+            self.veils = [Target(drawer.window, *size, (f,), depth=self.texture) for f in formats]
         self.views: list = [None] * views
         self._keys: list = [None] * views
+        self._dressed: dict = {}
         self.bakes = 0
 
     @property
-    def texture(self):
+    def texture(self) -> Any:
         """The depth texture: 0 near, 1 far."""
         return self.target.depth
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self.target.nbytes
+        return self.target.nbytes + sum(veil.nbytes for veil in self.veils)
+
+    @property
+    def tint(self):
+        """What translucent casters leave of the light, red, green, blue; where veiled."""
+        return self.veils[0].colors[0]
+
+    @property
+    def veil(self):
+        """The depth of the nearest translucent caster; where veiled."""
+        return self.veils[1].colors[0]
 
     def corner(self, k) -> tuple[int, int]:
         """Return the lower left texel of a view in the texture."""
@@ -82,7 +120,13 @@ class DepthView:
         with self.target.drawing():
             for k in stale:
                 self._draw(frame, views[k], k, casters)
-            self.drawer.done()
+        for mode, target in enumerate(self.veils, 1):
+            with target.drawing():
+                for k in stale:
+                    self._draw_veil(views[k], k, casters, mode)
+        for thing in casters.things:
+            thing.prepare(frame)
+        self.drawer.done()
         # Taken again: things may have made actors for these views.
         shared = casters.key()
         for k in stale:
@@ -96,14 +140,44 @@ class DepthView:
         for thing in casters.things:
             thing.prepare(seen)
         self.drawer.look(view, (*self.corner(k), self.resolution, self.resolution))
-        self.drawer.draw(casters.actors)
+        self._dress(casters.actors)
+        # In a parallel view VTK has spheres bulge twice as far.
+        bulge = self.drawer.inner.GetSize()[0] / self.resolution * (0.5 if view.parallel else 1.0)
+        with sized(casters.actors, lambda p: frame.pixel_at(p) / seen.pixel_at(p), bulge):
+            self.drawer.draw(casters.actors)
         for thing in casters.things:
             self.drawer.draw(thing.drawn())
             thing.finish(seen)
 
+    def _dress(self, actors):
+        self._dressed |= {address(a): a for a in actors}
+
+    def _draw_veil(self, view, k, casters, mode):
+        rect = (*self.corner(k), self.resolution, self.resolution)
+        self.drawer.look(view, rect, clear=False)
+        self.drawer.fill((1.0, 1.0, 1.0, 1.0))
+        actors = casters.seen(view).translucent()
+        for actor in actors:
+            _VEIL.attach(actor)
+            _set_veil(actor, mode)
+        with self.drawer.blending('multiply' if mode == 1 else 'least'):
+            self.drawer.draw(actors, translucent=True)
+        for actor in actors:
+            _set_veil(actor, 0)
+
     def release(self):
         """Free the GPU's memory; the context must be alive."""
+        for actor in self._dressed.values():
+            for feature in (_VEIL, SPHERES):
+                feature.detach(actor)
+        self._dressed = {}
+        for veil in self.veils:
+            veil.release()
         self.target.release()
+
+
+def _set_veil(actor, mode):
+    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformi('ibr_veil', mode)
 
 
 def seen_from(frame, view, resolution):

@@ -109,6 +109,22 @@ class Frame:
         """Pixels per unit of tan(angle) in perspective, per world unit in parallel projection."""
         return float(self.clip_from_view[1, 1] * self.size[1] / 2)
 
+    def pixel_at(self, point) -> float:
+        """Return the size of a pixel at a point, in world units.
+
+        Parameters
+        ----------
+        point : array_like, shape (3,)
+            World units; behind the near plane it counts as on it.
+
+        Returns
+        -------
+        float
+            World units.
+        """
+        away = -float(self.view_from_world[2, :3] @ point + self.view_from_world[2, 3])
+        return (1.0 if self.parallel else max(away, self.near)) / self.pixel_scale
+
 
 def _matrix(vtk_matrix) -> np.ndarray:
     elements = [[vtk_matrix.GetElement(i, j) for j in range(4)] for i in range(4)]

@@ -81,7 +81,7 @@ def lights_of(renderer) -> list[SceneLight]:
 def _scene_light(number, light) -> SceneLight:
     position = np.array(light.GetTransformedPosition(), float)
     direction = np.array(light.GetTransformedFocalPoint(), float) - position
-    length = np.linalg.norm(direction)
+    length = float(np.linalg.norm(direction))
     if length == 0 or not np.isfinite(length):
         direction, length = np.array([0.0, 0.0, -1.0]), 1.0
     cone = float(light.GetConeAngle())

@@ -83,5 +83,7 @@ class Moments:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for owner in (self.target, self._half, *self._passes):
-            owner.release()
+        for target in (self.target, self._half):
+            target.release()
+        for quad in self._passes:
+            quad.release()

@@ -365,7 +365,7 @@ class Cards:
             'ibr_eye_from_world': uniform_matrix(view[:3, :3]),
             'ibr_clip_from_eye': uniform_matrix(clip),
             'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
-            'ibr_cut': 0.5 if frame.picking else 1 / 255,
+            'ibr_cut': 0.5 if frame.picking or frame.casting else 1 / 255,
         }
 
     def show(self, name, blocks, sizes, cuts, *, unit=None, dithered=False):

@@ -84,6 +84,7 @@ class Instances(Effect):
         1.0, 'How far an outline may be from that of the mesh.', range='(0, inf)', unit='px'
     )
     visibility = Param(True, 'Whether it is drawn at all.')
+    _changes = 0
 
     def __init__(
         self, mesh, poses=None, *, index=None, max_error=1.0, name=None, scalars=None,
@@ -166,7 +167,7 @@ class Instances(Effect):
         for k, model in self._models.items():
             self._kinds.append(Kind(model, ids[k], poses, self._binder, unit, draws))
         self._uploaded = False
-        self._stamp = None
+        self._touch()
         self._bounds = _union([k.bounds for k in self._kinds])
         _set_bounds(self._anchor, self._bounds)
 
@@ -307,7 +308,11 @@ class Instances(Effect):
             self.pipeline._make_current()
         for kind in self._kinds:
             kind.set_looks(merged, self._blend == 'multiply')
+        self._touch()
+
+    def _touch(self):
         self._stamp = None
+        self._changes += 1
 
     def scalar_mapper(self):
         """Return a mapper with the table of the scalars shown, for a scalar bar; else None."""
@@ -360,7 +365,7 @@ class Instances(Effect):
         layers = zip(*(k.cards.layers.values() for k in self._kinds), strict=True)
         turns = (zip(*(layer.actors for layer in row), strict=True) for row in layers)
         self._card_actors = [actor for turn in turns for draw in turn for actor in draw]
-        for actor in self._card_actors + [a for k in self._kinds for a in k.mesh_actors()]:
+        for actor in self.actors():
             renderer.AddViewProp(actor)
 
     def _take_out(self):
@@ -368,7 +373,7 @@ class Instances(Effect):
             renderer = self.pipeline.renderer
             for kind in self._kinds:
                 kind.hide()
-            for actor in self._card_actors + [a for k in self._kinds for a in k.mesh_actors()]:
+            for actor in self.actors():
                 renderer.RemoveViewProp(actor)
 
     def detach(self):
@@ -386,6 +391,19 @@ class Instances(Effect):
         """Take it out of its plotter and free what it holds on the GPU; it may be added again."""
         if self.pipeline is not None:
             self.pipeline.remove(self)
+
+    def stamp(self) -> tuple:
+        """Return what changes whenever what is drawn does, the camera left out."""
+        shown = self.visibility and bool(self._anchor.GetVisibility())
+        return self._changes, self._revision, shown
+
+    def actors(self) -> list:
+        """Return the actors that draw the instances, those that are not visible now too."""
+        return self._card_actors + [a for k in self._kinds for a in k.mesh_actors()]
+
+    def drawn(self) -> list:
+        """Return the actors that `prepare` chose."""
+        return [a for a in self.actors() if a.GetVisibility()]
 
     #: Frames that are drawn to pick need the cards too.
     picks = True
@@ -423,7 +441,7 @@ class Instances(Effect):
             self._uploaded = True
         self._keep_last(frame.renderer)
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
-        stamp = (*camera, frame.size, self._revision, frame.picking)
+        stamp = (*camera, frame.size, self._revision, frame.picking, frame.casting)
         self._check_cards()
         if stamp == self._stamp:
             return

@@ -210,11 +210,11 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 }
 
 //@light
-float ibr_shadow_NUMBER(vec3 p, vec3 n)
+vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
 {
   vec3 toward = POSITIONAL ? normalize(ibr_shadow_place_NUMBER - p) : ibr_shadow_place_NUMBER;
   float facing = dot(n, toward);
-  if (facing <= 0.0) return 0.0;
+  if (facing <= 0.0) return vec3(0.0);
   int view = FIRST;
 #if COUNT == 6
   // Of views all around, the one whose axis is nearest.
@@ -237,7 +237,7 @@ float ibr_shadow_NUMBER(vec3 p, vec3 n)
   mat4 m = ibr_shadow_from_view[view];
   vec4 q = m * vec4(p, 1.0);
   vec3 s = q.xyz / q.w;
-  if (q.w <= 0.0 || max(abs(s.x - 0.5), abs(s.y - 0.5)) > 0.5) return 1.0;
+  if (q.w <= 0.0 || max(abs(s.x - 0.5), abs(s.y - 0.5)) > 0.5) return vec3(1.0);
   float side = ibr_shadow_size_NUMBER;
   vec2 slope = ibr_shadow_slope(m, q, n);
   float texel = ibr_shadow_texel[view] * (POSITIONAL ? q.w : 1.0);
@@ -258,11 +258,25 @@ float ibr_shadow_NUMBER(vec3 p, vec3 n)
   found.far = ibr_shadow_range[3 * view + 1];
   found.size = ibr_shadow_range[3 * view + 2];
   found.perspective = POSITIONAL;
-  return ibr_shadow_test(ibr_shadow_map_NUMBER, found);
+  vec3 lit = vec3(ibr_shadow_test(ibr_shadow_map_NUMBER, found));
+#if VEILED
+  // Translucent casters between the light and what is opaque; before the nearest there is none.
+  vec2 uv = found.tile.xy + clamp(s.xy, 0.5 / side, 1.0 - 0.5 / side) * found.tile.zw;
+  float reach = bias + 2.0 * (abs(slope.x) + abs(slope.y)) / side;
+  if (s.z - reach > texture(ibr_shadow_veil_NUMBER, uv).r)
+    lit *= texture(ibr_shadow_tint_NUMBER, uv).rgb;
+#endif
+  return lit;
 }
 
 //@apply
-  vec3 ibr_shadow_p = PLACE;
-  vec3 ibr_shadow_n = NORMAL;
+#ifdef IBR_PLACE
+  // What is drawn has another shape than its triangles: it tells its place and normal.
+  vec3 ibr_shadow_p = IBR_PLACE;
+  vec3 ibr_shadow_n = normalize(IBR_NORMAL);
+#else
+  vec3 ibr_shadow_p = vertexVC.xyz;
+  vec3 ibr_shadow_n = ibr_shadow_flat(ibr_shadow_p);
+#endif
   if (dot(ibr_shadow_n, cameraParallel == 1 ? vec3(0.0, 0.0, -1.0) : ibr_shadow_p) > 0.0)
     ibr_shadow_n = -ibr_shadow_n;

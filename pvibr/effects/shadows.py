@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.casters import Casters, Surfaces
+from pvibr.casters import SPHERES, Casters, Surfaces, address, draws_spheres
 from pvibr.depth_view import DepthView
 from pvibr.effect import Effect
 from pvibr.gl import shader_source
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.feature import DITHER, Feature, sections
+from pvibr.gl.feature import DITHER, Feature, declared_samplers, sections
 from pvibr.lights import SceneLight, light_views, lights_of
 from pvibr.maths.kernels import vogel_disk
 from pvibr.moments import KINDS, WARP, Moments
@@ -20,6 +20,7 @@ from pvibr.params import Param
 
 #: Views of a directional light at most: of everything, and around the eye.
 _CASCADES = 4
+_VEILS = ('tint', 'veil')
 
 
 class Shadows(Effect):
@@ -27,10 +28,11 @@ class Shadows(Effect):
 
     Parameters
     ----------
-    casts : callable or sequence of actors, optional
-        Which actors throw shadows; by default all that are visible.
-    receives : callable or sequence of actors, optional
-        Which actors show shadows; by default all that are lit.
+    casts : callable or sequence, optional
+        Which actors and things of pvibr throw shadows: those in it, or those for which it returns
+        true; by default all that are visible.
+    receives : callable or sequence, optional
+        Which show shadows; by default all that are lit.
     **settings
         Values of the settings.
 
@@ -96,18 +98,18 @@ class Shadows(Effect):
 
     # -- what takes part ----------------------------------------------------------------------
 
-    def _actors(self, chosen):
-        actors = self._surfaces.actors()
-        if chosen is None:
-            return actors
-        if callable(chosen):
-            return [a for a in actors if chosen(a)]
-        wanted = {a.GetAddressAsString('') for a in chosen}
-        return [a for a in actors if a.GetAddressAsString('') in wanted]
+    def _things(self) -> list:
+        return [e for e in self.pipeline.effects if hasattr(e, 'drawn') and e.enabled]
 
     def _casters(self) -> Casters:
-        shown = [a for a in self._actors(self.casts) if a.GetVisibility()]
-        return Casters(shown, [])
+        actors, things = self._surfaces.chosen(self.casts, self._things())
+        return Casters([a for a in actors.values() if a.GetVisibility()], things)
+
+    def _receivers(self) -> dict:
+        things = self._things()
+        self._surfaces.update(things)  # for what things made for the lights' views
+        actors, things = self._surfaces.chosen(self.receives, things)
+        return actors | {address(a): a for thing in things for a in thing.actors()}
 
     # -- the life of an effect ----------------------------------------------------------------
 
@@ -134,6 +136,7 @@ class Shadows(Effect):
         """
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
             self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
+        self._surfaces.update(self._things())
         casters = self._casters()
         self._match_lights()
         for maps in self._lights:
@@ -165,24 +168,26 @@ class Shadows(Effect):
         if feature is not self._feature:
             self._undress()
             self._feature = feature
-        for address in [a for a in self._shadowed if a not in receivers]:
-            self._feature.detach(self._shadowed.pop(address))
         if feature is None:
             return
+        for key in self._shadowed.keys() - receivers.keys():
+            self._undress_one(self._shadowed.pop(key))
         uniforms = self._uniforms(frame, lit)
-        for address, actor in receivers.items():
-            if address not in self._shadowed:
+        for key, actor in receivers.items():
+            if key not in self._shadowed:
                 feature.attach(actor)
-                self._shadowed[address] = actor
+                self._shadowed[key] = actor
+            (SPHERES.attach if draws_spheres(actor) else SPHERES.detach)(actor)
             _set(actor.GetShaderProperty().GetFragmentCustomUniforms(), uniforms)
-
-    def _receivers(self) -> dict:
-        return {a.GetAddressAsString(''): a for a in self._actors(self.receives)}
 
     def _undress(self):
         for actor in self._shadowed.values():
-            self._feature.detach(actor)
+            self._undress_one(actor)
         self._shadowed = {}
+
+    def _undress_one(self, actor):
+        for feature in (self._feature, SPHERES):
+            feature.detach(actor)
 
     def _uniforms(self, frame, lit):
         world_from_view = np.linalg.inv(frame.view_from_world)
@@ -201,10 +206,11 @@ class Shadows(Effect):
             n = maps.light.number
             place = (frame.view_from_world @ maps.light.homogeneous())[:3].tolist()
             uniforms += [
-                ('SetUniformi', f'ibr_shadow_map_{n}', maps.texture.activate()),
                 ('SetUniform3f', f'ibr_shadow_place_{n}', place),
                 ('SetUniformf', f'ibr_shadow_size_{n}', float(maps.view.resolution)),
             ]
+            for name, texture in maps.textures().items():
+                uniforms.append(('SetUniformi', f'ibr_shadow_{name}_{n}', texture.activate()))
         return uniforms
 
     def _size(self, view) -> float:
@@ -223,8 +229,8 @@ class Shadows(Effect):
             The frame that was drawn.
         """
         for maps in self._lights:
-            if maps.view is not None:
-                maps.texture.deactivate()
+            for texture in maps.textures().values():
+                texture.deactivate()
 
     def rest(self):
         """Take the shader text off all receivers."""
@@ -279,9 +285,11 @@ class _LightMaps:
     def nbytes(self) -> int:
         return sum(owner.nbytes for owner in (self.view, self.moments) if owner)
 
-    @property
-    def texture(self):
-        return (self.moments or self.view).texture
+    def textures(self) -> dict:
+        if self.view is None:
+            return {}
+        veils = {v: getattr(self.view, v) for v in _VEILS} if self.view.veils else {}
+        return {'map': (self.moments or self.view).texture} | veils
 
     def update(self, frame, casters):
         """Draw what is stale."""
@@ -291,10 +299,14 @@ class _LightMaps:
             return
         wanted = self.owner.resolution
         self.views = light_views(self.light, bounds, frame, wanted, _CASCADES, least)
-        if self.view is None or len(self.view.views) != len(self.views):
+        veiled = bool(casters.translucent())
+        old = self.view
+        if old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled):
             self.release()
             method = self.owner.method
-            self.view = DepthView(self.drawer, len(self.views), wanted, compare=method == 'pcf')
+            self.view = DepthView(
+                self.drawer, len(self.views), wanted, compare=method == 'pcf', veiled=veiled
+            )
             self.moments = Moments(self.view, method) if method in KINDS else None
         for k in self.view.update(frame, self.views, casters):
             if self.moments is not None:
@@ -303,7 +315,7 @@ class _LightMaps:
     def signature(self):
         return (
             self.light.number, self.light.positional, len(self.views), self.view.columns,
-            self.view.rows,
+            self.view.rows, bool(self.view.veils),
         )  # fmt: skip
 
     def release(self):
@@ -329,36 +341,34 @@ def _set(target, uniforms):
 def _feature(method, taps, lights) -> Feature:
     """Return the shader text for some lights, put around VTK's own light code."""
     text = sections(shader_source(__file__))
-    maps = [f'ibr_shadow_map_{n}' for n, *_ in lights]
-    sampler = 'sampler2DShadow' if method == 'pcf' else 'sampler2D'
+    kind = 'sampler2DShadow' if method == 'pcf' else 'sampler2D'
+    samplers = {f'ibr_shadow_map_{n}': kind for n, *_ in lights}
+    samplers |= {f'ibr_shadow_{v}_{n}': 'sampler2D' for n, *_, e in lights if e for v in _VEILS}
     disk = ', '.join(f'vec2({x:.6f}, {y:.6f})' for x, y in vogel_disk(taps))
-    declared = ''.join(f'#define {m} {m}_unit\n' for m in maps)
-    # VTK declares what is set by number as int; its units are the samplers'.
-    declared += '//VTK::CustomUniforms::Dec\n' + ''.join(f'#undef {m}\n' for m in maps)
-    declared += ''.join(f'uniform {sampler} {m};\n' for m in maps)
-    declared += f'{DITHER}#define TAPS {taps}\n#define WARP {WARP:.1f}\n'
-    declared += f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk});\n'
-    declared += text['declare'] + (text['moments'] if method in KINDS else '') + text[method]
-    first = 0
-    for number, positional, count, columns, rows in lights:
+    parts = [
+        declared_samplers(samplers),
+        f'{DITHER}#define TAPS {taps}\n#define WARP {WARP:.1f}\n',
+        f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk});\n',
+        text['declare'],
+        text['moments'] if method in KINDS else '',
+        text[method],
+    ]
+    before, after, first = text['apply'], '', 0
+    for number, positional, count, columns, rows, veiled in lights:
         values = {
             'POSITIONAL': str(bool(positional)).lower(), 'FIRST': first, 'COUNT': count,
-            'COLUMNS': columns, 'ROWS': rows,
+            'COLUMNS': columns, 'ROWS': rows, 'VEILED': int(veiled),
         }  # fmt: skip
-        declared += ''.join(f'#define {k} {v}\n' for k, v in values.items())
-        declared += text['light'].replace('NUMBER', str(number))
-        declared += ''.join(f'#undef {k}\n' for k in values)
+        parts += [f'#define {k} {v}\n' for k, v in values.items()]
+        parts.append(text['light'].replace('NUMBER', str(number)))
+        parts += [f'#undef {k}\n' for k in values]
         first += count
-    apply = text['apply'].replace('PLACE', 'vertexVC.xyz')
-    apply = apply.replace('NORMAL', 'ibr_shadow_flat(vertexVC.xyz)')
-    after = ''
-    for number, *_ in lights:
         call = f'ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n)'
-        apply += f'  float ibr_shadow_lit_{number} = {call};\n'
-        apply += f'#define lightColor{number} (ibr_shadow_lit_{number} * lightColor{number})\n'
+        before += f'  vec3 ibr_shadow_lit_{number} = {call};\n'
+        before += f'#define lightColor{number} (ibr_shadow_lit_{number} * lightColor{number})\n'
         after += f'#undef lightColor{number}\n'
     texts = {
-        'VTK::CustomUniforms::Dec': declared,
-        'VTK::Light::Impl': f'{apply}//VTK::Light::Impl\n{after}',
+        'VTK::CustomUniforms::Dec': ''.join(parts),
+        'VTK::Light::Impl': f'{before}//VTK::Light::Impl\n{after}',
     }
     return Feature('shadows', fragment=texts)

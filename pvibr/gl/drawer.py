@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+
 from pvibr import _vtk
 
 _BLEND, _DEPTH_TEST, _SCISSOR_TEST = 0x0BE2, 0x0B71, 0x0C11  # GL enums
-_DEPTH_BIT = 0x0100
+_COLOR_BIT, _DEPTH_BIT = 0x4000, 0x0100
+_ADD, _LEAST = 0x8006, 0x8007  # GL_FUNC_ADD, GL_MIN
+_ZERO, _ONE, _SOURCE_COLOR = 0, 1, 0x0300
 
 
 class Drawer:
@@ -87,6 +91,32 @@ class Drawer:
                 actor.RenderTranslucentPolygonalGeometry(self.inner)
             else:
                 actor.RenderOpaqueGeometry(self.inner)
+
+    def fill(self, color):
+        """Clear colours of the part that :meth:`look` took."""
+        state = self.window.GetState()
+        state.vtkglColorMask(True, True, True, True)
+        state.vtkglClearColor(*color)
+        state.vtkglClear(_COLOR_BIT)
+
+    @contextmanager
+    def blending(self, mode):
+        """Have what is drawn multiply what is there, or leave the least of both.
+
+        Parameters
+        ----------
+        mode : {'multiply', 'least'}
+            Depth is tested and not written meanwhile.
+        """
+        state = self.window.GetState()
+        state.vtkglDepthMask(False)
+        state.SetEnumState(_BLEND, True)
+        state.vtkglBlendEquation(_ADD if mode == 'multiply' else _LEAST)
+        state.vtkglBlendFunc(*((_ZERO, _SOURCE_COLOR) if mode == 'multiply' else (_ONE, _ONE)))
+        yield
+        state.vtkglBlendEquation(_ADD)
+        state.SetEnumState(_BLEND, False)
+        state.vtkglDepthMask(True)
 
     def done(self):
         """Leave the view, before the renderer itself draws."""

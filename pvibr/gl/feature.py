@@ -39,6 +39,36 @@ def sections(text) -> dict[str, str]:
     return dict(zip(names, (t.lstrip('\n') for t in _SECTION.split(text)[2::2]), strict=True))
 
 
+def declared_samplers(samplers) -> str:
+    """Return the text that declares samplers, for the tag ``VTK::CustomUniforms::Dec``.
+
+    VTK declares whatever is set by ``SetUniformi`` as int. Under another name that does no harm,
+    and the number set is still the sampler's unit.
+
+    Parameters
+    ----------
+    samplers : dict of str to str
+        Name to type, such as ``'sampler2D'``.
+
+    Returns
+    -------
+    str
+        GLSL, with the tag.
+
+    Examples
+    --------
+    >>> from pvibr.gl.feature import declared_samplers
+    >>> print(declared_samplers({'map': 'sampler2D'}), end='')
+    #define map map_unit
+    //VTK::CustomUniforms::Dec
+    #undef map
+    uniform sampler2D map;
+    """
+    hidden = ''.join(f'#define {name} {name}_unit\n' for name in samplers)
+    shown = ''.join(f'#undef {name}\nuniform {kind} {name};\n' for name, kind in samplers.items())
+    return f'{hidden}//VTK::CustomUniforms::Dec\n{shown}'
+
+
 class Feature:
     """Shader text for an actor by tag and stage; several features share an actor.
 

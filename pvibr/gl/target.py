@@ -20,8 +20,8 @@ class Target:
     formats : sequence of str
         One format per colour attachment, see :meth:`pvibr.gl.Texture.allocate`; none draws depth
         alone.
-    depth : bool
-        Whether there is a depth buffer (float32).
+    depth : bool or Texture
+        Whether there is a depth buffer (float32), or that of another target, to be tested by.
     filter : str
         How the colour textures are sampled afterwards.
     """
@@ -30,7 +30,10 @@ class Target:
         self.window = window
         self.width, self.height = width, height
         self.colors = [Texture(window, filter=filter).allocate(width, height, f) for f in formats]
-        self.depth = Texture(window).allocate(width, height, 'depth32f') if depth else None
+        self._shares_depth = isinstance(depth, Texture)
+        self.depth: Texture | None = depth if isinstance(depth, Texture) else None
+        if depth is True:
+            self.depth = Texture(window).allocate(width, height, 'depth32f')
         self.object = _vtk.vtkOpenGLFramebufferObject()
         self.object.SetContext(window)
         with self._bound():
@@ -43,7 +46,11 @@ class Target:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for t in [*self.colors, self.depth] if t is not None)
+        return sum(t.nbytes for t in self._own())
+
+    def _own(self):
+        depth = [] if self.depth is None or self._shares_depth else [self.depth]
+        return self.colors + depth
 
     def _check(self):
         self._activate()
@@ -100,6 +107,5 @@ class Target:
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self.object.ReleaseGraphicsResources(self.window)
-        for texture in [*self.colors, self.depth]:
-            if texture is not None:
-                texture.release()
+        for texture in self._own():
+            texture.release()
