@@ -322,6 +322,10 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   ibr_g /= ibr_w;
   ibr_a /= ibr_w;
 #endif
+  // For features that ask where the surface is that is seen.
+#define IBR_PLACE \
+  (cameraParallel == 1 ? vec3(vertexVC.xy, ibr_g.r) : vertexVC.xyz * (ibr_g.r / vertexVC.z))
+#define IBR_NORMAL ibr_normal
   float ibr_coverage = ibr_g.g;
   float ibr_norm = 1.0 / max(ibr_coverage, 0.003);
   vec3 ibr_base = clamp(ibr_a.rgb * ibr_norm, 0.0, 1.0);

@@ -424,6 +424,7 @@ class _Layer:
         self.mapper.AddObserver('UpdateShaderEvent', self._updater())
         self.mapper.SetInputData(card_mesh(self._most(), program.corners, bounds))
         self.actors = [self._actor(prop) for _ in range(draws)]
+        self.spans = [(0, 0)] * draws  # of each actor: first card, end of the blocks
 
     def _most(self):
         """Return the cards of the largest draw."""
@@ -445,14 +446,17 @@ class _Layer:
         if len(blocks):
             self.blocks = self.blocks or Texture(self.cards.window)
             self.blocks.upload(pack(blocks, _ROW, 4))
-        for k, actor in enumerate(self.actors):
-            begin, end = (cuts[k], cuts[k + 1]) if k + 1 < len(cuts) else (0, 0)
-            if bool(actor.GetVisibility()) != bool(end > begin):
-                actor.SetVisibility(bool(end > begin))
-            if end > begin:
+        ends = pairwise(np.asarray(cuts).tolist())
+        spans = [(begin * self.unit, end) if end > begin else (0, 0) for begin, end in ends]
+        spans += [(0, 0)] * (len(self.actors) - len(spans))
+        for actor, span, before in zip(self.actors, spans, self.spans, strict=True):
+            if span != before:  # most stay while the camera moves
+                first, end = span
+                actor.SetVisibility(end > 0)
                 uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-                uniforms.SetUniformi('ibr_first', int(begin) * self.unit)
-                uniforms.SetUniformi('ibr_end', int(end))
+                uniforms.SetUniformi('ibr_first', first)
+                uniforms.SetUniformi('ibr_end', end)
+        self.spans = spans
 
     def _updater(self):
         # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
