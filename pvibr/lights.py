@@ -144,16 +144,17 @@ def _cascades(light, bounds, frame, resolution, count):
     axes = look_along((0, 0, 0), light.direction)[:3, :3]
     points = corners(bounds).reshape(-1, 3) @ axes.T
     low, high = points.min(0), points.max(0)
-    width = max((high - low)[:2].max(), 1e-6 * max((high - low)[2], np.finfo(float).tiny))
-    edge = width * _TILE_EDGE / resolution
-    pad = np.array([edge, edge, max(1e-3 * (high - low)[2], 1e-3 * width)])
+    # As wide and as high as it is: low light sees level ground foreshortened, and needs it sharp.
+    size = high - low
+    size = np.maximum(size, [1e-2 * size.max()] * 2 + [1e-3 * size.max()])
+    size = np.maximum(size, np.finfo(float).tiny ** 0.5)
     middle = (low + high) / 2
-    half = np.array([width / 2, width / 2, (high - low)[2] / 2]) + pad
+    half = 0.5 * size * [*[1 + 2 * _TILE_EDGE / resolution] * 2, 1.002]
     views = [orthographic(axes, middle - half, middle + half)]
     # Near planes are far before what is seen; in a box they are all that is known.
     away = max(box_distance(frame.eye, bounds), frame.near)
     pixel = (1.0 if frame.parallel else away) / frame.pixel_scale
-    texel = 2 * half[0] / resolution
+    texel = 2 * half[:2].max() / resolution
     wanted = int(np.ceil(np.log2(max(texel / (_TEXEL * pixel), 1.0))))
     levels = max(min(count[1] - 1, wanted), count[0] - 1)
     shrink = 2.0 if wanted <= levels else 4.0

@@ -37,8 +37,8 @@ vec2 ibr_shadow_slope(mat4 m, vec4 q, vec3 n)
 
 // What is known where a comparison is made: place and depth in the view (0 to 1), depth per texture
 // coordinate on the receiver's plane, allowance for rounding; the view's tile in the texture, its
-// texels along a side, near, far, whether it is a perspective, and the light's size: the tangent
-// of half its angle, or its radius over what half the view's width is at a distance of 1.
+// texels along a side, near, far, whether it is a perspective, and the light's size in parts of the
+// view's sides, at a distance of 1: the tangent of half its angle, or its radius.
 struct ibr_Shadow
 {
   vec3 place;
@@ -49,7 +49,7 @@ struct ibr_Shadow
   float near;
   float far;
   bool perspective;
-  float size;
+  vec2 size;
 };
 
 float ibr_shadow_linear(ibr_Shadow s, float d)
@@ -66,8 +66,42 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
   return plane - s.bias > depth ? 0.0 : 1.0;
 }
 
+//@window
+// Percentage-closer filtering (Reeves et al., SIGGRAPH 1987): what is filtered is the comparison,
+// here of every texel that a square around the receiver overlaps, each with the plane's depth.
+// How much of a texel the filter covers that begins at a place within the first.
+float ibr_shadow_overlap(float texel, float begin)
+{
+  float end = begin + 2.0 * ibr_shadow_softness;
+  return clamp(min(texel + 1.0 - begin, end - texel), 0.0, 1.0);
+}
+
+float ibr_shadow_test(sampler2D map, ibr_Shadow s)
+{
+  vec2 corner = s.place.xy * s.side - ibr_shadow_softness;
+  vec2 first = floor(corner);
+  vec2 rest = corner - first;
+  ivec2 origin = ivec2(s.tile.xy * vec2(textureSize(map, 0)) + 0.5);
+  vec2 slope = s.slope / s.side;
+  float plane = s.place.z - s.bias + dot(s.slope, (first + 0.5) / s.side - s.place.xy);
+  float sum = 0.0;
+  for (int j = 0; j < TAPS; ++j)
+  {
+    float row = 0.0;
+    for (int i = 0; i < TAPS; ++i)
+    {
+      ivec2 texel = clamp(ivec2(first) + ivec2(i, j), ivec2(0), ivec2(s.side) - 1);
+      float depth = texelFetch(map, origin + texel, 0).r;
+      float lit = plane + float(i) * slope.x + float(j) * slope.y > depth ? 0.0 : 1.0;
+      row += lit * ibr_shadow_overlap(float(i), rest.x);
+    }
+    sum += row * ibr_shadow_overlap(float(j), rest.y);
+  }
+  return sum / (4.0 * ibr_shadow_softness * ibr_shadow_softness);
+}
+
 //@pcf
-// Percentage-closer filtering (Reeves et al., SIGGRAPH 1987): what is filtered is the comparison.
+// The same by the driver's own comparison and linear filter, at places on a disk.
 float ibr_shadow_test(sampler2DShadow map, ibr_Shadow s)
 {
   float angle = 6.2831853 * IBR_DITHER;
@@ -103,9 +137,9 @@ float ibr_shadow_distance(ibr_Shadow s, float d)
 }
 
 // Radius in the view of the cone to the light, at some distance from the light.
-float ibr_shadow_cone(ibr_Shadow s, float from, float to)
+vec2 ibr_shadow_cone(ibr_Shadow s, float from, float to)
 {
-  return s.perspective ? 0.5 * s.size * (to - from) / (to * from) : s.size * (to - from);
+  return s.size * (s.perspective ? (to - from) / (to * from) : to - from);
 }
 
 float ibr_shadow_test(sampler2D map, ibr_Shadow s)
@@ -114,7 +148,7 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
   mat2 turn = mat2(cos(angle), sin(angle), -sin(angle), cos(angle));
   float to = ibr_shadow_distance(s, s.place.z);
   float least = 0.7 / s.side;
-  float reach = clamp(ibr_shadow_cone(s, s.near, to), least, 0.25);
+  vec2 reach = clamp(ibr_shadow_cone(s, s.near, to), vec2(least), vec2(0.25));
   float sum = 0.0;
   float found = 0.0;
   for (int i = 0; i < TAPS; ++i)
@@ -125,13 +159,13 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
     {
       float from = ibr_shadow_distance(s, depth);
       // What lies within the search but beside the cone counts where there is nothing else.
-      float w = length(d) <= ibr_shadow_cone(s, from, to) + least ? 1.0 : 0.02;
+      float w = length(d / (ibr_shadow_cone(s, from, to) + least)) <= 1.0 ? 1.0 : 0.02;
       sum += w * from;
       found += w;
     }
   }
   if (found == 0.0) return 1.0;
-  float radius = clamp(ibr_shadow_cone(s, sum / found, to), least, reach);
+  vec2 radius = clamp(ibr_shadow_cone(s, sum / found, to), vec2(least), reach);
   float lit = 0.0;
   for (int i = 0; i < TAPS; ++i)
     lit += ibr_shadow_hider(map, s, turn * ibr_shadow_disk[i] * radius) < 2.0 ? 0.0 : 1.0;
@@ -240,8 +274,11 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   if (q.w <= 0.0 || max(abs(s.x - 0.5), abs(s.y - 0.5)) > 0.5) return vec3(1.0);
   float side = ibr_shadow_size_NUMBER;
   vec2 slope = ibr_shadow_slope(m, q, n);
-  float texel = ibr_shadow_texel[view] * (POSITIONAL ? q.w : 1.0);
-  vec4 off = m * vec4(p + n * texel * ibr_shadow_offset, 1.0);
+  // The side of a texel along which the receiver falls away from the light.
+  vec2 texel = vec2(ibr_shadow_texel[2 * view], ibr_shadow_texel[2 * view + 1]);
+  vec2 way = abs(slope) / texel + 1e-30;
+  float across = dot(way, texel) / length(way) * (POSITIONAL ? q.w : 1.0);
+  vec4 off = m * vec4(p + n * across * ibr_shadow_offset, 1.0);
   // The receiver's plane is moved along its normal; its place in the map stays.
   vec3 moved = off.xyz / off.w;
   s.z += moved.z - s.z - dot(slope, moved.xy - s.xy);
@@ -254,9 +291,9 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   found.bias = bias;
   found.tile = vec4(vec2(cell) / vec2(COLUMNS, ROWS), 1.0 / vec2(COLUMNS, ROWS));
   found.side = side;
-  found.near = ibr_shadow_range[3 * view];
-  found.far = ibr_shadow_range[3 * view + 1];
-  found.size = ibr_shadow_range[3 * view + 2];
+  found.near = ibr_shadow_range[4 * view];
+  found.far = ibr_shadow_range[4 * view + 1];
+  found.size = vec2(ibr_shadow_range[4 * view + 2], ibr_shadow_range[4 * view + 3]);
   found.perspective = POSITIONAL;
   vec3 lit = vec3(ibr_shadow_test(ibr_shadow_map_NUMBER, found));
 #if VEILED

@@ -20,6 +20,7 @@ from pvibr.params import Param
 
 #: Views of a directional light at most: of everything, and around the eye.
 _CASCADES = 4
+_WINDOW = 3.0  # texels: a larger filter compares at some places only
 _VEILS = ('tint', 'veil')
 
 
@@ -69,7 +70,8 @@ class Shadows(Effect):
         range='[0, 64]', unit='texels',
     )  # fmt: skip
     taps = Param(
-        None, 'Comparisons of a filter; by default 4 of pcf and 32 of pcss.',
+        None, 'Places on a disk where pcf and pcss compare; by default pcf compares every texel '
+        'of a small filter, 16 places of a large one, and pcss 32.',
         range='[1, 64]', kind=int,
     )  # fmt: skip
     angle = Param(
@@ -81,7 +83,7 @@ class Shadows(Effect):
         'casters reach.', range='(0, inf)', unit='world', kind=float,
     )  # fmt: skip
     offset = Param(
-        0.75, 'How far a receiver is moved along its normal: less shows acne where surfaces '
+        0.35, 'How far a receiver is moved along its normal: less shows acne where surfaces '
         'are concave, more opens gaps under what touches the ground.',
         range='[0, 16]', unit='texels',
     )  # fmt: skip
@@ -158,11 +160,18 @@ class Shadows(Effect):
             maps.light = light
             self._lights.append(maps)
 
+    def _filter(self) -> tuple[str, int]:
+        """Return the section of the shader that finds shadows, and its number of taps."""
+        if self.method != 'pcf':
+            return self.method, self.taps or 32
+        if self.taps is None and 0.5 <= self.softness <= _WINDOW:
+            return 'window', int(np.ceil(2 * self.softness)) + 1
+        return 'pcf', self.taps or 16
+
     def _dress(self, frame):
         """Put the shader text on receivers, and the numbers of this frame."""
         lit = [m for m in self._lights if m.view is not None]
-        taps = self.taps or {'pcss': 32}.get(self.method, 4)
-        signature = (self.method, taps, tuple(m.signature() for m in lit))
+        signature = (*self._filter(), tuple(m.signature() for m in lit))
         feature = _feature(*signature) if lit else None
         receivers = {} if feature is None else self._receivers()
         if feature is not self._feature:
@@ -192,8 +201,8 @@ class Shadows(Effect):
     def _uniforms(self, frame, lit):
         world_from_view = np.linalg.inv(frame.view_from_world)
         matrices = [v.texture_from_world() @ world_from_view for m in lit for v in m.views]
-        texels = [_texel(v, m.view.resolution) for m in lit for v in m.views]
-        ranges = [x for m in lit for v in m.views for x in (v.near, v.far, self._size(v))]
+        texels = [t for m in lit for v in m.views for t in _texel(v, m.view.resolution)]
+        ranges = [x for m in lit for v in m.views for x in (v.near, v.far, *self._size(v))]
         uniforms = [
             ('SetUniformMatrix4x4v', 'ibr_shadow_from_view', len(matrices),
              np.concatenate([m.T.ravel() for m in matrices]).tolist()),
@@ -213,12 +222,12 @@ class Shadows(Effect):
                 uniforms.append(('SetUniformi', f'ibr_shadow_{name}_{n}', texture.activate()))
         return uniforms
 
-    def _size(self, view) -> float:
-        """Return the light's size as the shader takes it, in units of a view."""
+    def _size(self, view) -> list[float]:
+        """Return the light's size as the shader takes it, in parts of a view's sides."""
+        scale = np.diag(view.clip_from_view)[:2] / 2
         if view.parallel:
-            half_width = 1 / view.clip_from_view[0, 0]
-            return float(np.tan(np.radians(self.angle / 2)) / (2 * half_width))
-        return float((self.radius or view.far / 50) * view.clip_from_view[0, 0])
+            return (np.tan(np.radians(self.angle / 2)) * scale).tolist()
+        return ((self.radius or view.far / 50) * scale).tolist()
 
     def finish(self, frame):
         """Give the texture units back.
@@ -304,8 +313,9 @@ class _LightMaps:
         if old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled):
             self.release()
             method = self.owner.method
+            compare = self.owner._filter()[0] == 'pcf'
             self.view = DepthView(
-                self.drawer, len(self.views), wanted, compare=method == 'pcf', veiled=veiled
+                self.drawer, len(self.views), wanted, compare=compare, veiled=veiled
             )
             self.moments = Moments(self.view, method) if method in KINDS else None
         for k in self.view.update(frame, self.views, casters):
@@ -327,9 +337,9 @@ class _LightMaps:
         self.view = self.moments = None
 
 
-def _texel(view, resolution) -> float:
-    """Return the size of a texel in world units; at a distance of 1 where it grows with it."""
-    return float(2 / view.clip_from_view[0, 0] / resolution)
+def _texel(view, resolution) -> list[float]:
+    """Return the sides of a texel in world units; at a distance of 1 where they grow with it."""
+    return (2 / np.diag(view.clip_from_view)[:2] / resolution).tolist()
 
 
 def _set(target, uniforms):
