@@ -18,12 +18,19 @@ _EXPORTS = {
     'ClosedError': 'pvibr.errors',
     'Effect': 'pvibr.effect',
     'Instances': 'pvibr.actors.instances',
+    'Orthographic': 'pvibr.maths.cameras',
     'Param': 'pvibr.params',
+    'Pinhole': 'pvibr.maths.cameras',
+    'Projector': 'pvibr.effects.projector',
+    'Projectors': 'pvibr.effects.projector',
     'PvibrError': 'pvibr.errors',
     'PvibrWarning': 'pvibr.errors',
     'ShaderError': 'pvibr.errors',
     'Shadows': 'pvibr.effects.shadows',
     'attach': 'pvibr.component',
+    'shadow_mask': 'pvibr.visibility',
+    'shadowed_area': 'pvibr.visibility',
+    'visible': 'pvibr.visibility',
 }
 
 __all__ = ['__version__', *_EXPORTS]  # noqa: F822, PLE0604, RUF100

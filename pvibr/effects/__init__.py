@@ -4,6 +4,7 @@
 ORDER = (
     'Shadows',  # scene side: what lights reach, known before anything is shaded
     'Projector',  # scene side: photographs are lit and shadowed like the surface that they cover
+    'Projectors',  # as one
     'DepthOfField',  # a lens blurs the light of the scene itself
     'Glow',  # chosen objects shine; sharp light after the lens
     'Bloom',  # whatever is bright by now spreads, the glow too

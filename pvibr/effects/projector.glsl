@@ -1,0 +1,101 @@
+// Pictures thrown onto surfaces from calibrated cameras: projective texturing (Segal et al.,
+// "Fast shadows and lighting effects using texture mapping", SIGGRAPH 1992), with the lens of
+// Brown undone at each fragment, and nothing painted that the camera did not see.
+//
+// PRE stands for the effect, SLIDE for one of its pictures, VIEW for that one's number.
+// PRE_matrix: for each picture, view space to plane and to depth texture. PRE_number: 24 floats
+// each, see projector.py. PRE_set: feather, least cosine, opacity, dim, offset in texels.
+
+//@slide
+vec4 PRE_slide_VIEW(vec3 p, vec3 n, out float cover, out float score)
+{
+#define NUMBER(k) PRE_number[24 * VIEW + k]
+  vec4 q = PRE_matrix[2 * VIEW] * vec4(p, 1.0);
+  bool shown = q.w > 0.0 && abs(q.z - 0.5 * q.w) <= 0.5 * q.w;
+  vec2 xy = q.xy / q.w;
+#if LENS
+  float s = dot(xy, xy);
+  shown = shown && s < NUMBER(8);
+  float radial = (1.0 + s * (NUMBER(0) + s * (NUMBER(1) + s * NUMBER(4))))
+    / (1.0 + s * (NUMBER(5) + s * (NUMBER(6) + s * NUMBER(7))));
+  xy = radial * xy + 2.0 * dot(xy, vec2(NUMBER(3), NUMBER(2))) * xy
+    + s * vec2(NUMBER(3), NUMBER(2));
+#endif
+  vec2 uv = vec2(dot(vec3(NUMBER(9), NUMBER(10), NUMBER(11)), vec3(xy, 1.0)),
+    dot(vec3(NUMBER(12), NUMBER(13), NUMBER(14)), vec3(xy, 1.0)));
+  // Here, where all four fragments of a quad still are.
+  vec2 across = dFdx(uv), along = dFdy(uv);
+  vec3 toward = normalize(vec3(NUMBER(15), NUMBER(16), NUMBER(17)) - NUMBER(18) * p);
+  float cosine = dot(n, toward);
+  float inward = min(min(uv.x, 1.0 - uv.x), min(uv.y, 1.0 - uv.y));
+  cover = 0.0;
+  score = 0.0;
+  if (!(shown && inward >= 0.0 && cosine > PRE_set[1])) return vec4(0.0);
+  vec4 color = textureGrad(PRE_picture_VIEW, uv, across, along);
+  cover = color.a * (PRE_set[0] > 0.0 ? smoothstep(0.0, PRE_set[0], inward) : 1.0);
+#if OCCLUSION
+  mat4 m = PRE_matrix[2 * VIEW + 1];
+  float texel = NUMBER(23) * (NUMBER(18) > 0.0 ? (m * vec4(p, 1.0)).w : 1.0);
+  cover *= ibr_seen(PRE_depth_VIEW, m, p, cosine < 0.0 ? -n : n, PRE_set[4] * texel);
+#endif
+  float density = NUMBER(22) / q.w;
+  score = cover * max(abs(cosine), 1e-3) * density * density;
+  return vec4(color.rgb * vec3(NUMBER(19), NUMBER(20), NUMBER(21)), cosine);
+#undef NUMBER
+}
+
+//@begin
+// What all pictures show at a place: colour times the cosine of the light, and how much it covers.
+vec4 PRE_paint(vec3 p, vec3 n)
+{
+  vec3 sum = vec3(0.0);
+  float total = 0.0, most = 0.0, cover, score;
+  vec4 found;
+
+//@one
+  found = PRE_slide_VIEW(p, n, cover, score);
+  most = max(most, cover);
+#if LIGHT
+  found.rgb *= max(found.a, 0.0);
+#endif
+#if BEST
+  if (score > total)
+  {
+    sum = found.rgb * score;
+    total = score;
+  }
+#else
+  sum += found.rgb * score;
+  total += score;
+#endif
+
+//@end
+  return vec4(total > 0.0 ? sum / total : vec3(0.0), most * PRE_set[2]);
+}
+
+//@find
+#ifdef IBR_PLACE
+  vec3 PRE_p = IBR_PLACE;
+  vec3 PRE_n = IBR_NORMAL;
+#else
+  vec3 PRE_p = ibr_place(ibr_clip);
+  vec3 PRE_n = ibr_flat(PRE_p);
+#endif
+  vec4 PRE_found = PRE_paint(PRE_p, PRE_n);
+
+//@lit
+  ambientColor = mix(ambientColor * mix(PRE_set[3], 1.0, PRE_found.a),
+    ambientIntensity * PRE_found.rgb, PRE_found.a);
+  diffuseColor = mix(diffuseColor * mix(PRE_set[3], 1.0, PRE_found.a),
+    diffuseIntensity * PRE_found.rgb, PRE_found.a);
+
+//@over
+  gl_FragData[0].rgb = mix(gl_FragData[0].rgb * PRE_set[3], PRE_found.rgb, PRE_found.a);
+
+//@add
+  gl_FragData[0].rgb = gl_FragData[0].rgb * mix(PRE_set[3], 1.0, PRE_found.a)
+    + PRE_found.rgb * PRE_found.a;
+
+//@modulate
+  gl_FragData[0].rgb = gl_FragData[0].rgb * mix(PRE_set[3], 1.0, PRE_found.a)
+    + diffuseColor * PRE_found.rgb * PRE_found.a;

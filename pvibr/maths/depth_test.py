@@ -1,0 +1,115 @@
+"""Whether a depth view sees points: the twin of ``receiver.glsl`` in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def texel_size(view, resolution) -> float:
+    """Return how wide a texel of a view is.
+
+    Parameters
+    ----------
+    view : pvibr.maths.views.View
+        Where from.
+    resolution : int
+        Texels along each side.
+
+    Returns
+    -------
+    float
+        World units; in perspective at a distance of 1, with which it grows.
+
+    Examples
+    --------
+    >>> from pvibr.maths.depth_test import texel_size
+    >>> from pvibr.maths.views import perspective
+    >>> texel_size(perspective([0, 0, 0], [0, 0, -1], 1.0, 1.0, 9.0), 100)
+    0.02
+    """
+    scale = np.linalg.norm(view.clip_from_view[:2, :2], axis=1).min()
+    return float(2 / scale / resolution)
+
+
+def seen(view, depth, points, normals, offset=0.75):
+    """Return how much of each point a depth view sees.
+
+    Parameters
+    ----------
+    view : pvibr.maths.views.View
+        Where from.
+    depth : numpy.ndarray, shape (n, n)
+        0 near to 1 far, row 0 at the bottom.
+    points : array_like, shape (m, 3)
+        World units.
+    normals : array_like, shape (m, 3)
+        Unit vectors, on the side of the eye.
+    offset : float, optional
+        How far points are moved along their normals, texels.
+
+    Returns
+    -------
+    numpy.ndarray, shape (m,), float64
+        0 to 1; 1 where the view does not reach.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.depth_test import seen
+    >>> from pvibr.maths.views import perspective
+    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
+    >>> seen(view, np.full((8, 8), 0.8), [[0.0, 0, 3], [0.0, 0, 0]], [[0, 0, 1.0]] * 2).tolist()
+    [1.0, 0.0]
+    """
+    matrix = view.texture_from_world()
+    points, normals = np.asarray(points, float), np.asarray(normals, float)
+    q = points @ matrix[:, :3].T + matrix[:, 3]
+    with np.errstate(divide='ignore', invalid='ignore'):
+        s = q[:, :3] / q[:, 3:]
+        ahead = (q[:, 3] > 0) & (s[:, 2] > 0) & (np.abs(s[:, :2] - 0.5).max(1) <= 0.5)
+    found = np.ones(len(points))
+    found[ahead] = _compared(view, matrix, depth, points[ahead], normals[ahead], q[ahead], offset)
+    return found
+
+
+def _compared(view, matrix, depth, points, normals, q, offset):
+    side = depth.shape[0]
+    s = q[:, :3] / q[:, 3:]
+    slope = _slope(matrix, q, normals)
+    texel = texel_size(view, side) * (1.0 if view.parallel else q[:, 3:])
+    moved = (points + normals * offset * texel) @ matrix[:, :3].T + matrix[:, 3]
+    there = moved[:, :3] / moved[:, 3:]
+    bias = 4e-7 + np.abs(slope).sum(1) / side / 128
+    plane = there[:, 2] - ((there - s)[:, :2] * slope).sum(1) - bias
+    place = s[:, :2] * side - 0.5
+    base = np.floor(place)
+    part = place - base
+    total = np.zeros(len(points))
+    for corner in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        at = np.clip(base + corner, 0, side - 1)
+        share = np.where(corner, part, 1 - part).prod(1)
+        here = plane + (((at + 0.5) / side - s[:, :2]) * slope).sum(1)
+        column, row = at.astype(int).T
+        total += np.where(here > depth[row, column], 0.0, share)
+    return total
+
+
+def _slope(matrix, q, normals):
+    """Return depth per texture coordinate on each point's plane, (m, 2)."""
+    x, y, z = normals.T
+    zero = np.zeros_like(x)
+    helper = np.where(
+        (np.abs(x) < 0.7)[:, None], np.stack([zero, z, -y], 1), np.stack([-z, zero, x], 1)
+    )
+    helper /= np.linalg.norm(helper, axis=1, keepdims=True)
+    a, b = (_along(matrix, q, t) for t in (helper, np.cross(normals, helper)))
+    det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    least = 1e-3 * ((a[:, :2] ** 2).sum(1) + (b[:, :2] ** 2).sum(1))
+    det = np.where(np.abs(det) < least, np.where(det < 0, -least, least), det)
+    up = a[:, 2] * b[:, 1] - b[:, 2] * a[:, 1]
+    return np.stack([up, b[:, 2] * a[:, 0] - a[:, 2] * b[:, 0]], 1) / det[:, None]
+
+
+def _along(matrix, q, ways):
+    d = ways @ matrix[:, :3].T
+    return (d[:, :3] - q[:, :3] / q[:, 3:] * d[:, 3:]) / q[:, 3:]

@@ -1,0 +1,246 @@
+"""Pictures that are projected: files, arrays, textures, films."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pvibr.maths.draping import sample
+
+_FILMS = ('.avi', '.gif', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm')
+
+
+class Pictures:
+    """One picture, or a sequence of them by time.
+
+    Parameters
+    ----------
+    image : path, array, pyvista.Texture, or a sequence of paths or arrays
+        Arrays are (h, w) or (h, w, c) with 1 to 4 channels (grey, grey and alpha, RGB, RGBA), row
+        0 at the top; uint8, uint16, bool, or float from 0 to 1; (n, h, w, c) is a sequence. Films
+        are read by imageio.
+    mask : path or array, optional
+        (h, w) of any size: 0 where the picture must not be used.
+
+    Raises
+    ------
+    ValueError
+        Where it cannot be read as a picture.
+    FileNotFoundError
+        Where there is no such file.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.pictures import Pictures
+    >>> pictures = Pictures(np.zeros((4, 6, 3)))
+    >>> pictures.size, len(pictures), pictures.read(0).shape
+    ((6, 4), 1, (4, 6, 4))
+    """
+
+    def __init__(self, image, mask=None):
+        self.fps = 25.0
+        self._film: Path | None = None
+        self._reader: Any = None
+        self._frames = [image]
+        if _is_film(image):
+            self._film = _file('image', image)
+            self._open()
+        elif isinstance(image, list | tuple) or getattr(image, 'ndim', 0) == 4:
+            self._frames = list(image)
+        if not self._frames:
+            msg = 'image is an empty sequence; it must have at least one picture.'
+            raise ValueError(msg)
+        self._last: tuple[int, Any] = (-1, None)
+        first = self.read(0)
+        #: Width and height in pixels.
+        self.size = (first.shape[1], first.shape[0])
+        self.mask = None if mask is None else _mask(mask, self.size)
+
+    def __len__(self):
+        return len(self._frames)
+
+    def at(self, time, fps=None, loop=True) -> int:
+        """Return which picture is shown at a time.
+
+        Parameters
+        ----------
+        time : float
+            Seconds.
+        fps : float, optional
+            Pictures a second; by default the film's own, or 25.
+        loop : bool, optional
+            Begin again after the last, or hold it.
+
+        Returns
+        -------
+        int
+            From 0.
+        """
+        number = int(np.floor(time * (fps or self.fps) + 1e-9))
+        return number % len(self) if loop else min(max(number, 0), len(self) - 1)
+
+    def read(self, k) -> np.ndarray:
+        """Return a picture; decoded only where it is not the one that was read last.
+
+        Parameters
+        ----------
+        k : int
+            Which.
+
+        Returns
+        -------
+        numpy.ndarray, shape (h, w, 4), uint8
+            Row 0 at the top.
+        """
+        if self._last[0] != k:
+            self._last = (k, self._decoded(k))
+        picture = self._last[1]
+        size = (picture.shape[1], picture.shape[0])
+        if size != getattr(self, 'size', size):
+            msg = f'image {k} of the sequence has {size} pixels; the first has {self.size}.'
+            raise ValueError(msg)
+        return picture
+
+    def weighted(self, k, alpha=True) -> np.ndarray:
+        """Return a picture whose alpha says how much each pixel counts.
+
+        Parameters
+        ----------
+        k : int
+            Which.
+        alpha : bool, optional
+            Whether its own alpha counts, beside the mask.
+
+        Returns
+        -------
+        numpy.ndarray, shape (h, w, 4), uint8
+            Row 0 at the top.
+        """
+        picture = self.read(k)
+        if alpha and self.mask is None:
+            return picture
+        weight = picture[..., 3] / 255 if alpha else np.ones(picture.shape[:2])
+        if self.mask is not None:
+            weight = weight * self.mask
+        return np.dstack([picture[..., :3], np.rint(255 * weight).astype(np.uint8)])
+
+    def _decoded(self, k):
+        if self._film is None:
+            return as_rgba(self._frames[k])
+        if self._reader is None:
+            self._open()
+        return as_rgba(np.asarray(self._reader.get_data(k)))
+
+    def _open(self):
+        from imageio import v2
+
+        try:
+            self._reader = v2.get_reader(self._film)
+            meta = self._reader.get_meta_data()
+            count = getattr(self._reader, 'count_frames', self._reader.get_length)()
+        except Exception as error:
+            msg = f'image = {self._film}: imageio cannot read it as a film: {error}'
+            raise ValueError(msg) from error
+        shown = float(meta.get('duration') or 0)  # of a GIF's picture, in milliseconds
+        self.fps = float(meta.get('fps') or (1e3 / shown if shown else 25.0))
+        self._frames = [None] * int(count)
+
+    def close(self):
+        """Close the film; it is opened again when it is needed."""
+        if self._reader is not None:
+            self._reader.close()
+            self._reader = None
+
+
+def as_rgba(image) -> np.ndarray:
+    """Return a picture as colours with alpha.
+
+    Parameters
+    ----------
+    image : path, array or pyvista.Texture
+        See :class:`Pictures`.
+
+    Returns
+    -------
+    numpy.ndarray, shape (h, w, 4), uint8
+        Row 0 at the top.
+
+    Raises
+    ------
+    ValueError
+        Where it is no picture.
+
+    Examples
+    --------
+    >>> from pvibr.pictures import as_rgba
+    >>> as_rgba([[0.0, 1.0]])[0].tolist()
+    [[0, 0, 0, 255], [255, 255, 255, 255]]
+    """
+    if isinstance(image, str | Path):
+        image = _read(_file('image', image))
+    elif hasattr(image, 'to_array'):
+        image = image.to_array()
+    image = np.asarray(image)
+    shape = image.shape if image.ndim == 3 else (*image.shape, 1)
+    if len(shape) != 3 or not image.size or shape[2] > 4:
+        msg = f'image has the shape {image.shape}; it must be (h, w) or (h, w, 1 to 4), not empty.'
+        raise ValueError(msg)
+    image = _bytes(image).reshape(shape)
+    if shape[2] in (1, 2):
+        image = np.concatenate([image[..., :1]] * 3 + [image[..., 1:]], -1)
+    if image.shape[2] == 3:
+        image = np.dstack([image, np.full(shape[:2], 255, np.uint8)])
+    return np.ascontiguousarray(image)
+
+
+def _bytes(image):
+    if image.dtype == np.uint8:
+        return image
+    if image.dtype == bool:
+        return image.astype(np.uint8) * 255
+    if image.dtype == np.uint16:
+        return np.rint(image / 257.0).astype(np.uint8)
+    if not np.issubdtype(image.dtype, np.floating):
+        msg = f'image is of dtype {image.dtype}; it must be uint8, uint16, bool or float.'
+        raise ValueError(msg)
+    low, high = np.nanmin(image), np.nanmax(image)
+    if not (low >= 0 and high <= 1 + 1e-6) or np.isnan(image).any():
+        msg = f'image has values from {low} to {high}; floats must be from 0 to 1.'
+        raise ValueError(msg)
+    return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
+
+
+def _read(path):
+    from imageio import v3
+
+    try:
+        return v3.imread(path)
+    except Exception as error:
+        msg = f'image = {path}: imageio cannot read it as a picture: {error}'
+        raise ValueError(msg) from error
+
+
+def _file(name, path):
+    path = Path(path)
+    if not path.is_file():
+        msg = f'{name} = {path}: there is no such file.'
+        raise FileNotFoundError(msg)
+    return path
+
+
+def _is_film(image):
+    return isinstance(image, str | Path) and Path(image).suffix.lower() in _FILMS
+
+
+def _mask(mask, size):
+    """Return a mask as (h, w) float, 0 to 1, of the picture's size."""
+    picture = as_rgba(mask)
+    gray = picture[..., 0] / 255 * (picture[..., 3] / 255)
+    if gray.shape == (size[1], size[0]):
+        return gray
+    u, v = (np.arange(size[0]) + 0.5) / size[0], 1 - (np.arange(size[1]) + 0.5) / size[1]
+    uv = np.stack(np.meshgrid(u, v), -1).reshape(-1, 2)
+    return sample(gray, uv).reshape(size[1], size[0])
