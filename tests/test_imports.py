@@ -13,8 +13,17 @@ import pvibr
 
 ROOT = Path(pvibr.__file__).parent
 RANKS = {'_vtk': 0, 'errors': 0, 'maths': 1, 'gl': 2, 'params': 3, 'frame': 3, 'effect': 3}
-RANKS |= {'casters': 3, 'lights': 3, 'depth_view': 3, 'moments': 3, 'pictures': 3, 'visibility': 3, 'unwrap': 3}
+RANKS |= {
+    'casters': 3,
+    'lights': 3,
+    'depth_view': 3,
+    'moments': 3,
+    'pictures': 3,
+    'visibility': 3,
+    'unwrap': 3,
+}
 RANKS |= {'scenes': 4, 'animation': 4, 'actors': 4, 'effects': 4, 'report': 5, 'pipeline': 5}
+RANKS |= {'shadow_volume': 3}
 RANKS |= {'component': 6, 'accessor': 6}  # what is not named here is a command: 7
 MODULES = sorted(p for p in ROOT.rglob('*.py') if p != ROOT / '__init__.py')
 

@@ -17,6 +17,7 @@ from pvibr.lights import SceneLight, light_views, lights_of
 from pvibr.maths.kernels import vogel_disk
 from pvibr.moments import KINDS, WARP, Moments
 from pvibr.params import Param
+from pvibr.shadow_volume import ShadowVolumes, receiver_text
 
 #: Views of a directional light at most: of everything, and around the eye.
 _CASCADES = 4
@@ -62,7 +63,7 @@ class Shadows(Effect):
     method = Param(
         'pcf', 'How a shadow is found: compared once, compared and filtered, softer with '
         'distance as the size of the light has it, or from blurred moments of depth.',
-        choices=('hard', 'pcf', 'pcss', *KINDS),
+        choices=('hard', 'pcf', 'pcss', *KINDS, 'volume'),
     )  # fmt: skip
     resolution = Param(2048, "Texels along a side of a light's view.", range='[16, 16384]')
     softness = Param(
@@ -95,6 +96,7 @@ class Shadows(Effect):
         self._shadowed: dict = {}
         self._surfaces: Any = None
         self._drawer: Any = None
+        self._volumes: Any = None
         self._seen: tuple = ()
         super().__init__(**settings)
 
@@ -111,6 +113,9 @@ class Shadows(Effect):
         things = self._things()
         self._surfaces.update(things)  # for what things made for the lights' views
         actors, things = self._surfaces.chosen(self.receives, things)
+        if self.method == 'volume':  # a mask is that of the opaque surfaces
+            opaque = {k for k, a in actors.items() if not a.HasTranslucentPolygonalGeometry()}
+            actors = {k: a for k, a in actors.items() if k in opaque}
         return actors | {address(a): a for thing in things for a in thing.actors()}
 
     # -- the life of an effect ----------------------------------------------------------------
@@ -143,11 +148,26 @@ class Shadows(Effect):
         self._match_lights()
         for maps in self._lights:
             maps.update(frame, casters)
+        self._count(frame, casters)
         self._dress(frame)
+
+    def _casting(self) -> list[SceneLight]:
+        return [light for light in self._seen if light.kind != 'headlight']
+
+    def _count(self, frame, casters):
+        """Have the lights' masks drawn by volumes, where that is the method."""
+        if self.method == 'volume':
+            self._volumes = self._volumes or ShadowVolumes(self._drawer)
+            actors, things = self._surfaces.chosen(None, self._things())
+            shown = Casters([a for a in actors.values() if a.GetVisibility()], things)
+            self._volumes.update(frame, self._casting(), casters, shown)
+        elif self._volumes is not None:
+            self._volumes.release()
+            self._volumes = None
 
     def _match_lights(self):
         """Keep what was drawn for a light as long as the light is there."""
-        casting = [light for light in self._seen if light.kind != 'headlight']
+        casting = [] if self.method == 'volume' else self._casting()
         settings = self._revision
         old = {maps.light.number: maps for maps in self._lights if maps.settings == settings}
         kept = [old.pop(light.number, None) for light in casting]
@@ -170,9 +190,7 @@ class Shadows(Effect):
 
     def _dress(self, frame):
         """Put the shader text on receivers, and the numbers of this frame."""
-        lit = [m for m in self._lights if m.view is not None]
-        signature = (*self._filter(), tuple(m.signature() for m in lit))
-        feature = _feature(*signature) if lit else None
+        feature, uniforms = self._worn(frame)
         receivers = {} if feature is None else self._receivers()
         if feature is not self._feature:
             self._undress()
@@ -181,13 +199,24 @@ class Shadows(Effect):
             return
         for key in self._shadowed.keys() - receivers.keys():
             self._undress_one(self._shadowed.pop(key))
-        uniforms = self._uniforms(frame, lit)
         for key, actor in receivers.items():
             if key not in self._shadowed:
                 feature.attach(actor)
                 self._shadowed[key] = actor
             (SPHERES.attach if draws_spheres(actor) else SPHERES.detach)(actor)
             _set(actor.GetShaderProperty().GetFragmentCustomUniforms(), uniforms)
+
+    def _worn(self, frame):
+        """Return the shader text of what receives shadows, and the numbers of this frame."""
+        if self.method == 'volume':
+            lights = tuple((light.number, light.positional) for light in self._casting())
+            uniforms = [_place(frame, light) for light in self._casting()]
+            return _feature('volume', 0, lights), uniforms + self._volumes.uniforms(frame)
+        lit = [m for m in self._lights if m.view is not None]
+        if not lit:
+            return None, []
+        signature = (*self._filter(), tuple(m.signature() for m in lit))
+        return _feature(*signature), self._uniforms(frame, lit)
 
     def _undress(self):
         for actor in self._shadowed.values():
@@ -213,9 +242,8 @@ class Shadows(Effect):
         ]  # fmt: skip
         for maps in lit:
             n = maps.light.number
-            place = (frame.view_from_world @ maps.light.homogeneous())[:3].tolist()
             uniforms += [
-                ('SetUniform3f', f'ibr_shadow_place_{n}', place),
+                _place(frame, maps.light),
                 ('SetUniformf', f'ibr_shadow_size_{n}', float(maps.view.resolution)),
             ]
             for name, texture in maps.textures().items():
@@ -240,6 +268,8 @@ class Shadows(Effect):
         for maps in self._lights:
             for texture in maps.textures().values():
                 texture.deactivate()
+        if self._volumes is not None:
+            self._volumes.finish()
 
     def rest(self):
         """Take the shader text off all receivers."""
@@ -257,21 +287,32 @@ class Shadows(Effect):
         self.rest()
         for maps in self._lights:
             maps.release()
-        if self._drawer is not None:
-            self._drawer.release()
-        self._lights, self._drawer = [], None
+        for owner in (self._volumes, self._drawer):
+            if owner is not None:
+                owner.release()
+        self._lights, self._drawer, self._volumes = [], None, None
 
     def report(self) -> dict:
         """Return bytes, views drawn so far, and what casts no shadow."""
         views = [m.view for m in self._lights if m.view is not None]
+        dark = {'no shadows from': [s.kind for s in self._seen if s.kind == 'headlight']}
+        if self._volumes is not None:
+            return (
+                {
+                    'bytes': self._volumes.nbytes,
+                    'lights': len(self._casting()),
+                    'receivers': len(self._shadowed),
+                }
+                | self._volumes.report()
+                | dark
+            )
         return {
             'bytes': sum(m.nbytes for m in self._lights),
             'lights': len(views),
             'views': sum(len(v.views) for v in views),
             'views drawn': sum(m.bakes for m in self._lights),
             'receivers': len(self._shadowed),
-            'no shadows from': [s.kind for s in self._seen if s.kind == 'headlight'],
-        }
+        } | dark
 
 
 class _LightMaps:
@@ -342,6 +383,11 @@ def _texel(view, resolution) -> list[float]:
     return (2 / np.diag(view.clip_from_view)[:2] / resolution).tolist()
 
 
+def _place(frame, light) -> tuple:
+    place = (frame.view_from_world @ light.homogeneous())[:3].tolist()
+    return 'SetUniform3f', f'ibr_shadow_place_{light.number}', place
+
+
 def _set(target, uniforms):
     for setter, *values in uniforms:
         getattr(target, setter)(*values)
@@ -351,6 +397,26 @@ def _set(target, uniforms):
 def _feature(method, taps, lights) -> Feature:
     """Return the shader text for some lights, put around VTK's own light code."""
     text = sections(shader_source(__file__))
+    if method == 'volume':
+        samplers, body = receiver_text(lights)
+        parts = [declared_samplers(samplers), text['declare'], body]
+    else:
+        parts = _map_parts(text, method, taps, lights)
+    before, after = text['apply'], ''
+    for number, *_ in lights:
+        call = f'ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n)'
+        before += f'  vec3 ibr_shadow_lit_{number} = {call};\n'
+        before += f'#define lightColor{number} (ibr_shadow_lit_{number} * lightColor{number})\n'
+        after += f'#undef lightColor{number}\n'
+    texts = {
+        'VTK::CustomUniforms::Dec': ''.join(parts),
+        'VTK::Light::Impl': f'{before}//VTK::Light::Impl\n{after}',
+    }
+    return Feature('shadows', fragment=texts)
+
+
+def _map_parts(text, method, taps, lights) -> list[str]:
+    """Return what is declared where shadows are found in maps."""
     kind = 'sampler2DShadow' if method == 'pcf' else 'sampler2D'
     samplers = {f'ibr_shadow_map_{n}': kind for n, *_ in lights}
     samplers |= {f'ibr_shadow_{v}_{n}': 'sampler2D' for n, *_, e in lights if e for v in _VEILS}
@@ -363,7 +429,7 @@ def _feature(method, taps, lights) -> Feature:
         text['moments'] if method in KINDS else '',
         text[method],
     ]
-    before, after, first = text['apply'], '', 0
+    first = 0
     for number, positional, count, columns, rows, veiled in lights:
         values = {
             'POSITIONAL': str(bool(positional)).lower(), 'FIRST': first, 'COUNT': count,
@@ -373,12 +439,4 @@ def _feature(method, taps, lights) -> Feature:
         parts.append(text['light'].replace('NUMBER', str(number)))
         parts += [f'#undef {k}\n' for k in values]
         first += count
-        call = f'ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n)'
-        before += f'  vec3 ibr_shadow_lit_{number} = {call};\n'
-        before += f'#define lightColor{number} (ibr_shadow_lit_{number} * lightColor{number})\n'
-        after += f'#undef lightColor{number}\n'
-    texts = {
-        'VTK::CustomUniforms::Dec': ''.join(parts),
-        'VTK::Light::Impl': f'{before}//VTK::Light::Impl\n{after}',
-    }
-    return Feature('shadows', fragment=texts)
+    return parts

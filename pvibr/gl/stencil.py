@@ -1,0 +1,122 @@
+"""A target that counts surfaces, and keeps where the count is not zero."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+
+from pvibr.gl.quad import Quad
+from pvibr.gl.target import Target
+from pvibr.gl.texture import Texture
+
+_DEPTH_TEST, _STENCIL_TEST, _DEPTH_CLAMP = 0x0B71, 0x0B90, 0x864F  # GL enums
+_STENCIL_BIT = 0x0400
+_LESS, _LEQUAL, _NOTEQUAL, _ALWAYS = 0x0201, 0x0203, 0x0205, 0x0207
+_FRONT, _BACK = 0x0404, 0x0405
+_KEEP, _MORE, _FEWER = 0x1E00, 0x8507, 0x8508  # GL_KEEP, GL_INCR_WRAP, GL_DECR_WRAP
+_DARK = 'void main() { gl_FragData[0] = vec4(min(uv.x, 0.0)); }\n'
+
+
+class StencilTarget:
+    """Depth, a stencil of 8 bits and masks, four to a texture, that are made of counts.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        The window whose context holds it.
+    width, height : int
+        Pixels.
+    masks : int
+        How many.
+    """
+
+    def __init__(self, window, width, height, masks):
+        self.window, self.masks = window, masks
+        self._depth = Texture(window)
+        if not self._depth.object.AllocateDepthStencil(width, height):
+            msg = f'the driver refused depth and stencil of {width} x {height}'
+            raise RuntimeError(msg)
+        self._depth.nbytes = width * height * 4
+        formats = ('rgba8',) * -(-masks // 4)
+        self.target = Target(window, width, height, formats, depth=self._depth)
+        self._dark = Quad(window, _DARK, 'stencil')
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.target.width, self.target.height
+
+    @property
+    def textures(self) -> list[Texture]:
+        """The masks: number k is channel k % 4 of texture k // 4; 1 where nothing was counted."""
+        return self.target.colors
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return self.target.nbytes + self._depth.nbytes
+
+    @contextmanager
+    def drawing(self):
+        """Draw depth, after all masks are set to 1; GL's state comes back afterwards."""
+        state = self.window.GetState()
+        with self.target.drawing(clear=(1.0, 1.0, 1.0, 1.0)):
+            try:
+                state.vtkglColorMask(False, False, False, False)
+                yield
+            finally:
+                state.SetEnumState(_STENCIL_TEST, False)
+                state.SetEnumState(_DEPTH_CLAMP, False)  # VTK's stack of states knows none
+                state.vtkglStencilOp(_KEEP, _KEEP, _KEEP)
+                state.vtkglStencilFunc(_ALWAYS, 0, 0xFF)
+                state.vtkglColorMask(True, True, True, True)
+                state.vtkglDepthMask(True)
+                state.vtkglDepthFunc(_LEQUAL)
+
+    @contextmanager
+    def counting(self, mask):
+        """Count what is drawn within, then darken a mask where the count is not zero.
+
+        Parameters
+        ----------
+        mask : int
+            Which.
+        """
+        state = self.window.GetState()
+        state.vtkglStencilMask(0xFF)
+        state.vtkglClear(_STENCIL_BIT)
+        state.SetEnumState(_STENCIL_TEST, True)
+        state.vtkglStencilFunc(_ALWAYS, 0, 0xFF)
+        state.vtkglColorMask(False, False, False, False)
+        state.vtkglDepthMask(False)
+        state.vtkglDepthFunc(_LESS)
+        yield
+        state.SetEnumState(_DEPTH_CLAMP, False)
+        state.vtkglStencilOp(_KEEP, _KEEP, _KEEP)
+        state.vtkglStencilFunc(_NOTEQUAL, 0, 0xFF)
+        state.vtkglColorMask(*(mask % 4 == channel for channel in range(4)))
+        state.SetEnumState(_DEPTH_TEST, False)
+        self.target.object.ActivateDrawBuffer(mask // 4)
+        self.window.GetShaderCache().ReadyShaderProgram(self._dark.program)
+        self._dark.helper.Render()
+        state.SetEnumState(_DEPTH_TEST, True)
+
+    def count(self, *, behind):
+        """Say which surfaces count from now on: those turned to the eye as 1, others as -1.
+
+        Parameters
+        ----------
+        behind : bool
+            Those that are not before the depth that was drawn, with the signs turned; there they
+            reach beyond the far plane. Else those before it.
+        """
+        state = self.window.GetState()
+        state.SetEnumState(_DEPTH_CLAMP, behind)
+        for face, change in ((_FRONT, _FEWER if behind else _MORE),
+                             (_BACK, _MORE if behind else _FEWER)):  # fmt: skip
+            fails, passes = (change, _KEEP) if behind else (_KEEP, change)
+            state.vtkglStencilOpSeparate(face, _KEEP, fails, passes)
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        for owner in (self.target, self._depth, self._dark):
+            owner.release()

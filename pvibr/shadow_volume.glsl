@@ -1,0 +1,37 @@
+// Shadow volumes: where a light does not reach, as surfaces that are counted in the stencil buffer.
+//
+// Vertices are in a caster's own space, those beyond the near ones at infinity (w = 0), away from
+// the light. Surfaces before what the eye sees are counted (Heidmann, "Real shadows, real time",
+// 1991), or those behind it with caps (Everitt and Kilgard, "Practical and robust stenciled shadow
+// volumes", 2002).
+// ibr_volume_clip (clip from caster), ibr_volume_near (number of near vertices) and
+// ibr_volume_slack are custom uniforms: VTK declares them.
+
+//@vertex
+  gl_Position = ibr_volume_clip * vec4(vertexMC.xyz, gl_VertexID < ibr_volume_near ? 1.0 : 0.0);
+
+//@cap
+  // A cap is the caster's own surface, which must not be before itself: it is drawn behind by as
+  // much as rounding may move it, in pixels along its slope (the rasterizer's steps, and those
+  // of float32), in depth, and by a few steps of the buffer.
+  float ibr_w = gl_FragCoord.w;
+  gl_FragDepth = gl_FragCoord.z + 4e-7 + ibr_volume_slack.y * ibr_w * ibr_w
+    + (0.02 + ibr_volume_slack.x * ibr_w) * fwidth(gl_FragCoord.z);
+
+//@declare
+// The mask's pixel of a fragment: its own, unless the pass draws at another resolution.
+ivec2 ibr_shadow_pixel(vec3 p)
+{
+  vec4 q = ibr_shadow_clip * vec4(p, 1.0);
+  vec2 guess = (q.xy / q.w * 0.5 + 0.5) * ibr_shadow_tile.zw;
+  vec2 own = gl_FragCoord.xy - ibr_shadow_tile.xy;
+  vec2 found = floor(max(abs(own.x - guess.x), abs(own.y - guess.y)) < 8.0 ? own : guess);
+  return ivec2(clamp(found, vec2(0.0), ibr_shadow_tile.zw - 1.0));
+}
+
+//@light
+vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
+{
+  vec3 toward = POSITIONAL ? ibr_shadow_place_NUMBER - p : ibr_shadow_place_NUMBER;
+  return vec3(dot(n, toward) <= 0.0 ? 0.0 : texelFetch(MASK, ibr_shadow_pixel(p), 0).CHANNEL);
+}
