@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -184,15 +185,22 @@ class Casters:
     things : list of pvibr.Effect
         Things in the pipeline that choose what they draw for each view, such as instances: they
         have ``prepare``, ``finish``, ``bounds``, ``stamp()``, ``actors()`` and ``drawn()``.
+    frame : pvibr.frame.Frame, optional
+        In whose picture points and lines have their width.
     """
 
     actors: list = field(default_factory=list)
     things: list = field(default_factory=list)
+    frame: Any = None
 
     def key(self) -> tuple:
         """Return what changes whenever anything drawn does."""
         actors = tuple((address(a), a.GetRedrawMTime()) for a in self.actors)
         return actors, tuple((id(t), t.stamp()) for t in self.things)
+
+    def thin(self) -> bool:
+        """Tell whether any actor draws points or lines."""
+        return any(is_thin(a) for a in self.actors)
 
     def translucent(self) -> list:
         """Return the actors that light shines through."""
@@ -200,9 +208,28 @@ class Casters:
 
     def bounds(self) -> np.ndarray:
         """Return the world bounds of each, shape (n, 6); of what has none, nothing."""
-        boxes = [a.GetBounds() for a in self.actors] + [t.bounds for t in self.things]
-        found = np.array([b for b in boxes if b is not None and b[0] <= b[1]], float)
-        return found.reshape(-1, 6)
+        things = np.array([t.bounds for t in self.things], float).reshape(-1, 6)
+        boxes = np.concatenate([self._boxes(), things])
+        return boxes[boxes[:, 0] <= boxes[:, 1]]
+
+    def _boxes(self) -> np.ndarray:
+        """Return the world bounds of each actor, shape (n, 6)."""
+        boxes = [a.GetBounds() or (1.0, -1.0) * 3 for a in self.actors]
+        found = np.array(boxes, float).reshape(-1, 6)
+        widths = np.array([self._width(a) for a in self.actors])
+        return found + np.outer(widths, [-1.0, 1.0] * 3)
+
+    def _width(self, actor) -> float:
+        """Return how far an actor may reach out of its bounds, world units."""
+        mapper = actor.GetMapper()
+        if mapper.IsA('vtkPointGaussianMapper'):
+            return 3 * mapper.GetScaleFactor()
+        if self.frame is None or not is_thin(actor):
+            return 0.0
+        prop = actor.GetProperty()
+        pixels = max(prop.GetPointSize(), prop.GetLineWidth())
+        width = pixels * self.frame.pixel_at(np.array(actor.GetCenter()))
+        return float(2.0 ** np.ceil(np.log2(width)))  # in steps: the camera moves all the time
 
     def seen(self, view) -> Casters:
         """Return what may be in a view.
@@ -217,6 +244,6 @@ class Casters:
         Casters
             Actors whose boxes reach into it, and all things: they leave out what they like.
         """
-        boxes = np.array([a.GetBounds() or (1, -1) * 3 for a in self.actors], float)
-        inside = may_see(view, boxes.reshape(-1, 6))
-        return Casters([a for a, i in zip(self.actors, inside, strict=True) if i], self.things)
+        inside = may_see(view, self._boxes())
+        actors = [a for a, i in zip(self.actors, inside, strict=True) if i]
+        return Casters(actors, self.things, self.frame)

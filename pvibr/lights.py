@@ -94,7 +94,9 @@ def _scene_light(number, light) -> SceneLight:
     return SceneLight(number, kind, tuple(position), tuple(direction / length), cone)
 
 
-def light_views(light, bounds, frame, resolution, cascades, least=1) -> list[View]:
+def light_views(
+    light, bounds, frame, resolution, cascades, *, least=1, square=False
+) -> list[View]:
     """Return the views from a light that hold all casters; the first holds the most.
 
     Parameters
@@ -111,6 +113,8 @@ def light_views(light, bounds, frame, resolution, cascades, least=1) -> list[Vie
         Views of a directional light, at most.
     least : int
         And at least: a number that went down again would have all drawn anew.
+    square : bool
+        Whether a view must be as high as wide, for points that are drawn as squares.
 
     Returns
     -------
@@ -119,7 +123,7 @@ def light_views(light, bounds, frame, resolution, cascades, least=1) -> list[Vie
         directional light, and the others move with the eye in large steps.
     """
     if light.kind == 'directional':
-        return _cascades(light, bounds, frame, resolution, (least, cascades))
+        return _cascades(light, bounds, frame, resolution, (least, cascades), square)
     near, far = _reach(light, bounds)
     if light.kind == 'point' or light.cone > _WIDE:
         return around(light.position, near, far, 1 + 2 * _TILE_EDGE / resolution)
@@ -135,7 +139,7 @@ def _reach(light, bounds):
     return max(box_distance(light.position, bounds) / 2 * 0.999, _NEAREST * far), far
 
 
-def _cascades(light, bounds, frame, resolution, count):
+def _cascades(light, bounds, frame, resolution, count, square):
     """Return views of halving width around the eye, the first of everything.
 
     The last is the narrowest: cascades (Zhang et al., "Parallel-split shadow maps",
@@ -148,6 +152,8 @@ def _cascades(light, bounds, frame, resolution, count):
     size = high - low
     size = np.maximum(size, [1e-2 * size.max()] * 2 + [1e-3 * size.max()])
     size = np.maximum(size, np.finfo(float).tiny ** 0.5)
+    if square:
+        size[:2] = size[:2].max()
     middle = (low + high) / 2
     half = 0.5 * size * [*[1 + 2 * _TILE_EDGE / resolution] * 2, 1.002]
     views = [orthographic(axes, middle - half, middle + half)]

@@ -54,6 +54,7 @@ struct ibr_Shadow
 
 float ibr_shadow_linear(ibr_Shadow s, float d)
 {
+  d = min(d, 1.0);
   return s.perspective ? s.near * d / (s.far - d * (s.far - s.near)) : d;
 }
 
@@ -63,7 +64,7 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
   vec2 texel = floor(clamp(s.place.xy * s.side, vec2(0.0), vec2(s.side - 1.0)));
   float depth = texelFetch(map, ivec2(s.tile.xy * vec2(textureSize(map, 0)) + texel), 0).r;
   float plane = s.place.z + dot(s.slope, (texel + 0.5) / s.side - s.place.xy);
-  return plane - s.bias > depth ? 0.0 : 1.0;
+  return plane - s.bias > depth && depth < 1.0 ? 0.0 : 1.0;
 }
 
 //@window
@@ -92,8 +93,9 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
     {
       ivec2 texel = clamp(ivec2(first) + ivec2(i, j), ivec2(0), ivec2(s.side) - 1);
       float depth = texelFetch(map, origin + texel, 0).r;
-      float lit = plane + float(i) * slope.x + float(j) * slope.y > depth ? 0.0 : 1.0;
-      row += lit * ibr_shadow_overlap(float(i), rest.x);
+      // What is behind all casters may be behind the far plane, too.
+      bool hidden = plane + float(i) * slope.x + float(j) * slope.y > depth && depth < 1.0;
+      row += hidden ? 0.0 : ibr_shadow_overlap(float(i), rest.x);
     }
     sum += row * ibr_shadow_overlap(float(j), rest.y);
   }
@@ -128,7 +130,7 @@ float ibr_shadow_hider(sampler2D map, ibr_Shadow s, vec2 d)
   vec2 texel = floor(clamp((s.place.xy + d) * s.side, vec2(0.0), vec2(s.side - 1.0)));
   float depth = texelFetch(map, ivec2(s.tile.xy * vec2(textureSize(map, 0)) + texel), 0).r;
   float plane = s.place.z + dot(s.slope, (texel + 0.5) / s.side - s.place.xy);
-  return plane - s.bias > depth ? depth : 2.0;
+  return plane - s.bias > depth && depth < 1.0 ? depth : 2.0;
 }
 
 float ibr_shadow_distance(ibr_Shadow s, float d)
@@ -276,7 +278,7 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   vec2 slope = ibr_shadow_slope(m, q, n);
   // The side of a texel along which the receiver falls away from the light.
   vec2 texel = vec2(ibr_shadow_texel[2 * view], ibr_shadow_texel[2 * view + 1]);
-  vec2 way = abs(slope) / texel + 1e-30;
+  vec2 way = abs(slope) * (texel.x + texel.y) / texel + 1e-6;
   float across = dot(way, texel) / length(way) * (POSITIONAL ? q.w : 1.0);
   vec4 off = m * vec4(p + n * across * ibr_shadow_offset, 1.0);
   // The receiver's plane is moved along its normal; its place in the map stays.

@@ -90,6 +90,10 @@ class Shadows(Effect):
     )  # fmt: skip
 
     def __init__(self, *, casts=None, receives=None, **settings):
+        for name, choice in (('casts', casts), ('receives', receives)):
+            if not (choice is None or callable(choice) or isinstance(choice, (list, tuple, set))):
+                msg = f'{name} = {choice!r}: must be None, a list of actors, or a function of one'
+                raise TypeError(msg)
         self.casts, self.receives = casts, receives
         self._lights: list[_LightMaps] = []
         self._feature: Any = None
@@ -98,6 +102,7 @@ class Shadows(Effect):
         self._drawer: Any = None
         self._volumes: Any = None
         self._seen: tuple = ()
+        self._drawn = 0
         super().__init__(**settings)
 
     # -- what takes part ----------------------------------------------------------------------
@@ -105,9 +110,9 @@ class Shadows(Effect):
     def _things(self) -> list:
         return [e for e in self.pipeline.effects if hasattr(e, 'drawn') and e.enabled]
 
-    def _casters(self) -> Casters:
+    def _casters(self, frame) -> Casters:
         actors, things = self._surfaces.chosen(self.casts, self._things())
-        return Casters([a for a in actors.values() if a.GetVisibility()], things)
+        return Casters([a for a in actors.values() if a.GetVisibility()], things, frame)
 
     def _receivers(self) -> dict:
         things = self._things()
@@ -144,7 +149,7 @@ class Shadows(Effect):
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
             self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
         self._surfaces.update(self._things())
-        casters = self._casters()
+        casters = self._casters(frame)
         self._match_lights()
         for maps in self._lights:
             maps.update(frame, casters)
@@ -173,6 +178,7 @@ class Shadows(Effect):
         kept = [old.pop(light.number, None) for light in casting]
         for maps in self._lights:
             if maps not in kept:
+                self._drawn += maps.bakes
                 maps.release()
         self._lights = []
         for light, found in zip(casting, kept, strict=True):
@@ -310,7 +316,7 @@ class Shadows(Effect):
             'bytes': sum(m.nbytes for m in self._lights),
             'lights': len(views),
             'views': sum(len(v.views) for v in views),
-            'views drawn': sum(m.bakes for m in self._lights),
+            'views drawn': self._drawn + sum(m.bakes for m in self._lights),
             'receivers': len(self._shadowed),
         } | dark
 
@@ -348,7 +354,8 @@ class _LightMaps:
             self.release()
             return
         wanted = self.owner.resolution
-        self.views = light_views(self.light, bounds, frame, wanted, _CASCADES, least)
+        shape = {'least': least, 'square': casters.thin()}
+        self.views = light_views(self.light, bounds, frame, wanted, _CASCADES, **shape)
         veiled = bool(casters.translucent())
         old = self.view
         if old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled):

@@ -15,6 +15,8 @@ _FORMATS = {
     'rg32f': (0x8230, 'VTK_FLOAT', 2),
     'r32f': (0x822E, 'VTK_FLOAT', 1),
 }
+# The last unit that core profile 3.2 has for certain: VTK hands out the first ones.
+_FIRST_UNIT, _SPARE_UNIT = 0x84C0, 47
 _BYTES = {'rgba8': 4, 'rgba16f': 8, 'rgba32f': 16, 'rg32f': 8, 'r32f': 4, 'depth32f': 4}
 
 
@@ -145,6 +147,8 @@ class Texture:
     def activate(self) -> int:
         """Bind to a texture unit and return its number, for a sampler."""
         self.object.Activate()
+        # Passes that allocate textures bind them to whichever unit was used last.
+        self.window.GetState().vtkglActiveTexture(_FIRST_UNIT + _SPARE_UNIT)
         return self.object.GetTextureUnit()
 
     def deactivate(self):
