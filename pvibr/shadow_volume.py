@@ -85,7 +85,7 @@ class ShadowVolumes:
         view = _view(frame, shown.bounds())
         with self.target.drawing():
             self._draw_depth(view, shown)
-            self._draw_masks(view, lights, meshes)
+            self._draw_masks(view, lights, meshes, shown.bounds())
         self.drawer.done()
         self.drawn += len(lights)
         self._key = self._stamp(frame, lights, casters, shown)
@@ -134,33 +134,39 @@ class ShadowVolumes:
         for thing in shown.things:
             self.drawer.draw(thing.drawn())
 
-    def _draw_masks(self, view, lights, meshes):
+    def _draw_masks(self, view, lights, meshes, shown):
         boxes = np.array([actor.GetBounds() for actor, *_ in meshes], float).reshape(-1, 6)
+        scene = np.stack([shown[:, ::2].min(0), shown[:, 1::2].max(0)], 1).ravel()
         self.counts = dict.fromkeys(self.counts, 0)
         old, self._volumes = self._volumes, {}
         for mask, light in enumerate(lights):
             place = light.homogeneous()
-            seen, safe = shadow_in_view(view, place, boxes), safe_before(view, place, boxes)
+            rects = shadow_rects(view, place, boxes, scene, self.target.size)
+            seen, safe = rects[:, 2:].min(1) > 0, safe_before(view, place, boxes)
             ways: tuple = ([], [])
             for k, (actor, edges, world) in enumerate(meshes):
                 key = (light.number, address(actor))
                 self._volumes[key] = found = old.pop(key, None) or _Volume()
                 if seen[k]:
-                    ways[not (safe[k] and _is_whole(actor))].append((found, edges, world))
+                    way = ways[not (safe[k] and _is_whole(actor))]
+                    way.append((found, edges, world, rects[k].tolist()))
             self.counts['out of view'] += int((~seen).sum())
             self._count(view, place, mask, ways)
         for gone in old.values():
             gone.release(self.window)
 
     def _count(self, view, place, mask, ways):
+        state = self.window.GetState()
         with self.target.counting(mask):
             for behind, volumes in enumerate(ways):
                 self.target.count(behind=bool(behind))
                 self.counts['depth-fail' if behind else 'depth-pass'] += len(volumes)
-                for found, edges, world in volumes:
+                for found, edges, world, rect in volumes:
+                    state.vtkglScissor(*rect)
                     self.silhouettes += found.update(edges, world, place, caps=bool(behind))
                     actors = found.actors(view, self.target.size[1], caps=bool(behind))
                     self.drawer.draw(actors, translucent=True)
+            state.vtkglScissor(0, 0, *self.target.size)
 
     # -- what receives --------------------------------------------------------------------------
 
@@ -462,8 +468,8 @@ def _clip_from_caster(view, world, edges, height):
     return clip @ local, (_ROUNDING * size * np.array([pixel, 0.5 * abs(step)])).tolist()
 
 
-def shadow_in_view(view, light, bounds) -> np.ndarray:
-    """Tell which boxes throw their shadow into a view, or may do so.
+def shadow_rects(view, light, bounds, scene, size) -> np.ndarray:
+    """Return the pixels in which boxes may throw their shadow on a scene.
 
     Parameters
     ----------
@@ -473,31 +479,53 @@ def shadow_in_view(view, light, bounds) -> np.ndarray:
         Place (x, y, z, 1) or direction toward the light (x, y, z, 0).
     bounds : array_like, shape (n, 6)
         x, y and z, low and high each, world units.
+    scene : array_like, shape (6,)
+        Box around all that receives shadows.
+    size : tuple of 2 int
+        Width and height in pixels.
 
     Returns
     -------
-    numpy.ndarray, shape (n,), bool
-        False where box and shadow are outside of one and the same side of the view.
+    numpy.ndarray, shape (n, 4), int
+        Left, bottom, width and height; width or height 0 where there are none.
 
     Examples
     --------
     >>> import numpy as np
     >>> from pvibr.maths.views import perspective
-    >>> from pvibr.shadow_volume import shadow_in_view
+    >>> from pvibr.shadow_volume import shadow_rects
     >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
-    >>> box = [[20, 21, 0, 1, -1, 0]]
-    >>> [shadow_in_view(view, np.array(d), box).item() for d in [(1.0, 0, 0, 0), (-1.0, 0, 0, 0)]]
-    [True, False]
+    >>> box, scene = [[20, 21, 0, 1, -1, 0]], [-2, 21, -2, 2, -1, 0]
+    >>> for x in (1.0, -1.0):
+    ...     shadow_rects(view, np.array([x, 0, 0, 0]), box, scene, (100, 100)).tolist()
+    [[18, 48, 82, 14]]
+    [[0, 0, 0, 0]]
     """
     near = corners(bounds) - view.eye
-    light = np.append(light[:3] - light[3] * view.eye, light[3])
-    away = light[3] * near - light[:3]
+    place = light[:3] - light[3] * view.eye
+    away = light[3] * near - place
+    # How often a corner's way from the light is gone until the scene ends, at most.
+    low, high = np.asarray(scene, float).reshape(3, 2).T - view.eye
+    with np.errstate(divide='ignore', invalid='ignore'):
+        ends = np.where(away > 0, high - near, low - near) / away
+    one_way = (away > 0).all(1) | (away < 0).all(1)
+    reach = np.where(one_way, ends.max(1), np.inf).min(1)
+    reach = np.where(np.isfinite(reach), np.maximum(reach, 0.0), 1e6)
+    points = np.concatenate([near, near + reach[:, None, None] * away], axis=1)
     axes, clip = view.view_from_world[:3, :3], view.clip_from_view
-    x, y, _, w = np.concatenate(
-        [near @ axes.T @ clip[:, :3].T + clip[:, 3], away @ axes.T @ clip[:, :3].T], axis=1
-    ).transpose(2, 0, 1)
+    x, y, _, w = np.moveaxis(points @ (clip[:, :3] @ axes).T + clip[:, 3], -1, 0)
     outside = [(side > w).all(1) for side in (x, -x, y, -y)] + [(w < 0).all(1)]
-    return ~np.any(outside, axis=0)
+    ahead = (w > 1e-6 * np.abs(w).max(1, keepdims=True)).all(1)[:, None]
+    pixels = []
+    for across, side in zip((x, y), size, strict=True):
+        at = (across / np.where(ahead, w, 1.0) + 1) / 2 * side
+        first = np.where(ahead[:, 0], np.floor(at.min(1)) - 2, 0).clip(0, side)
+        last = np.where(ahead[:, 0], np.ceil(at.max(1)) + 2, side).clip(0, side)
+        pixels.append((first, last - first))
+    (left, width), (bottom, height) = pixels
+    rects = np.stack([left, bottom, width, height], axis=1).astype(int)
+    rects[np.any(outside, axis=0)] = 0
+    return rects
 
 
 def safe_before(view, light, bounds) -> np.ndarray:
