@@ -32,6 +32,7 @@ def _positive(type_: type, value: float | None) -> None:
 _Positive = Parameter(validator=_positive)
 _Count = Annotated[int, _Positive]
 _Pixels = Annotated[float, _Positive]
+_Folder = Annotated[Path, Parameter(name=['--out', '-o'])]
 _Out = Annotated[Path | None, Parameter(name=['--out', '-o'])]
 
 app = App(
@@ -57,7 +58,7 @@ def doctor() -> int:
 @app.command
 def demo(
     *,
-    out: Annotated[Path, Parameter(name=['--out', '-o'])] = Path('out'),
+    out: _Folder = Path('out'),
     count: _Count = 10_000,
     max_error: _Pixels = 1.0,
     frames: _Count | None = None,
@@ -180,9 +181,7 @@ def bake(mesh: ExistingFile, *, out: _Out = None, sheet: Path | None = None) -> 
 
 
 @bench.command
-def instances(
-    *, out: Annotated[Path, Parameter(name=['--out', '-o'])] = Path('out'), quick: bool = False
-) -> None:
+def instances(*, out: _Folder = Path('out'), quick: bool = False) -> None:
     """Measure instances: each point is one setting, VTK's own ways on the same axes.
 
     Parameters
@@ -192,10 +191,42 @@ def instances(
     quick
         Measure a few points only, to see that the bench runs.
     """
+    _measure('instances', out, quick)
+
+
+@bench.command
+def shadows(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+    """Measure shadows against rays: each point is one setting, VTK's own pass on the same axes.
+
+    Parameters
+    ----------
+    out
+        Folder for the table (JSON) and the plot (PNG).
+    quick
+        Measure a few points only, to see that the bench runs.
+    """
+    _measure('shadows', out, quick)
+
+
+@bench.command
+def projection(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+    """Measure projected pictures against rays and against the photographs.
+
+    Parameters
+    ----------
+    out
+        Folder for the table (JSON) and the plot (PNG).
+    quick
+        Measure a few points only, to see that the bench runs.
+    """
+    _measure('projection', out, quick)
+
+
+def _measure(name, out, quick):
     from pvibr.bench import main
 
     _require_gl()
-    main('instances', out=out, quick=quick)
+    main(name, out=out, quick=quick)
 
 
 def main(tokens: Sequence[str] | None = None) -> int:

@@ -133,9 +133,10 @@ def test_a_window_needs_a_display(called, capsys, monkeypatch):
     assert '--window needs a display' in fails(capsys, 'demo', '--window')
 
 
-def test_bench_passes_its_options_on(called):
-    assert cli.main(['bench', 'instances', '--quick', '-o', 'b']) == 0
-    assert called == [(('instances',), {'out': Path('b'), 'quick': True})]
+@pytest.mark.parametrize('name', ['instances', 'shadows', 'projection'])
+def test_bench_passes_its_options_on(called, name):
+    assert cli.main(['bench', name, '--quick', '-o', 'b']) == 0
+    assert called == [((name,), {'out': Path('b'), 'quick': True})]
 
 
 @pytest.mark.parametrize(('problems', 'code'), [([], 0), ([('EGL', 'apt-get')], 1)])

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 
-NAMES = ('instances',)
+NAMES = ('instances', 'shadows', 'projection')
 
 
 def main(name, *, out=Path('out'), quick=False) -> list:
@@ -12,10 +13,10 @@ def main(name, *, out=Path('out'), quick=False) -> list:
 
     Parameters
     ----------
-    name : {'instances'}
+    name : {'instances', 'shadows', 'projection'}
         What is measured.
     out : pathlib.Path
-        Folder for ``bench_instances.json`` and ``bench_instances.png``.
+        Folder for ``bench_NAME.json`` and ``bench_NAME.png``.
     quick : bool
         A few points only, to see that it runs; the bars are not meant for them.
 
@@ -37,6 +38,5 @@ def main(name, *, out=Path('out'), quick=False) -> list:
     if name not in NAMES:
         msg = f'name is {name!r}; it must be one of {", ".join(NAMES)}.'
         raise ValueError(msg)
-    from pvibr.bench.instances import measure
-
-    return measure(Path(out), quick=quick)
+    bench = import_module(f'pvibr.bench.{name}')
+    return bench.measure(Path(out), quick=quick)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
-
-from rich.console import Console
 
 from pvibr.bench import crowd, precision, single, walk
 from pvibr.bench.plot import plot
-from pvibr.bench.rows import Results
-from pvibr.offscreen import Stage
+from pvibr.bench.runs import run
 
 
 @dataclass(frozen=True)
@@ -77,21 +73,10 @@ def measure(out, *, quick=False) -> list:
     list of Row
         What was measured.
     """
-    settings = QUICK if quick else Settings()
-    with Stage((64, 64)) as stage:
-        results = Results(stage.driver(), {'quick': quick, **vars(settings)})
-    console = Console(stderr=True)
-    for name, part in (
-        ('walk', walk.measure),
-        ('single meshes', single.measure),
-        ('crowd', crowd.measure),
-        ('precision', precision.measure),
-    ):
-        start = time.perf_counter()
-        part(settings, results)
-        console.print(f'{name}: {time.perf_counter() - start:.0f} s')
-    out.mkdir(parents=True, exist_ok=True)
-    (out / 'bench_instances.json').write_text(results.to_json() + '\n', encoding='utf-8')
-    plot(results, out / 'bench_instances.png')
-    Console().print(results.table())
-    return results.rows
+    parts = {
+        'walk': walk.measure,
+        'single meshes': single.measure,
+        'crowd': crowd.measure,
+        'precision': precision.measure,
+    }
+    return run('instances', parts, QUICK if quick else Settings(), plot, out, quick=quick)

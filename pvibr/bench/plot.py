@@ -51,3 +51,43 @@ def _single(axes, meshes):
     axes.set(xlabel='diameter on the screen, px', ylim=(0, None), title='single meshes')
     axes.set_ylabel('FLIP over that of the mesh at one sample')
     axes.legend(fontsize='small')
+
+
+def plot_shadows(results, path):
+    """Draw what shadows add to a frame against their error: hard ones left, soft ones right.
+
+    Parameters
+    ----------
+    results : Results
+        With its points.
+    path : pathlib.Path
+        PNG file.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13, 5.5), layout='constrained')
+    FigureCanvasAgg(figure)
+    hard, soft = figure.subplots(1, 2)
+    points = results.points['plot']
+    _curves(hard, points['hard'], 0.2)
+    hard.set_yscale('symlog', linthresh=0.01)
+    hard.set(ylabel='wrong pixels, %', title='light without size, against rays', ylim=(0, None))
+    _curves(soft, points['soft'], 0.03)
+    soft.set(ylabel='mean absolute error of the lit share', ylim=(0, None))
+    soft.set(title=f'light of a size, against 256 rays a pixel ({points["rays"]:.1f} s)')
+    figure.suptitle(f'pvibr bench shadows: {results.driver}')
+    figure.savefig(path, dpi=110)
+
+
+def _curves(axes, curves, bar):
+    for name, points in curves.items():
+        style = {'ls': '', 'marker': '*', 'ms': 14} if name.startswith('VTK') else {'marker': 'o'}
+        axes.plot([p['ms'] for p in points], [p['error'] for p in points], label=name, **style)
+        if len(points) > 1:
+            for k in (0, -1):
+                place = {'xytext': (4, 5), 'textcoords': 'offset points', 'fontsize': 'x-small'}
+                axes.annotate(points[k]['label'], (points[k]['ms'], points[k]['error']), **place)
+    axes.axhline(bar, color='0.5', ls='--', label='bar')
+    axes.set(xlabel='ms that a frame takes longer while the camera moves')
+    axes.legend(fontsize='x-small')

@@ -34,7 +34,7 @@ def test_results_are_json_and_a_plot(tmp_path):
 
 def test_an_unknown_bench_is_named():
     with pytest.raises(ValueError, match='instances'):
-        main('shadows')
+        main('shadow')
 
 
 @pytest.mark.parametrize('lod', [False, True])

@@ -1,0 +1,237 @@
+"""Wrong pixels and strengths of shadows: what is drawn against what rays see."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+import pyvista as pv
+
+import pvibr
+from pvibr.bench.light_scenes import SCENES, VtkShadows, measured_lit, place
+from pvibr.bench.rays import Rays, Surface, edge_band, strengths, wrong
+from pvibr.bench.rows import Row
+from pvibr.offscreen import Stage
+
+#: What is allowed: maps, and volumes, which are exact.
+WRONG = {'hard': 0.2, 'pcf': 0.2, 'volume': 0.0}
+#: Pixels at the edge of a shadow that a filter may soften, and the least light without shadows
+#: that tells how strong one is: colours have 255 steps.
+_SOFT, _BRIGHT = 4, 0.25
+VTK = 'VTK'
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What a window shows by one light, and what rays say about it.
+
+    Parameters
+    ----------
+    stage : pvibr.offscreen.Stage
+        Without shadows.
+    surface : pvibr.bench.rays.Surface
+        What is seen.
+    lit : numpy.ndarray, shape (h, w)
+        Share of the light that reaches it.
+    away : numpy.ndarray, shape (h, w), bool
+        What is turned away from the light, or shows nothing.
+    """
+
+    stage: Stage
+    surface: Surface
+    lit: np.ndarray
+    away: np.ndarray
+
+
+@contextmanager
+def sight(scene, rays, light, window, *, extent=0.0, clipping=None) -> Iterator[Sight]:
+    """Show a scene by one light.
+
+    Parameters
+    ----------
+    scene : pvibr.bench.light_scenes.LightScene
+        With the light.
+    rays : pvibr.bench.rays.Rays
+        Of its meshes.
+    light : str
+        Which.
+    window : tuple of 2 int
+        Pixels.
+    extent : float, optional
+        Of the light, see :meth:`pvibr.bench.rays.Rays.lit`.
+    clipping : tuple of 2 float, optional
+        Near and far of the camera.
+
+    Yields
+    ------
+    Sight
+        Its stage closes afterwards.
+    """
+    with scene.stage(light, window) as stage:
+        if clipping:
+            stage.plotter.camera.clipping_range = clipping
+        surface = rays.surface(stage.frame())
+        lamp = scene.lights[light]
+        lit = rays.lit(surface.points, surface.normals, lamp, extent=extent)
+        yield Sight(stage, surface, lit, ~(surface.facing(lamp) > 0))
+
+
+@contextmanager
+def shown(stage, setting):
+    """Add shadows for a while.
+
+    Parameters
+    ----------
+    stage : pvibr.offscreen.Stage
+        Where.
+    setting : dict or str
+        Of :class:`pvibr.Shadows`, or :data:`VTK` for its own pass.
+
+    Yields
+    ------
+    object
+        With an attribute `enabled`.
+    """
+    if setting == VTK:
+        effect = VtkShadows(stage.plotter)
+        yield effect
+        effect.enabled = False
+        return
+    effect = stage.plotter.ibr.add(pvibr.Shadows(**setting))
+    yield effect
+    stage.plotter.ibr.remove(effect)
+
+
+def drawn(found, setting, least=0.02) -> np.ndarray:
+    """Return the share of light that is drawn.
+
+    Parameters
+    ----------
+    found : Sight
+        What is shown.
+    setting : dict or str
+        As :func:`shown` takes it.
+    least : float, optional
+        Light that is enough to tell.
+
+    Returns
+    -------
+    numpy.ndarray, shape (h, w)
+        NaN where there is too little light to tell.
+    """
+    with shown(found.stage, setting) as effect:
+        return measured_lit(found.stage, effect, least)
+
+
+def wrong_share(found, setting) -> float:
+    """Return the percentage of pixels in the wrong light, outside a band of one pixel.
+
+    Parameters
+    ----------
+    found : Sight
+        What is shown, by a light without size.
+    setting : dict or str
+        As :func:`shown` takes it.
+    """
+    band = edge_band(found.lit, found.surface)
+    return 100 * wrong(drawn(found, setting), found.lit, band, found.away)
+
+
+def _errors(found, setting) -> tuple[float, float, float]:
+    """Return percent of wrong pixels, and light within shadow and in the light."""
+    lit = drawn(found, setting)
+    share = 100 * wrong(lit, found.lit, edge_band(found.lit, found.surface), found.away)
+    dim = found.stage.picture().mean(-1) < _BRIGHT  # without shadows again
+    dark, light = strengths(lit, found.lit, edge_band(found.lit, found.surface, _SOFT),
+                            found.away, dim)  # fmt: skip
+    return share, dark, light
+
+
+def measure(settings, results):
+    """Add the worst of each scene, and VTK's pass for comparison.
+
+    Parameters
+    ----------
+    settings : pvibr.bench.shadows.Settings
+        Scenes, windows and lights.
+    results : Results
+        Taken further.
+    """
+    every: dict = {}
+    for name in settings.scenes:
+        scene = SCENES[name]()
+        rays = Rays(scene.meshes)
+        for window, light in product(settings.windows, settings.lights):
+            with sight(scene, rays, light, window) as found:
+                for method in WRONG:
+                    key = f'{window[0]}x{window[1]} {light}'
+                    every.setdefault(method, {}).setdefault(name, {})[key] = _errors(
+                        found, {'method': method}
+                    )
+                if light == 'spot':
+                    share = wrong_share(found, VTK)
+                    every.setdefault(VTK, {}).setdefault(name, {})[key] = (share, None, None)
+    results.points['wrong'] = every
+    for method, scenes in every.items():
+        for name, views in scenes.items():
+            where = max((v[0], k) for k, v in views.items())[1]
+            what = f'wrong: {name}, {method} (worst: {where})'
+            results.rows.append(Row(what, views[where][0], '%', WRONG.get(method)))
+    for method in ('hard', 'pcf'):
+        shares = np.array([v for views in every[method].values() for v in views.values()])
+        dark, light = np.nanmax(shares[:, 1]), np.nanmin(shares[:, 2])
+        results.rows.append(Row(f'strength: {method}, light left in shadow', dark, '', 0.01))
+        results.rows.append(
+            Row(f'strength: {method}, light where there is no shadow', light, '', 0.99, True)
+        )
+
+
+def measure_extremes(settings, results):
+    """Add wrong pixels far from the origin, for odd lights and for far planes.
+
+    Parameters
+    ----------
+    settings : pvibr.bench.shadows.Settings
+        Which scene, and how far.
+    results : Results
+        Taken further.
+    """
+    scene = SCENES[settings.extreme]()
+    window = settings.windows[min(1, len(settings.windows) - 1)]
+    cases: list = [
+        (f'moved by {o:g} sizes, {light}', place(scene, o), light, None)
+        for o in settings.moved
+        for light in settings.lights
+    ]
+    odd = replace(scene, lights=_odd_lights(scene))
+    cases += [(name, odd, name, None) for name in odd.lights]
+    near = scene.size / 1e3
+    far = f'near and far 1 : 1e6, {settings.lights[0]}'
+    cases.append((far, scene, settings.lights[0], (near, 1e6 * near)))
+    for name, placed, light, clipping in cases:
+        with sight(placed, Rays(placed.meshes), light, window, clipping=clipping) as found:
+            for method in WRONG:
+                share = wrong_share(found, {'method': method})
+                results.rows.append(Row(f'extreme: {name}, {method}', share, '%', WRONG[method]))
+
+
+def _odd_lights(scene):
+    """Return lights straight above, and in the plane of the floor."""
+    middle, size = np.array(scene.camera[1], float), scene.size
+    floor = np.array([*middle[:2], 0.0])
+    places = {
+        'straight above': floor + np.array([0, 0, size]),
+        'in the plane of the floor': floor - np.array([size, 0, 0]),
+    }
+    lights = {}
+    for where, position in places.items():
+        for kind in ('directional', 'spot'):
+            lamp = pv.Light(position=tuple(position), focal_point=tuple(floor),
+                            light_type='scene light', color='white')  # fmt: skip
+            if kind == 'spot':
+                lamp.positional, lamp.cone_angle = True, 30.0
+            lights[f'{kind} light {where}'] = lamp
+    return lights
