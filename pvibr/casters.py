@@ -11,7 +11,7 @@ import numpy as np
 from pvibr.gl.feature import Feature
 from pvibr.maths.views import may_see
 
-_SURFACE = 2  # VTK_SURFACE
+_FLAT, _SURFACE = 0, 2  # VTK_FLAT, VTK_SURFACE
 _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
 
 
@@ -98,6 +98,74 @@ SPHERES = Feature(
 """
     },
 )
+
+
+# Facets stand for a curved surface where normals are averaged: by how much it bulges over them is
+# told by the length that interpolated normals lose: 1 - |n| is the bulge times the curvature.
+SMOOTH = Feature(
+    'smooth',
+    fragment={
+        'VTK::CustomUniforms::Dec': """//VTK::CustomUniforms::Dec
+float ibr_bend = 0.0;
+vec3 ibr_kept(vec3 n)
+{
+  float size = length(n);
+  ibr_bend = clamp(1.0 - size * ibr_scale, 0.0, 0.5);
+  return n / size;
+}
+""",
+        'VTK::Normal::Impl': """#define IBR_BEND ibr_bend
+#define normalize(n) ibr_kept(n)
+//VTK::Normal::Impl
+#undef normalize
+""",
+    },
+)
+
+
+def is_smooth(actor) -> bool:
+    """Tell whether an actor draws facets with normals that vary over them.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        With a mapper.
+    """
+    data = actor.GetMapper().GetInput()
+    has_points = data is not None and data.IsA('vtkDataSet')
+    if not has_points or data.GetPointData().GetNormals() is None:
+        return False
+    return actor.GetProperty().GetInterpolation() != _FLAT and not is_thin(actor)
+
+
+def dress(actor):
+    """Have an actor's shader tell where its surface is, where that is not on its triangles.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        With a mapper.
+    """
+    smooth = is_smooth(actor)
+    (SPHERES.attach if draws_spheres(actor) else SPHERES.detach)(actor)
+    (SMOOTH.attach if smooth else SMOOTH.detach)(actor)
+    if smooth:
+        matrix = actor.GetMatrix()
+        uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+        # VTK's normals are as short as the actor is large.
+        uniforms.SetUniformf('ibr_scale', abs(matrix.Determinant()) ** (1 / 3))
+
+
+def undress(actor):
+    """Take off what :func:`dress` put on.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        Any.
+    """
+    for feature in (SPHERES, SMOOTH):
+        feature.detach(actor)
 
 
 def is_thin(actor) -> bool:

@@ -313,9 +313,18 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   // What is drawn has another shape than its triangles: it tells its place and normal.
   vec3 ibr_shadow_p = IBR_PLACE;
   vec3 ibr_shadow_n = normalize(IBR_NORMAL);
+#elif defined(IBR_BEND)
+  // Facets that stand for a curved surface: light reaches that, with no steps where it turns away.
+  vec3 ibr_shadow_n = normalVCVSOutput;
+  vec3 ibr_shadow_p = vertexVC.xyz;
+  float ibr_shadow_curve = max(
+    length(dFdx(ibr_shadow_n)) / max(length(dFdx(ibr_shadow_p)), 1e-30),
+    length(dFdy(ibr_shadow_n)) / max(length(dFdy(ibr_shadow_p)), 1e-30));
+  if (IBR_BEND > 2e-6)
+    ibr_shadow_p += ibr_shadow_n * min(IBR_BEND, 0.3) / max(ibr_shadow_curve, 1e-30);
 #else
   vec3 ibr_shadow_p = vertexVC.xyz;
   vec3 ibr_shadow_n = ibr_shadow_flat(ibr_shadow_p);
-#endif
   if (dot(ibr_shadow_n, cameraParallel == 1 ? vec3(0.0, 0.0, -1.0) : ibr_shadow_p) > 0.0)
     ibr_shadow_n = -ibr_shadow_n;
+#endif

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.casters import SPHERES, Casters, Surfaces, address, draws_spheres
+from pvibr.casters import Casters, Surfaces, address, dress, undress
 from pvibr.depth_view import DepthView
 from pvibr.effect import Effect
 from pvibr.gl import shader_source
@@ -204,12 +204,13 @@ class Shadows(Effect):
         if feature is None:
             return
         for key in self._shadowed.keys() - receivers.keys():
-            self._undress_one(self._shadowed.pop(key))
+            self._undress_one(self._shadowed.pop(key)[0])
         for key, actor in receivers.items():
             if key not in self._shadowed:
                 feature.attach(actor)
-                self._shadowed[key] = actor
-            (SPHERES.attach if draws_spheres(actor) else SPHERES.detach)(actor)
+            if self._shadowed.get(key, (None, None))[1] != actor.GetMTime():
+                dress(actor)
+                self._shadowed[key] = actor, actor.GetMTime()
             _set(actor.GetShaderProperty().GetFragmentCustomUniforms(), uniforms)
 
     def _worn(self, frame):
@@ -225,13 +226,13 @@ class Shadows(Effect):
         return _feature(*signature), self._uniforms(frame, lit)
 
     def _undress(self):
-        for actor in self._shadowed.values():
+        for actor, _ in self._shadowed.values():
             self._undress_one(actor)
         self._shadowed = {}
 
     def _undress_one(self, actor):
-        for feature in (self._feature, SPHERES):
-            feature.detach(actor)
+        self._feature.detach(actor)
+        undress(actor)
 
     def _uniforms(self, frame, lit):
         world_from_view = np.linalg.inv(frame.view_from_world)

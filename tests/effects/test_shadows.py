@@ -594,3 +594,19 @@ def test_settings_change_and_are_restored():
         scene.pl.ibr.restore(state)
     np.testing.assert_array_equal(scene.draw(), hard)
     assert shadows.state()['method'] == 'hard'
+
+
+@pytest.mark.parametrize('scale', [1.0, 0.2, 30.0])
+def test_the_terminator_of_smooth_facets_is_smooth(scale):
+    at = (4.0, -1.0, 1.0)
+    scene = Scene(light(at=at), height=-5.0)
+    scene.floor.SetVisibility(False)
+    scene.pl.remove_actor(scene.disk)
+    ball = pv.Sphere(radius=1.0 / scale, theta_resolution=24, phi_resolution=24)
+    actor = scene.add(ball, smooth_shading=True)
+    actor.scale = scale
+    scene.look((-2, -4, 1))
+    plain = scene.draw()[..., 0]
+    scene.pl.ibr.add(pvibr.Shadows())
+    shadowed = scene.draw()[..., 0]
+    assert np.abs(shadowed - plain)[plain > 12].max() < 6
