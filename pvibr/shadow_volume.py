@@ -166,7 +166,6 @@ class ShadowVolumes:
                     self.silhouettes += found.update(edges, world, place, caps=bool(behind))
                     actors = found.actors(view, self.target.size[1], caps=bool(behind))
                     self.drawer.draw(actors, translucent=True)
-            state.vtkglScissor(0, 0, *self.target.size)
 
     # -- what receives --------------------------------------------------------------------------
 

@@ -27,6 +27,11 @@ class StencilTarget:
         Pixels.
     masks : int
         How many.
+
+    Attributes
+    ----------
+    size : tuple of 2 int
+        Width and height in pixels.
     """
 
     def __init__(self, window, width, height, masks):
@@ -36,30 +41,31 @@ class StencilTarget:
             msg = f'the driver refused depth and stencil of {width} x {height}'
             raise RuntimeError(msg)
         self._depth.nbytes = width * height * 4
-        formats = ('rgba8',) * -(-masks // 4)
-        self.target = Target(window, width, height, formats, depth=self._depth)
+        # One framebuffer for each: drawn into the second of several, llvmpipe leaves out rows.
+        self._targets = [
+            Target(window, width, height, depth=self._depth) for _ in range(-(-masks // 4))
+        ]
+        self.size = width, height
         self._dark = Quad(window, _DARK, 'stencil')
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        return self.target.width, self.target.height
 
     @property
     def textures(self) -> list[Texture]:
         """The masks: number k is channel k % 4 of texture k // 4; 1 where nothing was counted."""
-        return self.target.colors
+        return [target.colors[0] for target in self._targets]
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self.target.nbytes + self._depth.nbytes
+        return sum(t.nbytes for t in self._targets) + self._depth.nbytes
 
     @contextmanager
     def drawing(self):
         """Draw depth, after all masks are set to 1; GL's state comes back afterwards."""
         state = self.window.GetState()
-        with self.target.drawing(clear=(1.0, 1.0, 1.0, 1.0)):
+        for target in self._targets:
+            with target.drawing(clear=(1.0, 1.0, 1.0, 1.0)):
+                pass
+        with self._targets[0].drawing():
             try:
                 state.vtkglColorMask(False, False, False, False)
                 yield
@@ -82,23 +88,27 @@ class StencilTarget:
             Which.
         """
         state = self.window.GetState()
-        state.vtkglStencilMask(0xFF)
-        state.vtkglClear(_STENCIL_BIT)
-        state.SetEnumState(_STENCIL_TEST, True)
-        state.vtkglStencilFunc(_ALWAYS, 0, 0xFF)
-        state.vtkglColorMask(False, False, False, False)
-        state.vtkglDepthMask(False)
-        state.vtkglDepthFunc(_LESS)
-        yield
+        with self._targets[mask // 4].drawing():
+            state.vtkglStencilMask(0xFF)
+            state.vtkglClear(_STENCIL_BIT)
+            state.SetEnumState(_STENCIL_TEST, True)
+            state.vtkglStencilFunc(_ALWAYS, 0, 0xFF)
+            state.vtkglColorMask(False, False, False, False)
+            state.vtkglDepthMask(False)
+            state.vtkglDepthFunc(_LESS)
+            yield
+            self._darken(mask % 4)
+
+    def _darken(self, channel):
+        state = self.window.GetState()
         state.SetEnumState(_DEPTH_CLAMP, False)
+        state.SetEnumState(_DEPTH_TEST, False)
+        state.vtkglScissor(0, 0, *self.size)
         state.vtkglStencilOp(_KEEP, _KEEP, _KEEP)
         state.vtkglStencilFunc(_NOTEQUAL, 0, 0xFF)
-        state.vtkglColorMask(*(mask % 4 == channel for channel in range(4)))
-        state.SetEnumState(_DEPTH_TEST, False)
-        self.target.object.ActivateDrawBuffer(mask // 4)
+        state.vtkglColorMask(*(channel == k for k in range(4)))
         self.window.GetShaderCache().ReadyShaderProgram(self._dark.program)
         self._dark.helper.Render()
-        state.SetEnumState(_DEPTH_TEST, True)
 
     def count(self, *, behind):
         """Say which surfaces count from now on: those turned to the eye as 1, others as -1.
@@ -118,5 +128,7 @@ class StencilTarget:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for owner in (self.target, self._depth, self._dark):
-            owner.release()
+        for target in self._targets:
+            target.release()
+        self._depth.release()
+        self._dark.release()
