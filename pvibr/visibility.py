@@ -26,11 +26,14 @@ _EDGE = 4.0
 _NEAREST = 1e-3
 #: How far points are moved into the faces that they belong to, as a share of the way.
 _INWARD = 1e-3
+#: How far points are moved along their normals before they are compared, texels: less than in
+#: pictures, since one wrong corner makes a point wrong.
+_OFFSET = 0.1
 #: Apparent diameter of the sun, degrees.
 _SUN = 0.53
 
 
-def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=2048, two_sided=None):
+def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=4096, two_sided=None):
     """Tell what of a mesh a camera sees.
 
     Parameters
@@ -88,12 +91,12 @@ def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=2048
     if view is not None and len(rows):
         (depth,) = depth_maps([view], surfaces, resolution)
         normals = samples.turned(toward)[rows]
-        found[rows] = depth_test.seen(view, depth, samples.points[rows], normals)
+        found[rows] = depth_test.seen(view, depth, samples.points[rows], normals, _OFFSET)
     return samples.most(found) >= 0.5
 
 
 def shadow_mask(
-    mesh, light, casters=(), *, to='points', resolution=2048, samples=1, extent=None,
+    mesh, light, casters=(), *, to='points', resolution=4096, samples=1, extent=None,
     two_sided=None,
 ):  # fmt: skip
     """Return how much of a light reaches a mesh.
@@ -353,11 +356,18 @@ def surface_of(thing) -> pv.PolyData:
         msg = f'{thing!r:.100} is no mesh and no actor.'
         raise TypeError(msg)
     surface = thing if isinstance(thing, pv.PolyData) else thing.extract_surface(algorithm=None)
-    surface = surface.copy(deep=False)
-    surface.clear_data()
     points = np.asarray(surface.points, np.float64)
-    surface.points = points if matrix is None else points @ matrix[:3, :3].T + matrix[:3, 3]
-    return surface
+    if matrix is not None:
+        points = points @ matrix[:3, :3].T + matrix[:3, 3]
+    return _with_points(surface, points)
+
+
+def _with_points(surface, points):
+    """Return a surface with other points and no data; the given one stays as it is."""
+    found = surface.copy(deep=False)
+    found.clear_data()
+    found.SetPoints(pv.vtk_points(points))  # setting `points` would write into the given one's
+    return found
 
 
 def bounds_of(surfaces) -> np.ndarray:
@@ -492,10 +502,8 @@ class _Scene:
 
 
 def _actor(surface, center):
-    moved = surface.copy(deep=False)
-    moved.points = surface.points - center
     mapper = _vtk.vtkPolyDataMapper()
-    mapper.SetInputData(moved)
+    mapper.SetInputData(_with_points(surface, surface.points - center))
     mapper.ScalarVisibilityOff()
     actor = _vtk.vtkActor()
     actor.SetMapper(mapper)
@@ -562,5 +570,6 @@ def _lit(scene, light, samples, resolution, sides):
         rows = np.flatnonzero(reached & (nearest == k))
         if len(rows):
             depth = scene.depth(view, resolution)
-            found[rows] = depth_test.seen(view, depth, samples.points[rows], normals[rows])
+            points, turned = samples.points[rows], normals[rows]
+            found[rows] = depth_test.seen(view, depth, points, turned, _OFFSET)
     return found

@@ -6,6 +6,26 @@
 // PRE_matrix: for each picture, view space to plane and to depth texture. PRE_number: 24 floats
 // each, see projector.py. PRE_set: feather, least cosine, opacity, dim, offset in texels.
 
+//@picture
+#ifndef IBR_PICTURE
+#define IBR_PICTURE
+// A picture at a place: several looks along the longer axis of the footprint. Drivers' own
+// anisotropic filters blur what is seen straight ahead, some of them.
+vec4 ibr_picture(sampler2D map, vec2 uv, vec2 across, vec2 along)
+{
+  vec2 size = vec2(textureSize(map, 0));
+  float a = length(across * size), b = length(along * size);
+  vec2 longer = a > b ? across : along;
+  float looks = ceil(clamp(max(a, b) / max(min(a, b), 1.0) - 0.5, 1.0, 8.0));
+  vec2 shorter = longer / looks;
+  vec4 sum = vec4(0.0);
+  for (float k = 0.5; k < looks; k += 1.0)
+    sum += textureGrad(map, uv + (k / looks - 0.5) * longer, a > b ? shorter : across,
+      a > b ? along : shorter);
+  return sum / looks;
+}
+#endif
+
 //@slide
 vec4 PRE_slide_VIEW(vec3 p, vec3 n, out float cover, out float score)
 {
@@ -31,7 +51,7 @@ vec4 PRE_slide_VIEW(vec3 p, vec3 n, out float cover, out float score)
   cover = 0.0;
   score = 0.0;
   if (!(shown && inward >= 0.0 && cosine > PRE_set[1])) return vec4(0.0);
-  vec4 color = textureGrad(PRE_picture_VIEW, uv, across, along);
+  vec4 color = ibr_picture(PRE_picture_VIEW, uv, across, along);
   cover = color.a * (PRE_set[0] > 0.0 ? smoothstep(0.0, PRE_set[0], inward) : 1.0);
 #if OCCLUSION
   mat4 m = PRE_matrix[2 * VIEW + 1];

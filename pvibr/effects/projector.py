@@ -73,7 +73,6 @@ class _Slide:
             to = self.texture.object
             to.SetGenerateMipmap(True)
             to.SetMinificationFilter(to.LinearMipmapLinear)
-            to.SetMaximumAnisotropicFiltering(8.0)
         picture = self.pictures.weighted(k, alpha)
         self.reduced = -(-max(picture.shape[:2]) // texture_limit(window))
         self.texture.upload(_reduced(picture, self.reduced)[::-1])
@@ -167,7 +166,8 @@ class _Projection(Effect):
         '2048 to 4096.', range='[16, 16384]', kind=int,
     )  # fmt: skip
     offset = Param(
-        0.75, 'How far a receiver is moved along its normal before it is compared.',
+        0.25, 'How far a receiver is moved along its normal: less shows holes where surfaces are '
+        'concave, more paints what lies just behind an edge.',
         range='[0, 16]', unit='texels',
     )  # fmt: skip
     fps = Param(
@@ -664,6 +664,7 @@ def _feature(number, lenses, seen, mode, lit, best, between) -> Feature:
     samplers |= {f'{pre}_depth_{k}': 'sampler2D' for k, s in enumerate(seen) if s}
     parts = [declared_samplers(samplers), shared['declare']]
     parts.append(shared['fragment.pixel' if between else 'fragment.clip'])
+    parts.append(text['picture'])
     parts.append(f'#define BEST {int(best)}\n#define LIGHT {int(mode == "modulate")}\n')
     body = text['begin']
     for k, (lens, sees) in enumerate(zip(lenses, seen, strict=True)):

@@ -31,7 +31,7 @@ def texel_size(view, resolution) -> float:
     return float(2 / scale / resolution)
 
 
-def seen(view, depth, points, normals, offset=0.75):
+def seen(view, depth, points, normals, offset=0.25):
     """Return how much of each point a depth view sees.
 
     Parameters
