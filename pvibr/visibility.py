@@ -119,7 +119,8 @@ def shadow_mask(
         How large the light is, for more than one sample: apparent diameter of a directional light
         in degrees, by default the sun's 0.53; radius of a positional one in world units.
     two_sided : bool, optional
-        Whether faces are lit from behind, too; by default where the mesh is not closed.
+        Whether faces are lit from behind, too. By default they are not: closed meshes are lit
+        from outside, others on the side that is turned to the light on the whole.
 
     Returns
     -------
@@ -143,7 +144,7 @@ def shadow_mask(
     _check_light(light, samples, extent)
     found = Samples.of(mesh, to)
     surfaces = [surface_of(m) for m in (mesh, *casters)]
-    sides = _sides(mesh, two_sided)
+    sides = _sides(mesh, two_sided) or (0 if two_sided else _lit_side(light, found))
     total = np.zeros(len(found.points))
     with _hidden(surfaces) as scene:
         for place in _places(light, samples, extent):
@@ -550,12 +551,23 @@ def _places(light, samples, extent):
             yield replace(found, direction=tuple(way / np.linalg.norm(way)))
 
 
+def _lit_side(light, samples) -> int:
+    """Return which side of a sheet is turned to a light on the whole, 1 or -1."""
+    (middle,) = _places(light, 1, None)
+    toward = _toward(middle, samples.points)
+    return 1 if (np.einsum('ij,ij->i', samples.normals, toward) @ samples.area) >= 0 else -1
+
+
+def _toward(light, points):
+    """Return unit vectors to a light, (m, 3)."""
+    toward = light.homogeneous()[:3] - (points if light.positional else np.zeros_like(points))
+    length = np.linalg.norm(toward, axis=1, keepdims=True)
+    return toward / np.where(length > 0, length, 1)
+
+
 def _lit(scene, light, samples, resolution, sides):
     """Return how much of a light without extent reaches each sample."""
-    toward = light.homogeneous()[:3] - (samples.points if light.positional else 0.0)
-    toward = np.broadcast_to(toward, samples.points.shape)
-    length = np.linalg.norm(toward, axis=1, keepdims=True)
-    toward = toward / np.where(length > 0, length, 1)
+    toward = _toward(light, samples.points)
     reached = samples.facing(toward, sides) > 0
     if light.kind == 'spot':
         reached &= -toward @ np.array(light.direction) > np.cos(np.radians(light.cone))

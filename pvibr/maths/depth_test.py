@@ -91,7 +91,7 @@ def _compared(view, matrix, depth, points, normals, q, offset):
         here = plane + (((at + 0.5) / side - s[:, :2]) * slope).sum(1)
         column, row = at.astype(int).T
         total += np.where(here > depth[row, column], 0.0, share)
-    return total
+    return np.round(total, 12)
 
 
 def _slope(matrix, q, normals):
