@@ -6,7 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.bench.light_scenes import LightScene, measured_lit
-from pvibr.bench.rays import Rays, edge_band
+from pvibr.bench.rays import Rays
 from pvibr.bench.rows import Row
 from pvibr.bench.shadow_errors import drawn, shown, sight
 from pvibr.lights import light_views, lights_of
@@ -112,7 +112,7 @@ def acne_on_ball(kind, setting) -> int:
         lit = drawn(found, setting, 0.05)
         cosine = found.surface.facing(lamp)
         grazed = (cosine > np.cos(np.radians(89))) & (cosine < np.cos(np.radians(80)))
-        sure = grazed & (found.lit == 1) & ~edge_band(found.lit, found.surface)
+        sure = grazed & (found.lit == 1) & ~found.band
     return int((lit[sure] < 0.5).sum())
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 import pyvista as pv
+from scipy import ndimage
 
 import pvibr
 from pvibr.bench.light_scenes import SCENES, VtkShadows, measured_lit, place
@@ -44,6 +46,21 @@ class Sight:
     surface: Surface
     lit: np.ndarray
     away: np.ndarray
+
+    @cached_property
+    def band(self) -> np.ndarray:
+        """One pixel on each side of edges, (h, w) bool."""
+        return edge_band(self.lit, self.surface)
+
+    @cached_property
+    def wide_band(self) -> np.ndarray:
+        """What a filter may soften, (h, w) bool."""
+        return ndimage.binary_dilation(self.band, np.ones((3, 3)), _SOFT - 1)
+
+    @cached_property
+    def dim(self) -> np.ndarray:
+        """Where there is too little light to tell how strong a shadow is, (h, w) bool."""
+        return self.stage.picture().mean(-1) < _BRIGHT
 
 
 @contextmanager
@@ -136,17 +153,15 @@ def wrong_share(found, setting) -> float:
     setting : dict or str
         As :func:`shown` takes it.
     """
-    band = edge_band(found.lit, found.surface)
-    return 100 * wrong(drawn(found, setting), found.lit, band, found.away)
+    return 100 * wrong(drawn(found, setting), found.lit, found.band, found.away)
 
 
 def _errors(found, setting) -> tuple[float, float, float]:
     """Return percent of wrong pixels, and light within shadow and in the light."""
+    dim = found.dim  # before there are shadows
     lit = drawn(found, setting)
-    share = 100 * wrong(lit, found.lit, edge_band(found.lit, found.surface), found.away)
-    dim = found.stage.picture().mean(-1) < _BRIGHT  # without shadows again
-    dark, light = strengths(lit, found.lit, edge_band(found.lit, found.surface, _SOFT),
-                            found.away, dim)  # fmt: skip
+    share = 100 * wrong(lit, found.lit, found.band, found.away)
+    dark, light = strengths(lit, found.lit, found.wide_band, found.away, dim)
     return share, dark, light
 
 

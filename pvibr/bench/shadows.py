@@ -55,7 +55,7 @@ class Settings:
     extreme: str = 'statue'
     angles: tuple[float, ...] = (80.0, 82.0, 84.0, 86.0, 87.0, 88.0, 89.0)
     soft: tuple[str, ...] = ('spheres', 'terrain', 'statue')
-    blurs: tuple[float, ...] = (2.0, 4.0, 8.0, 16.0, 32.0)
+    blurs: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0, 16.0)
     small: tuple[int, int] = (320, 180)
     screen: tuple[int, int] = (1280, 720)
     timed: str = 'spheres'
