@@ -261,7 +261,8 @@ class _Projection(Effect):
             old = worn.pop(key, None)
             if old is not None and old[1] is not feature:
                 old[1].detach(actor)
-            feature.attach(actor)
+            if old is None or old[1] is not feature:
+                feature.attach(actor)
             self._worn[key] = (actor, feature)
             target = actor.GetShaderProperty().GetFragmentCustomUniforms()
             for setter, *values in uniforms:

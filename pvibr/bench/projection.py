@@ -1,0 +1,261 @@
+"""Projected pictures against rays: what is painted wrongly, and how exact the picture is."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+import pvibr
+from pvibr.bench.light_scenes import SCENES, VIEW_ANGLE, WINDOWS, place
+from pvibr.bench.rays import Rays, edge_band
+from pvibr.bench.rows import Row
+from pvibr.bench.runs import run
+from pvibr.maths.cameras import Pinhole
+from pvibr.visibility import Samples
+
+#: Pixels of the photograph, and a lens that bends its corners by a tenth.
+SIZE = (1280, 720)
+LENS = (-0.25, 0.08, 1e-3, -5e-4)
+#: In percent and decibels.
+BAR, PSNR_BAR = 0.3, 35.0
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How much is measured.
+
+    Parameters
+    ----------
+    scenes : tuple of str
+        Of :data:`pvibr.bench.light_scenes.SCENES`.
+    windows : tuple
+        Width and height of each, pixels.
+    offsets : tuple of float
+        In sizes of the scene.
+    resolutions : tuple of int
+        Of the depth view, texels.
+    """
+
+    scenes: tuple = ('spheres', 'terrain', 'tree', 'airplane', 'statue')
+    windows: tuple = WINDOWS
+    offsets: tuple = (0.0, 1e6, 1e9)
+    resolutions: tuple = (512, 1024, 2048, 4096)
+
+
+QUICK = Settings(('spheres',), ((400, 225),), (0.0,), (512, 1024))
+
+
+def measure(out, *, quick=False) -> list:
+    """Run every part, print and write the table and the plot, and return the rows.
+
+    Parameters
+    ----------
+    out : pathlib.Path
+        Folder.
+    quick : bool
+        Whether only a few points are measured.
+
+    Returns
+    -------
+    list of Row
+        What was measured.
+    """
+    parts = {
+        'leaks and holes': _painted,
+        'own camera': _own,
+        'data': _data,
+        'resolution': _resolution,
+    }
+    settings = QUICK if quick else Settings()
+    return run('projection', parts, settings, _plot, Path(out), quick=quick)
+
+
+def camera_of(scene, lens=()) -> Pinhole:
+    """Return a camera where a scene's spot light is, which sees what it lights.
+
+    Parameters
+    ----------
+    scene : pvibr.bench.light_scenes.LightScene
+        Any.
+    lens : tuple of float, optional
+        Its distortion.
+
+    Returns
+    -------
+    Pinhole
+        Of :data:`SIZE`.
+    """
+    spot = scene.lights['spot']
+    focus = 0.5 * SIZE[0] / np.tan(np.radians(spot.cone_angle))
+    return _looking(spot.position, spot.focal_point, focus, lens)
+
+
+def _looking(eye, at, focus, lens=()):
+    eye, at = np.array(eye, float), np.array(at, float)
+    ahead = (at - eye) / np.linalg.norm(at - eye)
+    right = np.cross(ahead, [0, 0, 1.0])
+    right /= np.linalg.norm(right)
+    turn = np.array([right, np.cross(ahead, right), ahead])
+    K = [[focus, 0, (SIZE[0] - 1) / 2], [0, focus, (SIZE[1] - 1) / 2], [0, 0, 1]]
+    return Pinhole(K, turn, -turn @ eye, SIZE, lens)
+
+
+def _lamp(camera):
+    light = pv.Light(position=tuple(camera.position), light_type='scene light')
+    light.positional, light.cone_angle = True, 90
+    return light
+
+
+def _inside(camera, points):
+    uv, _ = camera.project(points)
+    with np.errstate(invalid='ignore'):
+        return ((uv >= 0) & (uv <= 1)).all(1)
+
+
+class _Truth:
+    """What a camera paints of a scene in a window, by rays."""
+
+    def __init__(self, scene, window, camera):
+        self.scene, self.window, self.camera = scene, window, camera
+        rays = Rays(scene.meshes)
+        with scene.stage('spot', window) as stage:
+            surface = rays.surface(stage.frame())
+        lit = rays.lit(surface.points, surface.normals, _lamp(camera))
+        inside = _inside(camera, surface.points.reshape(-1, 3)).reshape(lit.shape)
+        self.painted = lit * inside
+        self.counts = surface.hit & ~edge_band(self.painted, surface)
+
+    def errors(self, **settings):
+        """Return leaks and holes in percent, and the ms that a frame takes longer."""
+        green = np.zeros((SIZE[1], SIZE[0], 3))
+        green[..., 1] = 1
+        with self.scene.stage('spot', self.window) as stage:
+            photo = stage.plotter.ibr.add(pvibr.Projector(green, self.camera, **settings))
+            found = stage.picture()
+            ms = _extra(stage, photo)
+        painted = found[..., 1] - found[..., 0] > 0.5
+        off, on = (self.counts & (self.painted == k) for k in (0, 1))
+        return 100 * painted[off].mean(), 100 * (~painted[on]).mean(), ms
+
+
+def _extra(stage, photo, turns=5):
+    """Return the ms that a frame takes longer, by turns in one run."""
+    times: dict = {True: [], False: []}
+    for _ in range(turns):
+        for on in (True, False):
+            photo.enabled = on
+            stage.draw()
+            start = time.perf_counter()
+            stage.draw()
+            times[on].append(time.perf_counter() - start)
+    return 1e3 * (min(times[True]) - min(times[False]))
+
+
+def _painted(settings, results):
+    for name in settings.scenes:
+        for offset in settings.offsets:
+            scene = place(SCENES[name](), offset=offset)
+            windows = settings.windows if not offset else settings.windows[-1:]
+            for window in windows:
+                truth = _Truth(scene, window, camera_of(scene, LENS))
+                leak, hole, ms = truth.errors()
+                what = f'{name}, {window[0]}x{window[1]}, at {offset:g} sizes'
+                results.rows.append(Row(f'leak: {what}', leak, '%', BAR))
+                results.rows.append(Row(f'hole: {what}', hole, '%', BAR))
+                results.rows.append(Row(f'extra time: {what}', ms, 'ms'))
+
+
+def _own(settings, results):
+    """Compare the picture seen from its own camera with the photograph, where it is seen."""
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    waves = [np.sin(x * a + y * b) for a, b in ((0.31, 0.05), (-0.11, 0.23), (0.02, -0.41))]
+    photo = np.rint(127 + 100 * np.stack(waves, -1)).astype(np.uint8)
+    for name in settings.scenes:
+        for offset in settings.offsets:
+            scene = place(SCENES[name](), offset=offset)
+            focus = 0.5 * SIZE[1] / np.tan(np.radians(VIEW_ANGLE / 2))
+            camera = _looking(scene.camera[0], scene.camera[1], focus)
+            rays = Rays(scene.meshes)
+            with scene.stage('spot', SIZE) as stage:
+                surface = rays.surface(stage.frame())
+                stage.plotter.ibr.add(pvibr.Projector(photo, camera))
+                error = (255 * stage.picture() - photo)[_sure(surface)]
+            found = 10 * np.log10(255**2 / max(np.mean(error**2), 1e-4))
+            row = f'own camera: {name}, at {offset:g} sizes'
+            results.rows.append(Row(row, found, 'dB', PSNR_BAR, at_least=True))
+
+
+def _sure(surface):
+    return surface.hit & ~edge_band(surface.hit.astype(float), surface)
+
+
+def _data(settings, results):
+    """Compare what visible, shadow_mask and bake say with rays, cell by cell."""
+    for name in settings.scenes:
+        scene = SCENES[name]()
+        camera = camera_of(scene)
+        mesh = max(scene.meshes, key=lambda m: m.n_cells)
+        others = [m for m in scene.meshes if m is not mesh]
+        samples = Samples.of(mesh, 'cells')
+        # One side, whose normals they are: a face seen from behind is dark.
+        lit = Rays(scene.meshes).lit(samples.points, samples.normals, _lamp(camera)) == 1
+        true = lit & _inside(camera, samples.points)
+        seen = pvibr.visible(mesh, camera, casters=others, to='cells', two_sided=False)
+        mask = pvibr.shadow_mask(mesh, _lamp(camera), others, to='cells', two_sided=False) > 0.5
+        for what, found, truth in (('visible', seen, true), ('shadow_mask', mask, lit)):
+            counts = _alike(mesh, truth)
+            for kind, rows in (('leak', counts & ~truth), ('hole', counts & truth)):
+                if rows.any():
+                    wrong = 100 * (found != truth)[rows].mean()
+                    results.rows.append(Row(f'{what}: {name}, {kind}', wrong, '% of cells', BAR))
+
+
+def _alike(mesh, truth):
+    """Return the cells that have the same truth as all that share a corner with them."""
+    low, high = np.full(mesh.n_points, 2), np.full(mesh.n_points, -1)
+    for corner in mesh.regular_faces.T:
+        np.minimum.at(low, corner, truth.astype(int))
+        np.maximum.at(high, corner, truth.astype(int))
+    return (low == high)[mesh.regular_faces].all(1)
+
+
+def _resolution(settings, results):
+    for name in settings.scenes:
+        scene = SCENES[name]()
+        truth = _Truth(scene, settings.windows[-1], camera_of(scene, LENS))
+        found = [truth.errors(resolution=n) for n in settings.resolutions]
+        results.points[name] = [
+            {'texels': n, 'leak': leak, 'hole': hole, 'ms': ms}
+            for n, (leak, hole, ms) in zip(settings.resolutions, found, strict=True)
+        ]
+
+
+def _plot(results, path):
+    """Draw leaks and holes against the time that a frame takes longer.
+
+    Parameters
+    ----------
+    results : Results
+        With its points.
+    path : pathlib.Path
+        PNG file.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 5), layout='constrained')
+    FigureCanvasAgg(figure)
+    for axes, kind in zip(figure.subplots(1, 2, sharey=True), ('leak', 'hole'), strict=True):
+        for name, points in results.points.items():
+            axes.plot([p['texels'] for p in points], [p[kind] for p in points], 'o-', label=name)
+        axes.axhline(BAR, color='0.5', ls='--', label='bar')
+        axes.set_xscale('log', base=2)
+        axes.set_yscale('symlog', linthresh=0.01)
+        axes.set(xlabel='texels along a side of the depth view', ylabel=f'{kind}s, % of pixels')
+        axes.legend(fontsize='small')
+    figure.suptitle(f'pvibr bench projection: {results.driver}')
+    figure.savefig(path, dpi=110)
