@@ -126,6 +126,7 @@ class DepthView:
                     self._draw_veil(views[k], k, casters, mode)
         for thing in casters.things:
             thing.prepare(frame)
+        self.drawer.doubles.keep(casters.actors, self.drawer.window)
         self.drawer.done()
         # Taken again: things may have made actors for these views.
         shared = casters.key()
@@ -144,7 +145,7 @@ class DepthView:
         # In a parallel view VTK has spheres bulge twice as far.
         bulge = self.drawer.inner.GetSize()[0] / self.resolution * (0.5 if view.parallel else 1.0)
         with sized(casters.actors, lambda p: frame.pixel_at(p) / seen.pixel_at(p), bulge):
-            self.drawer.draw(casters.actors)
+            self.drawer.draw_depth(casters.actors)
         for thing in casters.things:
             self.drawer.draw(thing.drawn())
             thing.finish(seen)

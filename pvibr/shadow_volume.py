@@ -130,7 +130,7 @@ class ShadowVolumes:
         self.drawer.look(view, (0, 0, width, height))
         bulge = self.drawer.inner.GetSize()[0] / width
         with sized(shown.actors, lambda _: 1.0, bulge):
-            self.drawer.draw(shown.actors)
+            self.drawer.draw_depth(shown.actors)
         for thing in shown.things:
             self.drawer.draw(thing.drawn())
 

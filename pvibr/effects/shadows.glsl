@@ -70,36 +70,32 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 //@window
 // Percentage-closer filtering (Reeves et al., SIGGRAPH 1987): what is filtered is the comparison,
 // here of every texel that a square around the receiver overlaps, each with the plane's depth.
-// How much of a texel the filter covers that begins at a place within the first.
-float ibr_shadow_overlap(float texel, float begin)
-{
-  float end = begin + 2.0 * ibr_shadow_softness;
-  return clamp(min(texel + 1.0 - begin, end - texel), 0.0, 1.0);
-}
-
 float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 {
   vec2 corner = s.place.xy * s.side - ibr_shadow_softness;
-  vec2 first = floor(corner);
-  vec2 rest = corner - first;
-  ivec2 origin = ivec2(s.tile.xy * vec2(textureSize(map, 0)) + 0.5);
+  vec2 first = clamp(floor(corner), vec2(0.0), vec2(s.side - float(TAPS)));
+  ivec2 origin = ivec2(s.tile.xy * vec2(textureSize(map, 0)) + 0.5) + ivec2(first);
   vec2 slope = s.slope / s.side;
-  float plane = s.place.z - s.bias + dot(s.slope, (first + 0.5) / s.side - s.place.xy);
-  float sum = 0.0;
+  float row = s.place.z - s.bias + dot(s.slope, (first + 0.5) / s.side - s.place.xy);
+  // How much of each texel the square covers, along either axis.
+  vec2 begin = corner - first;
+  vec2 end = begin + 2.0 * ibr_shadow_softness;
+  float hidden = 0.0;
   for (int j = 0; j < TAPS; ++j)
   {
-    float row = 0.0;
+    float high = clamp(min(float(j + 1) - begin.y, end.y - float(j)), 0.0, 1.0);
+    float plane = row;
     for (int i = 0; i < TAPS; ++i)
     {
-      ivec2 texel = clamp(ivec2(first) + ivec2(i, j), ivec2(0), ivec2(s.side) - 1);
-      float depth = texelFetch(map, origin + texel, 0).r;
+      float wide = clamp(min(float(i + 1) - begin.x, end.x - float(i)), 0.0, 1.0);
+      float depth = texelFetch(map, origin + ivec2(i, j), 0).r;
       // What is behind all casters may be behind the far plane, too.
-      bool hidden = plane + float(i) * slope.x + float(j) * slope.y > depth && depth < 1.0;
-      row += hidden ? 0.0 : ibr_shadow_overlap(float(i), rest.x);
+      hidden += plane > depth && depth < 1.0 ? high * wide : 0.0;
+      plane += slope.x;
     }
-    sum += row * ibr_shadow_overlap(float(j), rest.y);
+    row += slope.y;
   }
-  return sum / (4.0 * ibr_shadow_softness * ibr_shadow_softness);
+  return 1.0 - hidden / (4.0 * ibr_shadow_softness * ibr_shadow_softness);
 }
 
 //@pcf
@@ -166,12 +162,13 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
       found += w;
     }
   }
-  if (found == 0.0) return 1.0;
-  vec2 radius = clamp(ibr_shadow_cone(s, sum / found, to), vec2(least), reach);
-  float lit = 0.0;
-  for (int i = 0; i < TAPS; ++i)
-    lit += ibr_shadow_hider(map, s, turn * ibr_shadow_disk[i] * radius) < 2.0 ? 0.0 : 1.0;
-  return lit / float(TAPS);
+  // Where nothing hides the light there is no second look.
+  int again = found == 0.0 ? 0 : TAPS;
+  vec2 radius = clamp(ibr_shadow_cone(s, sum / max(found, 1e-6), to), vec2(least), reach);
+  float hidden = 0.0;
+  for (int i = 0; i < again; ++i)
+    hidden += ibr_shadow_hider(map, s, turn * ibr_shadow_disk[i] * radius) < 2.0 ? 1.0 : 0.0;
+  return 1.0 - hidden / float(TAPS);
 }
 
 //@moments
@@ -246,11 +243,8 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 }
 
 //@light
-vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
+vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
 {
-  vec3 toward = POSITIONAL ? normalize(ibr_shadow_place_NUMBER - p) : ibr_shadow_place_NUMBER;
-  float facing = dot(n, toward);
-  if (facing <= 0.0) return vec3(0.0);
   int view = FIRST;
 #if COUNT == 6
   // Of views all around, the one whose axis is nearest.
@@ -280,10 +274,9 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   vec2 texel = vec2(ibr_shadow_texel[2 * view], ibr_shadow_texel[2 * view + 1]);
   vec2 way = abs(slope) * (texel.x + texel.y) / texel + 1e-6;
   float across = dot(way, texel) / length(way) * (POSITIONAL ? q.w : 1.0);
-  vec4 off = m * vec4(p + n * across * ibr_shadow_offset, 1.0);
   // The receiver's plane is moved along its normal; its place in the map stays.
-  vec3 moved = off.xyz / off.w;
-  s.z += moved.z - s.z - dot(slope, moved.xy - s.xy);
+  vec3 moved = ibr_shadow_along(m, q, n) * (across * ibr_shadow_offset);
+  s.z += moved.z - dot(slope, moved.xy);
   // Rounding: of depth, and of vertices to parts of a texel when the map was drawn.
   float bias = 4e-7 + (abs(slope.x) + abs(slope.y)) / side / 128.0;
   ivec2 cell = ivec2((view - FIRST) % COLUMNS, (view - FIRST) / COLUMNS);
@@ -306,6 +299,12 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
     lit *= texture(ibr_shadow_tint_NUMBER, uv).rgb;
 #endif
   return lit;
+}
+
+vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
+{
+  vec3 toward = POSITIONAL ? normalize(ibr_shadow_place_NUMBER - p) : ibr_shadow_place_NUMBER;
+  return dot(n, toward) > 0.0 ? ibr_shadow_map_lit_NUMBER(p, n) : vec3(0.0);
 }
 
 //@apply

@@ -62,13 +62,14 @@ class Shadows(Effect):
 
     method = Param(
         'pcf', 'How a shadow is found: compared once, compared and filtered, softer with '
-        'distance as the size of the light has it, or from blurred moments of depth.',
+        'distance as the size of the light has it, from blurred moments of depth, or counted by '
+        'volumes, exact to the pixel.',
         choices=('hard', 'pcf', 'pcss', *KINDS, 'volume'),
     )  # fmt: skip
     resolution = Param(2048, "Texels along a side of a light's view.", range='[16, 16384]')
     softness = Param(
-        1.0, 'Radius of the filter of pcf, standard deviation of the blur of moments.',
-        range='[0, 64]', unit='texels',
+        None, 'Radius of the filter of pcf, standard deviation of the blur of moments; by default '
+        '0.5 and 2.', range='[0, 64]', unit='texels', kind=float,
     )  # fmt: skip
     taps = Param(
         None, 'Places on a disk where pcf and pcss compare; by default pcf compares every texel '
@@ -190,9 +191,15 @@ class Shadows(Effect):
         """Return the section of the shader that finds shadows, and its number of taps."""
         if self.method != 'pcf':
             return self.method, self.taps or 32
-        if self.taps is None and 0.5 <= self.softness <= _WINDOW:
-            return 'window', int(np.ceil(2 * self.softness)) + 1
+        radius = self._softness()
+        if self.taps is None and 0.5 <= radius <= _WINDOW:
+            return 'window', int(np.ceil(2 * radius)) + 1
         return 'pcf', self.taps or 16
+
+    def _softness(self) -> float:
+        if self.softness is not None:
+            return self.softness
+        return 2.0 if self.method in KINDS else 0.5
 
     def _dress(self, frame):
         """Put the shader text on receivers, and the numbers of this frame."""
@@ -245,7 +252,7 @@ class Shadows(Effect):
             ('SetUniform1fv', 'ibr_shadow_texel', len(texels), texels),
             ('SetUniformf', 'ibr_shadow_offset', self.offset),
             ('SetUniform1fv', 'ibr_shadow_range', len(ranges), ranges),
-            ('SetUniformf', 'ibr_shadow_softness', self.softness),
+            ('SetUniformf', 'ibr_shadow_softness', self._softness()),
         ]  # fmt: skip
         for maps in lit:
             n = maps.light.number
@@ -369,7 +376,7 @@ class _LightMaps:
             self.moments = Moments(self.view, method) if method in KINDS else None
         for k in self.view.update(frame, self.views, casters):
             if self.moments is not None:
-                self.moments.update(k, self.owner.softness)
+                self.moments.update(k, self.owner._softness())
 
     def signature(self):
         return (

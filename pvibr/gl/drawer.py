@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 
 from pvibr import _vtk
+from pvibr.gl.doubles import Doubles
 
 _BLEND, _DEPTH_TEST, _SCISSOR_TEST = 0x0BE2, 0x0B71, 0x0C11  # GL enums
 _COLOR_BIT, _DEPTH_BIT = 0x4000, 0x0100
@@ -28,6 +29,7 @@ class Drawer:
         self.inner = _vtk.vtkOpenGLRenderer()
         self.inner.SetRenderWindow(self.window)
         self.inner.AutomaticLightCreationOff()
+        self.doubles = Doubles()
         self._projection = _vtk.vtkMatrix4x4()
 
     def look(self, view, rect, *, clear=True):
@@ -76,6 +78,16 @@ class Drawer:
                 self.inner.AddLight(light)
         self.inner.UpdateLights()
 
+    def draw_depth(self, actors):
+        """Draw the depth of the opaque actors that are visible, and nothing else for certain.
+
+        Parameters
+        ----------
+        actors : iterable of vtkActor
+            Of the renderer.
+        """
+        self.draw([self.doubles.of(actor) for actor in actors])
+
     def draw(self, actors, *, translucent=False):
         """Draw actors that are visible.
 
@@ -120,10 +132,13 @@ class Drawer:
 
     def done(self):
         """Leave the view, before the renderer itself draws."""
-        # A program keeps the lights as the last camera saw them until a camera is newer.
-        self.renderer.GetActiveCamera().Modified()
+        # A program keeps the lights as the last camera saw them until a camera is newer, and
+        # subplots share programs.
+        for renderer in self.window.GetRenderers():
+            renderer.GetActiveCamera().Modified()
 
     def release(self):
-        """Let the window go."""
+        """Let the window go, whose context must be alive."""
+        self.doubles.release(self.window)
         self.inner.RemoveAllLights()
         self.inner.SetRenderWindow(None)

@@ -1,0 +1,109 @@
+"""Doubles of actors that draw the same depth by a shader that does nothing else."""
+
+from __future__ import annotations
+
+from pvibr import _vtk
+
+_SURFACE = 2  # VTK_SURFACE
+_MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper')
+_STAGES = ('Vertex', 'Geometry', 'TessControl', 'TessEvaluation')
+
+
+class Doubles:
+    """Actors in place of others where only depth is wanted.
+
+    Software drivers run the whole fragment shader where there is no colour to write, lights and
+    shadows included. Points and cells are those of the original; VTK shares their buffers.
+    """
+
+    def __init__(self):
+        self._made: dict = {}
+
+    def of(self, actor):
+        """Return what draws an actor's depth: its double, or itself where none draws the same.
+
+        Parameters
+        ----------
+        actor : vtkActor
+            With a mapper.
+
+        Returns
+        -------
+        vtkActor
+            Surfaces of polygons have doubles, unless they are translucent or have a vertex shader
+            of somebody's own.
+        """
+        data = _plain_surface(actor)
+        if data is None:
+            return actor
+        key = actor.GetAddressAsString('')
+        if key not in self._made:
+            self._made[key] = actor, _double()
+        double = self._made[key][1]
+        mapper = double.GetMapper()
+        if mapper.GetInput() is not data:
+            mapper.SetInputData(data)
+        planes = actor.GetMapper().GetClippingPlanes()
+        if planes is None:
+            mapper.RemoveAllClippingPlanes()
+        else:
+            mapper.SetClippingPlanes(planes)
+        double.SetUserMatrix(actor.GetMatrix())
+        ours, theirs = double.GetProperty(), actor.GetProperty()
+        ours.SetBackfaceCulling(theirs.GetBackfaceCulling())
+        ours.SetFrontfaceCulling(theirs.GetFrontfaceCulling())
+        return double
+
+    def keep(self, actors, window):
+        """Forget the doubles of all other actors.
+
+        Parameters
+        ----------
+        actors : iterable of vtkActor
+            Those that are still there.
+        window : vtkOpenGLRenderWindow
+            Whose context is current.
+        """
+        wanted = {actor.GetAddressAsString('') for actor in actors}
+        for key in self._made.keys() - wanted:
+            _, double = self._made.pop(key)
+            double.GetMapper().ReleaseGraphicsResources(window)
+            double.ReleaseGraphicsResources(window)
+
+    def release(self, window):
+        """Free the GPU's memory; the context must be alive."""
+        self.keep((), window)
+
+
+def _plain_surface(actor):
+    """Return the polygons that an actor draws and nothing else, or None."""
+    mapper, prop = actor.GetMapper(), actor.GetProperty()
+    if (
+        mapper.GetClassName() not in _MAPPERS
+        or prop.GetRepresentation() != _SURFACE
+        or _moves_vertices(actor)
+    ):
+        return None
+    data = mapper.GetInput()
+    if data is None or not data.IsA('vtkPolyData') or data.GetNumberOfPolys() == 0:
+        return None
+    lines = data.GetNumberOfVerts() + data.GetNumberOfLines() + data.GetNumberOfStrips()
+    return None if lines or actor.HasTranslucentPolygonalGeometry() else data
+
+
+def _moves_vertices(actor) -> bool:
+    shader = actor.GetShaderProperty()
+    kinds = (
+        shader.GetNthShaderReplacementTypeAsString(i)
+        for i in range(shader.GetNumberOfShaderReplacements())
+    )
+    return any(kind in _STAGES for kind in kinds) or shader.HasVertexShaderCode()
+
+
+def _double():
+    actor = _vtk.vtkActor()
+    mapper = _vtk.vtkPolyDataMapper()
+    mapper.ScalarVisibilityOff()
+    actor.SetMapper(mapper)
+    actor.GetProperty().LightingOff()
+    return actor
