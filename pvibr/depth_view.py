@@ -95,7 +95,7 @@ class DepthView:
         """Return the lower left texel of a view in the texture."""
         return k % self.columns * self.resolution, k // self.columns * self.resolution
 
-    def update(self, frame, views, casters) -> list[int]:
+    def update(self, frame, views, casters, *, faces='both') -> list[int]:
         """Draw the views that are stale.
 
         Parameters
@@ -106,6 +106,8 @@ class DepthView:
             As many as it was made for.
         casters : Casters
             What is drawn.
+        faces : {'both', 'back'}
+            Which sides of polygons are drawn.
 
         Returns
         -------
@@ -119,7 +121,7 @@ class DepthView:
             return []
         with self.target.drawing():
             for k in stale:
-                self._draw(frame, views[k], k, casters)
+                self._draw(frame, k, casters, faces)
         for mode, target in enumerate(self.veils, 1):
             with target.drawing():
                 for k in stale:
@@ -135,7 +137,8 @@ class DepthView:
         self.bakes += len(stale)
         return stale
 
-    def _draw(self, frame, view, k, casters):
+    def _draw(self, frame, k, casters, faces):
+        view = self.views[k]
         seen = seen_from(frame, view, self.resolution)
         casters = casters.seen(view)
         for thing in casters.things:
@@ -145,7 +148,7 @@ class DepthView:
         # In a parallel view VTK has spheres bulge twice as far.
         bulge = self.drawer.inner.GetSize()[0] / self.resolution * (0.5 if view.parallel else 1.0)
         with sized(casters.actors, lambda p: frame.pixel_at(p) / seen.pixel_at(p), bulge):
-            self.drawer.draw_depth(casters.actors)
+            self.drawer.draw_depth(casters.actors, faces=faces)
         for thing in casters.things:
             self.drawer.draw(thing.drawn())
             thing.finish(seen)

@@ -279,6 +279,13 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
   s.z += moved.z - dot(slope, moved.xy);
   // Rounding: of depth, and of vertices to parts of a texel when the map was drawn.
   float bias = 4e-7 + (abs(slope.x) + abs(slope.y)) / side / 128.0;
+  if (ibr_shadow_polygon.x >= 0.0)
+  {
+    // As glPolygonOffset has it: the slope along the steeper axis, and units of resolution.
+    bias = ibr_shadow_polygon.x * max(abs(slope.x), abs(slope.y)) / side;
+    bias += ibr_shadow_polygon.y / 16777216.0;
+    slope = vec2(0.0);
+  }
   ivec2 cell = ivec2((view - FIRST) % COLUMNS, (view - FIRST) / COLUMNS);
   ibr_Shadow found;
   found.place = s;

@@ -84,6 +84,18 @@ class Shadows(Effect):
         None, 'Radius of spot and point lights, for pcss; by default a fiftieth of how far their '
         'casters reach.', range='(0, inf)', unit='world', kind=float,
     )  # fmt: skip
+    bias = Param(
+        'plane', 'What keeps a surface from shadowing itself: depth is compared on its own plane, '
+        'or behind it by the polygon offset.', choices=('plane', 'polygon_offset'),
+    )  # fmt: skip
+    polygon_offset = Param(
+        (1.1, 4.0), 'Factor of the slope and units of depth as of glPolygonOffset, for that bias.',
+        range='[0, 1e6]',
+    )  # fmt: skip
+    faces = Param(
+        'both', 'Which sides of polygons cast: back faces alone leave no acne on closed meshes, '
+        'and gaps under thin ones.', choices=('both', 'back'),
+    )  # fmt: skip
     offset = Param(
         0.35, 'How far a receiver is moved along its normal: less shows acne where surfaces '
         'are concave, more opens gaps under what touches the ground.',
@@ -245,12 +257,14 @@ class Shadows(Effect):
         world_from_view = np.linalg.inv(frame.view_from_world)
         matrices = [v.texture_from_world() @ world_from_view for m in lit for v in m.views]
         texels = [t for m in lit for v in m.views for t in _texel(v, m.view.resolution)]
+        on_plane, offsets = self.bias == 'plane', list(self.polygon_offset)
         ranges = [x for m in lit for v in m.views for x in (v.near, v.far, *self._size(v))]
         uniforms = [
             ('SetUniformMatrix4x4v', 'ibr_shadow_from_view', len(matrices),
              np.concatenate([m.T.ravel() for m in matrices]).tolist()),
             ('SetUniform1fv', 'ibr_shadow_texel', len(texels), texels),
-            ('SetUniformf', 'ibr_shadow_offset', self.offset),
+            ('SetUniformf', 'ibr_shadow_offset', self.offset if on_plane else 0.0),
+            ('SetUniform2f', 'ibr_shadow_polygon', [-1.0, 0.0] if on_plane else offsets),
             ('SetUniform1fv', 'ibr_shadow_range', len(ranges), ranges),
             ('SetUniformf', 'ibr_shadow_softness', self._softness()),
         ]  # fmt: skip
@@ -306,10 +320,15 @@ class Shadows(Effect):
                 owner.release()
         self._lights, self._drawer, self._volumes = [], None, None
 
+    def _without(self) -> list[str]:
+        """Return what casts no shadow, by kind."""
+        volumes = self.pipeline.renderer.GetVolumes() if self.pipeline else ()
+        return [s.kind for s in self._seen if s.kind == 'headlight'] + ['volume' for _ in volumes]
+
     def report(self) -> dict:
         """Return bytes, views drawn so far, and what casts no shadow."""
         views = [m.view for m in self._lights if m.view is not None]
-        dark = {'no shadows from': [s.kind for s in self._seen if s.kind == 'headlight']}
+        dark = {'no shadows from': self._without()}
         if self._volumes is not None:
             return (
                 {
@@ -374,7 +393,7 @@ class _LightMaps:
                 self.drawer, len(self.views), wanted, compare=compare, veiled=veiled
             )
             self.moments = Moments(self.view, method) if method in KINDS else None
-        for k in self.view.update(frame, self.views, casters):
+        for k in self.view.update(frame, self.views, casters, faces=self.owner.faces):
             if self.moments is not None:
                 self.moments.update(k, self.owner._softness())
 

@@ -19,13 +19,15 @@ class Doubles:
     def __init__(self):
         self._made: dict = {}
 
-    def of(self, actor):
+    def of(self, actor, faces='both'):
         """Return what draws an actor's depth: its double, or itself where none draws the same.
 
         Parameters
         ----------
         actor : vtkActor
             With a mapper.
+        faces : {'both', 'back'}
+            Which sides of its polygons are drawn.
 
         Returns
         -------
@@ -51,7 +53,7 @@ class Doubles:
         double.SetUserMatrix(actor.GetMatrix())
         ours, theirs = double.GetProperty(), actor.GetProperty()
         ours.SetBackfaceCulling(theirs.GetBackfaceCulling())
-        ours.SetFrontfaceCulling(theirs.GetFrontfaceCulling())
+        ours.SetFrontfaceCulling(theirs.GetFrontfaceCulling() or faces == 'back')
         return double
 
     def keep(self, actors, window):

@@ -78,15 +78,17 @@ class Drawer:
                 self.inner.AddLight(light)
         self.inner.UpdateLights()
 
-    def draw_depth(self, actors):
+    def draw_depth(self, actors, *, faces='both'):
         """Draw the depth of the opaque actors that are visible, and nothing else for certain.
 
         Parameters
         ----------
         actors : iterable of vtkActor
             Of the renderer.
+        faces : {'both', 'back'}
+            Which sides of polygons are drawn.
         """
-        self.draw([self.doubles.of(actor) for actor in actors])
+        self.draw([self.doubles.of(actor, faces) for actor in actors])
 
     def draw(self, actors, *, translucent=False):
         """Draw actors that are visible.

@@ -610,3 +610,41 @@ def test_the_terminator_of_smooth_facets_is_smooth(scale):
     scene.pl.ibr.add(pvibr.Shadows())
     shadowed = scene.draw()[..., 0]
     assert np.abs(shadowed - plain)[plain > 12].max() < 6
+
+
+@pytest.mark.parametrize('kind', ['directional', 'spot', 'point'])
+def test_the_classic_bias(kind):
+    at = (0.8, 0.5, 4.0)
+    scene = Scene(light(kind, at))
+    check(scene, scene.pl.ibr.add(pvibr.Shadows(bias='polygon_offset')), at, kind == 'directional')
+
+
+@pytest.mark.parametrize('faces', ['both', 'back'])
+def test_a_ball_throws_a_disk(faces):
+    scene = Scene(light(at=(0, 0, 4)))
+    scene.pl.remove_actor(scene.disk)
+    ball = pv.Sphere(radius=0.5, center=(0, 0, 1), theta_resolution=90, phi_resolution=90)
+    scene.disk = scene.add(ball)
+    check(scene, scene.pl.ibr.add(pvibr.Shadows(faces=faces)), (0, 0, 4.0), True)
+
+
+def test_back_faces_alone_cast():
+    scene = Scene(light(at=(0.8, 0.5, 4.0)))
+    plain = scene.draw()
+    shadows = scene.pl.ibr.add(pvibr.Shadows(faces='back', casts=[scene.disk]))
+    dark = scene.draw()
+    scene.disk.mapper.dataset.flip_faces(inplace=True)
+    flipped = scene.draw()
+    assert shadows.enabled
+    # A sheet casts by that side alone which turns away from the light.
+    assert sorted([np.abs(dark - plain).max() > 50, np.abs(flipped - plain).max() > 50]) == [0, 1]
+
+
+def test_volumes_cast_none_and_it_says_so():
+    scene = Scene()
+    grid = pv.ImageData(dimensions=(5, 5, 5))
+    grid['v'] = np.ones(grid.n_points)
+    scene.pl.add_volume(grid, show_scalar_bar=False)
+    shadows = scene.pl.ibr.add(pvibr.Shadows())
+    scene.draw()
+    assert shadows.report()['no shadows from'] == ['volume']
