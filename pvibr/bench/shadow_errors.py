@@ -23,6 +23,8 @@ WRONG = {'hard': 0.2, 'pcf': 0.2, 'volume': 0.0}
 #: Pixels at the edge of a shadow that a filter may soften, and the least light without shadows
 #: that tells how strong one is: colours have 255 steps.
 _SOFT, _BRIGHT = 4, 0.25
+#: Rays cast beside a pixel that is drawn wrong, and how far beside, in sizes of the scene.
+_TRIES, _NEAR = 16, 2e-6
 VTK = 'VTK'
 
 
@@ -40,17 +42,49 @@ class Sight:
         Share of the light that reaches it.
     away : numpy.ndarray, shape (h, w), bool
         What is turned away from the light, or shows nothing.
+    rays : pvibr.bench.rays.Rays
+        Of the scene.
+    light : pyvista.Light
+        The one that shines.
     """
 
     stage: Stage
     surface: Surface
     lit: np.ndarray
     away: np.ndarray
+    rays: Rays
+    light: pv.Light
 
     @cached_property
     def band(self) -> np.ndarray:
         """One pixel on each side of edges, (h, w) bool."""
         return edge_band(self.lit, self.surface)
+
+    def unsure(self, asked) -> np.ndarray:
+        """Return where the reference is not sure, for a light without size.
+
+        Parameters
+        ----------
+        asked : numpy.ndarray, shape (h, w), bool
+            Pixels to look at.
+
+        Returns
+        -------
+        numpy.ndarray, shape (h, w), bool
+            Those where rays from beside the point, as near as embree's float32 tells points
+            apart, see something else.
+        """
+        rng = np.random.default_rng(1)
+        points, normals, lit = (a[asked] for a in (self.surface.points, self.surface.normals,
+                                                   self.lit))  # fmt: skip
+        found = np.zeros(len(points), bool)
+        for _ in range(_TRIES):
+            aside = rng.normal(size=points.shape) * _NEAR * self.rays.size
+            aside -= np.einsum('ni,ni->n', aside, normals)[:, None] * normals  # along the surface
+            found |= self.rays.lit(points + aside, normals, self.light) != lit
+        unsure = asked.copy()
+        unsure[asked] = found
+        return unsure
 
     @cached_property
     def wide_band(self) -> np.ndarray:
@@ -93,7 +127,7 @@ def sight(scene, rays, light, window, *, extent=0.0, clipping=None) -> Iterator[
         surface = rays.surface(stage.frame())
         lamp = scene.lights[light]
         lit = rays.lit(surface.points, surface.normals, lamp, extent=extent)
-        yield Sight(stage, surface, lit, ~(surface.facing(lamp) > 0))
+        yield Sight(stage, surface, lit, ~(surface.facing(lamp) > 0), rays, lamp)
 
 
 @contextmanager
@@ -153,16 +187,20 @@ def wrong_share(found, setting) -> float:
     setting : dict or str
         As :func:`shown` takes it.
     """
-    return 100 * wrong(drawn(found, setting), found.lit, found.band, found.away)
+    return _share(found, drawn(found, setting))
+
+
+def _share(found, lit) -> float:
+    unsure = found.unsure((np.abs(lit - found.lit) > 0.5) & ~found.band & ~found.away)
+    return 100 * wrong(lit, found.lit, found.band, found.away, unsure)
 
 
 def _errors(found, setting) -> tuple[float, float, float]:
     """Return percent of wrong pixels, and light within shadow and in the light."""
     dim = found.dim  # before there are shadows
     lit = drawn(found, setting)
-    share = 100 * wrong(lit, found.lit, found.band, found.away)
     dark, light = strengths(lit, found.lit, found.wide_band, found.away, dim)
-    return share, dark, light
+    return _share(found, lit), dark, light
 
 
 def measure(settings, results):

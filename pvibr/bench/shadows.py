@@ -60,7 +60,7 @@ class Settings:
     screen: tuple[int, int] = (1280, 720)
     timed: str = 'spheres'
     repeats: int = 3
-    frames: int = 4
+    frames: int = 3
     plotted: str = 'terrain'
     points: int = 9
     triangles: int = 1_000_000

@@ -43,9 +43,17 @@ def test_shadows_that_miss_a_caster_are_found_wrong(scene):
         assert shadow_errors.wrong_share(found, {'casts': lambda actor: False}) > 1
 
 
+def test_the_reference_is_unsure_at_edges_alone(scene):
+    with shadow_errors.sight(scene, Rays(scene.meshes), 'spot', WINDOW) as found:
+        every = np.isfinite(found.lit)
+        assert not (found.unsure(every) & ~found.band).any()
+        assert not found.unsure(np.zeros_like(every)).any()
+
+
 def test_soft_errors_are_those_of_what_is_known():
     lit, nan = np.array([0.0, 0.5, 1.0, 1.0]), np.nan
-    found = shadow_errors.Sight(None, None, lit, np.array([False, False, False, True]))
+    away = np.array([False, False, False, True])
+    found = shadow_errors.Sight(None, None, lit, away, None, None)
     assert shadow_soft.error(found, np.array([0.1, 0.7, nan, 0.0])) == pytest.approx(0.15)
 
 
