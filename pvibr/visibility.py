@@ -83,7 +83,7 @@ def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=4096
     with np.errstate(invalid='ignore'):
         inside = ((uv >= 0) & (uv <= 1)).all(1)
     toward = camera.toward(samples.points)
-    facing = samples.facing(toward, _sides(mesh, two_sided))
+    facing = samples.facing(toward, sides_of(mesh, two_sided))
     rows = np.flatnonzero(inside & (facing > 0))
     found = np.zeros(len(inside))
     surfaces = [surface_of(m) for m in (mesh, *casters)]
@@ -144,7 +144,7 @@ def shadow_mask(
     _check_light(light, samples, extent)
     found = Samples.of(mesh, to)
     surfaces = [surface_of(m) for m in (mesh, *casters)]
-    sides = _sides(mesh, two_sided) or (0 if two_sided else _lit_side(light, found))
+    sides = sides_of(mesh, two_sided) or (0 if two_sided else _lit_side(light, found))
     total = np.zeros(len(found.points))
     with _hidden(surfaces) as scene:
         for place in _places(light, samples, extent):
@@ -382,8 +382,21 @@ def bounds_of(surfaces) -> np.ndarray:
     return np.array([s.bounds for s in surfaces if s.n_points], float).reshape(-1, 6)
 
 
-def _sides(mesh, two_sided) -> int:
-    """Return which side of a mesh's faces is outside, 1 or -1; 0 where both count."""
+def sides_of(mesh, two_sided) -> int:
+    """Return which side of a mesh's faces is outside, 1 or -1; 0 where both count.
+
+    Parameters
+    ----------
+    mesh : pyvista.DataSet
+        Any.
+    two_sided : bool or None
+        Whether both count; None where the mesh is not closed.
+
+    Returns
+    -------
+    int
+        1 for the side that normals are on.
+    """
     if two_sided is None:
         surface = surface_of(mesh).triangulate().clean()
         two_sided = not len(surface.regular_faces) or surface.n_open_edges > 0

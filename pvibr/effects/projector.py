@@ -22,7 +22,7 @@ from pvibr.maths.views import TEXTURE_FROM_CLIP
 from pvibr.params import Param
 from pvibr.pictures import Pictures
 from pvibr.unwrap import texels_of, unwrapped
-from pvibr.visibility import Samples, bounds_of, depth_maps, surface_of, view_of
+from pvibr.visibility import Samples, bounds_of, depth_maps, sides_of, surface_of, view_of
 
 #: Pictures on a surface at once: each takes two of the 16 texture units that OpenGL promises, and
 #: the mesh, the light and other effects need some.
@@ -356,7 +356,7 @@ class _Projection(Effect):
         """Return the gains of each picture, (v, 3), solved anew where what is seen changed."""
         if self.gains == 'none':
             return np.ones((len(self._slides), 3))
-        key = (casters.key(), [id(s.camera()) if s.given is None else None for s in self._slides])
+        key = (casters.key(), [s.camera() for s in self._slides])
         if self._found_gains[0] != key:
             receivers, _ = self._surfaces.chosen(self.actors)
             meshes = [surface_of(a) for a in receivers.values() if a.GetVisibility()]
@@ -371,7 +371,7 @@ class _Projection(Effect):
         rows = np.arange(len(points))[:: -(-len(points) // _GAIN_POINTS) or 1]
         samples = Samples(points[rows], normals[rows], np.arange(len(rows)), len(rows),
                           np.zeros((len(rows), 3), int), np.zeros(len(rows)))  # fmt: skip
-        looks = self._looks(samples, casters, 0.0)
+        looks = self._looks(samples, casters, 0.0, 0)
         colors, shown = np.stack([k.colors for k in looks]), np.stack([k.cover for k in looks])
         return exposure_gains(np.nan_to_num(colors), shown)
 
@@ -425,22 +425,23 @@ class _Projection(Effect):
             msg = f"to is {to!r}; it must be 'points', 'cells' or 'texture'."
             raise ValueError(msg)
         surfaces = [surface_of(m) for m in (mesh, *casters)]
+        side = 0 if self.facing > 90 else sides_of(mesh, None)
         if to == 'texture':
             mesh = unwrapped(mesh)
             samples, image = texels_of(mesh, size)
-            colors, covered, _ = self._mixed(samples, surfaces, time)
+            colors, covered, _ = self._mixed(samples, surfaces, time, side)
             return mesh, image.filled(colors, covered)
         samples = Samples.of(mesh, to)
-        colors, covered, views = self._mixed(samples, surfaces, time)
+        colors, covered, views = self._mixed(samples, surfaces, time, side)
         found = mesh.copy()
         data = found.point_data if to == 'points' else found.cell_data
         data['projected'], data['covered'], data['views'] = colors, covered, views
         found.set_active_scalars('projected', preference=to[:-1])
         return found
 
-    def _mixed(self, samples, surfaces, time):
+    def _mixed(self, samples, surfaces, time, side):
         """Return colours (n, 4) uint8, whether any picture shows there, and how many do."""
-        looks = self._looks(samples, surfaces, time)
+        looks = self._looks(samples, surfaces, time, side)
         shares = weights(
             np.stack([k.cosine for k in looks]), np.stack([k.texel for k in looks]),
             masks=np.stack([k.cover for k in looks]), method=self.blend,
@@ -454,15 +455,15 @@ class _Projection(Effect):
         mixed = np.rint(np.clip(mixed, 0, 255)).astype(np.uint8)
         return mixed, cover > 0, np.sum([k.cover > 0 for k in looks], axis=0)
 
-    def _looks(self, samples, surfaces, time) -> list:
-        return [self._look(slide, samples, surfaces, time) for slide in self._slides]
+    def _looks(self, samples, surfaces, time, side) -> list:
+        return [self._look(slide, samples, surfaces, time, side) for slide in self._slides]
 
-    def _look(self, slide, samples, surfaces, time):
+    def _look(self, slide, samples, surfaces, time, side):
         """Return what one picture shows of each point or cell."""
         camera, points = slide.camera(), samples.points
         uv, _ = camera.project(points)
         toward = camera.toward(points)
-        cosine = samples.facing(toward, 0)
+        cosine = samples.facing(toward, side)
         limit = max(float(np.cos(np.radians(self.facing))), 0.0)
         cover = border(uv, self.feather) * (cosine > limit)
         rows = np.flatnonzero(cover)
@@ -471,10 +472,10 @@ class _Projection(Effect):
         colors[rows] = sample(picture, uv[rows])
         cover[rows] *= colors[rows, 3] / 255
         if self.occlusion and len(rows):
-            side = slide.side(self.resolution)
-            view = view_of(camera, bounds_of(surfaces), side)
+            texels = slide.side(self.resolution)
+            view = view_of(camera, bounds_of(surfaces), texels)
             if view is not None:
-                (depth,) = depth_maps([view], surfaces, side)
+                (depth,) = depth_maps([view], surfaces, texels)
                 normals = samples.turned(toward)[rows]
                 cover[rows] *= depth_test.seen(view, depth, points[rows], normals, self.offset)
         texel = np.where(cover > 0, camera.texel(points), np.inf)
