@@ -62,7 +62,7 @@ class _Slide:
 
     def side(self, resolution) -> int:
         """Return the texels along a side of the depth view."""
-        return resolution or int(np.clip(max(self.pictures.size), *_SIDES))
+        return resolution or int(np.clip(2 * max(self.pictures.size), *_SIDES))
 
     def show(self, window, k, alpha):
         """Have a picture on the GPU, in levels for whatever is far away or seen at an angle."""
@@ -162,8 +162,8 @@ class _Projection(Effect):
     )  # fmt: skip
     gain = Param((1.0, 1.0, 1.0), 'What red, green and blue are multiplied by.', range='[0, inf)')
     resolution = Param(
-        None, 'Texels along a side of the depth view; by default as sharp as the picture, from '
-        '2048 to 4096.', range='[16, 16384]', kind=int,
+        None, 'Texels along a side of the depth view; by default two a pixel of the picture, '
+        'from 2048 to 4096.', range='[16, 16384]', kind=int,
     )  # fmt: skip
     offset = Param(
         0.25, 'How far a receiver is moved along its normal: less shows holes where surfaces are '
