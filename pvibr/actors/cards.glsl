@@ -50,6 +50,7 @@ flat out vec4 ibr_level;                 // origin and scale of the level of det
 #endif
 flat out mat3 ibr_eye_normal;
 flat out vec4 ibr_look;
+flat out float ibr_stretch;              // radius of the instance
 flat out vec4 ibr_card;                  // half texel, size in px, where it ends, where it begins
 
 vec2 ibr_signs(vec2 p) { return vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0); }
@@ -82,6 +83,7 @@ mat3 ibr_frame(vec3 d)
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: an empty slot
     vertexVCVSOutput = vec4(0.0);
     ibr_look = vec4(0.0);
+    ibr_stretch = 0.0;
     ibr_card = vec4(0.0);
     ibr_eye_normal = mat3(1.0);
 #if SPLAT
@@ -175,6 +177,7 @@ mat3 ibr_frame(vec3 d)
           gl_Position.z = min(deep.z / deep.w, 0.9999) * gl_Position.w;
         }
         vec3 ray = ibr_parallel == 1 ? -d : v - eye;
+        ibr_stretch = stretch;
         ibr_card = vec4(0.5 * exp2(lod) / float(ibr_tile), size,
           (size - ibr_range.z) / max(ibr_range.w - ibr_range.z, 1e-6),
           ibr_range.y > 0.0 ? (size - ibr_range.x) / max(ibr_range.y - ibr_range.x, 1e-6) : 1.0);
@@ -247,6 +250,7 @@ flat in vec4 ibr_level;
 #endif
 flat in mat3 ibr_eye_normal;
 flat in vec4 ibr_look;
+flat in float ibr_stretch;
 flat in vec4 ibr_card;
 
 // How much the normals of a fragment spread: half the width of the soft corner of its cosine.
@@ -322,7 +326,9 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   ibr_g /= ibr_w;
   ibr_a /= ibr_w;
 #endif
-  // For features that ask where the surface is that is seen.
+  // For features that ask where the surface is that is seen, and how well that is known: depth has
+  // 8 bits in the pictures, and a splat is as deep as it is large.
+#define IBR_BLUR (ibr_stretch * (SPLAT == 1 ? 1.0 : 0.02))
 #define IBR_PLACE \
   (cameraParallel == 1 ? vec3(vertexVC.xy, ibr_g.r) : vertexVC.xyz * (ibr_g.r / vertexVC.z))
 #define IBR_NORMAL ibr_normal

@@ -20,6 +20,7 @@ _LOOK = """  vec4 ibr_lit = gl_FragData[0];
   if (ibr_look.a > 0.75 && ibr_multiply == 0) gl_FragData[0].rgb = ibr_lit.rgb;
 """
 _COLOR = """//VTK::Color::Impl
+#define IBR_BLUR ibr_blur
   if (ibr_look.a > 0.75)
   {
     vec3 base = ibr_look.rgb;
@@ -33,6 +34,8 @@ _MIRROR = """//VTK::Normal::Impl
   if (ibr_mirrored == 1) normalVCVSOutput = -normalVCVSOutput;
 """
 _PLAIN = (0.0, 0.0, 0.0, 0.5)
+#: How well a place on a card is known, in radii: lights may see a mesh as a card.
+BLUR = 0.02
 
 
 @dataclass
@@ -67,6 +70,7 @@ class MeshPool:
 
     def __init__(self, level):
         self.level = level
+        self.radius = max(p.mesh.length for p in level.parts) / 2
         self.lent: dict[int, list] = {}
         self.free: list = []
         self.multiply = False
@@ -142,13 +146,14 @@ class MeshPool:
 
     def _put(self, actors, matrix, look):
         values = np.asarray(matrix, float).ravel().tolist()
-        mirrored = int(np.linalg.det(np.asarray(matrix, float)[:3, :3]) < 0)
+        volume = float(np.linalg.det(np.asarray(matrix, float)[:3, :3]))
         for actor in actors:
             actor.GetUserMatrix().DeepCopy(values)
             actor.VisibilityOn()
             uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
             uniforms.SetUniformf('ibr_share', 1.0)
-            uniforms.SetUniformi('ibr_mirrored', mirrored)
+            uniforms.SetUniformi('ibr_mirrored', int(volume < 0))
+            uniforms.SetUniformf('ibr_blur', BLUR * self.radius * abs(volume) ** (1 / 3))
             self._dress(actor, look)
 
     def _dress(self, actor, look):
@@ -179,5 +184,6 @@ def _copy(part):
     uniforms.SetUniform4f('ibr_look', _PLAIN)
     uniforms.SetUniformf('ibr_share', 1.0)
     uniforms.SetUniformi('ibr_mirrored', 0)
+    uniforms.SetUniformf('ibr_blur', 0.0)
     uniforms.SetUniformi('ibr_multiply', 0)
     return actor

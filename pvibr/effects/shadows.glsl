@@ -317,8 +317,8 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
 //@apply
 #ifdef IBR_PLACE
   // What is drawn has another shape than its triangles: it tells its place and normal.
-  vec3 ibr_shadow_p = IBR_PLACE;
   vec3 ibr_shadow_n = normalize(IBR_NORMAL);
+  vec3 ibr_shadow_p = IBR_PLACE;
 #elif defined(IBR_BEND)
   // Facets that stand for a curved surface: light reaches that, with no steps where it turns away.
   vec3 ibr_shadow_n = normalVCVSOutput;
@@ -333,4 +333,8 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   vec3 ibr_shadow_n = ibr_shadow_flat(ibr_shadow_p);
   if (dot(ibr_shadow_n, cameraParallel == 1 ? vec3(0.0, 0.0, -1.0) : ibr_shadow_p) > 0.0)
     ibr_shadow_n = -ibr_shadow_n;
+#endif
+#ifdef IBR_BLUR
+  // As much as it may be away from what the light sees of it.
+  ibr_shadow_p += ibr_shadow_n * IBR_BLUR;
 #endif
