@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pyvista as pv
@@ -77,7 +78,7 @@ def measure(settings, results):
     _outlines(settings, results)
 
 
-def extra_ms(scene, light, choices, settings) -> dict:
+def extra_ms(scene, light, choices, settings, moves=('camera', 'light')) -> dict:
     """Return what shadows add to a frame while the camera or the light moves.
 
     Parameters
@@ -90,6 +91,8 @@ def extra_ms(scene, light, choices, settings) -> dict:
         By name, what :func:`pvibr.bench.shadow_errors.shown` takes.
     settings : pvibr.bench.shadows.Settings
         Repeats and frames.
+    moves : tuple of str, optional
+        What moves, one after the other.
 
     Returns
     -------
@@ -97,7 +100,7 @@ def extra_ms(scene, light, choices, settings) -> dict:
         By name, by ``'camera'`` or ``'light'``, by ``'wall'`` or ``'cpu'``: milliseconds of the
         median frame over those without shadows. Repeats of all choices take turns.
     """
-    found: dict = {name: {'camera': [], 'light': []} for name in (None, *choices)}
+    found: dict = {name: {what: [] for what in moves} for name in (None, *choices)}
     with scene.stage(light, settings.screen) as stage:
         for _ in range(settings.repeats):
             _frames(scene, stage, found[None], settings)
@@ -128,7 +131,7 @@ def _frames(scene, stage, found, settings):
     for k in range(settings.frames):
         stage.look((_aside(eye, step * k), focus, up))
         found['camera'].append(_seconds(stage))
-    for k in range(settings.frames):
+    for k in range(settings.frames if 'light' in found else 0):
         lamp.position = _aside(position, step * (k + 1))
         found['light'].append(_seconds(stage))
     lamp.position = position
@@ -191,7 +194,8 @@ def measure_plot(settings, results):
         for curves in (HARD, SOFT)
     )
     choices = {str(c): c for curves in (hard, soft) for by in curves.values() for c in by.values()}
-    times = extra_ms(scene, 'spot', choices, settings)
+    once = replace(settings, repeats=1)  # each point is one of many
+    times = extra_ms(scene, 'spot', choices, once, ('camera',))
     with sight(scene, rays, 'spot', settings.screen) as found:
         shown_hard = _curves(hard, times, lambda c: wrong_share(found, c))
     extent = EXTENTS['spot'] * scene.size
