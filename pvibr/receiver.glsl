@@ -26,6 +26,29 @@ in vec4 ibr_clip;
   1.0) * vec4(2.0, 2.0, 2.0, 1.0) - vec4(1.0, 1.0, 1.0, 0.0)) / gl_FragCoord.w
 #endif
 
+//@plane
+#ifndef IBR_PLANE
+#define IBR_PLANE
+// Derivative of texture space along a direction in the plane of the receiver.
+vec3 ibr_along(mat4 m, vec4 q, vec3 t)
+{
+  vec4 d = m * vec4(t, 0.0);
+  return (d.xyz - q.xyz / q.w * d.w) / q.w;
+}
+
+// Depth per texture coordinate on the receiver's plane.
+vec2 ibr_slope(mat4 m, vec4 q, vec3 n)
+{
+  vec3 t = normalize(abs(n.x) < 0.7 ? vec3(0.0, n.z, -n.y) : vec3(-n.z, 0.0, n.x));
+  vec3 a = ibr_along(m, q, t);
+  vec3 b = ibr_along(m, q, cross(n, t));
+  float det = a.x * b.y - a.y * b.x;
+  float least = 1e-3 * (dot(a.xy, a.xy) + dot(b.xy, b.xy));
+  det = abs(det) < least ? (det < 0.0 ? -least : least) : det;
+  return vec2(a.z * b.y - b.z * a.y, b.z * a.x - a.z * b.x) / det;
+}
+#endif
+
 //@declare
 #ifndef IBR_RECEIVER
 #define IBR_RECEIVER
@@ -48,25 +71,6 @@ vec3 ibr_flat(vec3 p)
   vec3 n = cross(a / max(length(a), 1e-30), b / max(length(b), 1e-30));
   n = dot(n, n) > 0.0 ? normalize(n) : normalize(ibr_to_eye(p));
   return dot(n, ibr_to_eye(p)) < 0.0 ? -n : n;
-}
-
-// Derivative of texture space along a direction in the plane of the receiver.
-vec3 ibr_along(mat4 m, vec4 q, vec3 t)
-{
-  vec4 d = m * vec4(t, 0.0);
-  return (d.xyz - q.xyz / q.w * d.w) / q.w;
-}
-
-// Depth per texture coordinate on the receiver's plane.
-vec2 ibr_slope(mat4 m, vec4 q, vec3 n)
-{
-  vec3 t = normalize(abs(n.x) < 0.7 ? vec3(0.0, n.z, -n.y) : vec3(-n.z, 0.0, n.x));
-  vec3 a = ibr_along(m, q, t);
-  vec3 b = ibr_along(m, q, cross(n, t));
-  float det = a.x * b.y - a.y * b.x;
-  float least = 1e-3 * (dot(a.xy, a.xy) + dot(b.xy, b.xy));
-  det = abs(det) < least ? (det < 0.0 ? -least : least) : det;
-  return vec2(a.z * b.y - b.z * a.y, b.z * a.x - a.z * b.x) / det;
 }
 
 // How much of a place a depth view sees, 0 to 1: four comparisons, each where its texel is,

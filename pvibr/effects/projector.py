@@ -664,7 +664,7 @@ def _feature(number, lenses, seen, mode, lit, best, between) -> Feature:
     shared = sections(shader_source(str(Path(__file__).parent), 'receiver'))
     samplers = {f'{pre}_picture_{k}': 'sampler2D' for k in range(len(lenses))}
     samplers |= {f'{pre}_depth_{k}': 'sampler2D' for k, s in enumerate(seen) if s}
-    parts = [declared_samplers(samplers), shared['declare']]
+    parts = [declared_samplers(samplers), shared['plane'], shared['declare']]
     parts.append(shared['fragment.pixel' if between else 'fragment.clip'])
     parts.append(text['picture'])
     parts.append(f'#define BEST {int(best)}\n#define LIGHT {int(mode == "modulate")}\n')

@@ -16,25 +16,6 @@ vec3 ibr_shadow_flat(vec3 p)
   return dot(n, n) > 0.0 ? normalize(n) : vec3(0.0, 0.0, 1.0);
 }
 
-// Derivative of texture space along a direction in the plane of the receiver.
-vec3 ibr_shadow_along(mat4 m, vec4 q, vec3 t)
-{
-  vec4 d = m * vec4(t, 0.0);
-  return (d.xyz - q.xyz / q.w * d.w) / q.w;
-}
-
-// Depth per texture coordinate on the receiver's plane.
-vec2 ibr_shadow_slope(mat4 m, vec4 q, vec3 n)
-{
-  vec3 t = normalize(abs(n.x) < 0.7 ? vec3(0.0, n.z, -n.y) : vec3(-n.z, 0.0, n.x));
-  vec3 a = ibr_shadow_along(m, q, t);
-  vec3 b = ibr_shadow_along(m, q, cross(n, t));
-  float det = a.x * b.y - a.y * b.x;
-  float least = 1e-3 * (dot(a.xy, a.xy) + dot(b.xy, b.xy));
-  det = abs(det) < least ? (det < 0.0 ? -least : least) : det;
-  return vec2(a.z * b.y - b.z * a.y, b.z * a.x - a.z * b.x) / det;
-}
-
 // What is known where a comparison is made: place and depth in the view (0 to 1), depth per texture
 // coordinate on the receiver's plane, allowance for rounding; the view's tile in the texture, its
 // texels along a side, near, far, whether it is a perspective, and the light's size in parts of the
@@ -269,13 +250,13 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
   vec3 s = q.xyz / q.w;
   if (q.w <= 0.0 || max(abs(s.x - 0.5), abs(s.y - 0.5)) > 0.5) return vec3(1.0);
   float side = ibr_shadow_size_NUMBER;
-  vec2 slope = ibr_shadow_slope(m, q, n);
+  vec2 slope = ibr_slope(m, q, n);
   // The side of a texel along which the receiver falls away from the light.
   vec2 texel = vec2(ibr_shadow_texel[2 * view], ibr_shadow_texel[2 * view + 1]);
   vec2 way = abs(slope) * (texel.x + texel.y) / texel + 1e-6;
   float across = dot(way, texel) / length(way) * (POSITIONAL ? q.w : 1.0);
   // The receiver's plane is moved along its normal; its place in the map stays.
-  vec3 moved = ibr_shadow_along(m, q, n) * (across * ibr_shadow_offset);
+  vec3 moved = ibr_along(m, q, n) * (across * ibr_shadow_offset);
   s.z += moved.z - dot(slope, moved.xy);
   // Rounding: of depth, and of vertices to parts of a texel when the map was drawn.
   float bias = 4e-7 + (abs(slope.x) + abs(slope.y)) / side / 128.0;

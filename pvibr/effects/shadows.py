@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -454,12 +455,14 @@ def _map_parts(text, method, taps, lights) -> list[str]:
     kind = 'sampler2DShadow' if method == 'pcf' else 'sampler2D'
     samplers = {f'ibr_shadow_map_{n}': kind for n, *_ in lights}
     samplers |= {f'ibr_shadow_{v}_{n}': 'sampler2D' for n, *_, e in lights if e for v in _VEILS}
+    shared = sections(shader_source(str(Path(__file__).parent), 'receiver'))
     disk = ', '.join(f'vec2({x:.6f}, {y:.6f})' for x, y in vogel_disk(taps))
     parts = [
         declared_samplers(samplers),
         f'{DITHER}#define TAPS {taps}\n#define WARP {WARP:.1f}\n',
         f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk});\n',
         text['declare'],
+        shared['plane'],
         text['moments'] if method in KINDS else '',
         text[method],
     ]

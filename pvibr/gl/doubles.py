@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 from pvibr import _vtk
+from pvibr.gl.feature import replacements
 
 _SURFACE = 2  # VTK_SURFACE
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper')
-_STAGES = ('Vertex', 'Geometry', 'TessControl', 'TessEvaluation')
+_ASSIGNED = re.compile(r'\bgl_Position\b[.\w]*\s*[-+*/]?=(?!=)')
 
 
 class Doubles:
@@ -94,12 +97,14 @@ def _plain_surface(actor):
 
 
 def _moves_vertices(actor) -> bool:
+    """Tell whether a shader text may put vertices elsewhere than VTK does."""
     shader = actor.GetShaderProperty()
-    kinds = (
-        shader.GetNthShaderReplacementTypeAsString(i)
-        for i in range(shader.GetNumberOfShaderReplacements())
+    if shader.HasVertexShaderCode():
+        return True
+    return any(
+        stage != 'Fragment' and (tag not in text or _ASSIGNED.search(text))
+        for (stage, tag), text in replacements(shader).items()
     )
-    return any(kind in _STAGES for kind in kinds) or shader.HasVertexShaderCode()
 
 
 def _double():

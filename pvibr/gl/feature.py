@@ -102,7 +102,7 @@ class Feature:
             The actor; a feature is put on it once.
         """
         for shader, stage, tag, text in self._texts(actor):
-            present = _replacements(shader).get((stage, tag), tag)
+            present = replacements(shader).get((stage, tag), tag)
             if self.mark not in present:
                 _replace(shader, stage, tag, present.replace(tag, self._marked(text), 1))
 
@@ -115,7 +115,7 @@ class Feature:
             The actor; nothing happens where the feature is not on it.
         """
         for shader, stage, tag, text in self._texts(actor):
-            present = _replacements(shader).get((stage, tag), '')
+            present = replacements(shader).get((stage, tag), '')
             before, _, after = self._marked(text).partition(tag)
             if before in present and after in present:
                 _replace(shader, stage, tag, present.replace(before, '').replace(after, ''))
@@ -145,8 +145,19 @@ class Feature:
         return all(sources[s].count(self.mark) == len(t) for s, t in self.stages.items())
 
 
-def _replacements(shader) -> dict:
-    """Return the texts on a shader property that come before VTK's own, by stage and tag."""
+def replacements(shader) -> dict:
+    """Return the texts on a shader property that come before VTK's own.
+
+    Parameters
+    ----------
+    shader : vtkShaderProperty
+        Of an actor.
+
+    Returns
+    -------
+    dict
+        ``(stage, tag)`` to text.
+    """
     found = {}
     tag, text = _vtk.reference(''), _vtk.reference('')
     first, every = _vtk.reference(False), _vtk.reference(False)

@@ -11,7 +11,7 @@ import pyvista as pv
 import pvibr
 from pvibr import _vtk
 from pvibr.errors import PvibrWarning
-from pvibr.gl.feature import _replacements
+from pvibr.gl.feature import replacements
 
 SIZE = (240, 160)
 MAPS = ('hard', 'pcf', 'pcss', 'vsm', 'evsm', 'msm')
@@ -288,8 +288,8 @@ def test_removed_the_picture_is_as_it_was():
     assert np.abs(scene.draw() - plain).max() > 50
     scene.pl.ibr.remove(shadows)
     np.testing.assert_array_equal(scene.draw(), plain)
-    assert _replacements(shader) == {('Fragment', '//VTK::Light::Impl'): own}
-    assert not _replacements(scene.disk.GetShaderProperty())
+    assert replacements(shader) == {('Fragment', '//VTK::Light::Impl'): own}
+    assert not replacements(scene.disk.GetShaderProperty())
     scene.pl.ibr.add(shadows)
     assert np.abs(scene.draw() - plain).max() > 50
 

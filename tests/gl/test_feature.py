@@ -6,7 +6,7 @@ import pyvista as pv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pvibr.gl.feature import Feature, _replacements
+from pvibr.gl.feature import Feature, replacements
 
 TAG = '//VTK::Light::Impl'
 OWN = f'  // of the user\n{TAG}\n'
@@ -17,7 +17,7 @@ def feature(name):
 
 
 def text(actor):
-    return _replacements(actor.GetShaderProperty()).get(('Fragment', TAG))
+    return replacements(actor.GetShaderProperty()).get(('Fragment', TAG))
 
 
 @given(st.permutations('abc'), st.permutations('abc'), st.booleans())
