@@ -89,5 +89,5 @@ def _curves(axes, curves, bar):
                 place = {'xytext': (4, 5), 'textcoords': 'offset points', 'fontsize': 'x-small'}
                 axes.annotate(points[k]['label'], (points[k]['ms'], points[k]['error']), **place)
     axes.axhline(bar, color='0.5', ls='--', label='bar')
-    axes.set(xlabel='ms that a frame takes longer while the camera moves')
+    axes.set(xscale='log', xlabel='ms that a frame takes longer while the camera moves')
     axes.legend(fontsize='x-small')
