@@ -157,17 +157,28 @@ def _cascades(light, bounds, frame, resolution, count, square):
     middle = (low + high) / 2
     half = 0.5 * size * [*[1 + 2 * _TILE_EDGE / resolution] * 2, 1.002]
     views = [orthographic(axes, middle - half, middle + half)]
-    # Near planes are far before what is seen; in a box they are all that is known.
-    away = max(box_distance(frame.eye, bounds), frame.near)
-    pixel = (1.0 if frame.parallel else away) / frame.pixel_scale
     texel = 2 * half[:2].max() / resolution
-    wanted = int(np.ceil(np.log2(max(texel / (_TEXEL * pixel), 1.0))))
+    wanted = int(np.ceil(np.log2(max(texel / (_TEXEL * _pixel(frame, bounds)), 1.0))))
+    ahead = -frame.view_from_world[2, :3]
+    place = frame.eye
+    if frame.parallel:
+        # Eyes of parallel cameras are anywhere; as much as is seen must be in the narrowest view.
+        place = place + ahead * max(ahead @ (axes.T @ middle - place), 0.0)
+        seen = 1.2 * max(frame.size) / 2 / frame.pixel_scale
+        wanted = min(wanted, int(np.log2(max(half[:2].max() / seen, 1.0))))
+        ahead = np.zeros(3)
     levels = max(min(count[1] - 1, wanted), count[0] - 1)
-    shrink = 2.0 if wanted <= levels else 4.0
-    eye, ahead = frame.eye @ axes.T, -frame.view_from_world[2, :3] @ axes.T
-    return views + [
-        _around_eye(views[0], shrink**k, eye, ahead, axes) for k in range(1, levels + 1)
-    ]
+    shrink = min(max(2.0 ** (wanted / max(levels, 1)), 2.0), 4.0)
+    shrinks = [shrink**k for k in range(1, levels + 1)]
+    return views + [_around_eye(views[0], s, axes @ place, axes @ ahead, axes) for s in shrinks]
+
+
+def _pixel(frame, bounds) -> float:
+    """Return the size of the smallest pixel on a caster, world units."""
+    if frame.parallel:
+        return 1.0 / frame.pixel_scale
+    # Near planes are far before what is seen; in a box they are all that is known.
+    return max(box_distance(frame.eye, bounds), frame.near) / frame.pixel_scale
 
 
 def _around_eye(whole, shrink, eye, ahead, axes) -> View:

@@ -82,9 +82,9 @@ def measure(model) -> dict[str, np.ndarray]:
         # Lighter meshes err much the same from everywhere.
         meshes = [sheet.draw_mesh(i, _COLUMNS) for i in range(1, len(model.levels))]
         rows: dict[str, list] = {}
-        truth = _filtered(reference)
+        truth, last = _filtered(reference), SIZES[-1]
         for size in reversed(SIZES):
-            truth = truth if size == SIZES[-1] else box_reduce(truth, 2)
+            truth, last = box_reduce(truth, last // size), size
             once = _once(reference, size)
             base = _flip(once, truth, size)
             for i, picture in enumerate(meshes, 1):
