@@ -88,7 +88,7 @@ def measure(model) -> dict[str, np.ndarray]:
             once = _once(reference, size)
             base = _flip(once, truth, size)
             for i, picture in enumerate(meshes, 1):
-                if size >= _MESH_SIZE:
+                if size >= min(_MESH_SIZE, SIZES[-1]):
                     row = _row(_first(_once(picture, size), size), _first(truth, size), base, size)
                     rows.setdefault(f'mesh{i}', []).insert(0, row)
             for program in PROGRAMS:
