@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr import _vtk
 from pvibr.gl.feature import Feature
 from pvibr.maths.views import may_see
 
@@ -135,7 +136,20 @@ def is_smooth(actor) -> bool:
     has_points = data is not None and data.IsA('vtkDataSet')
     if not has_points or data.GetPointData().GetNormals() is None:
         return False
-    return actor.GetProperty().GetInterpolation() != _FLAT and not is_thin(actor)
+    flat = actor.GetProperty().GetInterpolation() == _FLAT
+    return not flat and not is_thin(actor) and _tells_bulge(actor, data.GetPointData())
+
+
+def _tells_bulge(actor, point_data) -> bool:
+    """Tell whether normals are shorter within facets than at their corners for one reason only."""
+    matrix = actor.GetMatrix()
+    axes = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
+    square = axes.T @ axes
+    if not np.allclose(square, np.trace(square) / 3 * np.eye(3), rtol=0, atol=1e-5 * square.max()):
+        return False  # as short as the actor is large, another way in each direction
+    normals = _vtk.vtk_to_numpy(point_data.GetNormals())
+    some = np.asarray(normals[:: len(normals) // 1000 + 1], float)
+    return bool(np.allclose(np.linalg.norm(some, axis=1), 1.0, atol=1e-3))
 
 
 def dress(actor):
@@ -148,6 +162,7 @@ def dress(actor):
     """
     smooth = is_smooth(actor)
     (SPHERES.attach if draws_spheres(actor) else SPHERES.detach)(actor)
+    _set_bulge(actor, 1.0)
     (SMOOTH.attach if smooth else SMOOTH.detach)(actor)
     if smooth:
         matrix = actor.GetMatrix()
@@ -201,7 +216,8 @@ def draws_spheres(actor) -> bool:
     actor : vtkActor
         With a mapper.
     """
-    return bool(actor.GetProperty().GetRenderPointsAsSpheres()) and is_thin(actor)
+    prop = actor.GetProperty()
+    return bool(prop.GetRenderPointsAsSpheres() or prop.GetRenderLinesAsTubes()) and is_thin(actor)
 
 
 @contextmanager
@@ -225,7 +241,8 @@ def sized(actors, scale_at, bulge):
             kept.append((actor, prop.GetPointSize(), prop.GetLineWidth()))
             prop.SetPointSize(max(prop.GetPointSize() * scale, 1.0))
             prop.SetLineWidth(max(prop.GetLineWidth() * scale, 1.0))
-            _set_bulge(actor, bulge)
+            tube = prop.GetRenderLinesAsTubes()
+            _set_bulge(actor, 0.0 if tube else bulge)
     try:
         yield
     finally:

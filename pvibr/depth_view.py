@@ -129,6 +129,7 @@ class DepthView:
         for thing in casters.things:
             thing.prepare(frame)
         self.drawer.doubles.keep(casters.actors, self.drawer.window)
+        self._forget(casters.actors)
         self.drawer.done()
         # Taken again: things may have made actors for these views.
         shared = casters.key()
@@ -156,6 +157,15 @@ class DepthView:
     def _dress(self, actors):
         self._dressed |= {address(a): a for a in actors}
 
+    def _forget(self, actors):
+        """Let all other actors go: some are drawn no more."""
+        for key in self._dressed.keys() - {address(a) for a in actors}:
+            self._undress_one(self._dressed.pop(key))
+
+    def _undress_one(self, actor):
+        for feature in (_VEIL, SPHERES):
+            feature.detach(actor)
+
     def _draw_veil(self, view, k, casters, mode):
         rect = (*self.corner(k), self.resolution, self.resolution)
         self.drawer.look(view, rect, clear=False)
@@ -172,8 +182,7 @@ class DepthView:
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         for actor in self._dressed.values():
-            for feature in (_VEIL, SPHERES):
-                feature.detach(actor)
+            self._undress_one(actor)
         self._dressed = {}
         for veil in self.veils:
             veil.release()

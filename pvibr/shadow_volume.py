@@ -86,6 +86,7 @@ class ShadowVolumes:
         with self.target.drawing():
             self._draw_depth(view, shown)
             self._draw_masks(view, lights, meshes, shown.bounds())
+        self.drawer.doubles.keep(shown.actors, self.window)
         self.drawer.done()
         self.drawn += len(lights)
         self._key = self._stamp(frame, lights, casters, shown)

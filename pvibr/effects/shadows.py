@@ -108,6 +108,10 @@ class Shadows(Effect):
             if not (choice is None or callable(choice) or isinstance(choice, (list, tuple, set))):
                 msg = f'{name} = {choice!r}: must be None, a list of actors, or a function of one'
                 raise TypeError(msg)
+            for item in () if choice is None or callable(choice) else choice:
+                if not (hasattr(item, 'drawn') or (hasattr(item, 'IsA') and item.IsA('vtkProp'))):
+                    msg = f'{name} has a {type(item).__name__}: must be actors, as add_mesh returns'
+                    raise TypeError(msg)
         self.casts, self.receives = casts, receives
         self._lights: list[_LightMaps] = []
         self._feature: Any = None
@@ -299,6 +303,10 @@ class Shadows(Effect):
                 texture.deactivate()
         if self._volumes is not None:
             self._volumes.finish()
+        # Another subplot that shows the same actor has other lights, or no shadows.
+        for key, (actor, _) in [*self._shadowed.items()]:
+            if actor.GetNumberOfConsumers() > 1:
+                self._undress_one(self._shadowed.pop(key)[0])
 
     def rest(self):
         """Take the shader text off all receivers."""

@@ -87,6 +87,7 @@ def _plain_surface(actor):
         mapper.GetClassName() not in _MAPPERS
         or prop.GetRepresentation() != _SURFACE
         or _moves_vertices(actor)
+        or _is_cut_out(actor)
     ):
         return None
     data = mapper.GetInput()
@@ -94,6 +95,13 @@ def _plain_surface(actor):
         return None
     lines = data.GetNumberOfVerts() + data.GetNumberOfLines() + data.GetNumberOfStrips()
     return None if lines or actor.HasTranslucentPolygonalGeometry() else data
+
+
+def _is_cut_out(actor) -> bool:
+    """Tell whether a texture may leave out parts: VTK draws those with holes as if opaque."""
+    textures = [actor.GetTexture(), actor.GetProperty().GetTexture('albedoTex')]
+    images = [t.GetInput() for t in textures if t is not None]
+    return any(i is not None and i.GetNumberOfScalarComponents() in (2, 4) for i in images)
 
 
 def _moves_vertices(actor) -> bool:
