@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,10 @@ class Surfaces:
         stamp = self.renderer.GetViewProps().GetMTime(), *map(id, things)
         if stamp != self._stamp:
             self._stamp = stamp
-            found = [a for a in self.renderer.GetActors() if _is_surface(a)]
+            # Parts of assemblies and of widgets are not props of their own.
+            box = getattr(self.renderer, 'bounding_box_actor', None)
+            props = [p for p in self.renderer.GetViewProps() if p.IsA('vtkActor')]
+            found = [a for a in props if a is not box and _is_surface(a)]
             self._all = {address(a): a for a in found}
             owned = {address(a) for thing in things for a in thing.actors()}
             self._free = {k: a for k, a in self._all.items() if k not in owned}
@@ -87,15 +91,15 @@ def _is_surface(actor) -> bool:
 
 
 # Points as spheres are squares to VTK, which has only their normals and depth. Their bulge is told
-# in widths of the window, whatever the target's width is.
+# in widths of the window, whatever the target's width is; their place is on the sphere that light
+# met, whatever the camera has made of their pixels since.
 SPHERES = Feature(
     'spheres',
     fragment={
         'VTK::Depth::Impl': """#define ZCalcR (ZCalcR * (1.0 + ibr_bulge))
 //VTK::Depth::Impl
 #define IBR_NORMAL normalVCVSOutput
-#define IBR_PLACE (vertexVC.xyz + \\
-  normalVCVSOutput * ZCalcR * (cameraParallel == 1 ? 1.0 : -vertexVC.z))
+#define IBR_PLACE (vertexVC.xyz + normalVCVSOutput * ibr_radius)
 """
     },
 )
@@ -152,23 +156,27 @@ def _tells_bulge(actor, point_data) -> bool:
     return bool(np.allclose(np.linalg.norm(some, axis=1), 1.0, atol=1e-3))
 
 
-def dress(actor):
+def dress(actor, *, casts=True):
     """Have an actor's shader tell where its surface is, where that is not on its triangles.
 
     Parameters
     ----------
     actor : vtkActor
         With a mapper.
+    casts : bool
+        Whether it was drawn as a caster, too; see :func:`sized`.
     """
     smooth = is_smooth(actor)
-    (SPHERES.attach if draws_spheres(actor) else SPHERES.detach)(actor)
-    _set_bulge(actor, 1.0)
+    spheres = draws_spheres(actor)
+    (SPHERES.attach if spheres else SPHERES.detach)(actor)
+    if spheres and not casts:
+        _set_bulge(actor, 1.0)
+        _set_number(actor, 'ibr_radius', 0.0)
     (SMOOTH.attach if smooth else SMOOTH.detach)(actor)
     if smooth:
         matrix = actor.GetMatrix()
-        uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
         # VTK's normals are as short as the actor is large.
-        uniforms.SetUniformf('ibr_scale', abs(matrix.Determinant()) ** (1 / 3))
+        _set_number(actor, 'ibr_scale', abs(matrix.Determinant()) ** (1 / 3))
 
 
 def undress(actor):
@@ -221,28 +229,33 @@ def draws_spheres(actor) -> bool:
 
 
 @contextmanager
-def sized(actors, scale_at, bulge):
+def sized(actors, frame, seen, bulge):
     """Draw points and lines as large as they are in the camera's picture.
 
     Parameters
     ----------
     actors : iterable of vtkActor
         Those that are polygons stay as they are.
-    scale_at : callable
-        Takes a point (3,) in world space; returns how many pixels a pixel of the camera is there.
+    frame : pvibr.frame.Frame
+        The camera's.
+    seen : pvibr.frame.Frame
+        That in which they are drawn.
     bulge : float
         Width of the window over that of the target.
     """
     kept = []
     for actor in actors:
         if is_thin(actor):
-            prop = actor.GetProperty()
-            scale = float(scale_at(np.array(actor.GetCenter())))
-            kept.append((actor, prop.GetPointSize(), prop.GetLineWidth()))
-            prop.SetPointSize(max(prop.GetPointSize() * scale, 1.0))
-            prop.SetLineWidth(max(prop.GetLineWidth() * scale, 1.0))
+            prop, center = actor.GetProperty(), np.array(actor.GetCenter())
+            pixel = frame.pixel_at(center)
+            scale = pixel / seen.pixel_at(center)
+            size, width = prop.GetPointSize(), prop.GetLineWidth()
+            kept.append((actor, size, width))
+            prop.SetPointSize(max(size * scale, 1.0))
+            prop.SetLineWidth(max(width * scale, 1.0))
             tube = prop.GetRenderLinesAsTubes()
             _set_bulge(actor, 0.0 if tube else bulge)
+            _set_number(actor, 'ibr_radius', 0.5 * pixel * (width if tube else size))
     try:
         yield
     finally:
@@ -255,8 +268,11 @@ def sized(actors, scale_at, bulge):
 def _set_bulge(actor, bulge):
     if draws_spheres(actor):
         SPHERES.attach(actor)
-        uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
-        uniforms.SetUniformf('ibr_bulge', bulge - 1.0)
+        _set_number(actor, 'ibr_bulge', bulge - 1.0)
+
+
+def _set_number(actor, name, value):
+    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf(name, float(value))
 
 
 @dataclass
@@ -278,14 +294,24 @@ class Casters:
     things: list = field(default_factory=list)
     frame: Any = None
 
-    def key(self) -> tuple:
-        """Return what changes whenever anything drawn does."""
+    def key(self, *, again=False) -> tuple:
+        """Return what changes whenever anything drawn does; asked again, it is looked at again."""
+        if again:
+            vars(self).pop('_key', None)
+        return self._key
+
+    @cached_property
+    def _key(self) -> tuple:
         actors = tuple((address(a), a.GetRedrawMTime()) for a in self.actors)
         return actors, tuple((id(t), t.stamp()) for t in self.things)
 
     def thin(self) -> bool:
         """Tell whether any actor draws points or lines."""
-        return any(is_thin(a) for a in self.actors)
+        return bool(self._thin)
+
+    @cached_property
+    def _thin(self) -> set:
+        return {address(a) for a in self.actors if is_thin(a)}
 
     def translucent(self) -> list:
         """Return the actors that light shines through."""
@@ -294,9 +320,10 @@ class Casters:
     def bounds(self) -> np.ndarray:
         """Return the world bounds of each, shape (n, 6); of what has none, nothing."""
         things = np.array([t.bounds for t in self.things], float).reshape(-1, 6)
-        boxes = np.concatenate([self._boxes(), things])
+        boxes = np.concatenate([self._boxes, things])
         return boxes[boxes[:, 0] <= boxes[:, 1]]
 
+    @cached_property
     def _boxes(self) -> np.ndarray:
         """Return the world bounds of each actor, shape (n, 6)."""
         boxes = [a.GetBounds() or (1.0, -1.0) * 3 for a in self.actors]
@@ -309,7 +336,7 @@ class Casters:
         mapper = actor.GetMapper()
         if mapper.IsA('vtkPointGaussianMapper'):
             return 3 * mapper.GetScaleFactor()
-        if self.frame is None or not is_thin(actor):
+        if self.frame is None or address(actor) not in self._thin:
             return 0.0
         prop = actor.GetProperty()
         pixels = max(prop.GetPointSize(), prop.GetLineWidth())
@@ -329,6 +356,6 @@ class Casters:
         Casters
             Actors whose boxes reach into it, and all things: they leave out what they like.
         """
-        inside = may_see(view, self._boxes())
+        inside = may_see(view, self._boxes)
         actors = [a for a, i in zip(self.actors, inside, strict=True) if i]
         return Casters(actors, self.things, self.frame)

@@ -132,7 +132,7 @@ class DepthView:
         self._forget(casters.actors)
         self.drawer.done()
         # Taken again: things may have made actors for these views.
-        shared = casters.key()
+        shared = casters.key(again=True)
         for k in stale:
             self._keys[k] = (views[k].key(), shared)
         self.bakes += len(stale)
@@ -148,7 +148,7 @@ class DepthView:
         self._dress(casters.actors)
         # In a parallel view VTK has spheres bulge twice as far.
         bulge = self.drawer.inner.GetSize()[0] / self.resolution * (0.5 if view.parallel else 1.0)
-        with sized(casters.actors, lambda p: frame.pixel_at(p) / seen.pixel_at(p), bulge):
+        with sized(casters.actors, frame, seen, bulge):
             self.drawer.draw_depth(casters.actors, faces=faces)
         for thing in casters.things:
             self.drawer.draw(thing.drawn())

@@ -124,11 +124,37 @@ def light_views(
     """
     if light.kind == 'directional':
         return _cascades(light, bounds, frame, resolution, (least, cascades), square)
-    near, far = _reach(light, bounds)
-    if light.kind == 'point' or light.cone > _WIDE:
-        return around(light.position, near, far, 1 + 2 * _TILE_EDGE / resolution)
-    tangent = np.tan(np.radians(max(light.cone, 0.1))) * (1 + 2 * _TILE_EDGE / resolution)
-    return [perspective(light.position, light.direction, tangent, near, far)]
+    aim, tangent = _aim(light, bounds)
+    edge = 1 + 2 * _TILE_EDGE / resolution
+    if tangent is None:
+        near, far = _reach(light, bounds)
+        return around(light.position, near, far, edge)
+    away = (corners(bounds).reshape(-1, 3) - np.array(light.position)) @ aim
+    far = float(away.max()) * 1.0001
+    near = min(max(float(away.min()) * 0.9999, _NEAREST * far), 0.9999 * far)
+    return [perspective(light.position, aim, tangent * edge, near, far)]
+
+
+def _aim(light, bounds):
+    """Return where a positional light looks, and the tangent of half the angle that holds all.
+
+    That is its own cone, or the cone around its casters where that is narrower; None where
+    neither is narrow.
+    """
+    points = corners(bounds).reshape(-1, 3)
+    middle = (points.min(0) + points.max(0)) / 2
+    ways = points - np.array(light.position)
+    toward = middle - np.array(light.position)
+    own = light.cone if light.kind == 'spot' else 180.0
+    sizes = np.linalg.norm(ways, axis=1) * np.linalg.norm(toward)
+    cosines = ways @ toward / np.where(sizes > 0, sizes, 1.0)
+    least = float(np.where(sizes > 0, cosines, -1.0).min())
+    around_casters = np.degrees(np.arccos(np.clip(least, -1.0, 1.0)))
+    if around_casters < min(own, _WIDE):
+        return toward / np.linalg.norm(toward), np.tan(np.radians(max(around_casters, 1e-4)))
+    if own <= _WIDE:
+        return np.array(light.direction), np.tan(np.radians(max(own, 1e-4)))
+    return None, None
 
 
 def _reach(light, bounds):

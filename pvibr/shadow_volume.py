@@ -84,16 +84,16 @@ class ShadowVolumes:
         meshes = self._meshes(casters)
         view = _view(frame, shown.bounds())
         with self.target.drawing():
-            self._draw_depth(view, shown)
+            self._draw_depth(frame, view, shown)
             self._draw_masks(view, lights, meshes, shown.bounds())
         self.drawer.doubles.keep(shown.actors, self.window)
         self.drawer.done()
         self.drawn += len(lights)
-        self._key = self._stamp(frame, lights, casters, shown)
+        self._key = self._stamp(frame, lights, casters, shown, again=True)
 
-    def _stamp(self, frame, lights, casters, shown):
+    def _stamp(self, frame, lights, casters, shown, *, again=False):
         view = frame.view_from_world.tobytes() + frame.clip_from_view.tobytes()
-        return frame.size, view, tuple(lights), casters.key(), shown.key()
+        return frame.size, view, tuple(lights), casters.key(again=again), shown.key(again=again)
 
     def _fit(self, size, masks):
         target = self.target
@@ -126,11 +126,11 @@ class ShadowVolumes:
 
     # -- drawing --------------------------------------------------------------------------------
 
-    def _draw_depth(self, view, shown):
+    def _draw_depth(self, frame, view, shown):
         width, height = self.target.size
         self.drawer.look(view, (0, 0, width, height))
         bulge = self.drawer.inner.GetSize()[0] / width
-        with sized(shown.actors, lambda _: 1.0, bulge):
+        with sized(shown.actors, frame, frame, bulge):
             self.drawer.draw_depth(shown.actors)
         for thing in shown.things:
             self.drawer.draw(thing.drawn())

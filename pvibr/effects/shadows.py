@@ -11,7 +11,7 @@ import numpy as np
 from pvibr.casters import Casters, Surfaces, address, dress, undress
 from pvibr.depth_view import DepthView
 from pvibr.effect import Effect
-from pvibr.gl import shader_source
+from pvibr.gl import shader_source, texture_units
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import DITHER, Feature, declared_samplers, sections
 from pvibr.lights import SceneLight, light_views, lights_of
@@ -24,6 +24,7 @@ from pvibr.shadow_volume import ShadowVolumes, receiver_text
 _CASCADES = 4
 _WINDOW = 3.0  # texels: a larger filter compares at some places only
 _VEILS = ('tint', 'veil')
+_MATERIAL = 6  # texture units that are left to materials
 
 
 class Shadows(Effect):
@@ -110,7 +111,9 @@ class Shadows(Effect):
                 raise TypeError(msg)
             for item in () if choice is None or callable(choice) else choice:
                 if not (hasattr(item, 'drawn') or (hasattr(item, 'IsA') and item.IsA('vtkProp'))):
-                    msg = f'{name} has a {type(item).__name__}: must be actors, as add_mesh returns'
+                    msg = (
+                        f'{name} has a {type(item).__name__}: must be actors, as add_mesh returns'
+                    )
                     raise TypeError(msg)
         self.casts, self.receives = casts, receives
         self._lights: list[_LightMaps] = []
@@ -120,7 +123,9 @@ class Shadows(Effect):
         self._drawer: Any = None
         self._volumes: Any = None
         self._seen: tuple = ()
+        self._cast: set = set()
         self._drawn = 0
+        self._most = 1
         super().__init__(**settings)
 
     # -- what takes part ----------------------------------------------------------------------
@@ -168,6 +173,9 @@ class Shadows(Effect):
             self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
         self._surfaces.update(self._things())
         casters = self._casters(frame)
+        self._cast = {address(a) for a in casters.actors}
+        samplers = 1 + len(_VEILS) * bool(casters.translucent())
+        self._most = max((texture_units(frame.window) - _MATERIAL) // samplers, 1)
         self._match_lights()
         for maps in self._lights:
             maps.update(frame, casters)
@@ -175,7 +183,9 @@ class Shadows(Effect):
         self._dress(frame)
 
     def _casting(self) -> list[SceneLight]:
-        return [light for light in self._seen if light.kind != 'headlight']
+        """Return the lights that cast shadows: as many as a shader may sample."""
+        casting = [light for light in self._seen if light.kind != 'headlight']
+        return casting[: self._most]
 
     def _count(self, frame, casters):
         """Have the lights' masks drawn by volumes, where that is the method."""
@@ -233,7 +243,7 @@ class Shadows(Effect):
             if key not in self._shadowed:
                 feature.attach(actor)
             if self._shadowed.get(key, (None, None))[1] != actor.GetMTime():
-                dress(actor)
+                dress(actor, casts=key in self._cast)
                 self._shadowed[key] = actor, actor.GetMTime()
             _set(actor.GetShaderProperty().GetFragmentCustomUniforms(), uniforms)
 
@@ -314,6 +324,24 @@ class Shadows(Effect):
             self._undress()
             self._feature = None
 
+    def attach(self, pipeline):
+        """Take a place in a pipeline that has no shadows yet.
+
+        Parameters
+        ----------
+        pipeline : pvibr.pipeline.Pipeline
+            Where it was added.
+
+        Raises
+        ------
+        ValueError
+            Where there is another: the same light would be taken away twice.
+        """
+        if any(isinstance(effect, Shadows) for effect in pipeline.effects):
+            msg = 'Shadows are in this subplot already: change their settings, or remove them'
+            raise ValueError(msg)
+        super().attach(pipeline)
+
     def detach(self):
         """Leave the pipeline."""
         self.rest()
@@ -332,7 +360,10 @@ class Shadows(Effect):
     def _without(self) -> list[str]:
         """Return what casts no shadow, by kind."""
         volumes = self.pipeline.renderer.GetVolumes() if self.pipeline else ()
-        return [s.kind for s in self._seen if s.kind == 'headlight'] + ['volume' for _ in volumes]
+        heads = [s.kind for s in self._seen if s.kind == 'headlight']
+        beyond = len(self._seen) - len(heads) - len(self._casting())
+        units = [f'{beyond} lights more than the driver has texture units for'] if beyond else []
+        return heads + units + ['volume' for _ in volumes]
 
     def report(self) -> dict:
         """Return bytes, views drawn so far, and what casts no shadow."""

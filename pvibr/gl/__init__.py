@@ -2,7 +2,7 @@
 
 from pvibr.gl.quad import Quad, set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.target import Target
-from pvibr.gl.texture import Texture, texture_limit
+from pvibr.gl.texture import Texture, texture_limit, texture_units
 
 __all__ = [
     'Quad',
@@ -11,5 +11,6 @@ __all__ = [
     'set_uniforms',
     'shader_source',
     'texture_limit',
+    'texture_units',
     'uniform_matrix',
 ]

@@ -17,6 +17,7 @@ _FORMATS = {
 }
 # The last unit that core profile 3.2 has for certain: VTK hands out the first ones.
 _FIRST_UNIT, _SPARE_UNIT = 0x84C0, 47
+_FRAGMENT_UNITS = 0x8872  # GL_MAX_TEXTURE_IMAGE_UNITS
 _BYTES = {'rgba8': 4, 'rgba16f': 8, 'rgba32f': 16, 'rg32f': 8, 'r32f': 4, 'depth32f': 4}
 
 
@@ -34,6 +35,24 @@ def texture_limit(window) -> int:
         The limit of width and height.
     """
     return int(_vtk.vtkTextureObject.GetMaximumTextureSize(window))
+
+
+def texture_units(window) -> int:
+    """Return how many textures a fragment shader may sample.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        A window whose context is current.
+
+    Returns
+    -------
+    int
+        16 or more.
+    """
+    found = [0]
+    window.GetState().vtkglGetIntegerv(_FRAGMENT_UNITS, found)
+    return max(found[0], 16)
 
 
 class Texture:

@@ -218,7 +218,7 @@ def test_nothing_is_drawn_again_while_only_the_camera_moves():
     for k in range(5):
         scene.look((k - 2.0, -7, 5))
         scene.draw()
-    assert shadows.report()['views drawn'] == before == 1 + 1 + 6
+    assert shadows.report()['views drawn'] == before == 3
 
 
 def test_what_changes_is_drawn_again():
@@ -648,3 +648,61 @@ def test_volumes_cast_none_and_it_says_so():
     shadows = scene.pl.ibr.add(pvibr.Shadows())
     scene.draw()
     assert shadows.report()['no shadows from'] == ['volume']
+
+
+@pytest.mark.parametrize('method', MAPS)
+def test_a_point_light_that_sees_all_around(method):
+    at = (0.3, 0.2, 2.0)
+    scene = Scene(light('point', at))
+    scene.add(pv.Cube(center=(0, 0, 5), x_length=1, y_length=1, z_length=1))
+    shadows = scene.pl.ibr.add(pvibr.Shadows(method=method, radius=1e-4))
+    check(scene, shadows, at, False, edge=0.12)
+    assert shadows.report()['views'] == 6
+
+
+@pytest.mark.parametrize('kind', ['spot', 'point'])
+def test_far_lights_are_as_sharp(kind):
+    at = (80.0, 50.0, 400.0)
+    scene = Scene(light(kind, at))
+    check(scene, scene.pl.ibr.add(pvibr.Shadows()), at, False)
+
+
+def test_shadows_are_added_once():
+    scene = Scene()
+    first = scene.pl.ibr.add(pvibr.Shadows())
+    with pytest.raises(ValueError, match='already'):
+        scene.pl.ibr.add(pvibr.Shadows())
+    assert scene.pl.ibr.effects == (first,)
+
+
+def test_more_lights_than_texture_units():
+    scene = Scene(*[light('spot', (np.cos(k), np.sin(k), 4.0), intensity=0.05) for k in range(40)])
+    shadows = scene.pl.ibr.add(pvibr.Shadows(resolution=64))
+    assert scene.draw().max() > 60
+    assert shadows.enabled
+    assert 'texture units' in str(shadows.report()['no shadows from'])
+
+
+@pytest.mark.parametrize('scale', [(1, 1, 5), (0.3, 1, 1)])
+def test_uneven_scale_of_smooth_receivers(scale):
+    at = (0.8, 0.5, 4.0)
+    scene = Scene(light(at=at))
+    scene.pl.remove_actor(scene.floor)
+    plane = pv.Plane(i_size=6 / scale[0], j_size=6 / scale[1], i_resolution=8, j_resolution=8)
+    scene.floor = scene.add(plane, smooth_shading=True)
+    scene.floor.scale = scale
+    check(scene, scene.pl.ibr.add(pvibr.Shadows()), at, True)
+
+
+@pytest.mark.parametrize('looks', [{'render_points_as_spheres': True, 'point_size': 14}])
+def test_spheres_at_several_distances_do_not_shadow_themselves(looks):
+    scene = Scene(light(at=(0.0, -4.0, 4.0)))
+    scene.floor.SetVisibility(False)
+    scene.disk.SetVisibility(False)
+    x = np.linspace(-2, 2, 5)
+    dots = scene.add(pv.PolyData(np.c_[x, 2 * x, 0 * x + 0.5]), **looks)
+    lit = scene.lit(scene.pl.ibr.add(pvibr.Shadows()))
+    assert dots.GetVisibility()
+    seen = lit[np.isfinite(lit)]
+    assert seen.size > 300
+    assert (seen > 0.9).mean() > 0.9
