@@ -10,6 +10,7 @@ import numpy as np
 from pvibr import _vtk
 from pvibr.casters import address, sized
 from pvibr.gl import shader_source
+from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.gl.stencil import StencilTarget
 from pvibr.maths.silhouettes import edge_table, volume, volume_triangles
@@ -358,6 +359,7 @@ def _source(actor):
         any(mapper.IsA(name) for name in ('vtkGlyph3DMapper', 'vtkPointGaussianMapper'))
         or actor.GetProperty().GetRepresentation() != _SURFACE
         or actor.HasTranslucentPolygonalGeometry()
+        or _is_part(actor)
     ):
         return None, None
     if mapper.GetInputAlgorithm() is not None:
@@ -370,6 +372,16 @@ def _source(actor):
         # Colours may change as they like.
         parts = [p for p in (data.GetPoints(), data.GetPolys(), data.GetStrips()) if p is not None]
     return tuple((address(p), p.GetMTime()) for p in parts), data
+
+
+def _is_part(actor) -> bool:
+    """Tell whether a part alone of an actor's polygons is drawn, which has another outline."""
+    mapper = actor.GetMapper()
+    planes = mapper.GetClippingPlanes()
+    if is_cut_out(actor) or (planes is not None and planes.GetNumberOfItems()):
+        return True
+    attributes = getattr(mapper, 'GetCompositeDataDisplayAttributes', lambda: None)()
+    return attributes is not None and attributes.HasBlockVisibilities()
 
 
 def _table(data, matrix):

@@ -87,7 +87,7 @@ def _plain_surface(actor):
         mapper.GetClassName() not in _MAPPERS
         or prop.GetRepresentation() != _SURFACE
         or _moves_vertices(actor)
-        or _is_cut_out(actor)
+        or is_cut_out(actor)
     ):
         return None
     data = mapper.GetInput()
@@ -97,8 +97,14 @@ def _plain_surface(actor):
     return None if lines or actor.HasTranslucentPolygonalGeometry() else data
 
 
-def _is_cut_out(actor) -> bool:
-    """Tell whether a texture may leave out parts: VTK draws those with holes as if opaque."""
+def is_cut_out(actor) -> bool:
+    """Tell whether a texture may leave out parts: VTK draws those with holes as if opaque.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        Any.
+    """
     textures = [actor.GetTexture(), actor.GetProperty().GetTexture('albedoTex')]
     images = [t.GetInput() for t in textures if t is not None]
     return any(i is not None and i.GetNumberOfScalarComponents() in (2, 4) for i in images)
