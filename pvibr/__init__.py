@@ -15,10 +15,13 @@ import importlib
 
 _EXPORTS = {
     'Atlas': 'pvibr.actors.atlas',
+    'Bloom': 'pvibr.effects.bloom',
     'ClosedError': 'pvibr.errors',
+    'DepthOfField': 'pvibr.effects.depth_of_field',
     'Effect': 'pvibr.effect',
     'Instances': 'pvibr.actors.instances',
     'Orthographic': 'pvibr.maths.cameras',
+    'Outline': 'pvibr.effects.outline',
     'Param': 'pvibr.params',
     'Pinhole': 'pvibr.maths.cameras',
     'Projector': 'pvibr.effects.projector',

@@ -1,0 +1,76 @@
+// Bloom: bright light spreads. bright: what lies above the threshold, averaged over squares of the
+// picture. any: the largest of it, over squares of that, read back to skip what is dark.
+// blend: the blurred light onto the picture.
+// Brightness S is the largest channel, so that colours keep their hue and blue shines like green;
+// it is that of 2 x 2 pixels, one bilinear tap. Half-open squares, counted in pixels.
+// Inputs: color (display values, above 1 where the frame has them; alpha 0 where only a plain
+// background is), light (linear filter).
+// Defines: TAPS along a side of a square of 2 TAPS pixels; WAY 0 subtract, 1 keep, 2 soft.
+//@bright
+uniform sampler2D color;
+uniform float threshold;
+uniform float knee;
+uniform float background;  // 1 where a plain background shines too
+uniform float saturation;
+vec3 above(vec4 c)
+{
+  // NaN fails every comparison; what is endless would stay in sums for ever.
+  vec3 s = vec3(c.r > 0.0 ? c.r : 0.0, c.g > 0.0 ? c.g : 0.0, c.b > 0.0 ? c.b : 0.0);
+  s = min(s, 10000.0) * mix(clamp(c.a, 0.0, 1.0), 1.0, background);
+  float b = max(s.r, max(s.g, s.b));
+#if WAY == 0
+  float kept = max(b - threshold, 0.0) / max(b, 1e-9);
+#elif WAY == 1
+  float kept = b > threshold ? 1.0 : 0.0;
+#else
+  float kept = smoothstep(threshold - knee, threshold + knee, b);
+#endif
+  return mix(vec3(b), s, saturation) * kept;
+}
+void main()
+{
+  vec2 pixel = 1.0 / vec2(textureSize(color, 0));
+  vec2 first = gl_FragCoord.xy * float(2 * TAPS) - float(TAPS) + 1.0;
+  vec3 sum = vec3(min(uv.x, 0.0));
+  for (int j = 0; j < TAPS; ++j)
+  {
+    for (int i = 0; i < TAPS; ++i)
+    {
+      sum += above(texture(color, (first + 2.0 * vec2(i, j)) * pixel));
+    }
+  }
+  gl_FragData[0] = vec4(sum / float(TAPS * TAPS), 1.0);
+}
+//@any
+uniform sampler2D light;
+void main()
+{
+  vec2 texel = 1.0 / vec2(textureSize(light, 0));
+  vec4 most = vec4(min(uv.x, 0.0));
+  for (int j = 0; j < 8; ++j)
+  {
+    for (int i = 0; i < 8; ++i)
+    {
+      most = max(most, texture(light, (gl_FragCoord.xy * 16.0 + 2.0 * vec2(i, j) - 7.0) * texel));
+    }
+  }
+  gl_FragData[0] = most;
+}
+//@blend
+uniform sampler2D color;
+uniform sampler2D light;
+uniform float intensity;
+uniform float scale;   // pixels to a texel of the light
+uniform int screen;    // light fills what is left to white, and does not go beyond
+uniform int debug;     // 1: the light alone
+void main()
+{
+  vec4 c = vec4(min(uv.x, 0.0));
+  if (debug == 0)
+    c = texelFetch(color, ivec2(gl_FragCoord.xy), 0);
+  vec2 place = gl_FragCoord.xy / (scale * vec2(textureSize(light, 0)));
+  vec3 more = intensity * texture(light, place).rgb;
+  if (screen == 1)
+    more *= clamp(1.0 - c.rgb, 0.0, 1.0);
+  gl_FragData[0] = vec4(c.rgb + more, max(c.a, max(more.r, max(more.g, more.b))));
+}
