@@ -19,7 +19,7 @@ class _Stand:
     def __init__(self, window, array):
         self.window = window
         self.size = array.shape[1], array.shape[0]
-        self.color = Texture(window).upload(array)
+        self.color = Texture(window, filter='linear').upload(array)  # as a frame's picture is
         self.target = Target(window, *self.size, ('rgba16f',))
         self.drawing = self.target.drawing
 

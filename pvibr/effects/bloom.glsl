@@ -14,9 +14,8 @@ uniform float background;  // 1 where a plain background shines too
 uniform float saturation;
 vec3 above(vec4 c)
 {
-  // NaN fails every comparison; what is endless would stay in sums for ever.
-  vec3 s = vec3(c.r > 0.0 ? c.r : 0.0, c.g > 0.0 ? c.g : 0.0, c.b > 0.0 ? c.b : 0.0);
-  s = min(s, 10000.0) * mix(clamp(c.a, 0.0, 1.0), 1.0, background);
+  // What is endless would stay in sums for ever.
+  vec3 s = clamp(c.rgb, 0.0, 10000.0) * mix(clamp(c.a, 0.0, 1.0), 1.0, background);
   float b = max(s.r, max(s.g, s.b));
 #if WAY == 0
   float kept = max(b - threshold, 0.0) / max(b, 1e-9);
@@ -25,7 +24,8 @@ vec3 above(vec4 c)
 #else
   float kept = smoothstep(threshold - knee, threshold + knee, b);
 #endif
-  return mix(vec3(b), s, saturation) * kept;
+  // NaN fails every comparison.
+  return dot(c, vec4(1.0)) < 1e9 ? mix(vec3(b), s, saturation) * kept : vec3(0.0);
 }
 void main()
 {
@@ -59,18 +59,14 @@ void main()
 //@blend
 uniform sampler2D color;
 uniform sampler2D light;
+uniform vec2 place;    // of a pixel in the light: one over its pixels
+uniform float keep;    // 0: the light alone
 uniform float intensity;
-uniform float scale;   // pixels to a texel of the light
-uniform int screen;    // light fills what is left to white, and does not go beyond
-uniform int debug;     // 1: the light alone
+uniform float screen;  // 1: light fills what is left to white, and does not go beyond
 void main()
 {
-  vec4 c = vec4(min(uv.x, 0.0));
-  if (debug == 0)
-    c = texelFetch(color, ivec2(gl_FragCoord.xy), 0);
-  vec2 place = gl_FragCoord.xy / (scale * vec2(textureSize(light, 0)));
-  vec3 more = intensity * texture(light, place).rgb;
-  if (screen == 1)
-    more *= clamp(1.0 - c.rgb, 0.0, 1.0);
+  vec4 c = keep * texelFetch(color, ivec2(gl_FragCoord.xy), 0) + min(uv.x, 0.0);
+  vec3 more = intensity * texture(light, gl_FragCoord.xy * place).rgb;
+  more *= 1.0 - screen * clamp(c.rgb, 0.0, 1.0);
   gl_FragData[0] = vec4(c.rgb + more, max(c.a, max(more.r, max(more.g, more.b))));
 }

@@ -96,9 +96,9 @@ class Bloom(Effect):
             gpu.blend.draw(
                 {
                     'intensity': 1.0 if self.debug else self.intensity,
-                    'scale': float(scale),
-                    'screen': int(self.blend == 'screen'),
-                    'debug': int(bool(self.debug)),
+                    'place': [1 / (scale * texels) for texels in light.size],
+                    'screen': float(self.blend == 'screen'),
+                    'keep': float(not self.debug),
                 },
                 {'color': picture.color, 'light': light},
             )
@@ -150,8 +150,8 @@ class _Gpu:
         )
         times = int(math.log2(reduction)) - 1
         small = halves(size, times)
-        self.source = Target(window, *small, ('rgba16f',))
-        self._most = Target(window, *halves(small, 4), ('rgba16f',))
+        self.source = Target(window, *small, ('rgba32f',))
+        self._most = Target(window, *halves(small, 4), ('rgba32f',))
         self.blur = Blur(window, small, levels, kernel)
 
     @property

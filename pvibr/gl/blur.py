@@ -10,6 +10,8 @@ from pvibr.gl.feature import sections
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import Target
 
+# llvmpipe samples whole floats faster than half ones, and these images are small.
+_FORMAT = ('rgba32f',)
 _X, _Y = (1.0, 0.0), (0.0, 1.0)
 
 
@@ -147,9 +149,9 @@ class Blur:
 class _Level:
     def __init__(self, window, size):
         width, height = halves(size)
-        self.tall = Target(window, width, size[1], ('rgba16f',))
-        self.small = Target(window, width, height, ('rgba16f',))
-        self.mixed = Target(window, width, height, ('rgba16f',))
+        self.tall = Target(window, width, size[1], _FORMAT)
+        self.small = Target(window, width, height, _FORMAT)
+        self.mixed = Target(window, width, height, _FORMAT)
         self.targets = self.tall, self.small, self.mixed
 
 
