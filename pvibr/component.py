@@ -38,6 +38,7 @@ class IBRComponent:
         self._plotter = plotter
         self._pipelines: list[Pipeline] = []
         self._time = 0.0
+        self._numbered: list = []
         self._closed = False
 
     @property
@@ -238,6 +239,54 @@ class IBRComponent:
         """Call nothing on clicks any more."""
         self._plotter.untrack_click_position()
 
+    def buffer(self, name):
+        """Draw the active subplot and return one of its buffers.
+
+        Normals and ids are those of opaque surfaces: translucent props and volumes are left out.
+
+        Parameters
+        ----------
+        name : {'depth', 'normal', 'id', 'color'}
+            ``'depth'`` is the distance along the view in world units, inf where nothing is;
+            ``'normal'`` is in view space, toward the eye, 0 where nothing is or what is there is
+            not lit; ``'id'`` is an index into `buffer_objects`, -1 where nothing is; ``'color'``
+            is the picture with all effects and without annotations.
+
+        Returns
+        -------
+        numpy.ndarray
+            (height, width) or (height, width, channels) float32, top row first.
+
+        Raises
+        ------
+        ValueError
+            Where there is no such buffer.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+        >>> ball = pl.add_mesh(pv.Sphere())
+        >>> ids = pl.ibr.buffer('id')
+        >>> ids.shape, float(ids[24, 32]), float(ids[0, 0])
+        ((48, 64), 0.0, -1.0)
+        >>> pl.ibr.buffer_objects[0] is ball
+        True
+        >>> pl.close()
+        """
+        pipeline = self.pipeline
+        self._show(None, False)
+        tap = pipeline.buffer(name)
+        self._numbered = tap.numbered
+        return tap.array
+
+    @property
+    def buffer_objects(self) -> list:
+        """Actors and things that the ids of the last `buffer` are indices into."""
+        return list(self._numbered)
+
     def report(self) -> Report:
         """Return what ran in the active subplot's last frame, what was skipped and why.
 
@@ -300,6 +349,7 @@ class IBRComponent:
     def close(self):
         """Release everything; a plotter does so by itself. Calling it again is fine."""
         self._closed = True
+        self._numbered = []
         while self._pipelines:
             self._pipelines.pop().release()
 

@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Callable
 
+from pvibr.buffers import Buffers, Tap
 from pvibr.effect import Effect
 from pvibr.effects import ORDER
 from pvibr.errors import ClosedError, PvibrWarning
@@ -30,6 +31,8 @@ class Pipeline:
         The subplot's renderer.
     time : float
         Seconds, passed to every frame.
+    buffers : pvibr.buffers.Buffers
+        Normals and numbers of what is drawn, for effects that ask for them.
 
     Examples
     --------
@@ -58,6 +61,7 @@ class Pipeline:
         self._frames = 0
         self._turn: _Turn | None = None
         self._stage = _Stage(renderer)
+        self.buffers = Buffers(renderer)
         self._closed = False
 
     @property
@@ -69,6 +73,43 @@ class Pipeline:
     def effects(self) -> tuple[Effect, ...]:
         """What is in it, in the order in which it runs."""
         return tuple(entry.effect for entry in self._entries)
+
+    @property
+    def things(self) -> list:
+        """What draws by actors of its own, such as instances."""
+        return [e for e in self.effects if callable(getattr(e, 'drawn', None))]
+
+    def buffer(self, name) -> Tap:
+        """Draw a frame and read one of its buffers.
+
+        Parameters
+        ----------
+        name : {'depth', 'normal', 'id', 'color'}
+            Which.
+
+        Returns
+        -------
+        pvibr.buffers.Tap
+            With its ``array``, and what ids are indices into.
+
+        Raises
+        ------
+        ValueError
+            Where there is no such buffer.
+        RuntimeError
+            Where the frame could not be read.
+        """
+        tap = Tap(name)
+        self.add(tap)
+        try:
+            self.window.Render()
+            why = next(e.row.why for e in self._entries if e.effect is tap)
+        finally:
+            self.remove(tap)
+        if tap.array is None:
+            msg = f'buffer {name!r} could not be read: {why or "no frame was drawn"}'
+            raise RuntimeError(msg)
+        return tap
 
     def add(self, effect) -> Effect:
         """Put an effect or a thing in; it is in the next frame.
@@ -152,6 +193,7 @@ class Pipeline:
             self.clear()
         finally:
             self._stage.release()
+            self.buffers.release()
 
     def report(self) -> Report:
         """Return what ran in the last frame, what was skipped and why.
@@ -161,7 +203,11 @@ class Pipeline:
         pvibr.report.Report
             Printed, a table.
         """
-        return Report([e.reported() for e in self._entries], self._frames, self._stage.nbytes)
+        return Report(
+            [e.reported() for e in self._entries],
+            self._frames,
+            self._stage.nbytes + self.buffers.nbytes,
+        )
 
     def _names(self):
         return ', '.join(effect.name for effect in self.effects)
@@ -185,6 +231,7 @@ class Pipeline:
             self._observers = []
             self._make_current()
             self._stage.release()
+            self.buffers.release()
 
     def _on_start(self, _renderer, _event):
         self._drop_removed()

@@ -10,4 +10,5 @@ ORDER = (
     'Bloom',  # whatever is bright by now spreads, the glow too
     'ToneMapping',  # the last that sees light; from here on colours are those of a display
     'Outline',  # lines are drawn on the finished picture, in the colour that was asked for
+    'Tap',  # reads what is drawn by now
 )
