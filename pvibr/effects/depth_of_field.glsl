@@ -1,0 +1,215 @@
+A thin lens on a picture with depth. The picture is read at half size; each texel gathers, over a
+spiral of looks, what the lens spreads over it: what lies before the plane in focus as a layer of
+its own that covers, what lies behind it as far as nothing nearer hides it. At full size both
+layers are laid over each other, and what is in focus stays as it was, to the bit.
+
+The circle of confusion of a thin lens, as Potmesil and Chakravarty, "A lens and aperture camera
+model for synthetic image generation", SIGGRAPH 1981, has it, is linear in the depth buffer's
+value, in perspective as in a parallel view: that is `lens`. Circles are radii in texels of half
+size, below 0 before the plane in focus; x and y in such texels.
+
+//@reduce
+uniform sampler2D color;  // full size, RGBA
+uniform sampler2D depth;  // full size, 0 near to 1 far
+uniform vec3 lens;        // circle = x + y * depth, at most z either way
+
+// What a NaN would spread is black.
+vec4 finite(vec4 c)
+{
+  return vec4(c.r >= 0.0 ? c.r : 0.0, c.g >= 0.0 ? c.g : 0.0, c.b >= 0.0 ? c.b : 0.0, c.a);
+}
+
+void main()
+{
+  ivec2 most = textureSize(depth, 0) - 1;
+  ivec2 at = 2 * ivec2(uv * vec2((most + 2) / 2));
+  vec4 sum = vec4(0.0);
+  float first = 0.0, circle = 0.0, weight = 0.0;
+  // Of four pixels those as far as the nearest: a mean of two surfaces would be a halo.
+  float c[4];
+  for (int i = 0; i < 4; i++)
+  {
+    float z = texelFetch(depth, min(at + ivec2(i & 1, i >> 1), most), 0).r;
+    c[i] = clamp(lens.x + lens.y * z, -lens.z, lens.z);
+    first = i == 0 ? c[0] : min(first, c[i]);
+  }
+  for (int i = 0; i < 4; i++)
+  {
+    float w = c[i] - first < 0.25 + 0.1 * abs(first) ? 1.0 : 0.0;
+    vec4 one = finite(texelFetch(color, min(at + ivec2(i & 1, i >> 1), most), 0));
+    sum += w * min(one, vec4(60000.0));
+    circle += w * c[i];
+    weight += w;
+  }
+  gl_FragData[0] = sum / weight;
+  gl_FragData[1] = vec4(circle / weight);
+}
+//@tile
+uniform sampler2D circle;
+void main()
+{
+  // The largest circle before the plane in focus, of 8 x 8 texels.
+  ivec2 most = textureSize(circle, 0) - 1;
+  ivec2 at = 8 * ivec2(uv * vec2((most + 8) / 8));
+  float least = 0.0;
+  for (int j = 0; j < 8; j++)
+    for (int i = 0; i < 8; i++)
+      least = min(least, texelFetch(circle, min(at + ivec2(i, j), most), 0).r);
+  gl_FragData[0] = vec4(-least);
+}
+//@spread
+uniform sampler2D tiles;
+uniform int reach;
+void main()
+{
+  // The largest circle of any tile that is as near as it is large.
+  ivec2 most = textureSize(tiles, 0) - 1;
+  ivec2 at = ivec2(uv * vec2(most + 1));
+  float found = 0.0;
+  for (int j = -reach; j <= reach; j++)
+    for (int i = -reach; i <= reach; i++)
+    {
+      vec2 gap = 8.0 * max(abs(vec2(i, j)) - 1.0, 0.0);
+      float c = texelFetch(tiles, clamp(at + ivec2(i, j), ivec2(0), most), 0).r;
+      if (c * c >= dot(gap, gap)) found = max(found, c);
+    }
+  gl_FragData[0] = vec4(found);
+}
+//@gather
+uniform sampler2D color;   // half size
+uniform sampler2D circle;  // half size
+uniform sampler2D tiles;
+uniform int samples;
+
+float before(float c) { return smoothstep(0.25, 0.75, -c); }
+
+void main()
+{
+  ivec2 most = textureSize(circle, 0) - 1;
+  ivec2 at = ivec2(uv * vec2(most + 1));
+  vec4 own = texelFetch(color, at, 0);
+  float c = texelFetch(circle, at, 0).r;
+  float wide = texelFetch(tiles, at / 8, 0).r;
+  bool hides = c < -0.25;
+  float count = float(samples);
+  // Neighbours look along another turn of the spiral: four of them, mixed, are one of four times
+  // as many looks.
+  float turn = 0.6 * float((at.x & 1) + 2 * (at.y & 1));
+  vec2 start = vec2(cos(turn), sin(turn));
+  mat2 golden = mat2(-0.7373688, 0.6754903, -0.6754903, -0.7373688);
+
+  // -- behind: what is as far as this or farther, and what nearer things spread over it --------
+  float radius = hides ? wide : max(c, 0.0);
+  vec4 same = hides ? vec4(0.0) : own * 1e-3, front = vec4(0.0);
+  float weight = hides ? 0.0 : 1e-3, cover = 0.0;
+  if (radius > 0.25)
+  {
+    vec2 ray = start;
+    float area = radius * radius / count;
+    for (int i = 0; i < samples; i++)
+    {
+      float r = radius * sqrt((float(i) + 0.5) / count);
+      ivec2 to = clamp(at + ivec2(floor(ray * r + 0.5)), ivec2(0), most);
+      ray = golden * ray;
+      float theirs = texelFetch(circle, to, 0).r;
+      float w = 1.0 - before(theirs);
+      if (w <= 0.0) continue;
+      vec4 look = texelFetch(color, to, 0);
+      if (hides)  // hidden from the lens's middle: the nearest that is seen stands for it
+        w /= 1.0 + r * r;
+      else if (theirs < c - max(0.5, 0.15 * c))
+      {
+        float spread = max(theirs, 0.5);
+        float over = w * area / (spread * spread) * clamp(theirs - r + 0.5, 0.0, 1.0);
+        front += over * look;
+        cover += over;
+        continue;
+      }
+      same += w * look;
+      weight += w;
+    }
+  }
+  vec4 behind = weight > 0.0 ? same / weight : own;
+  if (cover > 0.0) behind = mix(behind, front / cover, min(cover, 1.0));
+
+  // -- before: each spreads over its circle, and covers ------------------------------------------
+  vec4 near = vec4(0.0);
+  float covered = 0.0;
+  if (wide > 0.25)
+  {
+    wide += 0.5;  // circles end softly
+    vec2 ray = start;
+    float area = wide * wide / count;
+    for (int i = 0; i < samples; i++)
+    {
+      float r = wide * sqrt((float(i) + 0.5) / count);
+      ivec2 to = clamp(at + ivec2(floor(ray * r + 0.5)), ivec2(0), most);
+      ray = golden * ray;
+      float theirs = texelFetch(circle, to, 0).r;
+      float w = before(theirs);
+      if (w <= 0.0) continue;
+      float spread = max(-theirs, 0.5);
+      w *= area / (spread * spread) * clamp(spread - r + 0.5, 0.0, 1.0);
+      near += w * texelFetch(color, to, 0);
+      covered += w;
+    }
+    if (weight <= 0.0 && covered > 0.0)  // nothing behind it is seen from anywhere near
+      behind = near / covered;
+  }
+  float scale = covered > 1.0 ? 1.0 / covered : 1.0;
+  gl_FragData[0] = behind;
+  gl_FragData[1] = near * scale;
+  gl_FragData[2] = vec4(covered * scale);
+}
+//@compose
+uniform sampler2D color;   // full size
+uniform sampler2D depth;   // full size
+uniform sampler2D circle;  // half size, and all that follow
+uniform sampler2D behind;
+uniform sampler2D near;
+uniform sampler2D cover;
+uniform vec3 lens;
+uniform int stage;         // 0 all, 1 circles, 2 what is before the plane in focus, 3 what is behind
+
+vec4 upsampled(vec2 at, float c)
+{
+  ivec2 low = ivec2(floor(at)), most = textureSize(circle, 0) - 1;
+  vec2 part = at - vec2(low);
+  vec4 sum = vec4(0.0);
+  float weight = 0.0;
+  for (int i = 0; i < 4; i++)
+  {
+    ivec2 k = ivec2(i & 1, i >> 1);
+    ivec2 to = clamp(low + k, ivec2(0), most);
+    float w = (k.x == 1 ? part.x : 1.0 - part.x) * (k.y == 1 ? part.y : 1.0 - part.y);
+    // Of the same surface only: else one in focus would shine into the blur beside it.
+    float gap = 0.02 + abs(texelFetch(circle, to, 0).r - c) / (0.5 + abs(c));
+    w = (w + 1e-3) / (gap * gap);
+    sum += w * texelFetch(behind, to, 0);
+    weight += w;
+  }
+  return sum / weight;
+}
+
+void main()
+{
+  vec2 place = uv * vec2(textureSize(depth, 0));  // as gl_FragCoord is
+  ivec2 pixel = ivec2(place);
+  vec4 sharp = texelFetch(color, pixel, 0);
+  float c = clamp(lens.x + lens.y * texelFetch(depth, pixel, 0).r, -lens.z, lens.z);
+  vec2 half_uv = place * 0.5 / vec2(textureSize(circle, 0));
+  float covered = texture(cover, half_uv).r;
+  float blurred = smoothstep(0.25, 0.75, abs(c));
+  vec4 found = sharp;
+  if (blurred > 0.0)
+  {
+    vec4 soft = upsampled(place * 0.5 - 0.5, c);
+    found = blurred < 1.0 ? mix(sharp, soft, blurred) : soft;
+  }
+  if (stage == 3) covered = 0.0;
+  if (covered > 0.002)
+    found = found * (1.0 - covered) + texture(near, half_uv);
+  if (stage == 1) found = vec4(max(-c, 0.0) / lens.z, max(c, 0.0) / lens.z, 0.0, 1.0);
+  if (stage == 2) found = texture(near, half_uv);
+  gl_FragData[0] = found;
+}

@@ -1,0 +1,215 @@
+"""Depth of field: by closed forms, and against pictures from all over the lens."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import pvibr
+from pvibr.bench import effects_depth_of_field as bench
+from pvibr.frame import Frame
+
+SIZE = (200, 160)
+
+
+@pytest.fixture
+def half_plane():
+    """Return a function that shows an unlit white half plane at a distance, edge in the middle."""
+
+    def make(distance, *, parallel=False, color='white', back=None, **kwargs):
+        pl = pv.Plotter(window_size=SIZE, **kwargs)
+        pl.disable_anti_aliasing()
+        pl.set_background('black')
+        side = 4.0 * distance
+        plate = pv.Plane(center=(side / 2, 0, -distance), i_size=side, j_size=side)
+        pl.add_mesh(plate, color=color, lighting=False)
+        if back is not None:
+            far = pv.Plane(center=(0, 0, -back), i_size=9 * back, j_size=9 * back)
+            pl.add_mesh(far, color='red', lighting=False)
+        pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, 0, 0), (0, 0, -10), (0, 1, 0)
+        pl.camera.view_angle, pl.camera.parallel_projection = 40, parallel
+        pl.camera.parallel_scale = 4
+        pl.camera.clipping_range = (0.5, 100)
+        pl.show(auto_close=False)
+        return pl
+
+    return make
+
+
+def shot(pl, **kwargs):
+    pl.render_window.Render()
+    return np.asarray(pl.screenshot(return_img=True, **kwargs)).astype(int)
+
+
+def disk_edge(radius, x):
+    """Share of a disk beyond a straight edge at x pixels from its middle."""
+    t = np.clip(x / radius, -1, 1)
+    return 0.5 + (t * np.sqrt(1 - t**2) + np.arcsin(t)) / np.pi
+
+
+@pytest.mark.parametrize('distance', [5.0, 20.0, 10.0])
+@pytest.mark.parametrize('parallel', [False, True])
+def test_edges_are_as_wide_as_the_circle(half_plane, distance, parallel):
+    pl = half_plane(distance, parallel=parallel)
+    lens = pl.ibr.add(pvibr.DepthOfField(radius=0.3, limit=0.2, samples=256))
+    row = shot(pl)[80, :, 0] / 255
+    scale = Frame.of(pl.renderer).pixel_scale
+    circle = 0.3 * abs(distance - 10) / 10 * scale / (1 if parallel else distance)
+    middle = np.arange(SIZE[0]) + 0.5 - SIZE[0] / 2
+    expected = disk_edge(max(circle, 1e-6), middle)
+    assert np.abs(row - expected).max() < 0.12
+    assert np.abs(row - expected).mean() < 0.006
+    near, far = lens.circles(Frame.of(pl.renderer))
+    assert near < 0 < far
+
+
+def test_what_is_in_focus_has_no_halo(half_plane):
+    """White in focus before red out of focus: no white beyond the edge, no red within."""
+    pl = half_plane(10.0, back=60.0)
+    off = shot(pl)
+    pl.ibr.add(pvibr.DepthOfField(radius=0.5, limit=0.2))
+    assert np.abs(shot(pl) - off).max() <= 1
+
+
+def test_against_pictures_from_all_over_the_lens():
+    pl = bench.stage((320, 240))
+    focus = np.linalg.norm(np.subtract(pl.camera.focal_point, pl.camera.position))
+    off = bench.shot(pl)
+    reference = bench.accumulated(pl, 0.15, focus, 256)
+    pl.ibr.add(pvibr.DepthOfField(radius=0.15, limit=0.1))
+    found = bench.psnr(bench.shot(pl), reference)
+    assert found >= 34  # 32 is asked for
+    assert found > bench.psnr(off, reference) + 6
+
+
+def test_an_opening_of_zero_is_a_pinhole(half_plane):
+    pl = half_plane(5.0)
+    off = shot(pl)
+    lens = pl.ibr.add(pvibr.DepthOfField(radius=0))
+    assert np.array_equal(shot(pl), off)
+    assert 'radius is 0' in str(pl.ibr.report())
+    lens.radius = 1e-5
+    assert np.array_equal(shot(pl), off)
+    assert 'half a pixel' in str(pl.ibr.report())
+
+
+def test_colours_of_flat_fields_stay(half_plane):
+    pl = half_plane(5.0, color='#37a1c9', back=50.0)
+    off = shot(pl)
+    pl.ibr.add(pvibr.DepthOfField(radius=0.3, limit=0.2))
+    away = np.r_[0:60, 140:200]
+    assert np.abs(shot(pl) - off)[:, away].max() <= 1
+
+
+def test_a_transparent_background_stays_so(half_plane):
+    pl = half_plane(20.0)
+    pl.ibr.add(pvibr.DepthOfField(radius=0.3, limit=0.2, samples=256))
+    rgba = shot(pl, transparent_background=True)
+    assert rgba.shape[2] == 4
+    assert rgba[:, :80, 3].max() == 0
+    assert rgba[:, 120:, 3].min() == 255
+    share = rgba[80, 80:120, 3] / 255
+    circle = 0.3 * 0.05 * Frame.of(pl.renderer).pixel_scale
+    assert np.abs(share - disk_edge(circle, np.arange(-19.5, 20))).max() < 0.12
+
+
+def test_focus_on_points_actors_and_distances(half_plane):
+    pl = half_plane(10.0)
+    ball = pl.add_mesh(pv.Sphere(center=(1, 1, -20)))
+    frame = Frame.of(pl.renderer)
+    lens = pvibr.DepthOfField()
+    assert lens.focus(frame) == pytest.approx(10)
+    lens.target = (5, 0, -30)
+    assert lens.focus(frame) == pytest.approx(30)
+    lens.target = ball
+    assert lens.focus(frame) == pytest.approx(20, rel=1e-4)
+    ball.position = (0, 0, -5)
+    assert lens.focus(frame) == pytest.approx(25, rel=1e-4)
+    lens.distance = 3
+    assert lens.focus(frame) == 3
+    assert lens.opening(3.0) == pytest.approx(0.3 / 5.6)
+    lens.focal_length = 0.05
+    assert lens.opening(3.0) == pytest.approx(0.05 / 5.6)
+
+
+def test_state_keeps_points():
+    lens = pvibr.DepthOfField((1, 2, 3), f_number=4)
+    other = pvibr.DepthOfField()
+    assert other.restore(lens.state()) == []
+    assert other.target == (1.0, 2.0, 3.0)
+    assert other.f_number == 4
+    with pytest.raises(ValueError, match='f_number'):
+        other.restore({'target': [0, 0, 0], 'f_number': -1})
+    assert other.target == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize('target', [(1, 2), 'ball', (1, 2, np.nan), 3.0])
+def test_bad_targets(target):
+    with pytest.raises(ValueError, match='target = '):
+        pvibr.DepthOfField(target)
+
+
+@pytest.mark.parametrize(
+    'settings', [{'f_number': 0}, {'radius': -1}, {'samples': 4}, {'limit': 0}, {'debug': 'x'}]
+)
+def test_bad_settings(settings):
+    with pytest.raises(ValueError, match=next(iter(settings))):
+        pvibr.DepthOfField(**settings)
+
+
+def test_scale_free():
+    """The same picture of a scene a thousand million times as small."""
+    found = []
+    for size in (1.0, 1e-6):
+        pl = pv.Plotter(window_size=SIZE)
+        pl.disable_anti_aliasing()
+        pl.add_mesh(pv.Sphere(radius=size, center=(0, 0, -2 * size)), color='tan')
+        pl.add_mesh(
+            pv.Cube(center=(size, size, 2 * size), x_length=size, y_length=size, z_length=size),
+            color='red',
+        )
+        pl.camera.position, pl.camera.focal_point = (0, 0, 8 * size), (0, 0, 0)
+        pl.camera.up, pl.camera.clipping_range = (0, 1, 0), (2 * size, 20 * size)
+        pl.ibr.add(pvibr.DepthOfField(f_number=1.0))
+        pl.show(auto_close=False)
+        found.append(shot(pl))
+    assert np.abs(found[0] - found[1]).mean() < 0.5
+
+
+def test_only_its_own_subplot_and_no_text():
+    pl = pv.Plotter(shape=(1, 2), window_size=(320, 120))
+    for k in range(2):
+        pl.subplot(0, k)
+        pl.add_mesh(pv.Sphere(), color='tan')
+        pl.add_text('text', font_size=10)
+        pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, 0, 4), (0, 0, 0), (0, 1, 0)
+    pl.show(auto_close=False)
+    off = shot(pl)
+    pl.subplot(0, 1)
+    lens = pl.ibr.add(pvibr.DepthOfField(distance=1.0, f_number=0.7))
+    on = shot(pl)
+    assert np.array_equal(on[:, :160], off[:, :160])
+    assert np.abs(on[:, 160:] - off[:, 160:]).max() > 20
+    text = off[100:, 160:].max(axis=2) > 250
+    assert np.array_equal(on[100:, 160:][text], off[100:, 160:][text])
+    pl.ibr.remove(lens)
+    assert np.array_equal(shot(pl), off)
+
+
+def test_resize_and_a_window_of_one_pixel(half_plane):
+    pl = half_plane(5.0)
+    lens = pl.ibr.add(pvibr.DepthOfField(radius=0.3))
+    for size in ((1, 1), (33, 17), (200, 160)):
+        pl.window_size = size
+        assert shot(pl).shape[:2] == size[::-1]
+        assert lens.enabled
+
+
+@pytest.mark.parametrize('stage', ['coc', 'near', 'far'])
+def test_stages_are_shown(half_plane, stage):
+    pl = half_plane(5.0, back=50.0)
+    lens = pl.ibr.add(pvibr.DepthOfField(radius=0.3))
+    on = shot(pl)
+    lens.debug = stage
+    assert np.abs(shot(pl) - on).max() > 20
