@@ -319,6 +319,11 @@ class _Projection(Effect):
         for slide in self._slides:
             for texture in slide_textures(slide).values():
                 texture.deactivate()
+        # Another subplot that shows the same actor has other pictures, or none.
+        for key, (actor, feature) in [*self._worn.items()]:
+            if actor.GetNumberOfConsumers() > 1:
+                feature.detach(actor)
+                del self._worn[key]
 
     def rest(self):
         """Take the shader text off all receivers."""

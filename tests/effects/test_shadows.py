@@ -706,3 +706,19 @@ def test_spheres_at_several_distances_do_not_shadow_themselves(looks):
     seen = lit[np.isfinite(lit)]
     assert seen.size > 300
     assert (seen > 0.9).mean() > 0.9
+
+
+def test_an_actor_of_two_subplots_is_shadowed_in_one():
+    pl = pv.Plotter(off_screen=True, window_size=(240, 80), lighting='none', shape=(1, 2))
+    scene = Scene(light(at=(0.8, 0.5, 4.0)), plotter=pl)
+    pl.subplot(0, 1)
+    pl.add_light(light(at=(0.8, 0.5, 4.0)))
+    for actor in (scene.floor, scene.disk):
+        pl.renderer.AddViewProp(actor)
+    scene.look((0, -7, 5))
+    plain = scene.draw()
+    pl.subplot(0, 0)
+    pl.ibr.add(pvibr.Shadows())
+    changed = np.abs(scene.draw() - plain).max(-1) > 30
+    assert changed[:, :120].sum() > 20
+    assert not changed[:, 120:].any()
