@@ -1,10 +1,9 @@
 // Bloom: bright light spreads. bright: what lies above the threshold, averaged over squares of the
-// picture. any: the largest of it, over squares of that, read back to skip what is dark.
-// blend: the blurred light onto the picture.
+// picture.
 // Brightness S is the largest channel, so that colours keep their hue and blue shines like green;
 // it is that of 2 x 2 pixels, one bilinear tap. Half-open squares, counted in pixels.
 // Inputs: color (display values, above 1 where the frame has them; alpha 0 where only a plain
-// background is), light (linear filter).
+// background is; linear filter).
 // Defines: TAPS along a side of a square of 2 TAPS pixels; WAY 0 subtract, 1 keep, 2 soft.
 //@bright
 uniform sampler2D color;
@@ -40,33 +39,4 @@ void main()
     }
   }
   gl_FragData[0] = vec4(sum / float(TAPS * TAPS), 1.0);
-}
-//@any
-uniform sampler2D light;
-void main()
-{
-  vec2 texel = 1.0 / vec2(textureSize(light, 0));
-  vec4 most = vec4(min(uv.x, 0.0));
-  for (int j = 0; j < 8; ++j)
-  {
-    for (int i = 0; i < 8; ++i)
-    {
-      most = max(most, texture(light, (gl_FragCoord.xy * 16.0 + 2.0 * vec2(i, j) - 7.0) * texel));
-    }
-  }
-  gl_FragData[0] = most;
-}
-//@blend
-uniform sampler2D color;
-uniform sampler2D light;
-uniform vec2 place;    // of a pixel in the light: one over its pixels
-uniform float keep;    // 0: the light alone
-uniform float intensity;
-uniform float screen;  // 1: light fills what is left to white, and does not go beyond
-void main()
-{
-  vec4 c = keep * texelFetch(color, ivec2(gl_FragCoord.xy), 0) + min(uv.x, 0.0);
-  vec3 more = intensity * texture(light, gl_FragCoord.xy * place).rgb;
-  more *= 1.0 - screen * clamp(c.rgb, 0.0, 1.0);
-  gl_FragData[0] = vec4(c.rgb + more, max(c.a, max(more.r, max(more.g, more.b))));
 }

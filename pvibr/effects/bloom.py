@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from pvibr.effect import Effect
-from pvibr.gl import Quad, Target, shader_source
-from pvibr.gl.blur import Blur, filtered, halves
+from pvibr.gl import Quad, shader_source
+from pvibr.gl.blur import filtered
 from pvibr.gl.feature import sections
 from pvibr.params import Param
+from pvibr.shine import Shine
 
 _WAYS = ('subtract', 'keep', 'soft')
 
 
-class Bloom(Effect):
+class Bloom(Shine):
     """Bright parts of the picture shine over their surroundings.
 
     What is brighter than a threshold is taken from a small copy of the picture, blurred by a
@@ -40,7 +39,6 @@ class Bloom(Effect):
     'soft'
     """
 
-    intensity = Param(0.5, 'How much of the bright light is added; 0 adds none.', range='[0, inf)')
     threshold = Param(0.8, 'Brightness above which light spreads.', range='[0, inf)')
     operator = Param(
         'soft',
@@ -49,125 +47,30 @@ class Bloom(Effect):
         choices=_WAYS,
     )
     knee = Param(0.1, 'Half the width of the soft step.', range='(0, inf)')
-    reduction = Param(
-        8, 'Size of the picture to that of its first blur; less is sharper and slower.',
-        choices=(4, 8, 16),
-    )  # fmt: skip
-    kernel = Param(5, 'Texels of each blur, odd.', choices=tuple(range(3, 33, 2)), unit='px')
-    levels = Param(
-        None, 'How many blurs, each on an image of half the size; from the picture unless given.',
-        kind=int, range='[1, 10]',
-    )  # fmt: skip
-    spread = Param(0.6, 'Share of the wider blurs, 0 narrow to 1 wide.', range='[0, 1]')
     saturation = Param(1.0, 'Colour of the light: 1 its own, 0 white.', range='[0, 1]')
-    blend = Param(
-        'add', 'add light, or screen: it fills what is left to white.', choices=('add', 'screen')
-    )
     background = Param(False, 'Whether a plain background shines too.')
     high_range = Param(False, 'See colours above 1, which multisampling does not go with.')
-    debug = Param('', 'A stage to show in place of the picture.', choices=('', 'bright', 'blur'))
 
-    _gpu: Any = None
-    _dark = False
+    _bright: Any = None
+    _made: tuple = ()
 
-    def needed(self, frame):
-        """Tell whether a frame needs it; see :meth:`pvibr.Effect.needed`."""
-        return self.intensity > 0 or 'intensity is 0'
-
-    def render(self, frame, picture):
-        """Draw the picture with its light.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        picture : pvibr.gl.picture.Picture
-            Its pixels.
-        """
-        gpu = self._ready(frame.window, picture.size)
-        light = gpu.bright(picture.color, self._bright_settings())
-        self._dark = gpu.is_dark()
-        if self._dark and not self.debug:
-            return
-        scale = self.reduction // 2
-        if self.debug != 'bright':
-            light, scale = gpu.blur.draw(light, self.spread), self.reduction
-        with picture.drawing():
-            gpu.blend.draw(
-                {
-                    'intensity': 1.0 if self.debug else self.intensity,
-                    'place': [1 / (scale * texels) for texels in light.size],
-                    'screen': float(self.blend == 'screen'),
-                    'keep': float(not self.debug),
-                },
-                {'color': picture.color, 'light': light},
-            )
-
-    def _bright_settings(self):
-        return {
+    def _draw_source(self, frame, picture, target):
+        made = frame.window, self.reduction // 4, _WAYS.index(self.operator)
+        if self._made != made:
+            self._forget()
+            text = sections(shader_source(__file__))['bright']
+            text = f'#define TAPS {made[1]}\n#define WAY {made[2]}\n{text}'
+            self._bright, self._made = Quad(frame.window, text, 'bloom bright'), made
+        uniforms = {
             'threshold': self.threshold,
             'knee': self.knee,
             'background': float(self.background),
             'saturation': self.saturation,
         }
+        with filtered(picture.color), target.drawing():
+            self._bright.draw(uniforms, {'color': picture.color})
 
-    def _ready(self, window, size):
-        key = window, size, self.reduction, self._levels(size), self.kernel
-        key += (_WAYS.index(self.operator),)
-        if self._gpu is not None and self._gpu.key != key:
-            self.release()
-        if self._gpu is None:
-            self._gpu = _Gpu(*key)
-        return self._gpu
-
-    def _levels(self, size):
-        """As many that the last one has about twenty rows, whatever the picture's size."""
-        if self.levels is not None:
-            return self.levels
-        return max(1, 1 + round(math.log2(max(size[1] / self.reduction / 20, 1))))
-
-    def release(self):
-        """Free what it holds on the GPU; the context is current."""
-        if self._gpu is not None:
-            self._gpu.release()
-            self._gpu = None
-
-    def report(self) -> dict:
-        """Return what it has to tell; see :meth:`pvibr.Effect.report`."""
-        details = {'bytes': self._gpu.nbytes if self._gpu else 0}
-        return details | ({'skipped': 'nothing is above the threshold'} if self._dark else {})
-
-
-class _Gpu:
-    """What a bloom holds on the GPU."""
-
-    def __init__(self, window, size, reduction, levels, kernel, way):
-        self.key = window, size, reduction, levels, kernel, way
-        text = sections(shader_source(__file__))
-        text['bright'] = f'#define TAPS {reduction // 4}\n#define WAY {way}\n' + text['bright']
-        self._bright, self._any, self.blend = (
-            Quad(window, text[name], f'bloom {name}') for name in ('bright', 'any', 'blend')
-        )
-        times = int(math.log2(reduction)) - 1
-        small = halves(size, times)
-        self.source = Target(window, *small, ('rgba32f',))
-        self._most = Target(window, *halves(small, 4), ('rgba32f',))
-        self.blur = Blur(window, small, levels, kernel)
-
-    @property
-    def nbytes(self) -> int:
-        return self.source.nbytes + self._most.nbytes + self.blur.nbytes
-
-    def bright(self, color, settings):
-        with filtered(color), self.source.drawing():
-            self._bright.draw(settings, {'color': color})
-        return self.source.colors[0]
-
-    def is_dark(self):
-        with self._most.drawing():
-            self._any.draw(None, {'light': self.source.colors[0]})
-        return not self._most.colors[0].download()[..., :3].any()
-
-    def release(self):
-        for owner in (self.source, self._most, self.blur, self._bright, self._any, self.blend):
-            owner.release()
+    def _forget(self):
+        if self._bright is not None:
+            self._bright.release()
+        self._bright, self._made = None, ()

@@ -97,6 +97,11 @@ class Blur:
         How often it is halved; each doubles the width of the widest part.
     kernel : int
         See :func:`halving_taps`.
+
+    Attributes
+    ----------
+    source : Target
+        Of that size: a place to draw the image.
     """
 
     def __init__(self, window, size, levels, kernel):
@@ -104,12 +109,25 @@ class Blur:
         text = sections(shader_source(__file__))
         self._halve = Quad(window, _constants(kernel) + text['halve'], 'blur halve')
         self._mix = Quad(window, text['mix'], 'blur mix')
+        self._any = Quad(window, text['any'], 'blur any')
+        self._blend = Quad(window, text['blend'], 'blur blend')
+        self._most = Target(window, *halves(size, times=4), formats=_FORMAT)
+        self.source = Target(window, *size, formats=_FORMAT)
         self._levels = [_Level(window, halves(size, k)) for k in range(levels)]
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for level in self._levels for t in level.targets)
+        return sum(target.nbytes for target in self._targets())
+
+    def _targets(self):
+        return [self.source, self._most, *(t for level in self._levels for t in level.targets)]
+
+    def is_dark(self) -> bool:
+        """Tell whether there is no light in `source`, where it was drawn: waits for the GPU."""
+        with self._most.drawing():
+            self._any.draw(None, {'light': self.source.colors[0]})
+        return not self._most.colors[0].download()[..., :3].any()
 
     def draw(self, image, spread):
         """Blur.
@@ -140,10 +158,39 @@ class Blur:
             image = level.mixed.colors[0]
         return image
 
+    def blend(self, picture, light, scale, *, intensity=1.0, screen=False, alone=False):
+        """Draw a picture with light on it.
+
+        Parameters
+        ----------
+        picture : pvibr.gl.picture.Picture
+            Read and drawn.
+        light : pvibr.gl.Texture
+            Filtered linearly.
+        scale : int
+            Pixels of the picture to a texel of the light.
+        intensity : float
+            What the light is multiplied by.
+        screen : bool
+            Light fills what is left to white, else it is added.
+        alone : bool
+            The light without the picture.
+        """
+        uniforms = {
+            'place': [1 / (scale * texels) for texels in light.size],
+            'keep': float(not alone),
+            'intensity': intensity,
+            'screen': float(screen),
+        }
+        with picture.drawing():
+            self._blend.draw(uniforms, {'color': picture.color, 'light': light})
+
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for owner in (self._halve, self._mix, *(t for v in self._levels for t in v.targets)):
-            owner.release()
+        for quad in (self._halve, self._mix, self._any, self._blend):
+            quad.release()
+        for target in self._targets():
+            target.release()
 
 
 class _Level:
