@@ -77,7 +77,7 @@ class Shine(Effect):
         small = halves(size, int(math.log2(self.reduction)) - 1)
         key = small, self._levels(size), self.kernel
         if self._blur is not None and (self._window is not window or self._blur.key != key):
-            self.release()
+            self._forget_blur()
         if self._blur is None:
             self._blur, self._window = Blur(window, *key), window
         return self._blur
@@ -94,6 +94,9 @@ class Shine(Effect):
     def release(self):
         """Free what it holds on the GPU; the context is current."""
         self._forget()
+        self._forget_blur()
+
+    def _forget_blur(self):
         if self._blur is not None:
             self._blur.release()
             self._blur = None

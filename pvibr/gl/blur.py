@@ -111,8 +111,8 @@ class Blur:
         self._mix = Quad(window, text['mix'], 'blur mix')
         self._any = Quad(window, text['any'], 'blur any')
         self._blend = Quad(window, text['blend'], 'blur blend')
-        self._most = Target(window, *halves(size, times=4), formats=_FORMAT)
-        self.source = Target(window, *size, formats=_FORMAT)
+        self._most = _target(window, halves(size, 4))
+        self.source = _target(window, size)
         self._levels = [_Level(window, halves(size, k)) for k in range(levels)]
 
     @property
@@ -196,10 +196,14 @@ class Blur:
 class _Level:
     def __init__(self, window, size):
         width, height = halves(size)
-        self.tall = Target(window, width, size[1], _FORMAT)
-        self.small = Target(window, width, height, _FORMAT)
-        self.mixed = Target(window, width, height, _FORMAT)
+        self.tall = _target(window, (width, size[1]))
+        self.small = _target(window, (width, height))
+        self.mixed = _target(window, (width, height))
         self.targets = self.tall, self.small, self.mixed
+
+
+def _target(window, size):
+    return Target(window, size[0], size[1], _FORMAT)
 
 
 def _constants(kernel):

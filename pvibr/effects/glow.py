@@ -1,0 +1,291 @@
+"""Chosen objects shine, and may leave trails of light."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from pvibr.casters import address
+from pvibr.gl import Quad, Target, shader_source
+from pvibr.gl.blur import filtered
+from pvibr.gl.drawer import Drawer
+from pvibr.gl.feature import Feature, sections
+from pvibr.maths.views import View
+from pvibr.params import Param
+from pvibr.shine import Shine
+
+# Zero, as any uniform is at first, leaves the scene's own drawing alone.
+_GLOW = Feature(
+    'glow',
+    fragment={
+        'VTK::DepthPeeling::Impl': """  if (ibr_glow > 0.0)
+    gl_FragData[0] = vec4(ibr_glow * gl_FragData[0].a * gl_FragData[0].rgb, 1.0);
+//VTK::DepthPeeling::Impl
+"""
+    },
+)
+
+
+class Glow(Shine):
+    """Chosen actors shine over their surroundings, in the colours in which they are drawn.
+
+    They are drawn once more, alone, and their light is blurred and added where something else
+    does not hide them. Nothing else shines, however bright it is, so that colours that are read
+    as values stay. Instances and volumes cannot be chosen. Drawn at the picture's own size: an
+    actor of many triangles costs its time again.
+
+    Parameters
+    ----------
+    actors : vtkActor or sequence of vtkActor
+        What shines; of the same subplot.
+    strengths : float or sequence of float, optional
+        How much each does, from 0; one for all, or one each.
+    **settings
+        Values of the class's settings.
+
+    Raises
+    ------
+    TypeError
+        Where something is no actor.
+    ValueError
+        Where strengths are negative, not finite, or not as many as actors.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> lamp = pl.add_mesh(pv.Sphere(), color='orange')
+    >>> glow = pl.ibr.add(pvibr.Glow(lamp, intensity=2.0))
+    >>> glow.strengths
+    (1.0,)
+    """
+
+    _gpu: Any = None
+
+    def __init__(self, actors, strengths=1.0, **settings):
+        super().__init__(**settings)
+        self._actors = _checked_actors(actors)
+        self.strengths = strengths
+
+    @property
+    def actors(self) -> tuple:
+        """What shines."""
+        return self._actors
+
+    @property
+    def strengths(self) -> tuple[float, ...]:
+        """How much each actor shines; set one number for all, or one each."""
+        return self._strengths
+
+    @strengths.setter
+    def strengths(self, strengths):
+        count = len(self._actors)
+        values = np.asarray(strengths, float)
+        if values.shape not in ((), (count,)) or not (np.isfinite(values) & (values >= 0)).all():
+            msg = f'strengths = {strengths!r}: must be a number from 0, or {count} of them'
+            raise ValueError(msg)
+        self._strengths = tuple(np.broadcast_to(values, count).tolist())
+
+    def needed(self, frame):
+        """Tell whether a frame needs it; see :meth:`pvibr.Effect.needed`."""
+        if not self._shining(frame.renderer):
+            return 'none of its actors is in the subplot, visible and of any strength'
+        return super().needed(frame)
+
+    def _shining(self, renderer):
+        pairs = zip(self._actors, self._strengths, strict=True)
+        return [
+            (a, s) for a, s in pairs if s > 0 and a.GetVisibility() and renderer.HasViewProp(a)
+        ]
+
+    def prepare(self, frame):
+        """Draw the actors alone, while the textures of other effects are bound.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
+        if self._gpu is not None and self._gpu.key != (frame.renderer, frame.size):
+            self._forget()
+        if self._gpu is None:
+            self._gpu = _Gpu(frame.renderer, frame.size)
+        self._gpu.draw(frame, self._shining(frame.renderer))
+
+    def _draw_source(self, frame, picture, target):
+        self._gpu.light(frame, picture, target, self.reduction // 4)
+
+    def _forget(self):
+        if self._gpu is not None:
+            self._gpu.release()
+            self._gpu = None
+
+    def report(self) -> dict:
+        """Return what it has to tell; see :meth:`pvibr.Effect.report`."""
+        details = super().report()
+        details['bytes'] += self._gpu.nbytes if self._gpu else 0
+        return details
+
+
+class Afterglow(Glow):
+    """A glow that fades in time: what moves, or is passed by the camera, leaves a trail.
+
+    Light falls to 1 / e of itself in `fade` seconds of ``plotter.ibr.time``, in however many
+    frames; where it is shown again, the brighter one counts. Time that goes back, another size of
+    the picture, or :meth:`cut` ends all trails.
+
+    Parameters
+    ----------
+    actors : vtkActor or sequence of vtkActor
+        What shines; of the same subplot.
+    strengths : float or sequence of float, optional
+        How much each does, from 0; one for all, or one each.
+    **settings
+        Values of the class's settings.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> trail = pl.ibr.add(pvibr.Afterglow(pl.add_mesh(pv.Sphere()), fade=0.2))
+    >>> trail.cut()
+    """
+
+    fade = Param(0.5, 'Time in which a trail falls to 1 / e.', range='(0, inf)', unit='s')
+
+    _past: Any = None
+
+    def needed(self, frame):
+        """Tell whether a frame needs it; see :meth:`pvibr.Effect.needed`."""
+        # Trails outlast what made them.
+        return self.intensity > 0 or 'intensity is 0'
+
+    def cut(self):
+        """End all trails: what was drawn so far is another scene."""
+        self._when = -math.inf
+
+    _when = -math.inf
+
+    def _draw_source(self, frame, picture, target):
+        if self._past is not None and self._past.size != (target.width, target.height):
+            self._forget_past()
+        if self._past is None:
+            self._past = _Past(frame.window, (target.width, target.height))
+            self.cut()
+        super()._draw_source(frame, picture, self._past.now)
+        passed = frame.time - self._when
+        left = math.exp(-passed / self.fade) if 0 <= passed < math.inf else 0.0
+        self._past.fade(target, left)
+        self._when = frame.time
+
+    def _forget_past(self):
+        if self._past is not None:
+            self._past.release()
+            self._past = None
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        super().release()
+        self._forget_past()
+
+    def report(self) -> dict:
+        """Return what it has to tell; see :meth:`pvibr.Effect.report`."""
+        details = super().report()
+        details['bytes'] += self._past.nbytes if self._past else 0
+        return details
+
+
+class _Gpu:
+    """Chosen actors drawn alone."""
+
+    def __init__(self, renderer, size):
+        self.key = renderer, size
+        self.drawer = Drawer(renderer)
+        self.target = Target(self.drawer.window, size[0], size[1], ('rgba16f',), depth=True)
+        self._quads: dict = {}
+        self._dressed: dict = {}
+
+    @property
+    def nbytes(self) -> int:
+        return self.target.nbytes
+
+    def draw(self, frame, shining):
+        view = View(
+            frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
+        )
+        with self.target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            self.drawer.look(view, (0, 0, *frame.size))
+            for actor, strength in shining:
+                _GLOW.attach(actor)
+                self._dressed[address(actor)] = actor
+                _set_glow(actor, strength)
+                for translucent in (False, True):
+                    self.drawer.draw([actor], translucent=translucent)
+                _set_glow(actor, 0.0)
+        self.drawer.done()
+
+    def light(self, frame, picture, target, taps):
+        if taps not in self._quads:
+            text = sections(shader_source(__file__))['source']
+            text = f'#define TAPS {taps}\n{text}'
+            self._quads[taps] = Quad(frame.window, text, 'glow source')
+        one = 1 / frame.pixel_scale
+        uniforms = {
+            'pixels': picture.size,
+            'projection': frame.clip_from_view[2:, 2:].ravel(),
+            'pixel_size': (one, 0.0) if frame.parallel else (0.0, one),
+        }
+        glow = self.target.colors[0]
+        textures = {'glow': glow, 'own': self.target.depth, 'scene': picture.depth}
+        with filtered(glow), target.drawing():
+            self._quads[taps].draw(uniforms, textures)
+
+    def release(self):
+        for actor in self._dressed.values():
+            _GLOW.detach(actor)
+        for owner in (*self._quads.values(), self.target, self.drawer):
+            owner.release()
+
+
+class _Past:
+    """Light of this frame and of those before."""
+
+    def __init__(self, window, size):
+        self.size = size
+        self.now, self._before, self._after = (
+            Target(window, size[0], size[1], ('rgba32f',)) for _ in range(3)
+        )
+        text = sections(shader_source(__file__))['fade']
+        self._fade = Quad(window, text, 'afterglow fade')
+
+    @property
+    def nbytes(self) -> int:
+        return self.now.nbytes * 3
+
+    def fade(self, target, left):
+        for drawn in (self._after, target):
+            textures = {'light': self.now.colors[0], 'past': self._before.colors[0]}
+            with drawn.drawing():
+                self._fade.draw({'left': left}, textures)
+        self._before, self._after = self._after, self._before
+
+    def release(self):
+        for owner in (self.now, self._before, self._after, self._fade):
+            owner.release()
+
+
+def _checked_actors(actors):
+    actors = (actors,) if hasattr(actors, 'GetMapper') else tuple(actors)
+    for actor in actors:
+        if not hasattr(actor, 'GetShaderProperty') or not hasattr(actor, 'GetMapper'):
+            msg = f'actors: {actor!r} must be an actor, as add_mesh returns it'
+            raise TypeError(msg)
+    return actors
+
+
+def _set_glow(actor, strength):
+    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf('ibr_glow', strength)
