@@ -1,0 +1,178 @@
+"""Glow and afterglow: only what was chosen, only where it is seen, the same at any frame rate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import pvibr
+from pvibr.gl.offscreen import read_rgba
+
+
+def grab(pl):
+    """Return what a new frame holds, (height, width, 4) float, row 0 below."""
+    pl.render_window.Render()
+    return read_rgba(pl.render_window).astype(float)
+
+
+def lamps(size=(320, 192), *, hide=False, parallel=False, samples=0, opacity=1.0):
+    """Two bright spheres beside each other, and a wall before the left one or behind both."""
+    pl = pv.Plotter(window_size=size)
+    pl.disable_anti_aliasing()
+    if samples:
+        pl.enable_anti_aliasing('msaa', multi_samples=samples)
+    pl.set_background('black')
+    actors = [
+        pl.add_mesh(
+            pv.Sphere(radius=0.5, center=(x, 0, 0)), color=c, lighting=False, opacity=opacity
+        )
+        for x, c in ((-1, 'white'), (1, 'white'))
+    ]
+    wall = pv.Plane(center=(-1, 0, 1) if hide else (0, 0, -1), i_size=1.5, j_size=1.5)
+    pl.add_mesh(wall, color='darkgray', lighting=False)
+    pl.camera_position = [(0, 0, 6), (0, 0, 0), (0, 1, 0)]
+    pl.camera.parallel_projection = parallel
+    pl.show(auto_close=False)
+    return pl, actors
+
+
+def halves(picture):
+    middle = picture.shape[1] // 2
+    return picture[:, :middle, :3].sum(), picture[:, middle:, :3].sum()
+
+
+@pytest.mark.parametrize('parallel', [False, True])
+@pytest.mark.parametrize('samples', [0, 4])
+@pytest.mark.parametrize('opacity', [1.0, 0.5])
+def test_only_what_was_chosen_shines(parallel, samples, opacity):
+    pl, actors = lamps(parallel=parallel, samples=samples, opacity=opacity)
+    before = grab(pl)
+    glow = pl.ibr.add(pvibr.Glow(actors[1], levels=1, reduction=4, intensity=0.3))
+    left, right = halves(grab(pl) - before)
+    assert right > 1000
+    assert left == 0
+    glow.strengths = 0.5
+    assert halves(grab(pl) - before)[1] == pytest.approx(right / 2, rel=0.15)
+    glow.intensity = 0.0
+    np.testing.assert_array_equal(grab(pl), before)
+    pl.ibr.remove(glow)
+    np.testing.assert_array_equal(grab(pl), before)
+
+
+@pytest.mark.parametrize('samples', [0, 4])
+def test_hidden_parts_do_not_shine_through(samples):
+    pl, actors = lamps(hide=True, samples=samples)
+    before = grab(pl)
+    pl.ibr.add(pvibr.Glow(actors[0]))
+    np.testing.assert_array_equal(grab(pl), before)
+    assert pl.ibr.report().rows[0].details['skipped']
+
+
+def test_its_light_is_that_of_the_actor():
+    """Beside a sphere on black, energy is its own: what is added in all is what it shows."""
+    pl, actors = lamps()
+    actors[1].prop.color = (0.0, 0.0, 0.2)
+    actors[0].visibility = False
+    pl.render()
+    before = grab(pl)
+    own = (before[..., 2] > 45) & (before[..., 0] < 5)
+    glow = pl.ibr.add(pvibr.Glow(actors[1], debug='blur', levels=1))
+    light = grab(pl)
+    assert light[..., 0].max() == 0
+    assert light[..., 2].sum() == pytest.approx(before[own][:, 2].sum(), rel=0.05)
+    glow.debug = 'bright'
+    assert glow.enabled
+
+
+def test_large_screenshot_shines_at_the_same_place():
+    pl, actors = lamps()
+    pl.ibr.add(pvibr.Glow(actors[1], debug='bright'))
+    small = grab(pl)[..., 0]
+    large = pl.screenshot(scale=2)[::-1, :, 0].astype(float)
+    reduced = large.reshape(192, 2, 320, 2).mean(axis=(1, 3))
+    assert np.abs(small - reduced).mean() < 1.5
+
+
+def test_subplots_resize_and_again():
+    pl = pv.Plotter(shape=(1, 2), window_size=(320, 120), border=False)
+    actors = []
+    for i in range(2):
+        pl.subplot(0, i)
+        pl.set_background('black')
+        actors.append(pl.add_mesh(pv.Sphere(), color='white', lighting=False))
+    pl.show(auto_close=False)
+    before = grab(pl)
+    glow = pvibr.Glow(actors[1])
+    for _ in range(2):
+        pl.ibr.add(glow)
+        after = grab(pl)
+        np.testing.assert_array_equal(after[:, :160], before[:, :160])
+        assert (after[:, 160:] != before[:, 160:]).any()
+        pl.window_size = (200, 100)
+        grab(pl)
+        pl.window_size = (320, 120)
+        np.testing.assert_array_equal(grab(pl), after)
+        pl.ibr.remove(glow)
+        np.testing.assert_array_equal(grab(pl), before)
+    pl.subplot(0, 0)
+    pl.ibr.add(glow)
+    grab(pl)
+    assert 'none of its actors' in pl.ibr.report().rows[0].why
+
+
+def test_what_may_not_be():
+    actor = pv.Actor()
+    with pytest.raises(TypeError, match='must be an actor'):
+        pvibr.Glow([actor, 3])
+    with pytest.raises(ValueError, match='strengths = -1'):
+        pvibr.Glow(actor, -1)
+    with pytest.raises(ValueError, match='strengths'):
+        pvibr.Glow(actor, (1, 2))
+
+
+# ------------------------------------------------ afterglow
+
+
+def trail(pl, actor, times, x, **settings):
+    """Return the last picture of a lamp that was at x at those times."""
+    glow = pl.ibr.add(pvibr.Afterglow(actor, **settings))
+    for t, place in zip(times, x, strict=True):
+        pl.ibr.time = t
+        actor.position = (place, 0, 0)
+        picture = grab(pl)
+    pl.ibr.remove(glow)
+    return picture
+
+
+SETTINGS = {'fade': 0.5, 'debug': 'bright'}
+
+
+def test_trails_fade_the_same_at_any_frame_rate():
+    pl, (_, actor) = lamps()
+    few = trail(pl, actor, [0, 1], [-2, 0], **SETTINGS)
+    many = trail(pl, actor, np.linspace(0, 1, 9), [-2] + [0] * 8, **SETTINGS)
+    np.testing.assert_allclose(few, many, atol=1)
+    lit = few[96, 60:100, 0].max()
+    assert lit == pytest.approx(255 * np.exp(-1 / 0.5), abs=2)
+
+
+def test_a_cut_and_time_that_goes_back_end_trails():
+    pl, (_, actor) = lamps()
+    alone = trail(pl, actor, [0], [0], **SETTINGS)
+    np.testing.assert_array_equal(trail(pl, actor, [1, 0], [-2, 0], **SETTINGS), alone)
+    glow = pl.ibr.add(pvibr.Afterglow(actor, **SETTINGS))
+    actor.position = (-2, 0, 0)
+    grab(pl)
+    glow.cut()
+    actor.position = (0, 0, 0)
+    np.testing.assert_array_equal(grab(pl), alone)
+
+
+def test_trails_outlast_what_made_them():
+    pl, (_, actor) = lamps()
+    pl.ibr.add(pvibr.Afterglow(actor, **SETTINGS))
+    grab(pl)
+    actor.visibility = False
+    pl.ibr.time = 0.5
+    assert grab(pl)[..., 0].max() == pytest.approx(255 / np.e, abs=2)
