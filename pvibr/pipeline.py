@@ -382,7 +382,7 @@ class _Stage:
         annotations.show()
         origin, size = _pixels(self.renderer)
         running = [e for e in turn.images if e.running]
-        if running:
+        if running and min(size) > 0:  # a tile of a large screenshot may have none of it
             turn.guard(running, self._run, turn, running, (origin, size), borrowed)
         annotations.draw(origin, size)
 

@@ -19,6 +19,7 @@ uniform float contrast;      // least step of luminance; 0 for none
 uniform int dashed;
 uniform vec3 pixel;          // world units per pixel: constant, per distance; 1 if parallel
 uniform vec2 planes;
+uniform vec4 lens;           // tangents of half the angles of view, and the middle's offset
 
 // Distance along the view.
 float away(float d)
@@ -32,6 +33,13 @@ float behind(float d, float e)
 {
   float z = away(d);
   return (z - away(e)) / (pixel.x + pixel.y * z);
+}
+
+// Cosine between normal and line of sight, times its length at distance 1.
+float steep(ivec2 p, vec3 n)
+{
+  vec2 ndc = 2.0 * (vec2(p) + 0.5) / vec2(textureSize(surface, 0)) - 1.0;
+  return max(n.z - dot(n.xy, (ndc + lens.zw) * lens.xy), 0.02);
 }
 
 float bright(ivec2 p)
@@ -52,7 +60,6 @@ float boundary(ivec2 p, ivec2 s, vec4 n, float d)
   bool found = nothing != beyond ? by_id == 1 || jump > 0.0 : by_id == 1 && n.a != m.a;
   if (!found && !nothing && !beyond)
   {
-    float facing = max(abs(n.z), abs(m.z));
     bool shaded = dot(n.xyz, n.xyz) > 0.5 && dot(m.xyz, m.xyz) > 0.5;
     if (shaded && min(abs(n.z), abs(m.z)) > grazing) found = dot(n.xyz, m.xyz) < crease;
     if (!found && jump > 0.0)
@@ -61,7 +68,9 @@ float boundary(ivec2 p, ivec2 s, vec4 n, float d)
       float b = texelFetch(depth, before, 0).r, a = texelFetch(depth, after, 0).r;
       float second = min(abs(e - 2.0 * d + b), abs(d - 2.0 * e + a));
       float farther = max(d, e);
-      float least = jump / (shaded ? max(facing, 0.1) : 1.0);
+      // A crease bends depth by the difference of slopes, pixels per pixel, and no more.
+      float bend = abs(dot(vec2(s), n.xy / steep(p, n.xyz) - m.xy / steep(q, m.xyz)));
+      float least = jump + (shaded ? min(bend, 40.0) : 0.0);
       found = behind(farther, farther - second) > least && second > 4e-7;
     }
   }
@@ -124,9 +133,10 @@ void main()
       if (q != clamp(q, ivec2(0), last)) continue;
       vec3 found = texelFetch(edges, q, 0).rgb;
       if (found == vec3(0.0)) continue;
+      // To the middles of the boundary's steps: on lines aslant their corners are off the line.
       vec2 o = vec2(i, j);
-      if (found.r > least) near = min(near, length(vec2(o.x + 0.5, max(abs(o.y) - 0.5, 0.0))));
-      if (found.g > least) near = min(near, length(vec2(max(abs(o.x) - 0.5, 0.0), o.y + 0.5)));
+      if (found.r > least) near = min(near, length(o + vec2(0.5, 0.0)));
+      if (found.g > least) near = min(near, length(o + vec2(0.0, 0.5)));
       if (found.b > least) near = min(near, 0.5 + length(o));
     }
   vec4 c = texelFetch(color, p, 0);

@@ -163,7 +163,10 @@ class Outline(Effect):
         return self._geometry
 
     def _uniforms(self, frame):
-        size = 1 / frame.pixel_scale
+        size, clip = 1 / frame.pixel_scale, frame.clip_from_view
+        lens = (0.0,) * 4 if frame.parallel else (
+            1 / clip[0, 0], 1 / clip[1, 1], clip[0, 2], clip[1, 2]
+        )  # fmt: skip
         return {
             'surfaces': int(self._asks_surfaces),
             'by_id': int(self.ids),
@@ -174,6 +177,7 @@ class Outline(Effect):
             'dashed': int(self.hidden == 'dashed'),
             'pixel': (size, 0.0, 1.0) if frame.parallel else (0.0, size, 0.0),
             'planes': (frame.near, frame.far),
+            'lens': lens,
         }
 
     def _sized_target(self, window, size):

@@ -1,0 +1,260 @@
+"""Outlines: where the silhouette is, nowhere else, as wide as asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+from PIL import Image, ImageDraw
+from scipy.spatial import cKDTree
+
+import pvibr
+from pvibr.maths.cameras import as_camera
+
+SIZE = (320, 240)
+RED = (1.0, 0.0, 0.0)
+# As fine as a silhouette that is known to a part of a pixel asks for.
+MESHES = {
+    'ball': pv.Sphere(theta_resolution=120, phi_resolution=120),
+    'box': pv.Cube().rotate_z(20),
+    'cone': pv.Cone(resolution=120).rotate_y(30),
+    'torus': pv.ParametricTorus(ringradius=0.5, crosssectionradius=0.2).triangulate(),
+    'knot': pv.ParametricFigure8Klein().scale(0.15).triangulate(),
+}
+
+
+def plotter(*meshes, **look):
+    pl = pv.Plotter(window_size=SIZE)
+    pl.disable_anti_aliasing()
+    for mesh in meshes:
+        pl.add_mesh(mesh, color='white', **look)
+    pl.set_background('gray')
+    pl.camera_position = [(1.4, -2.2, 1.5), (0, 0, 0), (0, 0, 1)]
+    pl.camera.clipping_range = (1, 10)
+    return pl
+
+
+def shot(pl):
+    pl.show(auto_close=False)
+    return pl.screenshot().astype(int)
+
+
+def red(image):
+    """Where red is drawn on gray and white, half at least."""
+    return image[..., 0] - image[..., 1] > 120
+
+
+def contours(mesh, camera, size=SIZE):
+    """Places along the polylines, in pixels from the upper left, at most 0.3 apart."""
+    found = pvibr.outline(mesh, camera, size=size)
+    calibrated = as_camera(camera, size)
+    points, lines = np.asarray(found.points), found.lines
+    places, i = [], 0
+    while i < len(lines):
+        ids = lines[i + 1 : i + 1 + lines[i]]
+        i += 1 + lines[i]
+        uv, _ = calibrated.project(points[ids])
+        xy = uv * size
+        for a, b in zip(xy[:-1], xy[1:], strict=True):
+            n = int(np.linalg.norm(b - a) / 0.3) + 2
+            places.append(a + np.linspace(0, 1, n)[:, None] * (b - a))
+    places = np.concatenate(places)
+    return np.stack([places[:, 0], size[1] - places[:, 1]], 1)
+
+
+def covered(mesh, camera, scale=8):
+    """Which of many places in each pixel the mesh covers, by triangles in float64."""
+    camera = as_camera(camera, SIZE)
+    uv, _ = camera.project(np.asarray(mesh.points, float))
+    xy = uv * SIZE * scale
+    image = Image.new('1', (SIZE[0] * scale, SIZE[1] * scale))
+    draw = ImageDraw.Draw(image)
+    for face in mesh.triangulate().regular_faces:
+        draw.polygon([tuple(p) for p in xy[face]], fill=1)
+    return np.asarray(image)[::-1]
+
+
+def border(mask, scale):
+    """Middles of what separates inside and outside, in pixels from the upper left."""
+    rows, columns = np.nonzero(mask[:, 1:] != mask[:, :-1])
+    beside = np.stack([columns + 1.0, rows + 0.5], 1)
+    rows, columns = np.nonzero(mask[1:] != mask[:-1])
+    above = np.stack([columns + 0.5, rows + 1.0], 1)
+    return np.concatenate([beside, above]) / scale
+
+
+def agreement(drawn, places):
+    """Precision and recall of pixels against places, one pixel off at most."""
+    rows, columns = np.nonzero(drawn)
+    pixels = np.stack([columns + 0.5, rows + 0.5], 1)
+    precision = (cKDTree(places).query(pixels)[0] <= 1).mean()
+    recall = (cKDTree(pixels).query(places)[0] <= 1).mean()
+    return precision, recall
+
+
+@pytest.mark.parametrize('name', MESHES)
+def test_it_is_where_the_silhouette_is(name):
+    mesh = MESHES[name].triangulate()
+    pl = plotter(mesh, lighting=False)
+    pl.ibr.add(pvibr.Outline(width=2, color=RED, depth=False, normal=False))
+    drawn = red(shot(pl))
+    precision, recall = agreement(drawn, border(covered(mesh, pl.camera), 8))
+    assert precision >= 0.95
+    assert recall >= 0.95
+
+
+@pytest.mark.parametrize('name', MESHES)
+def test_inner_edges_are_where_the_polylines_are(name):
+    mesh = MESHES[name].triangulate()
+    pl = plotter(mesh)
+    pl.ibr.add(pvibr.Outline(width=2, color=RED, normal=False))
+    drawn = red(shot(pl))
+    precision, recall = agreement(drawn, contours(mesh, pl.camera))
+    assert precision >= 0.95
+    assert recall >= 0.9
+
+
+@pytest.mark.parametrize('name', MESHES)
+def test_polylines_are_around_what_is_covered(name):
+    mesh = MESHES[name].triangulate()
+    pl = plotter(mesh)
+    places = contours(mesh, pl.camera)
+    off, _ = cKDTree(places).query(border(covered(mesh, pl.camera), 8))
+    assert (off <= 0.5).mean() >= 0.98
+    every = pvibr.outline(mesh, pl.camera, hidden=True, size=SIZE)
+    assert cKDTree(mesh.points).query(every.points)[0].max() < 1e-6
+
+
+@pytest.mark.parametrize('width', [1, 2, 4, 9])
+def test_width_is_in_pixels(width):
+    pl = plotter(pv.Plane(), lighting=False)
+    pl.set_background('white')
+    pl.view_xy()
+    pl.enable_parallel_projection()
+    pl.camera.parallel_scale = 1.0  # a side is 120 pixels
+    pl.ibr.add(pvibr.Outline(width=width))
+    ink = 1 - shot(pl)[120, :, 0] / 255
+    assert ink.sum() == pytest.approx(2 * width, abs=0.02)
+
+
+def test_planes_have_no_lines_however_grazing():
+    pl = plotter(pv.Plane(i_size=40, j_size=40), lighting=False)
+    pl.camera_position = [(0, -15, 0.2), (0, 0, 0), (0, 0, 1)]
+    pl.camera.clipping_range = (0.1, 100)
+    pl.ibr.add(pvibr.Outline(color=RED, ids=False))
+    image = shot(pl)
+    assert red(image).any()
+    assert not red(image)[150:].any()
+
+
+def test_creases():
+    pl = plotter(pv.Cube(), ambient=1.0, diffuse=0.0)
+    outline = pl.ibr.add(pvibr.Outline(color=RED, depth=False))
+    inside = red(shot(pl))[110:130, 100:220].any()
+    outline.crease = 120
+    assert inside
+    assert not red(shot(pl))[110:130, 130:170].any()
+
+
+def test_luminance_of_a_flat_picture():
+    plane = pv.Plane(i_resolution=2, j_resolution=1)
+    plane['v'] = np.repeat([0.0, 0.5], plane.n_cells // 2)
+    pl = pv.Plotter(window_size=SIZE, lighting='none')
+    pl.disable_anti_aliasing()
+    pl.add_mesh(plane, scalars='v', cmap='gray', clim=(0, 1), show_scalar_bar=False)
+    pl.view_xy()
+    only = {'ids': False, 'depth': False, 'normal': False, 'luminance': True}
+    outline = pl.ibr.add(pvibr.Outline(color=RED, contrast=0.4, **only))
+    assert red(shot(pl))[110:130, 158:162].any()
+    outline.contrast = 0.6
+    assert not red(shot(pl))[110:130, 150:170].any()
+
+
+@pytest.mark.parametrize('hidden', ['absent', 'dashed'])
+def test_only_the_chosen_and_hidden_parts(hidden):
+    pl = plotter()
+    chosen = pl.add_mesh(pv.Sphere(center=(0, 1, 0)), color='white')
+    pl.add_mesh(pv.Cube(center=(0, 0, 0), x_length=0.6), color='white')
+    alone = pl.ibr.add(pvibr.Outline(actors=[chosen], color=RED, hidden=hidden, normal=False))
+    drawn = red(shot(pl))
+    pl.ibr.remove(alone)
+    cube = shot(pl)
+    pl.renderer.RemoveActor(pl.renderer.actors[next(reversed(pl.renderer.actors))])
+    pl.ibr.add(alone)
+    whole = red(shot(pl))
+    before = (np.abs(cube - shot_without(pl, alone)).max(2) > 0) & whole
+    assert before.sum() > 20
+    kept = (drawn & before).sum() / before.sum()
+    assert kept < 0.15 if hidden == 'absent' else 0.3 < kept < 0.75
+    assert (drawn & ~whole).sum() == 0, (drawn & ~whole).sum()
+
+
+def shot_without(pl, effect):
+    effect.enabled = False
+    image = shot(pl)
+    effect.enabled = True
+    return image
+
+
+def test_nothing_else_is_touched():
+    pl = plotter(pv.Sphere())
+    pl.add_text('text')
+    plain = shot(pl)
+    clear = pl.screenshot(transparent_background=True).astype(int)
+    outline = pl.ibr.add(pvibr.Outline(opacity=0))
+    np.testing.assert_array_equal(shot(pl), plain)
+    assert pl.ibr.report().rows[0].why == 'opacity is 0'
+    outline.opacity = 1.0
+    drawn = shot(pl)
+    changed = (drawn != plain).any(2)
+    assert 100 < changed.sum() < 0.05 * changed.size
+    again = pl.screenshot(transparent_background=True).astype(int)
+    outside = ~changed
+    np.testing.assert_array_equal(again[outside], clear[outside])
+    assert (again[changed][:, 3] > 0).all()
+    pl.ibr.remove(outline)
+    np.testing.assert_array_equal(shot(pl), plain)
+
+
+def test_instances_have_lines_and_ids():
+    pl = plotter()
+    trees = pl.ibr.add_instances(pv.Sphere(radius=0.2), [(0, 0, 0), (0.6, 0.3, 0)])
+    ball = pl.add_mesh(pv.Sphere(radius=0.2, center=(-0.6, 0, 0)))
+    pl.ibr.add(pvibr.Outline(actors=[trees], color=RED))
+    drawn = red(shot(pl))
+    ids = pl.ibr.buffer('id')
+    assert pl.ibr.buffer_objects == [ball, trees]
+    assert [(ids == k).sum() > 100 for k in (-1, 0, 1)] == [True] * 3
+    near = ids == 1
+    assert drawn.any()
+    assert drawn[~near].sum() < drawn.sum()
+    rows, columns = np.nonzero(drawn)
+    inside = np.stack(np.nonzero(near), 1)
+    assert cKDTree(inside).query(np.stack([rows, columns], 1))[0].max() <= 2
+
+
+def test_subplots_and_resize():
+    pl = pv.Plotter(shape=(1, 2), window_size=(200, 100), border=False)
+    for i in range(2):
+        pl.subplot(0, i)
+        pl.add_mesh(pv.Sphere())
+    plain = shot(pl)
+    pl.subplot(0, 1)
+    pl.ibr.add(pvibr.Outline(color=RED))
+    drawn = shot(pl)
+    np.testing.assert_array_equal(drawn[:, :100], plain[:, :100])
+    assert (drawn[:, 100:] != plain[:, 100:]).any()
+    pl.window_size = (240, 160)
+    assert red(shot(pl))[:, 120:].any()
+    assert pl.screenshot(scale=2).shape[:2] == (320, 480)
+
+
+def test_bad_input():
+    pl, other = plotter(pv.Sphere()), plotter(pv.Sphere())
+    with pytest.raises(TypeError, match='actors has 3'):
+        pvibr.Outline(actors=[3])
+    with pytest.raises(ValueError, match='not in this subplot'):
+        pl.ibr.add(pvibr.Outline(actors=list(other.renderer.actors.values())))
+    assert not pl.ibr.effects
+    with pytest.raises(ValueError, match=r'Outline\.width = 99'):
+        pvibr.Outline(width=99)
