@@ -305,6 +305,19 @@ class Casters:
         actors = tuple((address(a), a.GetRedrawMTime()) for a in self.actors)
         return actors, tuple((id(t), t.stamp()) for t in self.things)
 
+    def inherit(self, before):
+        """Take over what is known of the casters of another frame, where nothing changed.
+
+        Parameters
+        ----------
+        before : Casters or None
+            Of the frame before.
+        """
+        if before is not None and before.key() == self.key():
+            vars(self)['_thin'] = before._thin
+            if not before._thin:
+                vars(self)['_boxes'] = before._boxes
+
     def thin(self) -> bool:
         """Tell whether any actor draws points or lines."""
         return bool(self._thin)

@@ -124,6 +124,7 @@ class Shadows(Effect):
         self._volumes: Any = None
         self._seen: tuple = ()
         self._cast: set = set()
+        self._last: Casters | None = None
         self._drawn = 0
         self._most = 1
         super().__init__(**settings)
@@ -173,6 +174,8 @@ class Shadows(Effect):
             self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
         self._surfaces.update(self._things())
         casters = self._casters(frame)
+        casters.inherit(self._last)
+        self._last = casters
         self._cast = {address(a) for a in casters.actors}
         samplers = 1 + len(_VEILS) * bool(casters.translucent())
         self._most = max((texture_units(frame.window) - _MATERIAL) // samplers, 1)
@@ -355,7 +358,7 @@ class Shadows(Effect):
         for owner in (self._volumes, self._drawer):
             if owner is not None:
                 owner.release()
-        self._lights, self._drawer, self._volumes = [], None, None
+        self._lights, self._drawer, self._volumes, self._last = [], None, None, None
 
     def _without(self) -> list[str]:
         """Return what casts no shadow, by kind."""
