@@ -69,6 +69,7 @@ class Drawer:
         self._projection.DeepCopy(view.clip_from_view.ravel().tolist())
         camera.SetExplicitProjectionTransformMatrix(self._projection)
         camera.UseExplicitProjectionTransformMatrixOn()
+        camera.Modified()  # of a matrix that changes within, it takes no notice
 
     def _light(self):
         theirs, ours = self.renderer.GetLights(), self.inner.GetLights()
