@@ -1,0 +1,123 @@
+// Billboards that fill a subplot: what lies over the picture, and what lies behind the scene.
+// Inputs of all: color, the picture so far, whose alpha is how much of a pixel the scene covers;
+// part, the shares of the subplot that are drawn now (left, bottom, right, top: large screenshots
+// are drawn in tiles); size, the whole subplot in pixels. Further ones at each entry point.
+//@common
+uniform sampler2D color;
+uniform vec4 part;
+uniform vec2 size;
+vec2 place() { return mix(part.xy, part.zw, uv); }  // in the whole subplot, 0 to 1
+// A sheet over the picture: it also covers what is transparent.
+vec4 over(vec4 c, vec3 sheet, float cover) {
+  return vec4(mix(c.rgb, sheet, cover), mix(c.a, 1.0, cover));
+}
+
+//@vignette
+uniform vec3 tint;
+uniform vec2 center;
+uniform vec3 ring;  // radius and softness as shares of half the diagonal; intensity
+void main() {
+  vec4 c = texture(color, uv);
+  float far = length((place() - center) * size) / (0.5 * length(size));
+  float dark = ring.z * smoothstep(ring.x, ring.x + ring.y, far);
+  gl_FragData[0] = vec4(mix(c.rgb, tint, dark), c.a);
+}
+
+//@flash
+uniform vec3 tint;
+uniform float cover;
+void main() { gl_FragData[0] = over(texture(color, uv), tint, cover); }
+
+//@night_vision
+uniform vec3 tint;
+uniform vec3 tube;  // gain, grain, intensity
+uniform int moment;  // another one, another grain
+// Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 9(3), 2020: pcg.
+uint hashed(uint n) {
+  n = n * 747796405u + 2891336453u;
+  n = ((n >> ((n >> 28u) + 4u)) ^ n) * 277803737u;
+  return (n >> 22u) ^ n;
+}
+void main() {
+  vec4 c = texture(color, uv);
+  float y = dot(max(c.rgb, 0.0), vec3(0.2126, 0.7152, 0.0722));
+  float shine = (1.0 - exp(-tube.x * y)) / (1.0 - exp(-tube.x));
+  uvec2 pixel = uvec2(place() * size);
+  uint n = hashed(pixel.x + hashed(pixel.y + hashed(uint(moment))));
+  shine += tube.y * (float(n >> 8) / 16777216.0 - 0.5);
+  gl_FragData[0] = vec4(mix(c.rgb, tint * clamp(shine, 0.0, 1.0), tube.z), c.a);
+}
+
+//@iris
+uniform vec3 tint;
+uniform vec2 center;
+uniform vec2 reach;  // of the opening's inner circle; width of its edge; both in pixels
+uniform int shaped;
+uniform sampler2D shape;  // distance to its edge, inside > 0; 1 is the radius of its inner circle
+uniform vec4 scale;  // of that circle: the middle, and the radius along both sides
+void main() {
+  vec4 c = texture(color, uv);
+  vec2 p = (place() - center) * size;
+  float inside = reach.x - length(p);
+  if (shaped == 1) {
+    inside = textureLod(shape, scale.xy + scale.zw * p / max(reach.x, 1e-3), 0.0).r * reach.x;
+  }
+  float open = clamp((inside - 0.5 * reach.y) / reach.y + 0.5, 0.0, 1.0);
+  gl_FragData[0] = over(c, tint, 1.0 - open);
+}
+
+//@image
+uniform sampler2D image;
+uniform vec4 frame;  // where its edges are in the subplot
+uniform vec4 bounds;  // what of the subplot it may cover
+uniform float opacity;
+vec4 picture() {
+  vec2 at = place();
+  vec4 k = texture(image, (at - frame.xy) / (frame.zw - frame.xy));
+  vec2 low = max(frame.xy, bounds.xy), high = min(frame.zw, bounds.zw);
+  bool seen = all(greaterThanEqual(at, low)) && all(lessThanEqual(at, high));
+  return vec4(k.rgb, seen ? opacity * k.a : 0.0);
+}
+
+//@picture
+uniform int mode;
+void main() {
+  vec4 c = texture(color, uv);
+  vec4 k = picture();
+  vec3 light = k.rgb * k.a;
+  if (mode == 0) gl_FragData[0] = over(c, k.rgb, k.a);
+  else if (mode == 1) gl_FragData[0] = vec4(c.rgb + light, c.a);
+  else if (mode == 2) gl_FragData[0] = vec4(c.rgb * mix(vec3(1.0), k.rgb, k.a), c.a);
+  else gl_FragData[0] = vec4(c.rgb + light * max(1.0 - c.rgb, 0.0), c.a);
+}
+
+//@behind
+uniform vec3 low;  // the background that was there: below, above
+uniform vec3 high;
+// The scene was drawn on black: what shows through it is added, and alpha stays.
+vec4 behind(vec4 k) {
+  vec4 c = texture(color, uv);
+  return vec4(c.rgb + (1.0 - c.a) * mix(mix(low, high, place().y), k.rgb, k.a), c.a);
+}
+
+//@backdrop
+void main() { gl_FragData[0] = behind(picture()); }
+
+//@sky
+uniform mat3 sky_from_clip;  // of (x, y, 1) in what is drawn now: to a direction, z up
+uniform vec3 top;
+uniform vec3 horizon;
+uniform vec3 bottom;
+uniform vec2 amount;  // opacity, strength
+uniform int painted;
+uniform sampler2D panorama;
+void main() {
+  vec3 to = normalize(sky_from_clip * vec3(2.0 * uv - 1.0, 1.0));
+  float rise = asin(clamp(to.z, -1.0, 1.0)) / 1.5707963;
+  vec3 k = mix(horizon, rise > 0.0 ? top : bottom, abs(rise));
+  if (painted == 1) {
+    vec2 at = vec2(0.5 - atan(to.y, to.x) / 6.2831853, 0.5 + 0.5 * rise);
+    k = textureLod(panorama, at, 0.0).rgb;
+  }
+  gl_FragData[0] = behind(vec4(amount.y * k, amount.x));
+}
