@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import pyvista as pv
-from PIL import Image, ImageDraw
 from scipy.spatial import cKDTree
 
 import pvibr
+from pvibr.bench.effects_outline import MESHES, agreement, contour
 from pvibr.maths.cameras import as_camera
 
 SIZE = (320, 240)
 RED = (1.0, 0.0, 0.0)
-# As fine as a silhouette that is known to a part of a pixel asks for.
-MESHES = {
-    'ball': pv.Sphere(theta_resolution=120, phi_resolution=120),
-    'box': pv.Cube().rotate_z(20),
-    'cone': pv.Cone(resolution=120).rotate_y(30),
-    'torus': pv.ParametricTorus(ringradius=0.5, crosssectionradius=0.2).triangulate(),
-    'knot': pv.ParametricFigure8Klein().scale(0.15).triangulate(),
-}
 
 
 def plotter(*meshes, **look):
@@ -55,41 +49,11 @@ def contours(mesh, camera, size=SIZE):
         i += 1 + lines[i]
         uv, _ = calibrated.project(points[ids])
         xy = uv * size
-        for a, b in zip(xy[:-1], xy[1:], strict=True):
+        for a, b in pairwise(xy):
             n = int(np.linalg.norm(b - a) / 0.3) + 2
             places.append(a + np.linspace(0, 1, n)[:, None] * (b - a))
     places = np.concatenate(places)
     return np.stack([places[:, 0], size[1] - places[:, 1]], 1)
-
-
-def covered(mesh, camera, scale=8):
-    """Which of many places in each pixel the mesh covers, by triangles in float64."""
-    camera = as_camera(camera, SIZE)
-    uv, _ = camera.project(np.asarray(mesh.points, float))
-    xy = uv * SIZE * scale
-    image = Image.new('1', (SIZE[0] * scale, SIZE[1] * scale))
-    draw = ImageDraw.Draw(image)
-    for face in mesh.triangulate().regular_faces:
-        draw.polygon([tuple(p) for p in xy[face]], fill=1)
-    return np.asarray(image)[::-1]
-
-
-def border(mask, scale):
-    """Middles of what separates inside and outside, in pixels from the upper left."""
-    rows, columns = np.nonzero(mask[:, 1:] != mask[:, :-1])
-    beside = np.stack([columns + 1.0, rows + 0.5], 1)
-    rows, columns = np.nonzero(mask[1:] != mask[:-1])
-    above = np.stack([columns + 0.5, rows + 1.0], 1)
-    return np.concatenate([beside, above]) / scale
-
-
-def agreement(drawn, places):
-    """Precision and recall of pixels against places, one pixel off at most."""
-    rows, columns = np.nonzero(drawn)
-    pixels = np.stack([columns + 0.5, rows + 0.5], 1)
-    precision = (cKDTree(places).query(pixels)[0] <= 1).mean()
-    recall = (cKDTree(pixels).query(places)[0] <= 1).mean()
-    return precision, recall
 
 
 @pytest.mark.parametrize('name', MESHES)
@@ -98,7 +62,7 @@ def test_it_is_where_the_silhouette_is(name):
     pl = plotter(mesh, lighting=False)
     pl.ibr.add(pvibr.Outline(width=2, color=RED, depth=False, normal=False))
     drawn = red(shot(pl))
-    precision, recall = agreement(drawn, border(covered(mesh, pl.camera), 8))
+    precision, recall = agreement(drawn, contour(mesh, pl.camera, SIZE))
     assert precision >= 0.95
     assert recall >= 0.95
 
@@ -119,7 +83,7 @@ def test_polylines_are_around_what_is_covered(name):
     mesh = MESHES[name].triangulate()
     pl = plotter(mesh)
     places = contours(mesh, pl.camera)
-    off, _ = cKDTree(places).query(border(covered(mesh, pl.camera), 8))
+    off, _ = cKDTree(places).query(contour(mesh, pl.camera, SIZE))
     assert (off <= 0.5).mean() >= 0.98
     every = pvibr.outline(mesh, pl.camera, hidden=True, size=SIZE)
     assert cKDTree(mesh.points).query(every.points)[0].max() < 1e-6

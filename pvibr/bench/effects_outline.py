@@ -1,0 +1,160 @@
+"""Outlines: where they are against the silhouette, and what they cost."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.bench.rows import Row
+from pvibr.effect import Effect
+from pvibr.effects.outline import Outline
+from pvibr.gl import Quad
+from pvibr.maths.cameras import as_camera
+
+# As fine as a silhouette that is known to a part of a pixel asks for.
+MESHES = {
+    'ball': pv.Sphere(theta_resolution=120, phi_resolution=120),
+    'box': pv.Cube().rotate_z(20),
+    'cone': pv.Cone(resolution=120).rotate_y(30),
+    'torus': pv.ParametricTorus(ringradius=0.5, crosssectionradius=0.2).triangulate(),
+    'knot': pv.ParametricFigure8Klein().scale(0.15).triangulate(),
+}
+VIEW = [(1.4, -2.2, 1.5), (0, 0, 0), (0, 0, 1)]
+_FINE = 8  # places along a side of a pixel
+
+
+def contour(mesh, camera, size) -> np.ndarray:
+    """Return places on the silhouette of a mesh, by its triangles projected in float64.
+
+    Parameters
+    ----------
+    mesh : pyvista.PolyData
+        In front of the camera.
+    camera : pyvista.Camera
+        Where from.
+    size : tuple of 2 int
+        Pixels.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 2)
+        Pixels from the upper left corner, known to an eighth.
+    """
+    from PIL import Image, ImageDraw
+
+    uv, _ = as_camera(camera, size).project(np.asarray(mesh.points, float))
+    image = Image.new('1', (size[0] * _FINE, size[1] * _FINE))
+    draw = ImageDraw.Draw(image)
+    for face in (uv * size * _FINE)[mesh.triangulate().regular_faces]:
+        draw.polygon([tuple(p) for p in face.tolist()], fill=1)
+    mask = np.asarray(image)[::-1]
+    y, x = np.nonzero(mask[:, 1:] != mask[:, :-1])
+    beside = np.stack([x + 1.0, y + 0.5], 1)
+    y, x = np.nonzero(mask[1:] != mask[:-1])
+    return np.concatenate([beside, np.stack([x + 0.5, y + 1.0], 1)]) / _FINE
+
+
+def agreement(drawn, places) -> tuple[float, float]:
+    """Return precision and recall of pixels, at most one off.
+
+    Parameters
+    ----------
+    drawn : numpy.ndarray, shape (h, w), bool
+        Pixels that have a line.
+    places : numpy.ndarray, shape (n, 2)
+        Where lines ought to be, pixels from the upper left corner.
+
+    Returns
+    -------
+    tuple of 2 float
+        The share of pixels at such a place, and of places at such a pixel.
+    """
+    from scipy.spatial import cKDTree
+
+    pixels = np.argwhere(drawn)[:, ::-1] + 0.5
+    precision = (cKDTree(places).query(pixels)[0] <= 1).mean()
+    return float(precision), float((cKDTree(pixels).query(places)[0] <= 1).mean())
+
+
+def silhouettes(size=(1280, 720)) -> list[Row]:
+    """Return precision and recall of lines of the default width, half covered pixels and more.
+
+    Parameters
+    ----------
+    size : tuple of 2 int
+        Pixels.
+    """
+    rows = []
+    for name, mesh in MESHES.items():
+        pl = pv.Plotter(off_screen=True, window_size=size)
+        pl.disable_anti_aliasing()
+        pl.set_background('white')
+        pl.add_mesh(mesh, color='white', lighting=False)
+        pl.camera_position = VIEW
+        pl.ibr.add(Outline(depth=False, normal=False))
+        found = agreement(pl.screenshot()[..., 0] < 128, contour(mesh, pl.camera, size))
+        for what, value in zip(('precision', 'recall'), found, strict=True):
+            rows.append(Row(f'outline: {what}, {name}', value, '', 0.95, at_least=True))
+        pl.close()
+    return rows
+
+
+class _Nothing(Effect):
+    """Has the picture taken off the window, and leaves it."""
+
+    def render(self, frame, picture):
+        pass
+
+
+class _Copy(Effect):
+    """One full-screen copy: what others are measured in."""
+
+    quad: Any = None
+
+    def render(self, frame, picture):
+        if self.quad is None:
+            text = 'uniform sampler2D c; void main() { gl_FragData[0] = texture(c, uv); }'
+            self.quad = Quad(frame.window, text, 'copy')
+        with picture.drawing():
+            self.quad.draw(textures={'c': picture.color})
+
+    def release(self):
+        if self.quad is not None:
+            self.quad.release()
+            self.quad = None
+
+
+def times(size=(1280, 720), repeats=9) -> list[Row]:
+    """Return what outlines cost of a frame, in ms, beside one full-screen copy.
+
+    Parameters
+    ----------
+    size : tuple of 2 int
+        Pixels.
+    repeats : int
+        Frames of each, in turns; the fastest counts.
+    """
+    only = {'ids': False, 'depth': False, 'normal': False, 'luminance': True}
+    pl = pv.Plotter(off_screen=True, window_size=size)
+    pl.disable_anti_aliasing()
+    pl.add_mesh(MESHES['torus'], smooth_shading=True)
+    effects = {'copy': _Copy(), 'all edges': Outline(), 'luminance': Outline(**only)}
+    effects |= {f'{w} px': Outline(width=w) for w in (4, 8)}
+    pl.ibr.add(_Nothing())
+    for effect in effects.values():
+        pl.ibr.add(effect)
+    pl.show(auto_close=False)
+    best = dict.fromkeys(['base', *effects], np.inf)
+    for _ in range(repeats):
+        for name in best:
+            for other, effect in effects.items():
+                effect.enabled = other == name
+            start = time.perf_counter()
+            pl.render_window.Render()
+            pl.render_window.WaitForCompletion()
+            best[name] = min(best[name], time.perf_counter() - start)
+    pl.close()
+    return [Row(f'outline: {n}', 1e3 * (best[n] - best['base']), 'ms') for n in effects]
