@@ -147,14 +147,15 @@ def times(size=(1280, 720), repeats=9) -> list[Row]:
     for effect in effects.values():
         pl.ibr.add(effect)
     pl.show(auto_close=False)
+    window: Any = pl.render_window
     best = dict.fromkeys(['base', *effects], np.inf)
     for _ in range(repeats):
         for name in best:
             for other, effect in effects.items():
                 effect.enabled = other == name
             start = time.perf_counter()
-            pl.render_window.Render()
-            pl.render_window.WaitForCompletion()
+            window.Render()
+            window.WaitForCompletion()
             best[name] = min(best[name], time.perf_counter() - start)
     pl.close()
     return [Row(f'outline: {n}', 1e3 * (best[n] - best['base']), 'ms') for n in effects]

@@ -107,8 +107,23 @@ void main()
   gl_FragData[0] = vec4(found, 1.0);
 }
 
+//@tiles
+// Whether there is anything in each square of SIDE pixels.
+uniform sampler2D edges;
+uniform vec2 tiles;
+void main()
+{
+  ivec2 first = ivec2(uv * tiles) * SIDE, last = textureSize(edges, 0) - 1;
+  vec3 found = vec3(0.0);
+  for (int j = 0; j < SIDE; ++j)
+    for (int i = 0; i < SIDE; ++i)
+      found = max(found, texelFetch(edges, min(first + ivec2(i, j), last), 0).rgb);
+  gl_FragData[0] = vec4(found, 1.0);
+}
+
 //@lines
 uniform sampler2D edges;
+uniform sampler2D squares;   // of SIDE pixels: whether there is anything in them
 uniform sampler2D color;
 uniform float width;
 uniform float dash;
@@ -126,6 +141,12 @@ void main()
   bool drawn = fract((gl_FragCoord.x + gl_FragCoord.y) / (2.0 * dash)) < 0.5;
   float least = drawn ? 0.25 : 0.75;
   float near = 1e6;
+  // As far as a line reaches there are no more than two squares along an axis.
+  ivec2 low = max(p - REACH, ivec2(0)) / SIDE, high = min(p + REACH, last) / SIDE;
+  vec3 any = texelFetch(squares, low, 0).rgb + texelFetch(squares, high, 0).rgb
+    + texelFetch(squares, ivec2(low.x, high.y), 0).rgb
+    + texelFetch(squares, ivec2(high.x, low.y), 0).rgb;
+  if (any != vec3(0.0))
   for (int j = -REACH; j <= REACH; ++j)
     for (int i = -REACH; i <= REACH; ++i)
     {

@@ -73,6 +73,7 @@ class Outline(Effect):
         self._actors = _checked(actors)
         self._geometry: Any = None
         self._target: Any = None
+        self._coarse: Any = None
         self._quads: dict = {}
         super().__init__(**settings)
 
@@ -128,16 +129,17 @@ class Outline(Effect):
             Its pixels.
         """
         edges = self._edges(frame, picture)
+        squares = self._squares(frame.window, edges)
         with picture.drawing():
             if self.debug:
                 quad = self._quad(frame.window, 'shown', _SHOWN)
                 quad.draw(textures={'edges': edges})
                 return
             reach = max(1, math.ceil(self.width / 2))
-            lines = f'#define REACH {reach}\n{_TEXTS["lines"]}'
+            lines = f'#define REACH {reach}\n{_SIDE}{_TEXTS["lines"]}'
             self._quad(frame.window, f'lines {reach}', lines).draw(
                 {'width': self.width, 'dash': self.dash, 'ink': (*self.color, self.opacity)},
-                {'edges': edges, 'color': picture.color},
+                {'edges': edges, 'squares': squares, 'color': picture.color},
             )
 
     def _edges(self, frame, picture):
@@ -147,12 +149,21 @@ class Outline(Effect):
         if self._asks_surfaces:
             geometry = self._drawn(frame, picture.size)
             textures |= {'surface': geometry.surface, 'depth': geometry.depth}
-        target = self._sized_target(frame.window, picture.size)
+        self._target = target = _sized(self._target, frame.window, picture.size)
         with target.drawing():
             self._quad(frame.window, 'edges', _TEXTS['edges']).draw(
                 self._uniforms(frame), textures
             )
         return target.colors[0]
+
+    def _squares(self, window, edges):
+        """Draw which squares have edges and return their texture."""
+        size = tuple(-(-n // _SQUARE) for n in edges.size)
+        self._coarse = _sized(self._coarse, window, size)
+        with self._coarse.drawing():
+            quad = self._quad(window, 'tiles', f'{_SIDE}{_TEXTS["tiles"]}')
+            quad.draw({'tiles': tuple(map(float, size))}, {'edges': edges})
+        return self._coarse.colors[0]
 
     def _drawn(self, frame, size):
         if self._actors is None:
@@ -180,13 +191,6 @@ class Outline(Effect):
             'lens': lens,
         }
 
-    def _sized_target(self, window, size):
-        if self._target is None or (self._target.width, self._target.height) != tuple(size):
-            if self._target is not None:
-                self._target.release()
-            self._target = Target(window, *size, filter='nearest')
-        return self._target
-
     def _quad(self, window, name, text):
         if name not in self._quads:
             self._quads[name] = Quad(window, text, f'outline.glsl, {name}')
@@ -194,20 +198,31 @@ class Outline(Effect):
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
-        for owner in (self._geometry, self._target, *self._quads.values()):
+        for owner in (self._geometry, self._target, self._coarse, *self._quads.values()):
             if owner is not None:
                 owner.release()
-        self._geometry = self._target = None
+        self._geometry = self._target = self._coarse = None
         self._quads = {}
 
     def report(self) -> dict:
         """Return the bytes that it holds on the GPU."""
-        held = [owner for owner in (self._geometry, self._target) if owner is not None]
-        return {'bytes': sum(owner.nbytes for owner in held)}
+        owners = self._geometry, self._target, self._coarse
+        return {'bytes': sum(owner.nbytes for owner in owners if owner is not None)}
 
 
+_SQUARE = 16  # pixels; as wide as the widest line, so that lines reach into two
+_SIDE = f'#define SIDE {_SQUARE}\n'
 _TEXTS = sections(shader_source(__file__))
 _SHOWN = 'uniform sampler2D edges; void main() { gl_FragData[0] = texture(edges, uv); }'
+
+
+def _sized(target, window, size) -> Target:
+    """Return a target of a size: the given one where it has it."""
+    if target is not None and (target.width, target.height) == tuple(size):
+        return target
+    if target is not None:
+        target.release()
+    return Target(window, size[0], size[1], filter='nearest')
 
 
 def _checked(actors) -> list | None:

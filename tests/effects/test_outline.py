@@ -222,3 +222,16 @@ def test_bad_input():
     assert not pl.ibr.effects
     with pytest.raises(ValueError, match=r'Outline\.width = 99'):
         pvibr.Outline(width=99)
+
+
+def test_added_again_and_debug():
+    pl = plotter(pv.Sphere())
+    outline = pl.ibr.add(pvibr.Outline(color=RED))
+    first = shot(pl)
+    pl.ibr.remove(outline)
+    pl.ibr.add(outline)
+    np.testing.assert_array_equal(shot(pl), first)
+    outline.debug = 'edges'
+    edges = shot(pl)
+    assert (edges.max(2) == 255).sum() < 0.05 * edges[..., 0].size
+    assert not edges[..., 2].any()
