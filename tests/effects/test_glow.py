@@ -176,3 +176,35 @@ def test_trails_outlast_what_made_them():
     actor.visibility = False
     pl.ibr.time = 0.5
     assert grab(pl)[..., 0].max() == pytest.approx(255 / np.e, abs=2)
+
+
+# ------------------------------------------------ beside others
+
+BESIDE = {
+    'ssao': lambda pl: pl.enable_ssao(),
+    'edl': lambda pl: pl.enable_eye_dome_lighting(),
+    'shadows': lambda pl: pl.enable_shadows(),
+    'peeling': lambda pl: pl.enable_depth_peeling(),
+    'ssaa': lambda pl: pl.enable_anti_aliasing('ssaa'),
+    'volume': lambda pl: pl.add_volume(pv.Wavelet(), show_scalar_bar=False),
+}
+
+
+@pytest.mark.parametrize('high', [False, True])
+@pytest.mark.parametrize('name', BESIDE)
+def test_beside_what_plotters_enable(name, high):
+    pl, actors = lamps()
+    for actor in pl.actors.values():
+        actor.prop.lighting = True  # VTK's shadows do not compile on what is not lit
+    BESIDE[name](pl)
+    before = grab(pl)
+    bloom = pl.ibr.add(pvibr.Bloom(threshold=0.9, high_range=high))
+    glow = pl.ibr.add(pvibr.Glow(actors[1]))
+    trail = pl.ibr.add(pvibr.Afterglow(actors[0]))
+    lit = grab(pl)
+    assert all(e.enabled for e in (bloom, glow, trail))
+    for effect in (bloom, glow, trail):
+        pl.ibr.remove(effect)
+    if name != 'volume':
+        assert (lit != before).any()
+    assert np.abs(grab(pl) - before).max() <= 1
