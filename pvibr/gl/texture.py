@@ -10,6 +10,7 @@ _VTK_TYPES = {'uint8': 'VTK_UNSIGNED_CHAR', 'uint16': 'VTK_UNSIGNED_SHORT', 'flo
 # GL's sized formats of a render target: what VTK does not choose by itself from a data type.
 _FORMATS = {
     'rgba8': (None, 'VTK_UNSIGNED_CHAR', 4),
+    'rgb8': (None, 'VTK_UNSIGNED_CHAR', 3),
     'rgba16f': (0x881A, 'VTK_FLOAT', 4),
     'rgba32f': (0x8814, 'VTK_FLOAT', 4),
     'rg32f': (0x8230, 'VTK_FLOAT', 2),
@@ -18,7 +19,7 @@ _FORMATS = {
 # The last unit that core profile 3.2 has for certain: VTK hands out the first ones.
 _FIRST_UNIT, _SPARE_UNIT = 0x84C0, 47
 _FRAGMENT_UNITS = 0x8872  # GL_MAX_TEXTURE_IMAGE_UNITS
-_BYTES = {'rgba8': 4, 'rgba16f': 8, 'rgba32f': 16, 'rg32f': 8, 'r32f': 4, 'depth32f': 4}
+_BYTES = {'rgba8': 4, 'rgb8': 3, 'rgba16f': 8, 'rgba32f': 16, 'rg32f': 8, 'r32f': 4, 'depth32f': 4}
 
 
 def texture_limit(window) -> int:

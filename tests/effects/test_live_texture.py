@@ -1,0 +1,194 @@
+"""Live textures: the picture that the camera would take, drawn only when it changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import pvibr
+
+SIZE = (128, 96)
+
+
+def camera(position=(4, -3, 3)):
+    found = pv.Camera()
+    found.position, found.focal_point, found.up = position, (0, 0, 0), (0, 0, 1)
+    return found
+
+
+def plotter(**kwargs):
+    pl = pv.Plotter(**({'window_size': SIZE} | kwargs))
+    pl.disable_anti_aliasing()
+    pl.set_background('#203040')
+    return pl
+
+
+def scene(pl):
+    ball = pl.add_mesh(pv.Sphere(), color='red', smooth_shading=True)
+    box = pv.Cube(center=(0.4, 0.7, 0.2), x_length=0.6, y_length=0.6, z_length=0.6)
+    pl.add_mesh(box, color='lime', opacity=0.5)
+    return ball
+
+
+def screen(pl, live, center=(0.0, 0.0, 9.0), side=2.0):
+    """A plate that faces up and fills a view from above."""
+    plate = pv.Plane(center=center, i_size=side, j_size=side * SIZE[1] / SIZE[0])
+    actor = pl.add_mesh(plate, color='white', lighting=False)
+    actor.texture = live.texture
+    return actor
+
+
+def look_down(pl, height, side=2.0):
+    pl.camera.position, pl.camera.focal_point = (0, 0, height), (0, 0, 0)
+    pl.camera.up, pl.camera.parallel_projection = (0, 1, 0), True
+    pl.camera.parallel_scale = side / 2 * SIZE[1] / SIZE[0]
+    pl.camera.clipping_range = (0.5, 30)
+
+
+def shot(pl):
+    pl.render_window.Render()
+    return np.asarray(pl.screenshot(return_img=True)).astype(int)
+
+
+def worn(**settings):
+    """Return a plotter whose window is filled by a live texture of a scene."""
+    pl = plotter()
+    ball = scene(pl)
+    seen = list(pl.actors.values())
+    live = pl.ibr.add(pvibr.LiveTexture(camera(), actors=seen, size=SIZE, **settings))
+    screen(pl, live)
+    look_down(pl, 12)
+    pl.show(auto_close=False)
+    return pl, live, ball
+
+
+def test_it_is_what_the_camera_sees():
+    pl, _, _ = worn()
+    found = shot(pl)
+    other = plotter()
+    scene(other)
+    other.camera = camera()
+    other.renderer.ResetCameraClippingRange()
+    other.show(auto_close=False)
+    expected = shot(other)
+    off = np.abs(found - expected).max(axis=2)
+    assert np.median(off) <= 1
+    assert off.mean() < 3  # edges are smooth in one of them
+    assert (found[..., 0] > 150).mean() == pytest.approx((expected[..., 0] > 150).mean(), abs=0.01)
+
+
+def test_it_is_drawn_only_when_something_changed():
+    pl, live, ball = worn()
+    for _ in range(2):
+        pl.render()
+    draws, before = live.draws, shot(pl)
+    pl.camera.position = (0, 0, 12.5)  # not seen by the other camera
+    shot(pl)
+    assert live.draws == draws
+    ball.position = (0, -0.5, 0)
+    moved = shot(pl)
+    assert live.draws == draws + 1
+    assert np.abs(moved - before).max() > 50
+    live.camera.position = (5, 0, 1)
+    assert np.abs(shot(pl) - moved).max() > 50
+    assert live.draws == draws + 2
+    live.background = (1, 1, 0, 1)
+    assert (shot(pl) == [255, 255, 0]).all(axis=2).mean() > 0.3
+    ball.prop.color = 'blue'
+    assert (shot(pl)[..., 2] > 150).mean() > 0.02
+
+
+def test_depth_is_white_near():
+    pl, _, _ = worn(what='depth')
+    found = shot(pl)
+    assert (found[..., 0] == found[..., 1]).all()
+    assert found[0, 0].tolist() == [0, 0, 0]
+    assert found[40:56, 56:72].min() > 60
+    assert found.max() <= 255
+
+
+def test_one_live_texture_in_another_and_in_itself_settle():
+    pl = plotter()
+    scene(pl)
+    lives = [
+        pl.ibr.add(pvibr.LiveTexture(camera(p), size=(64, 48))) for p in [(4, -3, 3), (-4, -3, 3)]
+    ]
+    for k, live in enumerate(lives):
+        screen(pl, live, center=(2.0 * k - 1, 1.5, 0.5), side=1.0)
+    pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, -6, 4), (0, 0, 0), (0, 0, 1)
+    pl.show(auto_close=False)
+    for _ in range(3):
+        shot(pl)
+    draws, one = [live.draws for live in lives], shot(pl)
+    assert np.array_equal(shot(pl), one)
+    assert [live.draws for live in lives] == draws
+
+
+def test_a_mirror_shows_what_a_twin_behind_it_would():
+    def make(mirrored):
+        pl = plotter(window_size=(300, 200))
+        ball = pv.Sphere(radius=0.5, center=(0.4, 0.0, 0.3))
+        cone = pv.Cone(center=(-0.6, -0.2, 0), direction=(0, 0, 1), resolution=24)
+        for mesh, color in ((ball, 'red'), (cone, 'gold')):
+            looks = {'color': color, 'lighting': False}
+            real = pl.add_mesh(mesh, **looks)
+            if not mirrored:
+                real.visibility = False
+                twin = mesh.copy()
+                twin.points = twin.points * [1, -1, 1] + [0, 4, 0]
+                pl.add_mesh(twin, **looks)
+        if mirrored:
+            live = pl.ibr.add(pvibr.Mirror((-3, 2, -2), (6, 0, 0), (0, 0, 4)))
+            plate = pv.Plane(center=(0, 2, 0), direction=(0, -1, 0), i_size=4, j_size=6)
+            uv = (plate.points[:, [0, 2]] - [-3, -2]) / [6, 4]
+            plate.active_texture_coordinates = uv.astype(np.float32)
+            pl.add_mesh(plate, lighting=False, color='white').texture = live.texture
+            assert 'Mirror' in repr(live.name)
+        # From between, so that what is mirrored is not in the way.
+        pl.camera.position, pl.camera.focal_point = (0.3, 1.0, 1.0), (0, 2.5, 0.5)
+        pl.camera.up, pl.camera.view_angle = (0, 0, 1), 60
+        pl.camera.clipping_range = (0.1, 20)
+        pl.show(auto_close=False)
+        return shot(pl)
+
+    mirror, twin = make(True), make(False)
+    seen = (twin != twin[0, 0]).any(axis=2)
+    assert 0.02 < seen.mean() < 0.6
+    off = np.abs(mirror - twin).max(axis=2)
+    assert (off > 60).mean() < 0.1 * seen.mean()
+
+
+def test_instances_are_seen_too():
+    pl = plotter()
+    trees = pl.ibr.add_instances(pv.Sphere(radius=0.4), [[0, 0, 0], [1, 0, 0]], color='lime')
+    live = pl.ibr.add(pvibr.LiveTexture(camera(), actors=[trees], size=SIZE))
+    screen(pl, live)
+    look_down(pl, 12)
+    pl.show(auto_close=False)
+    found = shot(pl)
+    assert (found[..., 1] > 100).mean() > 0.03
+
+
+def test_removed_and_added_again():
+    pl, live, _ = worn()
+    on = shot(pl)
+    pl.ibr.remove(live)
+    shot(pl)
+    pl.ibr.add(live)
+    assert np.array_equal(shot(pl), on)
+
+
+@pytest.mark.parametrize('size', [(0, 4), (4,), 'big', (4.5, 4)])
+def test_bad_sizes(size):
+    with pytest.raises(ValueError, match='size = '):
+        pvibr.LiveTexture(camera(), size=size)
+
+
+def test_bad_arguments():
+    with pytest.raises((TypeError, ValueError), match='camera'):
+        pvibr.LiveTexture('left')
+    with pytest.raises(ValueError, match='right angle'):
+        pvibr.Mirror((0, 0, 0), (1, 0, 0), (1, 1, 0))
+    with pytest.raises(ValueError, match='what'):
+        pvibr.LiveTexture(camera(), what='heat')
