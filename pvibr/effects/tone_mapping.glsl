@@ -39,7 +39,8 @@ uniform sampler2D color;
 uniform float stops;
 uniform float white;
 uniform float intensity;
-uniform int curve;  // the place in maths/tones.py: CURVES
+// Defined, so that a program has no more than it needs: CURVE, the place in maths/tones.py: CURVES;
+// EXPOSED, 0 where stops is 0.
 
 vec3 faithful(vec3 c) {
   c = max(c, 0.0);
@@ -88,14 +89,14 @@ vec3 neutral(vec3 c) {
 void main() {
   vec4 found = texture(color, uv);
   vec3 c = found.rgb;
-  if (curve == 0) {
-    c = faithful(stops == 0.0 ? c : to_display(to_light(c) * exp2(stops)));
+  if (CURVE == 0) {
+    c = faithful(EXPOSED == 0 ? c : to_display(to_light(c) * exp2(stops)));
   } else {
     c = to_light(c) * exp2(stops);
-    if (curve == 3) {
+    if (CURVE == 3) {
       c = clamp(agx(c), 0.0, 1.0);
     } else {
-      c = curve == 1 ? reinhard(c) : curve == 2 ? aces(c) : neutral(c);
+      c = CURVE == 1 ? reinhard(c) : CURVE == 2 ? aces(c) : neutral(c);
       c = to_display(clamp(c, 0.0, 1.0));
     }
   }

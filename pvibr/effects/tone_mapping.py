@@ -103,10 +103,12 @@ class ToneMapping(Effect):
             'stops': self.stops,
             'white': self.white,
             'intensity': self.intensity,
-            'curve': CURVES.index(self.curve),
         }
+        head = (
+            f'#define CURVE {CURVES.index(self.curve)}\n#define EXPOSED {int(self.stops != 0)}\n'
+        )
         with picture.drawing():
-            self._quad(frame.window, 'map').draw(uniforms, {'color': picture.color})
+            self._quad(frame.window, 'map', head).draw(uniforms, {'color': picture.color})
 
     def _wanted(self, window, picture):
         """Return the stops that bring the picture to middle grey."""
@@ -135,11 +137,12 @@ class ToneMapping(Effect):
         """Forget what the exposure was: the next frame is exposed at once, as after a cut."""
         self._before = self._now = None
 
-    def _quad(self, window, name):
-        if name not in self._quads:
+    def _quad(self, window, name, head=''):
+        if head + name not in self._quads:
             parts = sections(shader_source(__file__))
-            self._quads[name] = Quad(window, parts['light'] + parts[name], f'tone_mapping {name}')
-        return self._quads[name]
+            code = head + parts['light'] + parts[name]
+            self._quads[head + name] = Quad(window, code, f'tone_mapping {name}')
+        return self._quads[head + name]
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
