@@ -89,7 +89,7 @@ def silhouettes(size=(1280, 720)) -> list[Row]:
     """
     rows = []
     for name, mesh in MESHES.items():
-        pl = pv.Plotter(off_screen=True, window_size=size)
+        pl: Any = pv.Plotter(off_screen=True, window_size=size)
         pl.disable_anti_aliasing()
         pl.set_background('white')
         pl.add_mesh(mesh, color='white', lighting=False)
