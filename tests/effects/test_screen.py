@@ -341,3 +341,31 @@ def test_any_window(pl):
         pl.window_size = size
         assert shot(pl).shape[:2] == size[::-1]
     assert all(r.state == 'ran' for r in pl.ibr.report().rows)
+
+
+def test_behind_a_volume(pl):
+    pl.clear()
+    grid = pv.ImageData(dimensions=(12, 12, 12))
+    grid['v'] = np.linalg.norm(grid.points - 5.5, axis=1)
+    pl.add_volume(grid, opacity=[0.4, 0.1, 0, 0], show_scalar_bar=False)
+    pl.reset_camera()
+    pl.set_background((1.0, 1.0, 0.2))
+    before = shot(pl)
+    pl.set_background('purple')
+    pl.ibr.add(Backdrop(np.full((4, 4, 3), [255, 255, 51], np.uint8), fit='stretch'))
+    assert np.ptp(before) > 50
+    assert np.abs(shot(pl) - before).max() <= 1
+
+
+def test_tiles_of_subplots_show_the_same():
+    pl = pv.Plotter(shape=(1, 2), window_size=(200, 80), border=False)
+    for i in range(2):
+        pl.subplot(0, i)
+        pl.disable_anti_aliasing()
+        pl.add_mesh(pv.Sphere(), color='tan')
+        for effect in (Sky(), Vignette(intensity=1), Iris(opening=0.8)):
+            pl.ibr.add(effect)
+    pl.show(auto_close=False)
+    small, large = shot(pl), shot(pl, scale=2)
+    large = large.reshape(80, 2, 200, 2, 3).mean(axis=(1, 3))
+    assert np.abs(large - small).mean() < 2
