@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -53,13 +55,14 @@ def bloom_times(size=(1280, 720), rounds=15, **settings) -> dict:
         stand = _Stand(window, array.astype(np.uint8))
         copy = Quad(window, _COPY, 'copy')
         blooms = {'bloom': Bloom(**settings), 'dark': Bloom(**(settings | {'threshold': 2.0}))}
-        jobs = {n: lambda b=b: b.render(stand, stand) for n, b in blooms.items()}
-        jobs['copy'] = lambda: _copy(stand, copy)
+        jobs = {n: partial(b.render, stand, stand) for n, b in blooms.items()}
+        jobs['copy'] = partial(_copy, stand, copy)
         best = dict.fromkeys(jobs, np.inf)
         for _ in range(rounds):
             for name, job in jobs.items():
                 best[name] = min(best[name], _seconds(window, job))
-        for owner in (stand, copy, *blooms.values()):
+        owners: list[Any] = [stand, copy, *blooms.values()]
+        for owner in owners:
             owner.release()
     copied = best.pop('copy')
     return {'copy_ms': 1e3 * copied} | {n: s / copied for n, s in best.items()}
