@@ -39,7 +39,9 @@ class LiveTexture(Effect):
     ``actor.texture = live.texture`` has a mesh wear it; the mesh needs texture coordinates. In
     its picture other live textures are seen, and itself too, each as it is without any. Points
     and lines are as wide there, in pixels, as in the window. It has no mip levels: from far away
-    it may flicker. Volumes and annotations are left out. Effects on pixels are not in it.
+    it may flicker. Volumes and annotations are left out. Effects on pixels are not in it. Lights
+    that go with the subplot's camera go with this one instead. Where the background's alpha is
+    below 1, whatever wears it is translucent.
 
     Parameters
     ----------
