@@ -222,6 +222,20 @@ def projection(*, out: _Folder = Path('out'), quick: bool = False) -> None:
     _measure('projection', out, quick)
 
 
+@bench.command
+def effects(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+    """Measure what image effects cost, and their error.
+
+    Parameters
+    ----------
+    out
+        Folder for the table (JSON) and the plot (PNG).
+    quick
+        Measure a few points only, to see that the bench runs.
+    """
+    _measure('effects', out, quick)
+
+
 def _measure(name, out, quick):
     from pvibr.bench import main
 

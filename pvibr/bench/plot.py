@@ -91,3 +91,34 @@ def _curves(axes, curves, bar):
     axes.axhline(bar, color='0.5', ls='--', label='bar')
     axes.set(xscale='log', xlabel='ms that a frame takes longer while the camera moves')
     axes.legend(fontsize='x-small')
+
+
+def plot_effects(results, path):
+    """Draw what image effects cost in full-screen copies, and a lens's time against its error.
+
+    Parameters
+    ----------
+    results : Results
+        With its points.
+    path : pathlib.Path
+        PNG file.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13, 5.5), layout='constrained')
+    FigureCanvasAgg(figure)
+    cost, lens = figure.subplots(1, 2)
+    copies = results.points['copies']
+    cost.barh(list(copies), list(copies.values()))
+    cost.axvline(1, color='0.5', ls='--')
+    cost.set(xlabel='full-screen copies', title='time of an effect')
+    for radius in sorted({p['radius'] for p in results.points['lens']}):
+        points = [p for p in results.points['lens'] if p['radius'] == radius]
+        label = f'lens of radius {radius:g}'
+        lens.plot([p['ms'] for p in points], [p['psnr'] for p in points], 'o-', label=label)
+    lens.axhline(32, color='0.5', ls='--', label='bar')
+    lens.set(xlabel='ms', ylabel='PSNR, dB', title='depth of field, against 256 pinholes')
+    lens.legend(fontsize='x-small')
+    figure.suptitle(f'pvibr bench effects: {results.driver}')
+    figure.savefig(path, dpi=110)

@@ -1,0 +1,97 @@
+"""Image effects: what each costs of a frame, and how far it is from its reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pvibr.bench import effects_bloom, effects_depth_of_field, effects_outline, effects_screen
+from pvibr.bench.plot import plot_effects
+from pvibr.bench.rows import Row
+from pvibr.bench.runs import run
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How much is measured.
+
+    Attributes
+    ----------
+    screen : tuple of 2 int
+        Pixels of what is timed.
+    rounds : int
+        How often; the least counts.
+    lens : tuple of 2 int
+        Pixels of the pictures through a lens.
+    radii : tuple of float
+        Of the lens, world units.
+    samples : tuple of int
+        Looks around each pixel.
+    lenses : int
+        Pictures of the lens's reference.
+    """
+
+    screen: tuple[int, int] = (1280, 720)
+    rounds: int = 9
+    lens: tuple[int, int] = (640, 480)
+    radii: tuple[float, ...] = (0.1, 0.2)
+    samples: tuple[int, ...] = (16, 48, 128)
+    lenses: int = 256
+
+
+QUICK = Settings((320, 180), 1, (160, 120), (0.1,), (16,), 16)
+
+
+def measure(out, *, quick=False) -> list:
+    """Run every part, print and write the table and the plot, and return the rows.
+
+    Parameters
+    ----------
+    out : pathlib.Path
+        Folder.
+    quick : bool
+        Whether only a few points are measured.
+
+    Returns
+    -------
+    list of Row
+        What was measured.
+    """
+    parts = {
+        'bloom': _bloom, 'screen': _screen, 'outline': _outline, 'depth of field': _lens,
+    }  # fmt: skip
+    return run('effects', parts, QUICK if quick else Settings(), plot_effects, out, quick=quick)
+
+
+def _bloom(settings, results):
+    times = effects_bloom.bloom_times(settings.screen, settings.rounds)
+    results.rows += [
+        Row('one full-screen copy', times['copy_ms'], 'ms'),
+        Row('bloom over a copy', times['bloom'], 'x', 2.5),
+        Row('bloom where nothing is bright, over a copy', times['dark'], 'x', 0.3),
+    ]
+    results.points['copies'] = {'Bloom': times['bloom']}
+
+
+def _screen(settings, results):
+    times = effects_screen.screen_times(settings.screen, settings.rounds)
+    del times['copy_ms']
+    results.rows += [Row(f'{name} over a copy', copies, 'x') for name, copies in times.items()]
+    results.points['copies'] |= times
+
+
+def _outline(settings, results):
+    results.rows += effects_outline.silhouettes(settings.screen)
+    results.rows += effects_outline.times(settings.screen, settings.rounds)
+
+
+def _lens(settings, results):
+    """Add the lens's error; the bar is for the most looks."""
+    sizes = settings.radii, settings.samples, settings.lenses
+    found = effects_depth_of_field.measure(settings.lens, *sizes)
+    most = max(settings.samples)
+    for point in found:
+        name = f'depth of field, radius {point["radius"]:g}, {point["samples"]} samples'
+        bar = 32 if point['samples'] == most else None
+        results.rows.append(Row(f'{name}: PSNR', point['psnr'], 'dB', bar, at_least=True))
+        results.rows.append(Row(f'{name}: time', point['ms'], 'ms'))
+    results.points['lens'] = found
