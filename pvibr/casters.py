@@ -79,7 +79,13 @@ class Surfaces:
 
 
 def address(actor) -> str:
-    """Return what two wrappers of one VTK object have in common."""
+    """Return what two wrappers of one VTK object have in common.
+
+    Parameters
+    ----------
+    actor : vtkObject
+        Any.
+    """
     return actor.GetAddressAsString('')
 
 
@@ -295,7 +301,13 @@ class Casters:
     frame: Any = None
 
     def key(self, *, again=False) -> tuple:
-        """Return what changes whenever anything drawn does; asked again, it is looked at again."""
+        """Return what changes whenever anything drawn does.
+
+        Parameters
+        ----------
+        again : bool
+            Look again, and not only once.
+        """
         if again:
             vars(self).pop('_key', None)
         return self._key

@@ -92,7 +92,13 @@ class DepthView:
         return self.veils[1].colors[0]
 
     def corner(self, k) -> tuple[int, int]:
-        """Return the lower left texel of a view in the texture."""
+        """Return the lower left texel of a view in the texture.
+
+        Parameters
+        ----------
+        k : int
+            Which view.
+        """
         return k % self.columns * self.resolution, k // self.columns * self.resolution
 
     def update(self, frame, views, casters, *, faces='both') -> list[int]:

@@ -43,7 +43,13 @@ class Shine(Effect):
     _dark = False
 
     def needed(self, frame):
-        """Tell whether a frame needs it; see :meth:`pvibr.Effect.needed`."""
+        """Tell whether a frame needs it.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
         return self.intensity > 0 or 'intensity is 0'
 
     def render(self, frame, picture):

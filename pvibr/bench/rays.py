@@ -294,8 +294,10 @@ def strengths(drawn, true, *leave_out):
 
     Returns
     -------
-    dark, light : float
-        Means of `drawn` where `true` is 0, and where it is 1; NaN where that is nowhere.
+    dark : float
+        Mean of `drawn` where `true` is 0; NaN where that is nowhere.
+    light : float
+        Mean of `drawn` where `true` is 1; NaN where that is nowhere.
 
     Examples
     --------

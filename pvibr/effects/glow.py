@@ -90,7 +90,13 @@ class Glow(Shine):
         self._strengths = tuple(np.broadcast_to(values, count).tolist())
 
     def needed(self, frame):
-        """Tell whether a frame needs it; see :meth:`pvibr.Effect.needed`."""
+        """Tell whether a frame needs it.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
         if not self._shining(frame.renderer):
             return 'none of its actors is in the subplot, visible and of any strength'
         return super().needed(frame)
@@ -160,7 +166,13 @@ class Afterglow(Glow):
     _past: Any = None
 
     def needed(self, frame):
-        """Tell whether a frame needs it; see :meth:`pvibr.Effect.needed`."""
+        """Tell whether a frame needs it.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
         # Trails outlast what made them.
         return self.intensity > 0 or 'intensity is 0'
 

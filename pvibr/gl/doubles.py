@@ -76,7 +76,13 @@ class Doubles:
             double.ReleaseGraphicsResources(window)
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive."""
+        """Free the GPU's memory; the context must be alive.
+
+        Parameters
+        ----------
+        window : vtkOpenGLRenderWindow
+            Whose context is current.
+        """
         self.keep((), window)
 
 

@@ -108,7 +108,13 @@ class Drawer:
                 actor.RenderOpaqueGeometry(self.inner)
 
     def fill(self, color):
-        """Clear colours of the part that :meth:`look` took."""
+        """Clear colours of the part that :meth:`look` took.
+
+        Parameters
+        ----------
+        color : tuple of 4 float
+            Red, green, blue, alpha.
+        """
         state = self.window.GetState()
         state.vtkglColorMask(True, True, True, True)
         state.vtkglClearColor(*color)
@@ -122,6 +128,11 @@ class Drawer:
         ----------
         mode : {'multiply', 'least'}
             Depth is tested and not written meanwhile.
+
+        Yields
+        ------
+        None
+            Everything is put back afterwards.
         """
         state = self.window.GetState()
         state.vtkglDepthMask(False)
