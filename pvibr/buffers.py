@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pvibr.casters import Surfaces
+from pvibr.casters import Surfaces, address
 from pvibr.effect import Effect
 from pvibr.gl import Quad, Target
 from pvibr.gl.drawer import Drawer
@@ -101,8 +101,6 @@ class Geometry:
         """
         self._surfaces.update(things)
         actors, chosen = self._surfaces.chosen(choice, things)
-        own = {p.GetAddressAsString('') for thing in things for p in thing.props}
-        actors = {k: a for k, a in actors.items() if k not in own}
         self.numbered = [*actors.values(), *chosen]
         seen = replace(frame, casting=True)
         view = View(frame.view_from_world, frame.clip_from_view, frame.near, frame.far,
@@ -138,7 +136,7 @@ class Geometry:
             lit = _is_lit(actor, self._drawer.renderer)
             (_UNLIT if lit else _LIT).detach(actor)
             (_LIT if lit else _UNLIT).attach(actor)
-            self._dressed[actor.GetAddressAsString('')] = actor
+            self._dressed[address(actor)] = actor
             _set_number(actor, number)
         try:
             yield

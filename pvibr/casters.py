@@ -48,7 +48,8 @@ class Surfaces:
             props = [p for p in self.renderer.GetViewProps() if p.IsA('vtkActor')]
             found = [a for a in props if a is not box and _is_surface(a)]
             self._all = {address(a): a for a in found}
-            owned = {address(a) for thing in things for a in thing.actors()}
+            # The prop that stands for a thing draws nothing itself.
+            owned = {address(a) for t in things for a in (*t.actors(), *t.props)}
             self._free = {k: a for k, a in self._all.items() if k not in owned}
 
     def chosen(self, choice, things=()) -> tuple[dict, list]:

@@ -2,32 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from pvibr.bench.copies import Stand, in_copies
 from pvibr.effects.bloom import Bloom
-from pvibr.gl import Quad, Target, Texture
 from pvibr.gl.offscreen import hidden_window
-
-_COPY = 'uniform sampler2D color; void main() { gl_FragData[0] = texture(color, uv); }'
-
-
-class _Stand:
-    """What a bloom sees of a frame and of its picture."""
-
-    def __init__(self, window, array):
-        self.window = window
-        self.size = array.shape[1], array.shape[0]
-        self.color = Texture(window, filter='linear').upload(array)  # as a frame's picture is
-        self.target = Target(window, *self.size, ('rgba16f',))
-        self.drawing = self.target.drawing
-
-    def release(self):
-        self.color.release()
-        self.target.release()
 
 
 def bloom_times(size=(1280, 720), rounds=15, **settings) -> dict:
@@ -52,30 +34,11 @@ def bloom_times(size=(1280, 720), rounds=15, **settings) -> dict:
                     np.ones((20, 20, 1)))[: size[1], : size[0]]  # fmt: skip
     array[..., 3] = 255
     with hidden_window() as (window, _):
-        stand = _Stand(window, array.astype(np.uint8))
-        copy = Quad(window, _COPY, 'copy')
+        stand = Stand(window, array.astype(np.uint8))
         blooms = {'bloom': Bloom(**settings), 'dark': Bloom(**(settings | {'threshold': 2.0}))}
         jobs = {n: partial(b.render, stand, stand) for n, b in blooms.items()}
-        jobs['copy'] = partial(_copy, stand, copy)
-        best = dict.fromkeys(jobs, np.inf)
-        for _ in range(rounds):
-            for name, job in jobs.items():
-                best[name] = min(best[name], _seconds(window, job))
-        owners: list[Any] = [stand, copy, *blooms.values()]
+        found = in_copies(stand, jobs, rounds)
+        owners: list[Any] = [stand, *blooms.values()]
         for owner in owners:
             owner.release()
-    copied = best.pop('copy')
-    return {'copy_ms': 1e3 * copied} | {n: s / copied for n, s in best.items()}
-
-
-def _copy(stand, quad):
-    with stand.drawing():
-        quad.draw(None, {'color': stand.color})
-
-
-def _seconds(window, job):
-    window.WaitForCompletion()
-    start = time.perf_counter()
-    job()
-    window.WaitForCompletion()
-    return time.perf_counter() - start
+    return found

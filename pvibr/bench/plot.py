@@ -3,6 +3,42 @@
 from __future__ import annotations
 
 
+def two_axes(size, **options):
+    """Return a figure that needs no screen, and its two axes.
+
+    Parameters
+    ----------
+    size : tuple of 2 float
+        Inches.
+    **options
+        Of matplotlib's ``subplots``.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout='constrained')
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(1, 2, **options)
+
+
+def save(figure, name, results, path):
+    """Write a figure with the bench and the driver above it.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        What is written.
+    name : str
+        Of the bench.
+    results : Results
+        With the driver.
+    path : pathlib.Path
+        PNG file.
+    """
+    figure.suptitle(f'pvibr bench {name}: {results.driver}')
+    figure.savefig(path, dpi=110)
+
+
 def plot(results, path):
     """Draw what was measured: the walk at the left, single meshes at the right.
 
@@ -13,16 +49,10 @@ def plot(results, path):
     path : pathlib.Path
         PNG file.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12, 5), layout='constrained')
-    FigureCanvasAgg(figure)
-    walk, single = figure.subplots(1, 2)
+    figure, (walk, single) = two_axes((12, 5))
     _walk(walk, results.points)
     _single(single, results.points.get('single', {}))
-    figure.suptitle(f'pvibr bench instances: {results.driver}')
-    figure.savefig(path, dpi=110)
+    save(figure, 'instances', results, path)
 
 
 def _walk(axes, points):
@@ -63,12 +93,7 @@ def plot_shadows(results, path):
     path : pathlib.Path
         PNG file.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13, 5.5), layout='constrained')
-    FigureCanvasAgg(figure)
-    hard, soft = figure.subplots(1, 2)
+    figure, (hard, soft) = two_axes((13, 5.5))
     points = results.points['plot']
     _curves(hard, points['hard'], 0.2)
     hard.set_yscale('symlog', linthresh=0.01)
@@ -76,8 +101,7 @@ def plot_shadows(results, path):
     _curves(soft, points['soft'], 0.03)
     soft.set(ylabel='mean absolute error of the lit share', ylim=(0, None))
     soft.set(title=f'light of a size, against 256 rays a pixel ({points["rays"]:.1f} s)')
-    figure.suptitle(f'pvibr bench shadows: {results.driver}')
-    figure.savefig(path, dpi=110)
+    save(figure, 'shadows', results, path)
 
 
 def _curves(axes, curves, bar):
@@ -103,12 +127,7 @@ def plot_effects(results, path):
     path : pathlib.Path
         PNG file.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13, 5.5), layout='constrained')
-    FigureCanvasAgg(figure)
-    cost, lens = figure.subplots(1, 2)
+    figure, (cost, lens) = two_axes((13, 5.5))
     copies = results.points['copies']
     cost.barh(list(copies), list(copies.values()))
     cost.axvline(1, color='0.5', ls='--')
@@ -120,5 +139,4 @@ def plot_effects(results, path):
     lens.axhline(32, color='0.5', ls='--', label='bar')
     lens.set(xlabel='ms', ylabel='PSNR, dB', title='depth of field, against 256 pinholes')
     lens.legend(fontsize='x-small')
-    figure.suptitle(f'pvibr bench effects: {results.driver}')
-    figure.savefig(path, dpi=110)
+    save(figure, 'effects', results, path)

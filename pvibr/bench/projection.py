@@ -11,6 +11,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.bench.light_scenes import SCENES, VIEW_ANGLE, WINDOWS, place
+from pvibr.bench.plot import save, two_axes
 from pvibr.bench.rays import Rays, edge_band
 from pvibr.bench.rows import Row
 from pvibr.bench.runs import run
@@ -244,12 +245,8 @@ def _plot(results, path):
     path : pathlib.Path
         PNG file.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 5), layout='constrained')
-    FigureCanvasAgg(figure)
-    for axes, kind in zip(figure.subplots(1, 2, sharey=True), ('leak', 'hole'), strict=True):
+    figure, both = two_axes((10, 5), sharey=True)
+    for axes, kind in zip(both, ('leak', 'hole'), strict=True):
         for name, points in results.points.items():
             axes.plot([p['texels'] for p in points], [p[kind] for p in points], 'o-', label=name)
         axes.axhline(BAR, color='0.5', ls='--', label='bar')
@@ -257,5 +254,4 @@ def _plot(results, path):
         axes.set_yscale('symlog', linthresh=0.01)
         axes.set(xlabel='texels along a side of the depth view', ylabel=f'{kind}s, % of pixels')
         axes.legend(fontsize='small')
-    figure.suptitle(f'pvibr bench projection: {results.driver}')
-    figure.savefig(path, dpi=110)
+    save(figure, 'projection', results, path)

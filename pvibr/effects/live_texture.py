@@ -153,17 +153,11 @@ class LiveTexture(Effect):
 
     # -- what is drawn ------------------------------------------------------------------------
 
-    def _things(self):
-        return [e for e in self.pipeline.effects if hasattr(e, 'drawn') and e.enabled]
-
     def _casters(self) -> Casters:
-        things = self._things()
+        things = [t for t in self.pipeline.things if t.enabled]
         self._surfaces.update(things)
         actors, things = self._surfaces.chosen(self.actors, things)
-        own = {p.GetAddressAsString('') for thing in self._things() for p in thing.props}
-        return Casters(
-            [a for k, a in actors.items() if a.GetVisibility() and k not in own], things
-        )
+        return Casters([a for a in actors.values() if a.GetVisibility()], things)
 
     def _worn_in(self, frame) -> list[LiveTexture]:
         """Return the live textures that are worn by what it sees, itself too."""
@@ -224,8 +218,8 @@ class LiveTexture(Effect):
         for effect in effects:
             effect.finish(seen)
         # As the frame itself wants them; those that come later in its order do so anyway.
-        for effect in self._things():
-            if effect.needed(frame) is True:
+        for effect in self.pipeline.things:
+            if effect.enabled and effect.needed(frame) is True:
                 effect.prepare(frame)
         self._drawer.done()
         frame.renderer.UpdateLightsGeometryToFollowCamera()

@@ -18,7 +18,6 @@ from pvibr.maths import depth_test
 from pvibr.maths.cameras import Orthographic, as_camera
 from pvibr.maths.draping import blend, border, exposure_gains, sample, weights
 from pvibr.maths.image_error import box_reduce
-from pvibr.maths.views import TEXTURE_FROM_CLIP
 from pvibr.params import Param
 from pvibr.pictures import Pictures
 from pvibr.unwrap import texels_of, unwrapped
@@ -114,8 +113,7 @@ class _Slide:
         plane = _plane_from_world(camera, size) @ world_from_view
         if self.view is None:
             return [plane, np.eye(4)]
-        clip = TEXTURE_FROM_CLIP @ self.view.clip_from_view @ self.view.view_from_world
-        return [plane, clip @ world_from_view]
+        return [plane, self.view.texture_from_world() @ world_from_view]
 
     def numbers(self, view_from_world, size, gain) -> list:
         """Return what the shader's NUMBER is."""
@@ -228,7 +226,7 @@ class _Projection(Effect):
         """
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
             self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
-        things = [e for e in self.pipeline.effects if hasattr(e, 'drawn') and e.enabled]
+        things = [t for t in self.pipeline.things if t.enabled]
         self._surfaces.update(things)
         casters = self._casters(things)
         for slide in self._slides:

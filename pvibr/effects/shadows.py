@@ -132,7 +132,7 @@ class Shadows(Effect):
     # -- what takes part ----------------------------------------------------------------------
 
     def _things(self) -> list:
-        return [e for e in self.pipeline.effects if hasattr(e, 'drawn') and e.enabled]
+        return [t for t in self.pipeline.things if t.enabled]
 
     def _casters(self, frame) -> Casters:
         actors, things = self._surfaces.chosen(self.casts, self._things())
@@ -143,8 +143,7 @@ class Shadows(Effect):
         self._surfaces.update(things)  # for what things made for the lights' views
         actors, things = self._surfaces.chosen(self.receives, things)
         if self.method == 'volume':  # a mask is that of the opaque surfaces
-            opaque = {k for k, a in actors.items() if not a.HasTranslucentPolygonalGeometry()}
-            actors = {k: a for k, a in actors.items() if k in opaque}
+            actors = {k: a for k, a in actors.items() if not a.HasTranslucentPolygonalGeometry()}
         return actors | {address(a): a for thing in things for a in thing.actors()}
 
     # -- the life of an effect ----------------------------------------------------------------
@@ -319,7 +318,8 @@ class Shadows(Effect):
         # Another subplot that shows the same actor has other lights, or no shadows.
         for key, (actor, _) in [*self._shadowed.items()]:
             if actor.GetNumberOfConsumers() > 1:
-                self._undress_one(self._shadowed.pop(key)[0])
+                self._undress_one(actor)
+                del self._shadowed[key]
 
     def rest(self):
         """Take the shader text off all receivers."""

@@ -1,0 +1,76 @@
+"""The measure of image effects: how many full-screen copies they take."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from pvibr.gl import Quad, Target, Texture
+
+_COPY = 'uniform sampler2D color; void main() { gl_FragData[0] = texture(color, uv); }'
+
+
+class Stand:
+    """What an effect sees of a frame and of its picture.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        A window whose context is current.
+    array : numpy.ndarray, shape (h, w, 4), uint8
+        The picture.
+    """
+
+    def __init__(self, window, array):
+        self.window = window
+        self.size = array.shape[1], array.shape[0]
+        self.color = Texture(window, filter='linear').upload(array)  # as a frame's picture is
+        self.target = Target(window, *self.size, ('rgba16f',))
+        self.drawing = self.target.drawing
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self.color.release()
+        self.target.release()
+
+
+def in_copies(stand, jobs, rounds) -> dict:
+    """Time jobs and a copy of the picture, in turns.
+
+    Parameters
+    ----------
+    stand : Stand
+        With the picture.
+    jobs : dict of str to callable
+        What is timed.
+    rounds : int
+        How often; the least of each counts.
+
+    Returns
+    -------
+    dict
+        ``copy_ms``, and each job as a multiple of the copy.
+    """
+    quad = Quad(stand.window, _COPY, 'copy')
+
+    def copy():
+        with stand.drawing():
+            quad.draw(None, {'color': stand.color})
+
+    jobs = {**jobs, 'copy': copy}
+    best = dict.fromkeys(jobs, np.inf)
+    for _ in range(rounds):
+        for name, job in jobs.items():
+            best[name] = min(best[name], _seconds(stand.window, job))
+    quad.release()
+    copied = best.pop('copy')
+    return {'copy_ms': 1e3 * copied} | {n: s / copied for n, s in best.items()}
+
+
+def _seconds(window, job):
+    window.WaitForCompletion()
+    start = time.perf_counter()
+    job()
+    window.WaitForCompletion()
+    return time.perf_counter() - start
