@@ -9,7 +9,7 @@ import pyvista as pv
 from rich.console import Console
 
 from pvibr.actors.poses import read_poses
-from pvibr.figures import save
+from pvibr.montage import save
 from pvibr.maths.transforms import trs
 from pvibr.offscreen import Stage
 

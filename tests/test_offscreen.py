@@ -3,7 +3,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.actors.parts import as_parts
-from pvibr.figures import compose, error_colors
+from pvibr.montage import compose, error_colors
 from pvibr.maths.image_error import silhouette_iou
 from pvibr.offscreen import Stage, add_ground, covered, in_view, mesh_actors, spheres
 

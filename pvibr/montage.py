@@ -25,7 +25,7 @@ def error_colors(error) -> np.ndarray:
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.figures import error_colors
+    >>> from pvibr.montage import error_colors
     >>> error_colors(np.zeros((1, 1))).max() < 0.02
     np.True_
     """
@@ -80,7 +80,7 @@ def compose(pictures, columns=3) -> np.ndarray:
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.figures import compose
+    >>> from pvibr.montage import compose
     >>> compose([(np.ones((20, 30, 3)), 'one'), (np.ones((20, 30, 3)), 'two')]).shape
     (46, 64, 3)
     """
