@@ -15,8 +15,8 @@ from rich.progress import track
 from rich.table import Table
 
 from pvibr.bench.peers import LOD_REDUCTION, PART, glyph_seconds
-from pvibr.montage import compose, error_colors, save
 from pvibr.maths.image_error import flip, psnr, silhouette_iou
+from pvibr.montage import compose, error_colors, save
 from pvibr.offscreen import (
     SAMPLES,
     SKY,

@@ -9,8 +9,8 @@ import pyvista as pv
 from rich.console import Console
 
 from pvibr.actors.poses import read_poses
-from pvibr.montage import save
 from pvibr.maths.transforms import trs
+from pvibr.montage import save
 from pvibr.offscreen import Stage
 
 #: Frames that are timed, and by how many degrees the camera goes round in each.

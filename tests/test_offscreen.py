@@ -3,8 +3,8 @@ import pytest
 import pyvista as pv
 
 from pvibr.actors.parts import as_parts
-from pvibr.montage import compose, error_colors
 from pvibr.maths.image_error import silhouette_iou
+from pvibr.montage import compose, error_colors
 from pvibr.offscreen import Stage, add_ground, covered, in_view, mesh_actors, spheres
 
 CAMERA = [(6.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
