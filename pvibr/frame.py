@@ -19,7 +19,7 @@ class Frame:
     window : vtkRenderWindow
         Its window; the context is current.
     size : tuple of 2 int
-        Width and height of the subplot in pixels.
+        Width and height of what is drawn, in pixels: the subplot, or a tile of it.
     origin : tuple of 2 int
         Its lower left corner in the window, in pixels.
     view_from_world : numpy.ndarray
@@ -40,6 +40,12 @@ class Frame:
         Whether this frame is drawn to pick and not to be seen.
     casting : bool
         Whether it is drawn for its depth alone, from where a light or a projector is.
+    tile : tuple of 4 float
+        Left, bottom, right and top of what is drawn, as shares of the subplot: all of it, unless
+        a screenshot larger than the window is drawn in tiles, a frame for each.
+    scale : int
+        How many times larger than the window that screenshot is: what is so many pixels wide in
+        the window is so many times as wide in it.
 
     Examples
     --------
@@ -66,6 +72,8 @@ class Frame:
     time: float = 0.0
     picking: bool = False
     casting: bool = False
+    tile: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
+    scale: int = 1
 
     @classmethod
     def of(cls, renderer, *, index=0, time=0.0) -> Frame:
@@ -88,11 +96,13 @@ class Frame:
         camera = renderer.GetActiveCamera()
         near, far = camera.GetClippingRange()
         projection = camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1)
+        origin, size = _pixels(renderer)
+        window = renderer.GetRenderWindow()
         return cls(
             renderer=renderer,
-            window=renderer.GetRenderWindow(),
-            size=tuple(renderer.GetSize()),
-            origin=tuple(renderer.GetOrigin()),
+            window=window,
+            size=size,
+            origin=origin,
             view_from_world=_matrix(camera.GetModelViewTransformMatrix()),
             clip_from_view=_matrix(projection),
             parallel=bool(camera.GetParallelProjection()),
@@ -102,7 +112,15 @@ class Frame:
             index=index,
             time=time,
             picking=renderer.GetSelector() is not None,
+            tile=_tile(renderer),
+            scale=int(window.GetTileScale()[1]),
         )
+
+    @property
+    def whole(self) -> tuple[float, float]:
+        """Width and height of the subplot in pixels, where `size` is those of a tile of it."""
+        left, bottom, right, top = self.tile
+        return self.size[0] / (right - left), self.size[1] / (top - bottom)
 
     @property
     def pixel_scale(self) -> float:
@@ -124,6 +142,31 @@ class Frame:
         """
         away = -float(self.view_from_world[2, :3] @ point + self.view_from_world[2, 3])
         return (1.0 if self.parallel else max(away, self.near)) / self.pixel_scale
+
+
+def _pixels(renderer):
+    """Return origin and size of what a renderer draws, in pixels of the framebuffer."""
+    window = renderer.GetRenderWindow()
+    if tuple(window.GetTileScale()) == (1, 1):
+        return tuple(renderer.GetOrigin()), tuple(renderer.GetSize())
+    tile, view, whole = window.GetTileViewport(), renderer.GetViewport(), window.GetSize()
+    corners = []
+    for i in range(4):
+        share = min(max(view[i], tile[i % 2]), tile[2 + i % 2]) - tile[i % 2]
+        corners.append(round(share * whole[i % 2]))
+    x0, y0, x1, y1 = corners
+    return (x0, y0), (x1 - x0, y1 - y0)
+
+
+def _tile(renderer):
+    """Return which shares of a subplot are drawn."""
+    tile, view = renderer.GetRenderWindow().GetTileViewport(), renderer.GetViewport()
+    found = []
+    for i in range(4):
+        side = view[2 + i % 2] - view[i % 2]
+        edge = max(view[i], tile[i]) if i < 2 else min(view[i], tile[i])
+        found.append((edge - view[i % 2]) / side)
+    return tuple(found)
 
 
 def _matrix(vtk_matrix) -> np.ndarray:

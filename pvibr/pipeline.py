@@ -380,7 +380,7 @@ class _Stage:
         if borrowed and self._slot is not None:
             self._slot.give_back()
         annotations.show()
-        origin, size = _pixels(self.renderer)
+        origin, size = turn.frame.origin, turn.frame.size
         running = [e for e in turn.images if e.running]
         if running and min(size) > 0:  # a tile of a large screenshot may have none of it
             turn.guard(running, self._run, turn, running, (origin, size), borrowed)
@@ -412,20 +412,3 @@ class _Stage:
 def _place(entry):
     name = type(entry.effect).__name__
     return ORDER.index(name) if name in ORDER else -1
-
-
-def _pixels(renderer):
-    """Return origin and size of a renderer in the window's framebuffer.
-
-    A large screenshot is drawn in tiles as big as the window, each a part of the whole.
-    """
-    window = renderer.GetRenderWindow()
-    if tuple(window.GetTileScale()) == (1, 1):
-        return tuple(renderer.GetOrigin()), tuple(renderer.GetSize())
-    tile, view, whole = window.GetTileViewport(), renderer.GetViewport(), window.GetSize()
-    corners = []
-    for i in range(4):
-        fraction = min(max(view[i], tile[i % 2]), tile[2 + i % 2]) - tile[i % 2]
-        corners.append(round(fraction * whole[i % 2]))
-    x0, y0, x1, y1 = corners
-    return (x0, y0), (x1 - x0, y1 - y0)

@@ -615,3 +615,25 @@ def test_nothing_outlives_its_plotter():
     del pl
     gc.collect()
     assert pipeline() is None
+
+
+def test_frame_of_a_tile(pl):
+    """Pixels are as large in a tile of a large screenshot as they are drawn there."""
+    frames = []
+
+    class Look(Effect):
+        def prepare(self, frame):
+            frames.append(frame)
+
+    show(pl)
+    pl.ibr.add(Look())
+    grab(pl)
+    whole = frames.pop()
+    assert (whole.tile, whole.scale, whole.whole) == ((0, 0, 1, 1), 1, SIZE)
+    pl.screenshot(scale=2)
+    tiles = [f for f in frames if f.scale == 2]
+    assert len(tiles) >= 4
+    for frame in tiles:
+        assert frame.whole == pytest.approx((2 * SIZE[0], 2 * SIZE[1]))
+        assert frame.pixel_scale == pytest.approx(2 * whole.pixel_scale)
+        assert frame.tile[2] - frame.tile[0] == pytest.approx(0.5)

@@ -174,8 +174,7 @@ class DepthOfField(Effect):
         """
         self._allocate(frame.window, picture.size)
         near, far = (c / 2 for c in self.circles(frame))
-        height = frame.size[1] * frame.window.GetTileScale()[1]
-        most = max(self.limit * height / 2, 0.5)
+        most = max(self.limit * frame.whole[1] / 2, 0.5)
         lens = (near, far - near, most)
         scene = {'color': picture.color, 'depth': picture.depth}
         small, layers = self._targets['small'], self._targets['layers']

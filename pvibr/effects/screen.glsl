@@ -1,12 +1,12 @@
 // Billboards that fill a subplot: what lies over the picture, and what lies behind the scene.
 // Inputs of all: color, the picture so far, whose alpha is how much of a pixel the scene covers;
-// part, the shares of the subplot that are drawn now (left, bottom, right, top: large screenshots
+// tile, the shares of the subplot that are drawn now (left, bottom, right, top: large screenshots
 // are drawn in tiles); size, the whole subplot in pixels. Further ones at each entry point.
 //@common
 uniform sampler2D color;
-uniform vec4 part;
+uniform vec4 tile;
 uniform vec2 size;
-vec2 place() { return mix(part.xy, part.zw, uv); }  // in the whole subplot, 0 to 1
+vec2 place() { return mix(tile.xy, tile.zw, uv); }  // in the whole subplot, 0 to 1
 // A sheet over the picture: it also covers what is transparent.
 vec4 over(vec4 c, vec3 sheet, float cover) {
   return vec4(mix(c.rgb, sheet, cover), mix(c.a, 1.0, cover));

@@ -42,11 +42,11 @@ class _Screen(Effect):
             text = sections(shader_source(__file__))
             code = ''.join(text[name] for name in ('common', *self.parts))
             self._quad = Quad(frame.window, code, f'screen {self.name}')
-        part = _part(frame.renderer)
-        size = (picture.size[0] / (part[2] - part[0]), picture.size[1] / (part[3] - part[1]))
+        size = frame.whole
+        uniforms = {'tile': frame.tile, 'size': size, **self._uniforms(frame, size)}
         textures = {'color': picture.color, **self._textures(frame)}
         with picture.drawing():
-            self._quad.draw({'part': part, 'size': size, **self._uniforms(frame, size)}, textures)
+            self._quad.draw(uniforms, textures)
 
     def _uniforms(self, frame, size) -> dict:
         return {}
@@ -556,17 +556,6 @@ class Sky(_Behind):
         shown = self._show(frame.window, lambda: panorama[::step, ::step], 'panorama', repeat=True)
         shown.object.SetWrapT(shown.object.ClampToEdge)
         return {'panorama': shown}
-
-
-def _part(renderer):
-    """Return which shares of a subplot are drawn: all, but for tiles of large screenshots."""
-    tile, view = renderer.GetRenderWindow().GetTileViewport(), renderer.GetViewport()
-    found = []
-    for i in range(4):
-        side = view[2 + i % 2] - view[i % 2]
-        edge = max(view[i % 2], tile[i % 2]) if i < 2 else min(view[i], tile[i])
-        found.append((edge - view[i % 2]) / side)
-    return tuple(found)
 
 
 def _fitted(place, fit, image, size):
