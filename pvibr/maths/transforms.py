@@ -4,46 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-
-def rotations(quaternions):
-    """Return the rotation matrices of quaternions.
-
-    Parameters
-    ----------
-    quaternions : array_like, shape (n, 4) or (4,)
-        Quaternions (w, x, y, z); of any length but zero.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 3, 3), float64
-        One rotation matrix per quaternion.
-
-    Raises
-    ------
-    ValueError
-        If a quaternion is zero or not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.transforms import rotations
-    >>> rotations([0.0, 0.0, 0.0, 2.0])[0].diagonal().tolist()
-    [-1.0, -1.0, 1.0]
-    """
-    q = np.atleast_2d(np.asarray(quaternions, dtype=np.float64))
-    # Two steps, so that the squares of very long or short quaternions stay in range.
-    largest = np.abs(q).max(axis=1, initial=0.0)
-    bad = np.flatnonzero(~(largest > 0) | ~np.isfinite(largest))
-    if bad.size:
-        msg = f'quaternions[{bad[0]}] is {q[bad[0]].tolist()}; it must be finite and not zero.'
-        raise ValueError(msg)
-    q = q / largest[:, None]
-    w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+from pvibr.maths.quaternions import to_matrices
 
 
 def trs(translations, quaternions=None, scales=None):
@@ -71,7 +32,7 @@ def trs(translations, quaternions=None, scales=None):
     """
     translations = np.atleast_2d(np.asarray(translations, dtype=np.float64))
     matrices = np.zeros((len(translations), 4, 4))
-    matrices[:, :3, :3] = np.eye(3) if quaternions is None else rotations(quaternions)
+    matrices[:, :3, :3] = np.eye(3) if quaternions is None else to_matrices(quaternions)
     if scales is not None:
         scales = np.asarray(scales, dtype=np.float64)
         per_axis = scales if scales.ndim == 2 else scales.reshape(-1, 1)

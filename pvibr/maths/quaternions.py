@@ -1,0 +1,423 @@
+"""Rotations as unit quaternions (w, x, y, z): numpy only, float64, any leading axes.
+
+``multiply(a, b)`` turns by b first and then by a, as matrices on column vectors do. A quaternion
+and its negative are the same rotation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def normalized(quaternions):
+    """Return quaternions of length one.
+
+    Parameters
+    ----------
+    quaternions : array_like, shape (..., 4)
+        Quaternions (w, x, y, z); of any length but zero.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 4), float64
+        The same rotations.
+
+    Raises
+    ------
+    ValueError
+        If the last axis is not of four, or a quaternion is zero or not finite: it is named.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quaternions import normalized
+    >>> normalized([0.0, 3.0, 0.0, 4.0]).tolist()
+    [0.0, 0.6, 0.0, 0.8]
+    """
+    return _units('quaternions', quaternions, 4)
+
+
+def multiply(a, b):
+    """Return products of quaternions: the rotation b, and then a.
+
+    Parameters
+    ----------
+    a, b : array_like, shape (..., 4)
+        Quaternions (w, x, y, z); their leading axes are broadcast.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 4), float64
+        The Hamilton products.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quaternions import multiply
+    >>> multiply([0, 1, 0, 0], [0, 0, 1, 0]).tolist()
+    [0.0, 0.0, 0.0, 1.0]
+    """
+    aw, ax, ay, az = np.moveaxis(np.asarray(a, dtype=np.float64), -1, 0)
+    bw, bx, by, bz = np.moveaxis(np.asarray(b, dtype=np.float64), -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(quaternions):
+    """Return the inverses of unit quaternions.
+
+    Parameters
+    ----------
+    quaternions : array_like, shape (..., 4)
+        Unit quaternions (w, x, y, z).
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 4), float64
+        The rotations back.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quaternions import conjugate
+    >>> conjugate([0.5, 0.5, -0.5, 0.5]).tolist()
+    [0.5, -0.5, 0.5, -0.5]
+    """
+    return np.asarray(quaternions, dtype=np.float64) * [1, -1, -1, -1]
+
+
+def rotate(quaternions, vectors):
+    """Return vectors turned by unit quaternions.
+
+    Parameters
+    ----------
+    quaternions : array_like, shape (..., 4)
+        Unit quaternions (w, x, y, z).
+    vectors : array_like, shape (..., 3)
+        Vectors; the leading axes of both are broadcast.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 3), float64
+        The turned vectors.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quaternions import rotate
+    >>> rotate([0, 0, 0, 1], [1, 2, 3]).tolist()
+    [-1.0, -2.0, 3.0]
+    """
+    q = np.asarray(quaternions, dtype=np.float64)
+    v = np.asarray(vectors, dtype=np.float64)
+    twice = 2 * np.cross(q[..., 1:], v)
+    return v + q[..., :1] * twice + np.cross(q[..., 1:], twice)
+
+
+def to_matrices(quaternions):
+    """Return the rotation matrices of quaternions.
+
+    Parameters
+    ----------
+    quaternions : array_like, shape (..., 4)
+        Quaternions (w, x, y, z); of any length but zero.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 3, 3), float64
+        One rotation matrix per quaternion.
+
+    Raises
+    ------
+    ValueError
+        If a quaternion is zero or not finite.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quaternions import to_matrices
+    >>> to_matrices([0.0, 0.0, 0.0, 2.0]).diagonal().tolist()
+    [-1.0, -1.0, 1.0]
+    """
+    q = normalized(quaternions)
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    entries = [
+        *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    ]
+    return np.stack(entries, axis=-1).reshape(*q.shape[:-1], 3, 3)
+
+
+def from_matrices(matrices):
+    """Return the unit quaternions of rotation matrices.
+
+    Parameters
+    ----------
+    matrices : array_like, shape (..., 3, 3)
+        Rotations: orthonormal, no mirror.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 4), float64
+        Quaternions (w, x, y, z), w not negative.
+
+    Raises
+    ------
+    ValueError
+        If the last two axes are not of three, or a matrix is zero or not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.quaternions import from_matrices
+    >>> from_matrices(np.diag([-1.0, 1.0, -1.0])).tolist()
+    [0.0, 0.0, 1.0, 0.0]
+    """
+    m = np.asarray(matrices, dtype=np.float64)
+    if m.shape[-2:] != (3, 3):
+        msg = f'matrices is of shape {m.shape}; the last two axes must be (3, 3).'
+        raise ValueError(msg)
+    x, y, z = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    s01, s02, s12 = (m[..., j, i] + m[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2)))
+    d01, d02, d12 = (m[..., j, i] - m[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2)))
+    # Rows of 4 q q^T: each is q but for a factor; the one with the largest diagonal is the safest.
+    outer = np.stack(
+        [
+            *(1 + x + y + z, d12, -d02, d01),
+            *(d12, 1 + x - y - z, s01, s02),
+            *(-d02, s01, 1 - x + y - z, s12),
+            *(d01, s02, s12, 1 - x - y + z),
+        ],
+        axis=-1,
+    ).reshape(*m.shape[:-2], 4, 4)
+    best = np.diagonal(outer, axis1=-2, axis2=-1).argmax(-1)
+    q = np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :]
+    return _positive(_units('matrices', q, 4))
+
+
+def from_axis_angle(axes, angles):
+    """Return the quaternions that turn about axes.
+
+    Parameters
+    ----------
+    axes : array_like, shape (..., 3)
+        Axes of any length but zero.
+    angles : array_like, shape (...)
+        Angles in radians, counter-clockwise seen against the axis; broadcast with the axes.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 4), float64
+        Unit quaternions (w, x, y, z).
+
+    Raises
+    ------
+    ValueError
+        If an axis is zero or not finite: it is named.
+
+    Examples
+    --------
+    >>> import math
+    >>> from pvibr.maths.quaternions import from_axis_angle
+    >>> from_axis_angle([0, 0, 2], math.pi / 3)
+    array([0.866, 0.   , 0.   , 0.5  ])
+    """
+    half = np.asarray(angles, dtype=np.float64)[..., None] / 2
+    xyz = np.sin(half) * _units('axes', axes, 3)
+    return np.concatenate([np.broadcast_to(np.cos(half), (*xyz.shape[:-1], 1)), xyz], axis=-1)
+
+
+def between(u, v):
+    """Return the shortest rotations that take the directions u to the directions v.
+
+    Parameters
+    ----------
+    u, v : array_like, shape (..., 3)
+        Directions of any length but zero; their leading axes are broadcast.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 4), float64
+        Unit quaternions (w, x, y, z). For opposite directions, where any half turn about a
+        perpendicular axis is as short, one of these.
+
+    Raises
+    ------
+    ValueError
+        If a direction is zero or not finite: it is named.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quaternions import between
+    >>> between([2, 0, 0], [0, 3, 0])
+    array([0.707, 0.   , 0.   , 0.707])
+    """
+    u, v = np.broadcast_arrays(_units('u', u, 3), _units('v', v, 3))
+    # (1 + u . v, u x v); the sum's length keeps its digits where the directions are opposite.
+    w = np.square(u + v).sum(-1, keepdims=True) / 2
+    q = np.concatenate([w, np.cross(u, v)], axis=-1)
+    opposite = np.abs(q).max(-1, keepdims=True) < 1e-8
+    least = np.eye(3)[np.abs(u).argmin(-1)]
+    turned = np.concatenate([np.zeros_like(w), np.cross(u, least)], axis=-1)
+    return normalized(np.where(opposite, turned, q))
+
+
+def slerp(a, b, t):
+    """Return rotations on the shortest way from one to another, at constant speed.
+
+    Parameters
+    ----------
+    a, b : array_like, shape (..., 4)
+        Unit quaternions (w, x, y, z).
+    t : array_like, shape (...)
+        Where on the way: 0 is a, 1 is b; values outside go on. All leading axes are broadcast.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 4), float64
+        Unit quaternions.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quaternions import slerp
+    >>> slerp([1, 0, 0, 0], [0, 0, 0, 1], 0.5)
+    array([0.707, 0.   , 0.   , 0.707])
+    """
+    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    t = np.asarray(t, dtype=np.float64)[..., None]
+    b = np.where((a * b).sum(-1, keepdims=True) < 0, -b, b)
+    # The half angle between them from both diagonals: no digit is lost for near ones. It is at
+    # most a quarter turn, so that sinc(angle) is far from zero and no case is special.
+    angle = 2 * np.arctan2(_length(a - b), _length(a + b)) / np.pi
+    whole = np.sinc(angle)
+    s = 1 - t
+    return a * (s * np.sinc(s * angle) / whole) + b * (t * np.sinc(t * angle) / whole)
+
+
+def swing_twist(quaternions, axis):
+    """Split rotations into a twist about an axis, and then a swing of that axis.
+
+    Parameters
+    ----------
+    quaternions : array_like, shape (..., 4)
+        Unit quaternions (w, x, y, z).
+    axis : array_like, shape (..., 3)
+        Axis of the twist, of any length but zero; its leading axes are broadcast.
+
+    Returns
+    -------
+    swing : numpy.ndarray, shape (..., 4), float64
+        Rotation about an axis perpendicular to ``axis``.
+    twist : numpy.ndarray, shape (..., 4), float64
+        Rotation about ``axis``, none where the swing is a half turn (any twist would do);
+        ``multiply(swing, twist)`` is the whole.
+
+    Raises
+    ------
+    ValueError
+        If an axis is zero or not finite: it is named.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quaternions import swing_twist
+    >>> swing, twist = swing_twist([0.5, 0.5, 0.5, 0.5], [0, 0, 1])
+    >>> twist
+    array([0.707, 0.   , 0.   , 0.707])
+    """
+    q = np.asarray(quaternions, dtype=np.float64)
+    axis = _units('axis', axis, 3)
+    along = (q[..., 1:] * axis).sum(-1, keepdims=True)
+    w = np.broadcast_to(q[..., :1], along.shape)
+    twist = np.concatenate([w, along * axis], axis=-1)
+    length = _length(twist)
+    twist = np.where(length > 1e-12, twist / np.maximum(length, 1e-12), [1.0, 0, 0, 0])
+    return multiply(q, conjugate(twist)), twist
+
+
+def log(quaternions):
+    """Return the rotation vectors of unit quaternions: axis times angle.
+
+    Parameters
+    ----------
+    quaternions : array_like, shape (..., 4)
+        Unit quaternions (w, x, y, z).
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 3), float64
+        Axes times angles in radians, the angles at most half a turn.
+
+    See Also
+    --------
+    exp : The way back.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quaternions import log
+    >>> log([0, 0, 0, 1])
+    array([0.   , 0.   , 3.142])
+    """
+    q = _positive(np.asarray(quaternions, dtype=np.float64))
+    sine = _length(q[..., 1:])
+    half = np.arctan2(sine, q[..., :1])
+    # sin(half) / half is the safe side of the quotient: it is one where there is no rotation.
+    return 2 * q[..., 1:] / np.sinc(half / np.pi)
+
+
+def exp(vectors):
+    """Return the unit quaternions of rotation vectors.
+
+    Parameters
+    ----------
+    vectors : array_like, shape (..., 3)
+        Axes times angles in radians.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 4), float64
+        Unit quaternions (w, x, y, z).
+
+    See Also
+    --------
+    log : The way back.
+
+    Examples
+    --------
+    >>> import math
+    >>> from pvibr.maths.quaternions import exp
+    >>> exp([0, math.pi / 2, 0])
+    array([0.707, 0.   , 0.707, 0.   ])
+    """
+    v = np.asarray(vectors, dtype=np.float64) / 2
+    half = _length(v)
+    return np.concatenate([np.cos(half), v * np.sinc(half / np.pi)], axis=-1)
+
+
+def _length(vectors):
+    return np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def _positive(quaternions):
+    """Return each or its negative, so that w is not negative."""
+    return np.where(quaternions[..., :1] < 0, -quaternions, quaternions) + 0.0
+
+
+def _units(name, vectors, size):
+    """Return vectors of length one; the error names the first that has no direction."""
+    v = np.asarray(vectors, dtype=np.float64)
+    if v.shape[-1:] != (size,):
+        msg = f'{name} is of shape {v.shape}; the last axis must be of {size}.'
+        raise ValueError(msg)
+    # Two steps, so that the squares of very long or short ones stay in range.
+    largest = np.abs(v).max(axis=-1, keepdims=True)
+    good = (largest > 0) & np.isfinite(largest)
+    if not good.all():
+        place = tuple(int(i) for i in np.argwhere(~good[..., 0])[0])
+        where = f'{name}[{", ".join(map(str, place))}]' if place else name
+        msg = f'{where} is {v[place].tolist()}; it must be finite and not zero.'
+        raise ValueError(msg)
+    v = v / largest
+    return v / _length(v)
