@@ -1,0 +1,291 @@
+"""Which key frames are shown at a time, and how much of each: numpy only, float64."""
+
+from __future__ import annotations
+
+import numpy as np
+
+SLOTS = {'step': 1, 'linear': 2, 'quadratic': 3, 'cubic': 4}
+"""Kinds of interpolation, and how many frames each shows at a time."""
+
+
+def frame_weights(keys, times, interpolation='linear', period=None):
+    """Return the frames that are shown at times, and their weights.
+
+    'step' shows the last frame that began. 'linear' is ``(1 - w) A + w B``. 'quadratic' is the
+    parabola through the frame before and the two around the time: it goes through all frames and
+    has no jumps, but bends at frames. 'cubic' is the spline of Catmull and Rom for keys at any
+    distance, as two parabolas in line (Overhauser, "Analytic definition of curves and surfaces by
+    parabolic blending", 1968): it has no bends, and it is exact for motions of degree 2.
+
+    Parameters
+    ----------
+    keys : array_like, shape (f,)
+        Times of the frames in seconds, increasing.
+    times : array_like, any shape
+        When, in seconds. Before the first key the first frame is shown, after the last the last
+        one, unless there is a period.
+    interpolation : str
+        'step', 'linear', 'quadratic' or 'cubic': 1 to 4 frames at a time.
+    period : float, optional
+        Seconds from the first frame until it is shown again; at least from the first key to the
+        last. When just that, the last frame stands for the first and is left out.
+
+    Returns
+    -------
+    indices : numpy.ndarray, shape (..., k), int64
+        Frames; k is 1 to 4, by the interpolation.
+    weights : numpy.ndarray, shape (..., k), float64
+        Their weights; the sum is 1. Beyond 'linear', some are negative.
+
+    Raises
+    ------
+    ValueError
+        If keys are none, do not increase or are not finite, times are not finite, the
+        interpolation is not known or the period is too short.
+
+    Examples
+    --------
+    >>> from pvibr.maths.keyframes import frame_weights
+    >>> frame_weights([0.0, 1.0, 3.0], 1.5)
+    (array([1, 2]), array([0.75, 0.25]))
+    >>> frame_weights([0.0, 1.0, 3.0], 3.5, period=4.0)  # on the way from the last to the first
+    (array([2, 0]), array([0.5, 0.5]))
+    """
+    keys = checked_keys(keys)
+    if interpolation not in SLOTS:
+        msg = f'interpolation is {interpolation!r}; it must be one of {", ".join(SLOTS)}.'
+        raise ValueError(msg)
+    times = np.asarray(times, dtype=np.float64)
+    if not np.isfinite(times).all():
+        msg = 'times must be finite.'
+        raise ValueError(msg)
+    line = _Line(keys) if period is None else _Ring(keys, period)
+    indices, weights = _WEIGHTS[line.degree(interpolation)](line, line.local(times))
+    # Whoever draws counts on k columns, however few frames there are.
+    missing = SLOTS[interpolation] - weights.shape[-1]
+    ends = [(0, 0)] * times.ndim + [(0, missing)]
+    return line.frames(np.pad(indices, ends, mode='edge')), np.pad(weights, ends)
+
+
+def checked_keys(keys, name='keys'):
+    """Return times of keys as an array, if they are in order.
+
+    Parameters
+    ----------
+    keys : array_like, shape (f,)
+        Times in seconds.
+    name : str
+        What the error calls them.
+
+    Returns
+    -------
+    numpy.ndarray, shape (f,), float64
+        The keys.
+
+    Raises
+    ------
+    ValueError
+        If they are none, not finite or do not increase; it names the first place.
+
+    Examples
+    --------
+    >>> from pvibr.maths.keyframes import checked_keys
+    >>> checked_keys([0, 1, 4]).tolist()
+    [0.0, 1.0, 4.0]
+    """
+    keys = np.asarray(keys, dtype=np.float64)
+    if keys.ndim != 1 or not keys.size:
+        msg = f'{name} has the shape {keys.shape}; it must be (f,), with at least one time.'
+        raise ValueError(msg)
+    bad = np.flatnonzero(~np.isfinite(keys))
+    if bad.size:
+        msg = f'{name}[{bad[0]}] is {keys[bad[0]]}; it must be finite.'
+        raise ValueError(msg)
+    bad = np.flatnonzero(np.diff(keys) <= 0)
+    if bad.size:
+        i = bad[0] + 1
+        msg = f'{name}[{i}] is {keys[i]} after {keys[i - 1]}; times of keys must increase.'
+        raise ValueError(msg)
+    return keys
+
+
+def blend(frames, indices, weights):
+    """Return the weighted sum of frames.
+
+    Parameters
+    ----------
+    frames : array_like, shape (f, ...)
+        What each frame stores.
+    indices : array_like, shape (..., k), int
+        Which frames.
+    weights : array_like, shape (..., k)
+        How much of each.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., ...), float64
+        One sum for each row of indices.
+
+    Examples
+    --------
+    >>> from pvibr.maths.keyframes import blend
+    >>> blend([[0.0, 8.0], [4.0, 0.0]], [0, 1], [0.75, 0.25]).tolist()
+    [1.0, 6.0]
+    """
+    frames = np.asarray(frames)
+    indices, weights = np.asarray(indices), np.asarray(weights, dtype=np.float64)
+    weights = weights.reshape(weights.shape + (1,) * (frames.ndim - 1))
+    lead = indices.ndim - 1
+    # Slot after slot: all at once would hold k times as much.
+    total = np.zeros(indices.shape[:-1] + frames.shape[1:])
+    for slot in range(indices.shape[-1]):
+        total += np.take(weights, slot, axis=lead) * frames[indices[..., slot]]
+    return total
+
+
+def blend_directions(frames, indices, weights):
+    """Return the weighted sum of the directions of frames, with length 1.
+
+    Parameters
+    ----------
+    frames : array_like, shape (f, ..., 3)
+        Normals or other directions of each frame.
+    indices : array_like, shape (..., k), int
+        Which frames.
+    weights : array_like, shape (..., k)
+        How much of each.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., ..., 3), float64
+        Directions of length 1; zero where the sum vanishes.
+
+    Examples
+    --------
+    >>> from pvibr.maths.keyframes import blend_directions
+    >>> blend_directions([[[4.0, 0.0, 0.0]], [[0.0, 4.0, 0.0]]], [0, 1], [0.5, 0.5]).tolist()
+    [[0.707..., 0.707..., 0.0]]
+    """
+    total = blend(frames, indices, weights)
+    length = np.linalg.norm(total, axis=-1, keepdims=True)
+    return np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+
+
+class _Line:
+    """Keys that are shown once, numbered 0 to f - 1."""
+
+    def __init__(self, keys):
+        self.keys, self.last = keys, len(keys) - 1
+
+    def degree(self, interpolation):
+        """Return the highest degree up to that asked for that so many keys allow."""
+        # A cubic is made of parabolas, so that three keys are enough.
+        return min(SLOTS[interpolation] - 1, self.last if self.last < 2 else 3)
+
+    def local(self, times):
+        return np.clip(times, self.keys[0], self.keys[-1])
+
+    def segment(self, times):
+        """Return the numbers of the keys before times."""
+        before = np.searchsorted(self.keys, times, side='right') - 1
+        return np.clip(before, 0, max(self.last - 1, 0))
+
+    def began(self, times):
+        return np.searchsorted(self.keys, times, side='right') - 1
+
+    def key(self, numbers):
+        return self.keys[numbers]
+
+    def around(self, numbers):
+        """Return the first of the three keys whose parabola serves at a key."""
+        return np.clip(numbers - 1, 0, self.last - 2)
+
+    def frames(self, numbers):
+        return np.minimum(numbers, self.last)
+
+
+class _Ring:
+    """Keys that come again and again, numbered from minus to plus infinity."""
+
+    def __init__(self, keys, period):
+        span = keys[-1] - keys[0]
+        if not span <= period < np.inf or period <= 0:
+            msg = f'period is {period}; it must be positive, at least {span} (first to last key).'
+            raise ValueError(msg)
+        self.keys = keys[:-1] if period <= span else keys
+        self.period = period
+
+    def degree(self, interpolation):
+        return SLOTS[interpolation] - 1
+
+    def local(self, times):
+        start = self.keys[0]
+        # The remainder of a tiny negative time rounds up to the period.
+        turned = np.mod(times - start, self.period)
+        return start + np.where(turned < self.period, turned, 0.0)
+
+    def segment(self, times):
+        return np.maximum(np.searchsorted(self.keys, times, side='right') - 1, 0)
+
+    began = segment
+
+    def key(self, numbers):
+        turns, frames = np.divmod(numbers, len(self.keys))
+        return self.keys[frames] + turns * self.period
+
+    def around(self, numbers):
+        return numbers - 1
+
+    def frames(self, numbers):
+        return np.mod(numbers, len(self.keys))
+
+
+def _step(line, times):
+    first = line.began(times)
+    return first[..., None], np.ones((*times.shape, 1))
+
+
+def _linear(line, times):
+    first = line.segment(times)
+    w = _part(line, first, times)
+    return first[..., None] + np.arange(2), np.stack([1 - w, w], axis=-1)
+
+
+def _quadratic(line, times):
+    start = line.around(line.segment(times))
+    return start[..., None] + np.arange(3), _parabola(line, start, times)
+
+
+def _cubic(line, times):
+    first = line.segment(times)
+    w = _part(line, first, times)[..., None]
+    start, end = line.around(first), line.around(first + 1)
+    weights = np.zeros((*times.shape, 4))
+    weights[..., :3] = (1 - w) * _parabola(line, start, times)
+    ahead = w * _parabola(line, end, times)
+    # At the ends of a line both parabolas are the same one.
+    same = (end == start)[..., None]
+    weights[..., :3] += np.where(same, ahead, 0.0)
+    weights[..., 1:] += np.where(same, 0.0, ahead)
+    return start[..., None] + np.arange(4), weights
+
+
+_WEIGHTS = (_step, _linear, _quadratic, _cubic)
+
+
+def _part(line, first, times):
+    """Return how far times are from one key to the next, 0 to 1."""
+    a, b = line.key(first), line.key(first + 1)
+    return (times - a) / (b - a)
+
+
+def _parabola(line, start, times):
+    """Return the weights of three keys in the parabola through them."""
+    a, b, c = (line.key(start + i) for i in range(3))
+    to_a, to_b, to_c = times - a, times - b, times - c
+    weights = [
+        to_b * to_c / ((a - b) * (a - c)),
+        to_a * to_c / ((b - a) * (b - c)),
+        to_a * to_b / ((c - a) * (c - b)),
+    ]
+    return np.stack(weights, axis=-1)
