@@ -1,0 +1,365 @@
+"""What the JSON of a glTF 2.0 file may say, as types that msgspec checks while it parses.
+
+A value of another type, a number out of range and a property that is missing are found there
+and named by their place, e.g. ``accessors[3].count``. What no class here lists is skipped.
+References to other things are plain numbers here; who follows one checks it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta, Struct, field
+
+#: Beyond the largest number that float64, and so JSON, holds exactly.
+_LARGEST = 2**53
+Index = Annotated[int, Meta(ge=0, le=_LARGEST)]
+Count = Annotated[int, Meta(ge=1, le=_LARGEST)]
+Vec2 = tuple[float, float]
+Vec3 = tuple[float, float, float]
+Vec4 = tuple[float, float, float, float]
+Indices = Annotated[list[Index], Meta(min_length=1)]
+
+
+class _Thing(Struct, rename='camel', omit_defaults=True, frozen=True):
+    """Anything in the file."""
+
+
+class _Named(_Thing, kw_only=True):
+    """Anything that may have a name."""
+
+    name: str | None = None
+
+
+class Asset(_Thing):
+    """Of which version the file is."""
+
+    version: str
+    min_version: str | None = None
+    generator: str | None = None
+    copyright: str | None = None
+
+
+class Buffer(_Named):
+    """Bytes: in the GLB, in the URI, or in the file that it names."""
+
+    byte_length: Count
+    uri: str | None = None
+
+
+class BufferView(_Named):
+    """A part of a buffer."""
+
+    buffer: Index
+    byte_length: Count
+    byte_offset: Index = 0
+    byte_stride: Annotated[int, Meta(ge=4, le=252)] | None = None
+    target: int | None = None
+
+
+class SparseIndices(_Thing):
+    """Which elements differ."""
+
+    buffer_view: Index
+    component_type: Literal[5121, 5123, 5125]
+    byte_offset: Index = 0
+
+
+class SparseValues(_Thing):
+    """How they differ."""
+
+    buffer_view: Index
+    byte_offset: Index = 0
+
+
+class Sparse(_Thing):
+    """Elements that differ from those of the buffer view, or from zero."""
+
+    count: Count
+    indices: SparseIndices
+    values: SparseValues
+
+
+class Accessor(_Named):
+    """An array in a buffer view."""
+
+    component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
+    count: Count
+    type: Literal['SCALAR', 'VEC2', 'VEC3', 'VEC4', 'MAT2', 'MAT3', 'MAT4']
+    buffer_view: Index | None = None
+    byte_offset: Index = 0
+    normalized: bool = False
+    sparse: Sparse | None = None
+    min: list[float] | None = None
+    max: list[float] | None = None
+
+
+class Primitive(_Thing):
+    """Triangles, lines or points of one material."""
+
+    attributes: dict[str, Index]
+    indices: Index | None = None
+    material: Index | None = None
+    mode: Annotated[int, Meta(ge=0, le=6)] = 4
+    targets: list[dict[str, Index]] = []
+
+
+class MeshExtras(_Thing):
+    """What exporters agree to write beside the standard: the names of morph targets."""
+
+    target_names: list[str] | None = None
+
+
+class Mesh(_Named):
+    """Primitives that are morphed together."""
+
+    primitives: Annotated[list[Primitive], Meta(min_length=1)]
+    weights: list[float] = []
+    extras: msgspec.Raw = msgspec.Raw()
+
+
+class LightIndex(_Thing):
+    """The light at a node."""
+
+    light: Index
+
+
+class NodeExtensions(_Thing):
+    """Extensions of a node."""
+
+    lights: LightIndex | None = field(default=None, name='KHR_lights_punctual')
+
+
+class Node(_Named):
+    """A joint of the scene: where it is, what hangs there."""
+
+    children: list[Index] = []
+    matrix: Annotated[list[float], Meta(min_length=16, max_length=16)] | None = None
+    translation: Vec3 = (0.0, 0.0, 0.0)
+    rotation: Vec4 = (0.0, 0.0, 0.0, 1.0)
+    scale: Vec3 = (1.0, 1.0, 1.0)
+    mesh: Index | None = None
+    skin: Index | None = None
+    weights: list[float] | None = None
+    camera: Index | None = None
+    extensions: NodeExtensions = NodeExtensions()
+
+
+class Scene(_Named):
+    """What is shown together."""
+
+    nodes: list[Index] = []
+
+
+class Skin(_Named):
+    """Joints that deform a mesh."""
+
+    joints: Indices
+    inverse_bind_matrices: Index | None = None
+    skeleton: Index | None = None
+
+
+class Target(_Thing):
+    """What a channel drives."""
+
+    path: str
+    node: Index | None = None
+
+
+class Channel(_Thing):
+    """Which sampler drives what."""
+
+    sampler: Index
+    target: Target
+
+
+class AnimationSampler(_Thing):
+    """Keys: times and values."""
+
+    input: Index
+    output: Index
+    interpolation: Literal['LINEAR', 'STEP', 'CUBICSPLINE'] = 'LINEAR'
+
+
+class Animation(_Named):
+    """Channels that play together."""
+
+    channels: Annotated[list[Channel], Meta(min_length=1)]
+    samplers: Annotated[list[AnimationSampler], Meta(min_length=1)]
+
+
+class TextureTransform(_Thing):
+    """How texture coordinates are moved: scaled, then turned, then shifted."""
+
+    offset: Vec2 = (0.0, 0.0)
+    rotation: float = 0.0
+    scale: Vec2 = (1.0, 1.0)
+    tex_coord: Index | None = None
+
+
+class TextureInfoExtensions(_Thing):
+    """Extensions of the use of a texture."""
+
+    transform: TextureTransform | None = field(default=None, name='KHR_texture_transform')
+
+
+class TextureInfo(_Thing):
+    """The use of a texture."""
+
+    index: Index
+    tex_coord: Index = 0
+    extensions: TextureInfoExtensions = TextureInfoExtensions()
+
+
+class Metallic(_Thing):
+    """Physically based shading."""
+
+    base_color_factor: Vec4 = (1.0, 1.0, 1.0, 1.0)
+    base_color_texture: TextureInfo | None = None
+    metallic_factor: float = 1.0
+    roughness_factor: float = 1.0
+    metallic_roughness_texture: TextureInfo | None = None
+
+
+class EmissiveStrength(_Thing):
+    """A factor of what shines."""
+
+    emissive_strength: Annotated[float, Meta(ge=0)] = 1.0
+
+
+class Unlit(_Thing):
+    """Shown as it is, whatever the lights."""
+
+
+class MaterialExtensions(_Thing):
+    """Extensions of a material."""
+
+    emissive: EmissiveStrength = field(
+        default=EmissiveStrength(), name='KHR_materials_emissive_strength'
+    )
+    unlit: Unlit | None = field(default=None, name='KHR_materials_unlit')
+
+
+class Material(_Named):
+    """How a primitive looks."""
+
+    pbr_metallic_roughness: Metallic = Metallic()
+    normal_texture: TextureInfo | None = None
+    occlusion_texture: TextureInfo | None = None
+    emissive_texture: TextureInfo | None = None
+    emissive_factor: Vec3 = (0.0, 0.0, 0.0)
+    alpha_mode: Literal['OPAQUE', 'MASK', 'BLEND'] = 'OPAQUE'
+    alpha_cutoff: Annotated[float, Meta(ge=0)] = 0.5
+    double_sided: bool = False
+    extensions: MaterialExtensions = MaterialExtensions()
+
+
+class Sampler(_Named):
+    """How a texture is filtered and repeated."""
+
+    mag_filter: int | None = None
+    min_filter: int | None = None
+    wrap_s: Literal[33071, 33648, 10497] = 10497
+    wrap_t: Literal[33071, 33648, 10497] = 10497
+
+
+class Texture(_Named):
+    """An image and how it is sampled."""
+
+    source: Index | None = None
+    sampler: Index | None = None
+
+
+class Image(_Named):
+    """A picture: in a buffer view, in the URI, or in the file that it names."""
+
+    uri: str | None = None
+    buffer_view: Index | None = None
+    mime_type: str | None = None
+
+
+class Perspective(_Thing):
+    """A camera's frustum: radians and the file's unit."""
+
+    yfov: Annotated[float, Meta(gt=0)]
+    znear: Annotated[float, Meta(gt=0)]
+    zfar: Annotated[float, Meta(gt=0)] | None = None
+    aspect_ratio: Annotated[float, Meta(gt=0)] | None = None
+
+
+class Orthographic(_Thing):
+    """A camera's box: half sizes, in the file's unit."""
+
+    xmag: float
+    ymag: float
+    zfar: Annotated[float, Meta(gt=0)]
+    znear: Annotated[float, Meta(ge=0)]
+
+
+class Camera(_Named):
+    """A camera that looks along -z."""
+
+    type: Literal['perspective', 'orthographic']
+    perspective: Perspective | None = None
+    orthographic: Orthographic | None = None
+
+
+class Spot(_Thing):
+    """The cone of a spot light, radians from its axis."""
+
+    inner_cone_angle: Annotated[float, Meta(ge=0)] = 0.0
+    outer_cone_angle: Annotated[float, Meta(gt=0)] = 0.7853981633974483
+
+
+class Light(_Named):
+    """A light that shines along -z: lux if directional, else candela."""
+
+    type: Literal['directional', 'point', 'spot']
+    color: Vec3 = (1.0, 1.0, 1.0)
+    intensity: Annotated[float, Meta(ge=0)] = 1.0
+    range: Annotated[float, Meta(gt=0)] | None = None
+    spot: Spot = Spot()
+
+
+class Lights(_Thing):
+    """All lights of the file."""
+
+    lights: list[Light] = []
+
+
+class GltfExtensions(_Thing):
+    """Extensions of the file."""
+
+    lights: Lights = field(default=Lights(), name='KHR_lights_punctual')
+
+
+class Gltf(_Thing):
+    """A whole file.
+
+    Examples
+    --------
+    >>> import msgspec
+    >>> from pvibr.animation.gltf_schema import Gltf
+    >>> msgspec.json.decode('{"asset": {"version": "2.0"}}', type=Gltf).asset.version
+    '2.0'
+    """
+
+    asset: Asset
+    accessors: list[Accessor] = []
+    animations: list[Animation] = []
+    buffers: list[Buffer] = []
+    buffer_views: list[BufferView] = []
+    cameras: list[Camera] = []
+    images: list[Image] = []
+    materials: list[Material] = []
+    meshes: list[Mesh] = []
+    nodes: list[Node] = []
+    samplers: list[Sampler] = []
+    scene: Index | None = None
+    scenes: list[Scene] = []
+    skins: list[Skin] = []
+    textures: list[Texture] = []
+    extensions: GltfExtensions = GltfExtensions()
+    extensions_used: list[str] = []
+    extensions_required: list[str] = []
