@@ -133,7 +133,8 @@ def blend(frames, indices, weights):
     [1.0, 6.0]
     """
     frames = np.asarray(frames)
-    indices, weights = np.asarray(indices), np.asarray(weights, dtype=np.float64)
+    weights = np.asarray(weights, dtype=np.float64)
+    indices, weights = np.broadcast_arrays(indices, weights)
     weights = weights.reshape(weights.shape + (1,) * (frames.ndim - 1))
     lead = indices.ndim - 1
     # Slot after slot: all at once would hold k times as much.
