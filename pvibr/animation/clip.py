@@ -1,0 +1,274 @@
+"""Clips: keys over time and what lies between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pvibr.animation.pose import Pose
+from pvibr.maths import quaternions
+
+#: Numbers of a value by what is driven; of weights any number.
+WIDTHS = {'translation': 3, 'rotation': 4, 'scale': 3, 'weights': None}
+INTERPOLATIONS = ('step', 'linear', 'cubic')
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Keys of one property of one joint.
+
+    Parameters
+    ----------
+    node : int
+        The joint; of ``'weights'`` the first column of :attr:`Pose.weights` that is driven.
+    path : {'translation', 'rotation', 'scale', 'weights'}
+        What is driven.
+    times : array_like, shape (k,)
+        Times of the keys in seconds, in order; k > 0.
+    values : array_like, shape (k, c), or (k, 3, c) for 'cubic'
+        Values at the keys: c is 3, 4 (w, x, y, z) or the number of weights. For 'cubic' each key
+        holds the tangent toward it, the value and the tangent from it (per second), as in glTF.
+    interpolation : {'linear', 'step', 'cubic'}
+        What lies between two keys: 'linear' turns rotations along the shortest arc.
+
+    Raises
+    ------
+    ValueError
+        If keys are out of order, shapes do not fit or a value is not finite.
+
+    Examples
+    --------
+    >>> from pvibr import Track
+    >>> Track(0, 'translation', [0, 1], [[0, 0, 0], [2, 0, 0]]).sample(0.25).tolist()
+    [0.5, 0.0, 0.0]
+    """
+
+    node: int
+    path: str
+    times: np.ndarray
+    values: np.ndarray
+    interpolation: str = 'linear'
+
+    def __post_init__(self):
+        _one_of('path', self.path, tuple(WIDTHS))
+        _one_of('interpolation', self.interpolation, INTERPOLATIONS)
+        times = np.asarray(self.times, dtype=np.float64)
+        values = np.asarray(self.values, dtype=np.float64)
+        self._check_times(times)
+        self._check_values(values, len(times))
+        if self.path == 'rotation':
+            values = self._unit(values)
+        object.__setattr__(self, 'times', times)
+        object.__setattr__(self, 'values', values)
+
+    @property
+    def width(self):
+        """Numbers of one value."""
+        return self.values.shape[-1]
+
+    def sample(self, times):
+        """Return values at times; before the first key and after the last one theirs.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Seconds.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., c), float64
+            Values; rotations of length one.
+
+        Examples
+        --------
+        >>> from pvibr import Track
+        >>> Track(0, 'scale', [0, 1], [[1, 1, 1], [3, 3, 3]], 'step').sample([0.9, 1.0])[:, 0]
+        array([1., 3.])
+        """
+        times = np.clip(np.asarray(times, dtype=np.float64), self.times[0], self.times[-1])
+        before = np.searchsorted(self.times, times, side='right') - 1
+        after = np.minimum(before + 1, len(self.times) - 1)
+        step = self.times[after] - self.times[before]
+        part = ((times - self.times[before]) / np.where(step > 0, step, 1.0))[..., None]
+        return getattr(self, f'_{self.interpolation}')(before, after, part, step[..., None])
+
+    def _step(self, before, after, part, step):
+        return self.values[before]
+
+    def _linear(self, before, after, part, step):
+        a, b = self.values[before], self.values[after]
+        if self.path == 'rotation':
+            return quaternions.slerp(a, b, part[..., 0])
+        return (1 - part) * a + part * b
+
+    def _cubic(self, before, after, part, step):
+        """Blend by the Hermite polynomials (glTF 2.0, appendix C.5)."""
+        a, leaving = self.values[before, 1], self.values[before, 2] * step
+        b, arriving = self.values[after, 1], self.values[after, 0] * step
+        t2, t3 = part**2, part**3
+        value = (2 * t3 - 3 * t2 + 1) * a + (t3 - 2 * t2 + part) * leaving
+        value = value + (3 * t2 - 2 * t3) * b + (t3 - t2) * arriving
+        return quaternions.normalized(value) if self.path == 'rotation' else value
+
+    def _check_times(self, times):
+        if times.ndim != 1 or not len(times):
+            msg = f'times must be (k,) with k > 0, not of shape {times.shape}.'
+            raise ValueError(msg)
+        bad = np.flatnonzero(~np.isfinite(times))
+        if len(bad):
+            msg = f'times[{bad[0]}] is {times[bad[0]]}; it must be finite.'
+            raise ValueError(msg)
+        back = np.flatnonzero(np.diff(times) <= 0)
+        if len(back):
+            i = back[0]
+            msg = (
+                f'times[{i + 1}] is {times[i + 1]} after times[{i}] = {times[i]}: '
+                'keys must be in order, each later than the one before.'
+            )
+            raise ValueError(msg)
+
+    def _check_values(self, values, k):
+        cubic = self.interpolation == 'cubic'
+        width = WIDTHS[self.path] or (values.shape[-1] if values.ndim else 1)
+        shape = (k, 3, width) if cubic else (k, width)
+        if values.shape != shape:
+            msg = (
+                f'values of a {self.interpolation} track of {self.path} with {k} keys must be '
+                f'{shape}, not of shape {values.shape}.'
+            )
+            raise ValueError(msg)
+        bad = np.argwhere(~np.isfinite(values))
+        if len(bad):
+            place = ', '.join(str(int(i)) for i in bad[0])
+            msg = f'values[{place}] is {values[tuple(bad[0])]}; it must be finite.'
+            raise ValueError(msg)
+
+    def _unit(self, values):
+        """Return rotations of length one; tangents stay as they are."""
+        if self.interpolation != 'cubic':
+            return quaternions.normalized(values)
+        values = values.copy()
+        values[:, 1] = quaternions.normalized(values[:, 1])
+        return values
+
+
+class Clip:
+    """A movement with a name: tracks that are played together.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    tracks : sequence of Track
+        What it drives; what no track drives rests.
+    duration : float, optional
+        Length in seconds; default the time of the last key.
+
+    Raises
+    ------
+    ValueError
+        If the duration is negative or not finite.
+
+    Examples
+    --------
+    >>> from pvibr import Clip, Pose, Track
+    >>> up = Clip('up', [Track(0, 'translation', [0, 2], [[0, 0, 0], [0, 0, 1]])])
+    >>> up.sample([0.0, 1.0, 3.0], Pose([[0.0, 0.0, 0.0]])).translation[:, 0, 2].tolist()
+    [0.0, 0.5, 0.5]
+    """
+
+    def __init__(self, name, tracks, duration=None):
+        self.name = str(name)
+        self.tracks = tuple(tracks)
+        last = max((track.times[-1] for track in self.tracks), default=0.0)
+        self.duration = float(last if duration is None else duration)
+        if not 0 <= self.duration < np.inf:
+            msg = f'duration of the clip {self.name!r} is {duration}; it must be >= 0 seconds.'
+            raise ValueError(msg)
+
+    def __repr__(self):
+        return f'Clip({self.name!r}, {len(self.tracks)} tracks, {self.duration:g} s)'
+
+    def sample(self, times, rest, loop=True):
+        """Return the pose at times.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Seconds; many give many poses at once.
+        rest : Pose
+            One pose: what no track drives.
+        loop : bool
+            Begin again after the end; otherwise the last pose stays.
+
+        Returns
+        -------
+        Pose
+            Of shape ``times.shape``.
+
+        Raises
+        ------
+        ValueError
+            If a track drives a joint or a weight that ``rest`` lacks.
+
+        Examples
+        --------
+        >>> from pvibr import Clip, Pose
+        >>> Clip('still', []).sample([0, 1], Pose([[1.0, 0.0, 0.0]])).shape
+        (2,)
+        """
+        times = self.local_time(times, loop)
+        parts = {
+            name: np.array(np.broadcast_to(value, times.shape + value.shape))
+            for name in WIDTHS
+            for value in [getattr(rest, name)]
+        }
+        for track in self.tracks:
+            self._check_fit(track, rest)
+            if track.path == 'weights':
+                columns = slice(track.node, track.node + track.width)
+                parts['weights'][..., columns] = track.sample(times)
+            else:
+                parts[track.path][..., track.node, :] = track.sample(times)
+        return Pose(**parts, time=times)
+
+    def local_time(self, times, loop=True):
+        """Return times within the clip.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Seconds.
+        loop : bool
+            Begin again after the end; otherwise stay at the end.
+
+        Returns
+        -------
+        numpy.ndarray, shape (...), float64
+            Seconds from 0 to the duration. A loop starts again at the duration itself.
+
+        Examples
+        --------
+        >>> from pvibr import Clip
+        >>> Clip('x', [], duration=2.0).local_time([-0.5, 2.0, 5.0]).tolist()
+        [1.5, 0.0, 1.0]
+        """
+        times = np.asarray(times, dtype=np.float64)
+        if not self.duration:
+            return np.zeros_like(times)
+        return times % self.duration if loop else np.clip(times, 0.0, self.duration)
+
+    def _check_fit(self, track, rest):
+        many = rest.weights.shape[-1] if track.path == 'weights' else rest.n_joints
+        last = track.node + (track.width if track.path == 'weights' else 1)
+        if track.node < 0 or last > many:
+            what = 'weight' if track.path == 'weights' else 'joint'
+            msg = f'clip {self.name!r} drives {what} {last - 1}; the figure has {many}.'
+            raise ValueError(msg)
+
+
+def _one_of(name, value, allowed):
+    if value not in allowed:
+        msg = f'{name} is {value!r}; it must be one of {", ".join(map(repr, allowed))}.'
+        raise ValueError(msg)

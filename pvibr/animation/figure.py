@@ -1,0 +1,540 @@
+"""A figure: meshes, the skeleton that moves them, and its clips."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.animation.morphs import Morphs
+from pvibr.animation.pose import Pose, as_matrices
+from pvibr.animation.skeleton import Skeleton
+from pvibr.maths import skinning
+
+SKINNINGS = ('linear', 'dual')
+
+
+class Skin:
+    """Which joints pull at which vertex.
+
+    Parameters
+    ----------
+    nodes : array_like of int, shape (m,)
+        Joints of the figure's skeleton that the skin hangs on.
+    inverse_bind : array_like, shape (m, 4, 4)
+        ``joint_from_mesh``: takes a vertex of the mesh at rest to the joint's space.
+    joints : array_like of int, shape (v, k)
+        For each vertex up to eight rows of ``nodes``.
+    weights : array_like, shape (v, k)
+        Their weights; made to sum to one.
+
+    Raises
+    ------
+    ValueError
+        If a joint is out of range, weights are negative or all zero (the vertices are named), or
+        shapes do not fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr import Skin
+    >>> Skin([0], [np.eye(4)], [[0]], [[2.0]]).weights.tolist()
+    [[1.0]]
+    """
+
+    def __init__(self, nodes, inverse_bind, joints, weights):
+        self.nodes = np.array(nodes, dtype=np.int64).reshape(-1)
+        self.inverse_bind = as_matrices(inverse_bind, 'inverse_bind')
+        self.weights = skinning.normalized_weights(weights)
+        self.joints = np.array(joints)
+        if self.inverse_bind.shape != (len(self.nodes), 4, 4):
+            shape = self.inverse_bind.shape
+            msg = f'inverse_bind must be ({len(self.nodes)}, 4, 4), not of shape {shape}.'
+            raise ValueError(msg)
+        if self.joints.shape != self.weights.shape or self.joints.dtype.kind not in 'iu':
+            msg = (
+                f'joints must be whole numbers of shape {self.weights.shape} as the weights, '
+                f'not {self.joints.dtype} of shape {self.joints.shape}.'
+            )
+            raise ValueError(msg)
+        bad = np.argwhere((self.joints < 0) | (self.joints >= len(self.nodes)))
+        if len(bad):
+            row, column = bad[0]
+            msg = (
+                f'joints[{row}, {column}] is {self.joints[row, column]}; the skin has '
+                f'{len(self.nodes)} joints.'
+            )
+            raise ValueError(msg)
+        self.joints = self.joints.astype(np.int64)
+
+    def __repr__(self):
+        v, k = self.joints.shape
+        return f'Skin({len(self.nodes)} joints, {v} vertices, {k} weights each)'
+
+    @cached_property
+    def centers(self):
+        """Joints in the mesh's space at rest: float64 array of shape (m, 3)."""
+        linear, shift = self.inverse_bind[:, :3, :3], self.inverse_bind[:, :3, 3]
+        return -np.einsum('mij,mj->mi', np.linalg.pinv(linear), shift)
+
+    def matrices(self, world):
+        """Return where each joint takes the mesh at rest.
+
+        Parameters
+        ----------
+        world : array_like, shape (..., n, 4, 4)
+            ``figure_from_joint`` of the whole skeleton.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., m, 4, 4), float64
+            ``figure_from_mesh`` of each joint of the skin.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pvibr import Skin
+        >>> Skin([0], [np.eye(4)], [[0]], [[1.0]]).matrices(2 * np.eye(4)[None])[0, 0, 0]
+        np.float64(2.0)
+        """
+        return np.asarray(world)[..., self.nodes, :, :] @ self.inverse_bind
+
+    def blend(self, world, how='linear', bulge=1.0):
+        """Return one matrix per vertex.
+
+        Parameters
+        ----------
+        world : array_like, shape (n, 4, 4)
+            ``figure_from_joint`` of the whole skeleton.
+        how : {'linear', 'dual'}
+            The mean of matrices, or dual quaternions.
+        bulge : float
+            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+
+        Returns
+        -------
+        numpy.ndarray, shape (v, 3, 4), float64
+            ``figure_from_mesh`` of each vertex.
+
+        Raises
+        ------
+        ValueError
+            If ``how`` is another word.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pvibr import Skin
+        >>> Skin([0], [np.eye(4)], [[0]], [[1.0]]).blend(np.eye(4)[None], 'dual')[0, 0].tolist()
+        [1.0, 0.0, 0.0, 0.0]
+        """
+        if how not in SKINNINGS:
+            msg = f"skinning is {how!r}; it must be 'linear' or 'dual'."
+            raise ValueError(msg)
+        matrices = self.matrices(world)
+        if how == 'linear':
+            return skinning.linear_blend(matrices, self.joints, self.weights)
+        return skinning.dual_blend(matrices, self.joints, self.weights, self.centers, bulge)
+
+
+@dataclass(eq=False)
+class Body:
+    """One mesh of a figure and what deforms it.
+
+    In this order: key frames, morph targets, correctives, skin or else the node.
+
+    Parameters
+    ----------
+    mesh : pyvista.PolyData
+        The mesh at rest; normals of its points are computed where it has none.
+    node : int
+        Joint that an unskinned mesh moves with; -1 for none. A skinned mesh ignores it, as in
+        glTF.
+    skin : Skin, optional
+        Joints and weights of the vertices.
+    morphs : Morphs, optional
+        Morph targets.
+    frames : pvibr.animation.frames.Frames, optional
+        Key frames of all vertices.
+    look : dict, optional
+        Keywords of ``Plotter.add_mesh``.
+    name : str
+        Name of the mesh.
+
+    Raises
+    ------
+    ValueError
+        If skin, morphs or frames are of another number of vertices.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr import Body
+    >>> Body(pv.Sphere(), look={'color': 'red'}).points.dtype
+    dtype('float64')
+    """
+
+    mesh: pv.PolyData
+    node: int = -1
+    skin: Skin | None = None
+    morphs: Morphs | None = None
+    frames: object = None
+    look: dict = field(default_factory=dict)
+    name: str = ''
+
+    def __post_init__(self):
+        n = self.mesh.n_points
+        if self.skin is not None and len(self.skin.joints) != n:
+            msg = f'the skin has {len(self.skin.joints)} vertices, the mesh {n} points.'
+            raise ValueError(msg)
+        if self.morphs is not None:
+            self.morphs.check(n)
+        self.points = np.array(self.mesh.points, dtype=np.float64)
+        self.normals = np.array(_normals(self.mesh), dtype=np.float64)
+
+    @property
+    def n_targets(self):
+        """Number of morph targets."""
+        return 0 if self.morphs is None else len(self.morphs)
+
+
+class Figure:
+    """Meshes that move: bodies, their skeleton and clips.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+        The meshes.
+    skeleton : Skeleton, optional
+        Joints; default none.
+    clips : sequence of Clip
+        Movements, played by name.
+    correctives : object, optional
+        Pose space deformation, see :mod:`pvibr.animation.correctives`.
+    cameras : sequence
+        Cameras that came with the figure.
+    lights : sequence
+        Lights that came with the figure.
+    name : str
+        Name of the figure.
+
+    Raises
+    ------
+    ValueError
+        If a node is out of the skeleton's range.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr import Body, Figure
+    >>> Figure([Body(pv.Cube())]).mesh().n_cells
+    6
+    """
+
+    def __init__(
+        self,
+        bodies,
+        skeleton=None,
+        clips=(),
+        correctives=None,
+        cameras=(),
+        lights=(),
+        name='',
+    ):
+        self.bodies = tuple(bodies)
+        self.skeleton = Skeleton([], Pose(np.zeros((0, 3)))) if skeleton is None else skeleton
+        self.clips = tuple(clips)
+        self.correctives = correctives
+        self.cameras = tuple(cameras)
+        self.lights = tuple(lights)
+        self.name = name
+        self._check_nodes()
+
+    def __repr__(self):
+        names = ', '.join(repr(clip.name) for clip in self.clips)
+        return f'Figure({len(self.bodies)} bodies, {len(self.skeleton)} joints, clips: {names})'
+
+    def _check_nodes(self):
+        for i, body in enumerate(self.bodies):
+            nodes = [body.node] if body.skin is None else body.skin.nodes
+            if len(nodes) and not -1 <= min(nodes) <= max(nodes) < len(self.skeleton):
+                msg = (
+                    f'bodies[{i}] hangs on the joints {min(nodes)} to {max(nodes)}; the skeleton '
+                    f'has {len(self.skeleton)}.'
+                )
+                raise ValueError(msg)
+
+    @cached_property
+    def rest(self):
+        """Pose at rest, with the weights that the morph targets rest at."""
+        weights = [body.morphs.weights for body in self.bodies if body.morphs is not None]
+        return self.skeleton.rest.replaced(weights=np.concatenate([np.zeros(0), *weights]))
+
+    def clip(self, clip):
+        """Return a clip.
+
+        Parameters
+        ----------
+        clip : str, int, Clip or None
+            Its name, its number, itself, or ``None`` for the first one there is.
+
+        Returns
+        -------
+        Clip or None
+            The clip; ``None`` if none is asked for and the figure has none.
+
+        Raises
+        ------
+        ValueError
+            If there is no such clip; the message names those that exist.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Clip, Figure
+        >>> Figure([Body(pv.Cube())], clips=[Clip('Walk', [])]).clip('Walk')
+        Clip('Walk', 0 tracks, 0 s)
+        """
+        if clip is None:
+            return self.clips[0] if self.clips else None
+        if hasattr(clip, 'sample'):
+            return clip
+        for i, known in enumerate(self.clips):
+            if clip in (known.name, i):
+                return known
+        names = ', '.join(repr(known.name) for known in self.clips) or 'none'
+        msg = f'there is no clip {clip!r}; there are {names}.'
+        raise ValueError(msg)
+
+    def sample(self, time, clip=None, loop=True):
+        """Return the pose at times.
+
+        Parameters
+        ----------
+        time : array_like, shape (...)
+            Seconds.
+        clip : str, int or Clip, optional
+            What is played; default the first clip, or rest.
+        loop : bool
+            Begin again after the end.
+
+        Returns
+        -------
+        Pose
+            Of shape ``time.shape``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such clip.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> Figure([Body(pv.Cube())]).sample([0.0, 1.0]).shape
+        (2,)
+        """
+        found = self.clip(clip)
+        if found is not None:
+            return found.sample(time, self.rest, loop)
+        times = np.asarray(time, dtype=np.float64)
+        rest = self.rest
+        rows = times.shape
+        return Pose(
+            np.broadcast_to(rest.translation, rows + rest.translation.shape),
+            rest.rotation,
+            rest.scale,
+            rest.weights,
+            times,
+        )
+
+    def world(self, pose=None):
+        """Return the matrices of all joints.
+
+        Parameters
+        ----------
+        pose : Pose or array_like, shape (..., n, 4, 4), optional
+            A pose, or the ``figure_from_joint`` matrices themselves; default at rest.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., n, 4, 4), float64
+            ``figure_from_joint``.
+
+        Raises
+        ------
+        ValueError
+            If there is another number of joints.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> Figure([Body(pv.Cube())]).world().shape
+        (0, 4, 4)
+        """
+        if pose is None or isinstance(pose, Pose):
+            return self.skeleton.world(self.rest if pose is None else pose)
+        world = as_matrices(pose, 'pose')
+        if world.shape[-3] != len(self.skeleton):
+            msg = f'pose has {world.shape[-3]} matrices, the skeleton {len(self.skeleton)} joints.'
+            raise ValueError(msg)
+        return world
+
+    def weights(self, index, pose=None):
+        """Return the morph weights of one body.
+
+        Parameters
+        ----------
+        index : int
+            Number of the body.
+        pose : Pose, optional
+            A pose; default at rest.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., t), float64
+            One weight per target of that body.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> Figure([Body(pv.Cube())]).weights(0).shape
+        (0,)
+        """
+        first = sum(body.n_targets for body in self.bodies[:index])
+        weights = pose.weights if isinstance(pose, Pose) else self.rest.weights
+        return weights[..., first : first + self.bodies[index].n_targets]
+
+    def posed(self, index, pose=None, skinning='linear', bulge=1.0):
+        """Return a body's points and normals in a pose: the reference for all other ways.
+
+        Parameters
+        ----------
+        index : int
+            Number of the body.
+        pose : Pose or array_like, shape (n, 4, 4), optional
+            One pose, or the ``figure_from_joint`` matrices; default at rest.
+        skinning : {'linear', 'dual'}
+            How joints are blended.
+        bulge : float
+            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+
+        Returns
+        -------
+        points : numpy.ndarray, shape (v, 3), float64
+            Points in the figure's space.
+        normals : numpy.ndarray, shape (v, 3), float64
+            Unit normals.
+
+        Raises
+        ------
+        ValueError
+            If the pose does not fit, or holds several poses.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> points, normals = Figure([Body(pv.Sphere())]).posed(0)
+        >>> abs(points - 0.5 * normals).max() < 1e-2
+        np.True_
+        """
+        world = self.world(pose)
+        if world.ndim != 3:
+            msg = f'pose holds {world.shape[:-3]} poses; one is posed at a time.'
+            raise ValueError(msg)
+        points, normals = self._deformed(index, pose)
+        matrices = self._moves(self.bodies[index], world, skinning, bulge)
+        return _moved(matrices, points, normals)
+
+    def _deformed(self, index, pose):
+        """Return points and normals before the skeleton moves them."""
+        body = self.bodies[index]
+        points, normals = body.points, body.normals
+        if body.frames is not None:
+            points, normals = body.frames.sample(getattr(pose, 'time', 0.0))
+        if body.morphs is not None:
+            weights = self.weights(index, pose)
+            points = points + body.morphs.total('positions', weights, len(points))
+            normals = normals + body.morphs.total('normals', weights, len(points))
+        return points, normals
+
+    @staticmethod
+    def _moves(body, world, how, bulge):
+        if body.skin is not None:
+            return body.skin.blend(world, how, bulge)
+        return (np.eye(4) if body.node < 0 else world[body.node])[None, :3]
+
+    def mesh(self, time=0.0, clip=None, *, pose=None, skinning='linear', loop=True):
+        """Return the figure at a time as data for any backend and for filters.
+
+        Parameters
+        ----------
+        time : float
+            Seconds.
+        clip : str, int or Clip, optional
+            What is played; default the first clip, or rest.
+        pose : Pose or array_like, shape (n, 4, 4), optional
+            A pose in place of a time.
+        skinning : {'linear', 'dual'}
+            How joints are blended.
+        loop : bool
+            Begin again after the end.
+
+        Returns
+        -------
+        pyvista.PolyData or pyvista.MultiBlock
+            Posed copies of the meshes, with their normals and other data; a MultiBlock if the
+            figure has several bodies or none.
+
+        Raises
+        ------
+        ValueError
+            If there is no such clip or the pose does not fit.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> Figure([Body(pv.Cube()), Body(pv.Sphere())]).mesh().n_blocks
+        2
+        """
+        pose = self.sample(time, clip, loop) if pose is None else pose
+        meshes = [self._posed_mesh(i, pose, skinning) for i in range(len(self.bodies))]
+        if len(meshes) == 1:
+            return meshes[0]
+        names = [body.name or f'body{i}' for i, body in enumerate(self.bodies)]
+        blocks = pv.MultiBlock()
+        for name, mesh in zip(names, meshes, strict=True):
+            blocks.append(mesh, name)
+        return blocks
+
+    def _posed_mesh(self, index, pose, skinning):
+        mesh = self.bodies[index].mesh.copy(deep=True)
+        points, normals = self.posed(index, pose, skinning)
+        mesh.points = points
+        mesh.point_data['Normals'] = normals
+        mesh.point_data.active_normals_name = 'Normals'
+        return mesh
+
+
+def _moved(matrices, points, normals):
+    return skinning.moved_points(matrices, points), skinning.moved_normals(matrices, normals)
+
+
+def _normals(mesh):
+    """Return one normal per point; zero where no polygon is."""
+    normals = mesh.point_data.active_normals
+    if normals is not None:
+        return normals
+    if not mesh.n_strips and not mesh.n_faces_strict:
+        return np.zeros((mesh.n_points, 3))
+    computed = mesh.compute_normals(
+        cell_normals=False, split_vertices=False, consistent_normals=False
+    )
+    return computed.point_data['Normals']

@@ -1,0 +1,225 @@
+"""A skeleton: joints, their parents and the pose they rest in."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from pvibr.animation.pose import Pose, as_matrices
+
+_SINGULAR = 1e-12  # smallest scale of a joint relative to its largest
+
+
+class Skeleton:
+    """Joints in a hierarchy, in any order.
+
+    Parameters
+    ----------
+    parents : array_like of int, shape (n,)
+        Parent of each joint, -1 for a root.
+    rest : Pose or array_like, shape (n, 4, 4)
+        Pose at rest, relative to the parents (``parent_from_joint``).
+    names : sequence of str, optional
+        Names of the joints; default 'joint0', 'joint1', ...
+
+    Raises
+    ------
+    ValueError
+        If a parent is out of range, the parents have a cycle, the rest pose is singular or does
+        not fit; the joint is named.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr import Pose, Skeleton
+    >>> arm = Skeleton([-1, 0, 1], Pose(np.eye(3)[[0, 0, 0]]), ['shoulder', 'elbow', 'hand'])
+    >>> arm.world(arm.rest)[arm.index('hand'), :3, 3].tolist()
+    [3.0, 0.0, 0.0]
+    """
+
+    def __init__(self, parents, rest, names=None):
+        parents = np.array(parents, dtype=np.int64).reshape(-1)
+        n = len(parents)
+        self.names = _names(names, n)
+        self.parents = parents
+        self.rest = (
+            rest if isinstance(rest, Pose) else Pose.from_matrices(as_matrices(rest, 'rest'))
+        )
+        if self.rest.translation.shape != (n, 3):
+            msg = f'rest holds {self.rest.translation.shape[:-1]} joints, parents {n}.'
+            raise ValueError(msg)
+        parents.setflags(write=False)
+        self._check_range()
+        #: Joints by distance from their root: parents come first.
+        self.levels = self._levels()
+        self._check_rest()
+
+    def __len__(self):
+        return len(self.parents)
+
+    def __repr__(self):
+        return f'Skeleton({len(self)} joints, {len(self.levels)} levels)'
+
+    @property
+    def order(self):
+        """All joints, parents before their children: int array of shape (n,)."""
+        return np.concatenate([np.zeros(0, np.int64), *self.levels])
+
+    @cached_property
+    def children(self):
+        """Children of each joint: a list of n int arrays."""
+        return [np.flatnonzero(self.parents == joint) for joint in range(len(self))]
+
+    def index(self, name):
+        """Return the number of a joint.
+
+        Parameters
+        ----------
+        name : str or int
+            Its name, or its number.
+
+        Returns
+        -------
+        int
+            Its number; the first of that name.
+
+        Raises
+        ------
+        ValueError
+            If there is no such joint.
+
+        Examples
+        --------
+        >>> from pvibr import Skeleton
+        >>> import numpy as np
+        >>> Skeleton([-1], [np.eye(4)], ['hip']).index('hip')
+        0
+        """
+        if isinstance(name, (int, np.integer)) and 0 <= name < len(self):
+            return int(name)
+        if name not in self.names:
+            msg = f'there is no joint {name!r}; there are {", ".join(self.names) or "none"}.'
+            raise ValueError(msg)
+        return self.names.index(name)
+
+    def world(self, pose):
+        """Return the matrices that take points of each joint to the figure's space.
+
+        Parameters
+        ----------
+        pose : Pose or array_like, shape (..., n, 4, 4)
+            A pose, or matrices relative to the parents.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., n, 4, 4), float64
+            ``figure_from_joint``.
+
+        Raises
+        ------
+        ValueError
+            If the pose has another number of joints.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pvibr import Pose, Skeleton
+        >>> pair = Skeleton([-1, 0], Pose([[0, 0, 1.0], [0, 0, 1.0]]))
+        >>> pair.world(pair.rest)[:, 2, 3].tolist()
+        [1.0, 2.0]
+        """
+        local = self._matrices(pose)
+        world = local.copy()
+        for joints in self.levels[1:]:
+            world[..., joints, :, :] = (
+                world[..., self.parents[joints], :, :] @ local[..., joints, :, :]
+            )
+        return world
+
+    def local(self, world):
+        """Return the matrices relative to the parents: the opposite of :meth:`world`.
+
+        Parameters
+        ----------
+        world : array_like, shape (..., n, 4, 4)
+            ``figure_from_joint``, as simulators give them.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., n, 4, 4), float64
+            ``parent_from_joint``.
+
+        Raises
+        ------
+        ValueError
+            If there is another number of joints.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pvibr import Pose, Skeleton
+        >>> pair = Skeleton([-1, 0], Pose([[0, 0, 1.0], [0, 0, 1.0]]))
+        >>> pair.local(pair.world(pair.rest))[1, 2, 3]
+        np.float64(1.0)
+        """
+        world = self._matrices(world)
+        local = world.copy()
+        joints = np.flatnonzero(self.parents >= 0)
+        inverse = np.linalg.inv(world[..., self.parents[joints], :, :])
+        local[..., joints, :, :] = inverse @ world[..., joints, :, :]
+        return local
+
+    def _matrices(self, pose):
+        matrices = pose.matrices() if isinstance(pose, Pose) else as_matrices(pose, 'pose')
+        if matrices.shape[-3] != len(self):
+            msg = f'the pose has {matrices.shape[-3]} joints, the skeleton {len(self)}.'
+            raise ValueError(msg)
+        return matrices
+
+    def _check_range(self):
+        for joint in np.flatnonzero((self.parents < -1) | (self.parents >= len(self))):
+            msg = (
+                f'parents[{joint}] ({self.names[joint]!r}) is {self.parents[joint]}; it must be '
+                f'-1 or one of the {len(self)} joints.'
+            )
+            raise ValueError(msg)
+
+    def _levels(self):
+        levels = []
+        found = self.parents < 0
+        now = np.flatnonzero(found)
+        while len(now):
+            levels.append(now)
+            now = np.flatnonzero(np.isin(self.parents, now))
+            found[now] = True
+        if not found.all():
+            names = [self.names[joint] for joint in self._cycle(np.flatnonzero(~found)[0])]
+            msg = f'parents have a cycle: {" -> ".join(names)}.'
+            raise ValueError(msg)
+        return levels
+
+    def _cycle(self, joint):
+        for _ in range(len(self)):  # from a joint that hangs on the cycle into it
+            joint = self.parents[joint]
+        cycle = [joint]
+        while len(cycle) == 1 or cycle[-1] != joint:
+            cycle.append(self.parents[cycle[-1]])
+        return cycle
+
+    def _check_rest(self):
+        size = np.abs(self.rest.scale)
+        for joint in np.flatnonzero(size.min(-1) <= _SINGULAR * size.max(-1)):
+            scale = self.rest.scale[joint].tolist()
+            msg = f'rest[{joint}] ({self.names[joint]!r}) is singular: its scale is {scale}.'
+            raise ValueError(msg)
+
+
+def _names(names, n):
+    if names is None:
+        return tuple(f'joint{i}' for i in range(n))
+    names = tuple(str(name) for name in names)
+    if len(names) != n:
+        msg = f'names holds {len(names)} names for {n} joints.'
+        raise ValueError(msg)
+    return names

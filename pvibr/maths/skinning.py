@@ -1,0 +1,280 @@
+"""Blending of joints per vertex: linear, and by dual quaternions; numpy only, float64.
+
+Both ways give one affine matrix per vertex, which moves the vertex and, by its cofactors, the
+normal. Dual quaternions: Kavan, Collins, Zara and O'Sullivan, "Geometric Skinning with
+Approximate Dual Quaternion Blending", ACM Transactions on Graphics 27(4), 2008: blending in
+section 3 (the antipodal sign in 3.3), scale in two phases in section 4.2. Here each joint
+stretches about its own place at rest, so that the result does not depend on the origin.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.maths import quaternions
+
+MAX_INFLUENCES = 8
+
+
+def normalized_weights(weights):
+    """Return skin weights that sum to one per vertex.
+
+    Parameters
+    ----------
+    weights : array_like, shape (v, k)
+        Weights of up to eight joints per vertex.
+
+    Returns
+    -------
+    numpy.ndarray, shape (v, k), float64
+        Weights of sum 1.
+
+    Raises
+    ------
+    ValueError
+        If a weight is negative or not finite, or all weights of a vertex are zero; the first
+        such vertices are named.
+
+    Examples
+    --------
+    >>> from pvibr.maths.skinning import normalized_weights
+    >>> normalized_weights([[1.0, 3.0]]).tolist()
+    [[0.25, 0.75]]
+    """
+    weights = np.asarray(weights, dtype=np.float64)
+    if weights.ndim != 2 or not 1 <= weights.shape[1] <= MAX_INFLUENCES:
+        msg = f'weights must be (v, k) with k from 1 to {MAX_INFLUENCES}, not {weights.shape}.'
+        raise ValueError(msg)
+    _refuse(weights, ~np.isfinite(weights).all(1), 'not finite')
+    _refuse(weights, (weights < 0).any(1), 'negative')
+    # Two steps, so that the sum of very large or small weights stays in range.
+    largest = weights.max(1, keepdims=True)
+    _refuse(weights, largest[:, 0] == 0, 'all zero')
+    weights = weights / largest
+    return weights / weights.sum(1, keepdims=True)
+
+
+def linear_blend(matrices, joints, weights):
+    """Return one matrix per vertex: the weighted mean of its joints' matrices.
+
+    Parameters
+    ----------
+    matrices : array_like, shape (m, 4, 4)
+        ``figure_from_rest`` of each joint: where the joint takes a point of the rest pose.
+    joints : array_like of int, shape (v, k)
+        Joints of each vertex.
+    weights : array_like, shape (v, k)
+        Their weights, of sum 1.
+
+    Returns
+    -------
+    numpy.ndarray, shape (v, 3, 4), float64
+        Affine matrices.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths import skinning
+    >>> two = np.stack([np.eye(4), np.diag([3.0, 3.0, 3.0, 1.0])])
+    >>> skinning.linear_blend(two, [[0, 1]], [[0.5, 0.5]])[0, 0].tolist()
+    [2.0, 0.0, 0.0, 0.0]
+    """
+    rows = np.asarray(matrices, dtype=np.float64)[:, :3, :]
+    return _weighted(rows, joints, weights)
+
+
+def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
+    """Return one matrix per vertex: its joints' rigid motions blended by dual quaternions.
+
+    Parameters
+    ----------
+    matrices : array_like, shape (m, 4, 4)
+        ``figure_from_rest`` of each joint.
+    joints : array_like of int, shape (v, k)
+        Joints of each vertex.
+    weights : array_like, shape (v, k)
+        Their weights, of sum 1.
+    centers : array_like, shape (m, 3), optional
+        Joints at rest, about which scale and shear act. Default the origin.
+    bulge : float
+        From 0 to 1: how much of the way from the linear blend to that of dual quaternions is
+        gone. 1 keeps the cross-section of a twist and lets the outside of a bend bulge; less of
+        it trades one for the other.
+
+    Returns
+    -------
+    numpy.ndarray, shape (v, 3, 4), float64
+        Affine matrices; free of stretch where the joints are and ``bulge`` is 1.
+
+    Examples
+    --------
+    A point between a joint at rest and one turned by 180 degrees keeps its distance.
+
+    >>> import numpy as np
+    >>> from pvibr.maths import skinning
+    >>> two = np.stack([np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])])
+    >>> matrix = skinning.dual_blend(two, [[0, 1]], [[0.5, 0.5]])[0]
+    >>> np.abs(matrix @ [1, 0, 0, 1]).round(12).tolist()
+    [0.0, 1.0, 0.0]
+    """
+    real, dual, stretch = dual_parts(matrices, centers)
+    joints = np.asarray(joints)
+    weights = np.asarray(weights, dtype=np.float64)
+    heaviest = joints[np.arange(len(joints)), weights.argmax(1)]
+    # q and -q are one rotation: take those on the side of the heaviest joint's, the short way.
+    aligned = np.einsum('vkq,vq->vk', real[joints], real[heaviest])
+    signed = np.where(aligned < 0, -weights, weights)
+    blended = _rigid(_weighted(real, joints, signed), _weighted(dual, joints, signed))
+    matrices_of_points = _after(blended, _weighted(stretch, joints, weights))
+    if bulge == 1.0:
+        return matrices_of_points
+    straight = linear_blend(matrices, joints, weights)
+    return straight + bulge * (matrices_of_points - straight)
+
+
+def dual_parts(matrices, centers=None):
+    """Take joints apart into unit dual quaternions and the stretch before them.
+
+    Parameters
+    ----------
+    matrices : array_like, shape (m, 4, 4)
+        ``figure_from_rest`` of each joint.
+    centers : array_like, shape (m, 3), optional
+        Joints at rest, about which they stretch. Default the origin.
+
+    Returns
+    -------
+    real : numpy.ndarray, shape (m, 4), float64
+        Rotation (w, x, y, z).
+    dual : numpy.ndarray, shape (m, 4), float64
+        Half the translation, as a pure quaternion, times the rotation.
+    stretch : numpy.ndarray, shape (m, 3, 4), float64
+        Affine matrices of scale, shear and mirror, the first phase.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths import skinning
+    >>> real, dual, stretch = skinning.dual_parts([np.diag([2.0, 2.0, 2.0, 1.0])], [[1.0, 0, 0]])
+    >>> stretch[0, 0].tolist(), (2 * dual[0]).tolist()
+    ([2.0, 0.0, 0.0, -1.0], [0.0, 1.0, 0.0, 0.0])
+    """
+    matrices = np.asarray(matrices, dtype=np.float64)
+    centers = np.zeros((len(matrices), 3)) if centers is None else np.asarray(centers, float)
+    rotation, linear = _polar(matrices[:, :3, :3])
+    real = quaternions.from_matrices(rotation)
+    stretch = np.concatenate([linear, (centers - _times(linear, centers))[..., None]], 2)
+    moved = _times(matrices[:, :3, :3], centers) + matrices[:, :3, 3]
+    shift = moved - _times(rotation, centers)
+    pure = np.concatenate([np.zeros((len(shift), 1)), 0.5 * shift], 1)
+    return real, quaternions.multiply(pure, real), stretch
+
+
+def moved_points(matrices, points):
+    """Return points, each moved by its own matrix.
+
+    Parameters
+    ----------
+    matrices : array_like, shape (v, 3, 4)
+        Affine matrices.
+    points : array_like, shape (v, 3)
+        Points.
+
+    Returns
+    -------
+    numpy.ndarray, shape (v, 3), float64
+        Moved points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths import skinning
+    >>> skinning.moved_points([np.eye(4)[:3] * 2], [[1.0, 2.0, 3.0]]).tolist()
+    [[2.0, 4.0, 6.0]]
+    """
+    matrices = np.asarray(matrices, dtype=np.float64)
+    return _times(matrices[..., :3], np.asarray(points, float)) + matrices[..., 3]
+
+
+def moved_normals(matrices, normals):
+    """Return unit normals of points, each moved by its own matrix.
+
+    Parameters
+    ----------
+    matrices : array_like, shape (v, 3, 4)
+        Affine matrices.
+    normals : array_like, shape (v, 3)
+        Normals; a zero normal stays zero.
+
+    Returns
+    -------
+    numpy.ndarray, shape (v, 3), float64
+        Normals by the inverse transpose. A mirroring matrix keeps outward normals outward.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths import skinning
+    >>> flat = np.diag([1.0, 1.0, -5.0, 1.0])[:3]
+    >>> skinning.moved_normals([flat], [[0.0, 0.0, 1.0]]).tolist()
+    [[0.0, 0.0, -1.0]]
+    """
+    a, b, c = np.moveaxis(np.asarray(matrices, dtype=np.float64)[..., :3], -1, 0)
+    # The cofactors are the inverse transpose times the determinant, and exist without one.
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
+    sign = np.where((cofactors[..., 0] * a).sum(-1) < 0, -1.0, 1.0)
+    moved = _times(cofactors, np.asarray(normals, float)) * sign[..., None]
+    lengths = np.linalg.norm(moved, axis=-1, keepdims=True)
+    return np.divide(moved, lengths, out=np.zeros_like(moved), where=lengths > 0) + 0.0
+
+
+def _weighted(values, joints, weights):
+    """Return the sum over the joints of each vertex, a column of joints at a time."""
+    joints = np.asarray(joints)
+    weights = np.asarray(weights, dtype=np.float64)
+    total = np.zeros((len(joints), *values.shape[1:]))
+    for joint, weight in zip(joints.T, weights.T, strict=True):
+        total += values[joint] * weight.reshape(-1, *[1] * (values.ndim - 1))
+    return total
+
+
+def _rigid(real, dual):
+    """Return the matrices of dual quaternions of any length but zero."""
+    square = (real**2).sum(1)
+    translation = 2 * quaternions.multiply(dual, quaternions.conjugate(real))[:, 1:]
+    matrices = np.zeros((len(real), 3, 4))
+    matrices[:, :, :3] = quaternions.to_matrices(real)
+    matrices[:, :, 3] = translation / square[:, None]
+    return matrices
+
+
+def _after(second, first):
+    """Return the affine matrices of ``first`` and then ``second``."""
+    both = second[..., :3] @ first
+    both[..., 3] += second[..., 3]
+    return both
+
+
+def _polar(linear):
+    """Return rotation and symmetric stretch; a mirror goes to the stretch."""
+    u, s, vt = np.linalg.svd(linear)
+    sign = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
+    u[..., 2] *= sign[..., None]
+    s[..., 2] *= sign
+    return u @ vt, np.swapaxes(vt, -1, -2) @ (s[..., None] * vt)
+
+
+def _times(matrices, vectors):
+    return np.einsum('...ij,...j->...i', matrices, vectors)
+
+
+def _refuse(weights, bad, what):
+    rows = np.flatnonzero(bad)
+    if len(rows):
+        first = ', '.join(str(row) for row in rows[:5])
+        more = ', ...' if len(rows) > 5 else ''
+        msg = (
+            f'weights of {len(rows)} vertices are {what}: rows {first}{more}, '
+            f'the first is {weights[rows[0]].tolist()}.'
+        )
+        raise ValueError(msg)
