@@ -1,0 +1,361 @@
+"""Pose space deformation: shapes that are keyed to poses and correct what skinning gets wrong.
+
+J. P. Lewis, M. Cordner and N. Fong, "Pose space deformation: a unified approach to shape
+interpolation and skeleton-driven deformation", SIGGRAPH 2000. The differences act as morph
+targets, before the skeleton moves the mesh; what is new is where their weights come from.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.animation.morphs import Morphs
+
+_SAME = 1e-4  # radians: poses that are nearer cannot have different shapes
+_CONDITION = 1e8  # leaves eight digits to the shapes at the key poses
+_COLLAPSED = 1e-6  # |det| relative to the largest stretch cubed
+
+
+class PoseSpace:
+    """Poses that matter, and how near another pose is to each.
+
+    A pose is the rotations of some joints. The distance of two poses is the geodesic angle
+    between their rotations, over several joints the root of the sum of squares. The weights
+    interpolate between the key poses by radial basis functions: Wendland's of smoothness C2,
+    since it is zero beyond its radius, so that a pose far from all keys gets exactly nothing.
+
+    Parameters
+    ----------
+    joints : sequence of int, length j
+        Joints of the skeleton that matter.
+    keys : Pose
+        The k key poses: of shape (k,).
+    neutral : Pose
+        Where all weights are 0, as a rule the skeleton's pose at rest.
+    radius : float or array_like, shape (k,), optional
+        How far each key is felt, in radians; default twice the distance to its nearest neighbour,
+        the neutral pose among them.
+    influence : array_like, shape (j,), optional
+        Factor on the angle of each joint; default 1.
+    names : sequence of str, optional
+        Names of the keys; default 'key0', 'key1', ...
+
+    Raises
+    ------
+    ValueError
+        If there are no keys or joints, a joint is out of range, two keys are the same pose, or
+        the radii are not positive or too large to tell the keys apart.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.animation.correctives import PoseSpace
+    >>> from pvibr.animation.pose import Pose
+    >>> from pvibr.maths.quaternions import from_axis_angle
+    >>> bent = from_axis_angle([0, 0, 1], np.radians([[45.0], [90.0]]))  # two poses, one joint
+    >>> space = PoseSpace([0], Pose(np.zeros((2, 1, 3)), bent), Pose(np.zeros((1, 3))))
+    >>> space.weights(Pose(np.zeros((1, 3)), bent[1])).round(9).tolist()
+    [0.0, 1.0]
+    """
+
+    def __init__(self, joints, keys, neutral, radius=None, influence=None, names=None):
+        self.joints = _joints(joints, neutral.n_joints)
+        if len(keys.shape) != 1 or not keys.shape[0] or keys.n_joints != neutral.n_joints:
+            msg = (
+                f'keys holds poses {keys.shape} of {keys.n_joints} joints; it must be (k,) poses '
+                f'of {neutral.n_joints}, with k > 0.'
+            )
+            raise ValueError(msg)
+        k = keys.shape[0]
+        self.names = tuple(f'key{i}' for i in range(k)) if names is None else tuple(names)
+        if len(self.names) != k:
+            msg = f'names holds {len(self.names)} names for {k} key poses.'
+            raise ValueError(msg)
+        self.influence = _positive('influence', influence, len(self.joints), 1.0)
+        centers = [neutral.rotation[None], keys.rotation]
+        self._centers = np.concatenate(centers)[:, self.joints]
+        apart = self._distances(self._centers)
+        self._check_apart(apart)
+        nearest = np.where(np.eye(k + 1, dtype=bool), np.inf, apart).min(1)
+        self.radius = _positive('radius', radius, k, 2 * nearest[1:])
+        # The neutral pose is a centre too, with nothing to give.
+        self._radii = np.append(2 * nearest[0], self.radius)
+        self._mix = self._solved(_wendland(apart / self._radii))
+
+    def __len__(self):
+        return len(self.names)
+
+    def __repr__(self):
+        return f'PoseSpace({len(self)} keys of {len(self.joints)} joints)'
+
+    def weights(self, pose):
+        """Return the weight of each key's shape in poses.
+
+        Parameters
+        ----------
+        pose : Pose
+            One pose or many.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., k), float64
+            1 at the key and 0 at all others and at the neutral pose; may pass these on the way.
+
+        Raises
+        ------
+        ValueError
+            If the pose lacks joints.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pvibr.animation.correctives import PoseSpace
+        >>> from pvibr.animation.pose import Pose
+        >>> at_rest = Pose(np.zeros((1, 3)))
+        >>> half_turn = Pose(np.zeros((1, 1, 3)), [[[0.0, 1.0, 0.0, 0.0]]])
+        >>> PoseSpace([0], half_turn, at_rest).weights(at_rest).round(9).tolist()
+        [0.0]
+        """
+        if pose.n_joints <= self.joints.max():
+            msg = f'the pose has {pose.n_joints} joints; joint {self.joints.max()} is needed.'
+            raise ValueError(msg)
+        distances = self._distances(pose.rotation[..., self.joints, :])
+        return _wendland(distances / self._radii) @ self._mix
+
+    def _distances(self, rotations):
+        """Return how far rotations (..., j, 4) are from each centre: (..., k + 1)."""
+        # Near 1 the cosine has lost digits of the angle, but there the kernel is flat.
+        cosine = np.abs(np.einsum('...jq,cjq->...cj', rotations, self._centers))
+        angles = 2 * np.arccos(np.minimum(cosine, 1.0))
+        return np.sqrt(np.square(angles * self.influence).sum(-1))
+
+    def _check_apart(self, apart):
+        i, j = np.unravel_index(np.argmin(apart + np.pi * 1e3 * np.eye(len(apart))), apart.shape)
+        if apart[i, j] < _SAME:
+            names = ('the neutral pose', *self.names)
+            msg = f'{names[i]} and {names[j]} are the same pose of joints {self.joints.tolist()}.'
+            raise ValueError(msg)
+
+    def _solved(self, kernel):
+        """Return the factors that make the weights 1 at their own key and 0 at the others."""
+        if np.linalg.cond(kernel) > _CONDITION:
+            msg = f'radius is {self.radius.tolist()}; too large to tell the key poses apart.'
+            raise ValueError(msg)
+        return np.linalg.solve(kernel, np.eye(len(kernel))[:, 1:])
+
+
+class Correctives:
+    """Corrective shapes of a figure and the pose spaces that weigh them.
+
+    Parameters
+    ----------
+    spaces : PoseSpace or sequence of PoseSpace
+        Their keys one after another are the k shapes. Joints that do not belong together, as two
+        elbows, have a space each.
+    shapes : dict of int to Morphs
+        For bodies of the figure, by number: k targets, differences of the mesh before the
+        skeleton moves it.
+
+    Raises
+    ------
+    ValueError
+        If a body has another number of shapes than there are keys.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr import Morphs
+    >>> from pvibr.animation.correctives import Correctives, PoseSpace
+    >>> from pvibr.animation.pose import Pose
+    >>> half_turn = Pose(np.zeros((1, 1, 3)), [[[0.0, 1.0, 0.0, 0.0]]])
+    >>> space = PoseSpace([0], half_turn, Pose(np.zeros((1, 3))))
+    >>> Correctives(space, {0: Morphs([[[0.0, 0.0, 1.0]]])}).weights(half_turn).tolist()
+    [[1.0]]
+    """
+
+    def __init__(self, spaces, shapes):
+        self.spaces = (spaces,) if isinstance(spaces, PoseSpace) else tuple(spaces)
+        self.shapes = dict(shapes)
+        for body, morphs in self.shapes.items():
+            if len(morphs) != len(self):
+                msg = f'shapes[{body}] has {len(morphs)} shapes; there are {len(self)} key poses.'
+                raise ValueError(msg)
+
+    def __len__(self):
+        return sum(len(space) for space in self.spaces)
+
+    def __repr__(self):
+        return f'Correctives({len(self)} shapes in {len(self.spaces)} spaces)'
+
+    def __add__(self, other):
+        """Return the correctives of both."""
+        both = sorted({*self.shapes, *other.shapes})
+        return Correctives(
+            self.spaces + other.spaces,
+            {
+                body: _joined([(c.shapes.get(body), len(c)) for c in (self, other)])
+                for body in both
+            },
+        )
+
+    def weights(self, pose):
+        """Return the weight of each shape in poses: those of morph targets.
+
+        Parameters
+        ----------
+        pose : Pose
+            One pose or many.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., k), float64
+            Weights.
+
+        Raises
+        ------
+        ValueError
+            If the pose lacks joints.
+
+        Examples
+        --------
+        >>> from pvibr.animation.correctives import Correctives
+        >>> from pvibr.animation.pose import Pose
+        >>> Correctives([], {}).weights(Pose([[0.0, 0.0, 0.0]])).shape
+        (0,)
+        """
+        parts = [space.weights(pose) for space in self.spaces]
+        return np.concatenate([np.zeros((*pose.shape, 0)), *parts], axis=-1)
+
+    @classmethod
+    def from_sculpted(cls, figure, joints, keys, points, normals=None, **options):
+        """Return the correctives that give a body sculpted shapes in key poses.
+
+        Each shape is brought back through the inverse of the skinning, to where it is added.
+
+        Parameters
+        ----------
+        figure : Figure
+            The figure, without these correctives.
+        joints : sequence of str or int
+            Joints that matter.
+        keys : Pose
+            The k key poses of the whole skeleton, of shape (k,).
+        points : array_like, shape (k, v, 3)
+            Where the body's vertices are to be in each key pose, in the figure's space.
+        normals : array_like, shape (k, v, 3), optional
+            Their normals. Exact where no morph target is active in the key pose.
+        **options
+            ``body``, its number (default 0); ``skinning``, the way it will be skinned ('linear');
+            ``radius``, ``influence`` and ``names`` of :class:`PoseSpace`.
+
+        Returns
+        -------
+        Correctives
+            For ``Figure(correctives=...)``.
+
+        Raises
+        ------
+        ValueError
+            If shapes do not fit, or skinning collapses vertices in a key pose, so that nothing
+            that is added before could move them; and as :class:`PoseSpace` does.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure, Pose, Skeleton
+        >>> from pvibr.animation.correctives import Correctives
+        >>> ball = Figure([Body(pv.Sphere(), node=0)], Skeleton([-1], Pose([[0.0, 0.0, 0.0]])))
+        >>> turned = Pose([[[0.0, 0.0, 0.0]]], [[[0.0, 1.0, 0.0, 0.0]]])
+        >>> larger = 2 * ball.posed(0, turned[0])[0]
+        >>> fix = Correctives.from_sculpted(ball, [0], turned, larger[None])
+        >>> abs(fix.shapes[0].target('positions', 0)[1] - pv.Sphere().points).max() < 1e-6
+        np.True_
+        """
+        body = options.pop('body', 0)
+        skinning = options.pop('skinning', 'linear')
+        skeleton = figure.skeleton
+        joints = [skeleton.index(joint) for joint in joints]
+        space = PoseSpace(joints, keys, skeleton.rest, **options)
+        shape = (len(space), len(figure.bodies[body].points), 3)
+        for name, given in (('points', points), ('normals', normals)):
+            if given is not None and np.shape(given) != shape:
+                msg = f'{name} has the shape {np.shape(given)}; it must be {shape}.'
+                raise ValueError(msg)
+        turned = [None] * len(space) if normals is None else normals
+        differences = [
+            _brought_back(figure, body, keys[i], skinning, points[i], turned[i])
+            for i in range(len(space))
+        ]
+        moved, tilted = zip(*differences, strict=True)
+        morphs = Morphs(moved, None if normals is None else tilted, names=space.names)
+        return cls(space, {body: morphs})
+
+
+def _wendland(r):
+    """Return Wendland's function of smoothness C2 of r >= 0: 1 at 0, 0 from 1 on."""
+    return np.square(np.square(np.maximum(1 - r, 0.0))) * (4 * r + 1)
+
+
+def _brought_back(figure, body, pose, skinning, points, normals):
+    """Return differences of points and normals before the skeleton, of those after it."""
+    linear = _linear(figure, body, pose, skinning)
+    stretch = np.abs(linear).max((1, 2), initial=np.finfo(float).tiny)
+    collapsed = np.flatnonzero(np.abs(np.linalg.det(linear)) < _COLLAPSED * stretch**3)
+    if collapsed.size:
+        msg = (
+            f'{skinning} skinning collapses {collapsed.size} vertices in a key pose, the first '
+            f'is {collapsed[0]}; nothing can correct them: use a smaller angle or "dual".'
+        )
+        raise ValueError(msg)
+    posed, upright = figure.posed(body, pose, skinning)
+    moved = np.linalg.solve(linear, (np.asarray(points) - posed)[..., None])[..., 0]
+    if normals is None:
+        return moved, None
+    # Normals go out by the inverse transpose, so they come back by the transpose.
+    before, after = (_unit(np.einsum('vij,vi->vj', linear, n)) for n in (upright, normals))
+    return moved, after - before
+
+
+def _linear(figure, index, pose, skinning):
+    """Return the linear part of what moves each vertex: (v, 3, 3)."""
+    body, world = figure.bodies[index], figure.world(pose)
+    if body.skin is not None:
+        return body.skin.blend(world, skinning)[:, :, :3]
+    matrix = np.eye(4) if body.node < 0 else world[body.node]
+    return np.broadcast_to(matrix[:3, :3], (len(body.points), 3, 3))
+
+
+def _unit(vectors):
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+
+
+def _joined(parts):
+    """Return the targets of several morphs (or none of them, and how many) one after another."""
+    entries: dict = {'positions': [], 'normals': [], 'tangents': [], 'colors': []}
+    for morphs, n in parts:
+        for what, targets in entries.items():
+            targets += [None if morphs is None else morphs.target(what, i) for i in range(n)]
+    names = [morphs.names[i] if morphs else f'none{i}' for morphs, n in parts for i in range(n)]
+    return Morphs(**{what: [_entry(t) for t in ts] for what, ts in entries.items()}, names=names)
+
+
+def _entry(target):
+    """Return a target as the constructor of Morphs takes it."""
+    return target if target is None or not isinstance(target[0], slice) else target[1]
+
+
+def _joints(joints, n):
+    joints = np.array(joints, dtype=np.int64).reshape(-1)
+    if not joints.size or joints.min() < 0 or joints.max() >= n:
+        msg = f'joints is {joints.tolist()}; it must name at least one of the {n} joints.'
+        raise ValueError(msg)
+    return joints
+
+
+def _positive(name, values, n, default):
+    values = np.asarray(default if values is None else values, dtype=np.float64)
+    if values.shape not in ((), (1,), (n,)) or not ((values > 0) & np.isfinite(values)).all():
+        msg = f'{name} is {values.tolist()}; it must be positive, one or {n}.'
+        raise ValueError(msg)
+    return np.broadcast_to(values, n)
