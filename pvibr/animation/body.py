@@ -1,0 +1,230 @@
+"""A body: one mesh of a figure and what deforms it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.animation.frames import Frames
+from pvibr.animation.morphs import Morphs
+from pvibr.animation.pose import as_matrices
+from pvibr.maths import skinning
+
+SKINNINGS = ('linear', 'dual')
+
+
+class Skin:
+    """Which joints pull at which vertex.
+
+    Parameters
+    ----------
+    nodes : array_like of int, shape (m,)
+        Joints of the figure's skeleton that the skin hangs on.
+    inverse_bind : array_like, shape (m, 4, 4)
+        ``joint_from_mesh``: takes a vertex of the mesh at rest to the joint's space.
+    joints : array_like of int, shape (v, k)
+        For each vertex up to eight rows of ``nodes``.
+    weights : array_like, shape (v, k)
+        Their weights; made to sum to one.
+
+    Raises
+    ------
+    ValueError
+        If a joint is out of range, weights are negative or all zero (the vertices are named), or
+        shapes do not fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr import Skin
+    >>> Skin([0], [np.eye(4)], [[0]], [[2.0]]).weights.tolist()
+    [[1.0]]
+    """
+
+    def __init__(self, nodes, inverse_bind, joints, weights):
+        self.nodes = np.array(nodes, dtype=np.int64).reshape(-1)
+        self.inverse_bind = as_matrices(inverse_bind, 'inverse_bind')
+        self.weights = skinning.normalized_weights(weights)
+        self.joints = np.array(joints)
+        if self.inverse_bind.shape != (len(self.nodes), 4, 4):
+            shape = self.inverse_bind.shape
+            msg = f'inverse_bind must be ({len(self.nodes)}, 4, 4), not of shape {shape}.'
+            raise ValueError(msg)
+        if self.joints.shape != self.weights.shape or self.joints.dtype.kind not in 'iu':
+            msg = (
+                f'joints must be whole numbers of shape {self.weights.shape} as the weights, '
+                f'not {self.joints.dtype} of shape {self.joints.shape}.'
+            )
+            raise ValueError(msg)
+        bad = np.argwhere((self.joints < 0) | (self.joints >= len(self.nodes)))
+        if len(bad):
+            row, column = bad[0]
+            msg = (
+                f'joints[{row}, {column}] is {self.joints[row, column]}; the skin has '
+                f'{len(self.nodes)} joints.'
+            )
+            raise ValueError(msg)
+        self.joints = self.joints.astype(np.int64)
+
+    def __repr__(self):
+        v, k = self.joints.shape
+        return f'Skin({len(self.nodes)} joints, {v} vertices, {k} weights each)'
+
+    @cached_property
+    def centers(self):
+        """Joints in the mesh's space at rest: float64 array of shape (m, 3)."""
+        linear, shift = self.inverse_bind[:, :3, :3], self.inverse_bind[:, :3, 3]
+        return -np.einsum('mij,mj->mi', np.linalg.pinv(linear), shift)
+
+    def matrices(self, world):
+        """Return where each joint takes the mesh at rest.
+
+        Parameters
+        ----------
+        world : array_like, shape (..., n, 4, 4)
+            ``figure_from_joint`` of the whole skeleton.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., m, 4, 4), float64
+            ``figure_from_mesh`` of each joint of the skin.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pvibr import Skin
+        >>> Skin([0], [np.eye(4)], [[0]], [[1.0]]).matrices(2 * np.eye(4)[None])[0, 0, 0]
+        np.float64(2.0)
+        """
+        return np.asarray(world)[..., self.nodes, :, :] @ self.inverse_bind
+
+    def blend(self, world, how='linear', bulge=1.0):
+        """Return one matrix per vertex.
+
+        Parameters
+        ----------
+        world : array_like, shape (n, 4, 4)
+            ``figure_from_joint`` of the whole skeleton.
+        how : {'linear', 'dual'}
+            The mean of matrices, or dual quaternions.
+        bulge : float
+            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+
+        Returns
+        -------
+        numpy.ndarray, shape (v, 3, 4), float64
+            ``figure_from_mesh`` of each vertex.
+
+        Raises
+        ------
+        ValueError
+            If ``how`` is another word.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pvibr import Skin
+        >>> Skin([0], [np.eye(4)], [[0]], [[1.0]]).blend(np.eye(4)[None], 'dual')[0, 0].tolist()
+        [1.0, 0.0, 0.0, 0.0]
+        """
+        if how not in SKINNINGS:
+            msg = f"skinning is {how!r}; it must be 'linear' or 'dual'."
+            raise ValueError(msg)
+        matrices = self.matrices(world)
+        if how == 'linear':
+            return skinning.linear_blend(matrices, self.joints, self.weights)
+        return skinning.dual_blend(matrices, self.joints, self.weights, self.centers, bulge)
+
+
+@dataclass(eq=False)
+class Body:
+    """One mesh of a figure and what deforms it.
+
+    In this order: key frames, morph targets, correctives, skin or else the node.
+
+    Parameters
+    ----------
+    mesh : pyvista.PolyData
+        The mesh at rest; normals of its points are computed where it has none.
+    node : int
+        Joint that an unskinned mesh moves with; -1 for none. A skinned mesh ignores it, as in
+        glTF.
+    skin : Skin, optional
+        Joints and weights of the vertices.
+    morphs : Morphs, optional
+        Morph targets.
+    frames : Frames, optional
+        Key frames of all vertices; their normals are computed where they have none.
+    look : dict, optional
+        Keywords of ``Plotter.add_mesh``.
+    name : str
+        Name of the mesh.
+
+    Raises
+    ------
+    ValueError
+        If skin, morphs or frames are of another number of vertices.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr import Body
+    >>> Body(pv.Sphere(), look={'color': 'red'}).points.dtype
+    dtype('float64')
+    """
+
+    mesh: pv.PolyData
+    node: int = -1
+    skin: Skin | None = None
+    morphs: Morphs | None = None
+    frames: Frames | None = None
+    look: dict = field(default_factory=dict)
+    name: str = ''
+
+    def __post_init__(self):
+        n = self.mesh.n_points
+        if self.skin is not None and len(self.skin.joints) != n:
+            msg = f'the skin has {len(self.skin.joints)} vertices, the mesh {n} points.'
+            raise ValueError(msg)
+        if self.morphs is not None:
+            self.morphs.check(n)
+        if self.frames is not None:
+            self.frames = _with_normals(self.frames, self.mesh)
+        self.points = np.array(self.mesh.points, dtype=np.float64)
+        self.normals = np.array(_normals(self.mesh), dtype=np.float64)
+
+    @property
+    def n_targets(self):
+        """Number of morph targets."""
+        return 0 if self.morphs is None else len(self.morphs)
+
+
+def _with_normals(frames, mesh):
+    if frames.n_points != mesh.n_points:
+        msg = f'the frames have {frames.n_points} vertices, the mesh {mesh.n_points} points.'
+        raise ValueError(msg)
+    if frames.normals is not None:
+        return frames
+    shape = mesh.copy(deep=False)
+    shape.point_data.active_normals_name = None
+    normals = np.empty(frames.positions.shape, np.float32)
+    for row, points in zip(normals, frames.positions, strict=True):
+        shape.points = np.asarray(points, dtype=np.float64)
+        row[:] = _normals(shape)
+    return replace(frames, normals=normals)
+
+
+def _normals(mesh):
+    """Return one normal per point; zero where no polygon is."""
+    normals = mesh.point_data.active_normals
+    if normals is not None:
+        return normals
+    if not mesh.n_strips and not mesh.n_faces_strict:
+        return np.zeros((mesh.n_points, 3))
+    computed = mesh.compute_normals(
+        cell_normals=False, split_vertices=False, consistent_normals=False
+    )
+    return computed.point_data['Normals']
