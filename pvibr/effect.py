@@ -45,7 +45,11 @@ class Effect:
     picks = False
     #: Whether `render` needs colours above 1: such a frame has no multisampling.
     high_range = False
+    #: What it runs right before, of ``pvibr.effects.ORDER``; by default its class has a place.
+    before: str | None = None
 
+    #: Whether `render` asks ``pipeline.buffers`` for normals and numbers of surfaces.
+    surfaces: Any = False
     pipeline: Any = None
     _revision = 0
     _name: str | None = None

@@ -24,7 +24,19 @@ class PvibrError(Exception):
 
 
 class ShaderError(PvibrError, RuntimeError):
-    """A shader does not compile on this driver; the message holds the driver's log."""
+    """A shader does not compile on this driver; the message holds what the driver says first.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong.
+    log : str, optional
+        All that the driver says.
+    """
+
+    def __init__(self, message, log=''):
+        super().__init__(message)
+        self.log = log
 
 
 class ClosedError(PvibrError, RuntimeError):

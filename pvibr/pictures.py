@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.gl import Texture, texture_limit
 from pvibr.maths.draping import sample
 
 _FILMS = ('.avi', '.gif', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm')
@@ -153,6 +154,105 @@ class Pictures:
         if self._reader is not None:
             self._reader.close()
             self._reader = None
+
+
+class Shown:
+    """An image as a texture that shaders sample: a picture, a sequence by time, a live texture.
+
+    Parameters
+    ----------
+    image : path, array, pyvista.Texture, a sequence of these, or pvibr.LiveTexture
+        See :class:`Pictures`. A live texture is in some subplot of the same window.
+    repeat : bool, optional
+        Whether it goes on beyond its left and right edge.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.pictures import Shown
+    >>> Shown(np.zeros((4, 6, 3))).size
+    (6, 4)
+    """
+
+    def __init__(self, image, *, repeat=False):
+        self.live: Any = image if is_live(image) else None
+        self.pictures: Any = None if is_live(image) else Pictures(image)
+        self._repeat = repeat
+        self._texture: Texture | None = None
+        self._at: int | None = None
+
+    @property
+    def size(self) -> tuple:
+        """Width and height in pixels."""
+        return self.pictures.size if self.live is None else self.live.size
+
+    @property
+    def missing(self) -> str:
+        """Why it cannot be shown now; nothing where it can."""
+        if self.live is None or self.live.shown is not None:
+            return ''
+        return 'its live texture is in no subplot, or not drawn yet: add it'
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU; those of a live texture are its own."""
+        return self._texture.nbytes if self._texture else 0
+
+    def texture(self, window, time=0.0, fps=None, loop=True) -> Texture:
+        """Return the texture of a time; uploaded where it is another picture than before.
+
+        Parameters
+        ----------
+        window : vtkOpenGLRenderWindow
+            Its context is current.
+        time : float, optional
+            Seconds.
+        fps, loop : float, bool, optional
+            See :meth:`Pictures.at`.
+
+        Returns
+        -------
+        pvibr.gl.Texture
+            RGBA, with mip levels, row 0 at the bottom.
+        """
+        if self.live is not None:
+            return self.live.shown
+        k = self.pictures.at(time, fps, loop)
+        if self._texture is None:
+            self._texture = Texture(window, filter='linear', repeat=self._repeat)
+            to = self._texture.object
+            to.SetGenerateMipmap(True)
+            to.SetMinificationFilter(to.LinearMipmapLinear)
+            to.SetWrapT(to.ClampToEdge)
+        if self._at != k:
+            step = -(-max(self.size) // texture_limit(window))
+            self._texture.upload(self.pictures.read(k)[::step, ::step][::-1])
+            self._at = k
+        return self._texture
+
+    def release(self):
+        """Free what it holds on the GPU and close films; the context is current."""
+        if self._texture is not None:
+            self._texture.release()
+        self._texture = self._at = None
+        if self.pictures is not None:
+            self.pictures.close()
+
+
+def is_live(image) -> bool:
+    """Tell whether an image is a live texture, which has its own on the GPU.
+
+    Parameters
+    ----------
+    image : object
+        What was given as an image.
+
+    Returns
+    -------
+    bool
+        Whether it has ``shown`` and ``size``.
+    """
+    return hasattr(type(image), 'shown') and hasattr(image, 'size')
 
 
 def as_rgba(image) -> np.ndarray:

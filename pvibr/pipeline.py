@@ -148,6 +148,9 @@ class Pipeline:
         if not isinstance(effect, Effect):
             msg = f'effect = {effect!r}: must be a pvibr.Effect, such as pvibr.Instances(...)'
             raise TypeError(msg)
+        if effect.before not in (None, *ORDER):
+            msg = f'{effect.name}.before = {effect.before!r}: must be one of {", ".join(ORDER)}'
+            raise ValueError(msg)
         if effect.pipeline is not None:
             here = 'this subplot' if effect.pipeline is self else 'another subplot'
             msg = (
@@ -410,5 +413,8 @@ class _Stage:
 
 
 def _place(entry):
-    name = type(entry.effect).__name__
-    return ORDER.index(name) if name in ORDER else -1
+    """Return a number to sort by: of the class or the nearest of its bases that has a place."""
+    if entry.effect.before is not None:
+        return ORDER.index(entry.effect.before) - 0.5
+    names = [c.__name__ for c in type(entry.effect).__mro__]
+    return next((ORDER.index(n) for n in names if n in ORDER), -1)

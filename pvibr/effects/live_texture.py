@@ -11,7 +11,7 @@ import numpy as np
 from pvibr import _vtk
 from pvibr.casters import Casters, Surfaces
 from pvibr.effect import Effect
-from pvibr.gl import Quad, Target
+from pvibr.gl import Quad, Target, Texture
 from pvibr.gl.drawer import Drawer
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.views import View, look_along
@@ -107,6 +107,11 @@ class LiveTexture(Effect):
         self._worn_format = ''
 
     _flipped = False
+
+    @property
+    def shown(self) -> Texture | None:
+        """What is worn, for whatever takes an image; None where it is in no subplot."""
+        return self._targets['worn'].colors[0] if self._targets else None
 
     # -- the life of an effect ----------------------------------------------------------------
 

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from pvibr.effect import Effect
-from pvibr.gl import Quad, Texture, shader_source, texture_limit, uniform_matrix
+from pvibr.gl import Quad, Texture, shader_source, uniform_matrix
 from pvibr.gl.feature import sections
 from pvibr.params import Param
-from pvibr.pictures import Pictures, as_rgba
+from pvibr.pictures import Shown, as_rgba
 
 _BLACK = (0.0, 0.0, 0.0)
 _MODES = ('over', 'add', 'multiply', 'screen')
@@ -25,8 +25,7 @@ class _Screen(Effect):
     parts: tuple[str, ...] = ()
 
     _quad: Quad | None = None
-    _texture: Texture | None = None
-    _shown: Any = None
+    _image: Any = None
 
     def render(self, frame, picture):
         """Draw over or behind the picture.
@@ -54,25 +53,17 @@ class _Screen(Effect):
     def _textures(self, frame) -> dict:
         return {}
 
-    def _show(self, window, array, key, **how):
-        """Return the texture with an array in it, put there where it is another than before."""
-        if self._texture is None:
-            self._texture = Texture(window, filter='linear', **how)
-        if self._shown != key:
-            self._texture.upload(array()[::-1])
-            self._shown = key
-        return self._texture
-
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
-        for owner in (self._quad, self._texture):
-            if owner is not None:
-                owner.release()
-        self._quad = self._texture = self._shown = None
+        """Free what it holds on the GPU and close films; the context is current."""
+        if self._quad is not None:
+            self._quad.release()
+        if self._image is not None:
+            self._image.release()
+        self._quad = None
 
     def report(self) -> dict:
         """Return the bytes on the GPU."""
-        return {'bytes': self._texture.nbytes if self._texture else 0}
+        return {'bytes': self._image.nbytes if self._image else 0}
 
 
 class Vignette(_Screen):
@@ -269,6 +260,7 @@ class Iris(_Screen):
 
     def __init__(self, shape=None, **settings):
         self._shape = None if shape is None else _shape_of(shape)
+        self._distances: Texture | None = None
         super().__init__(**settings)
 
     def needed(self, frame) -> bool | str:
@@ -293,7 +285,20 @@ class Iris(_Screen):
     def _textures(self, frame):
         if self._shape is None:
             return {}
-        return {'shape': self._show(frame.window, lambda: self._shape[0], 'shape')}
+        if self._distances is None:
+            self._distances = Texture(frame.window, filter='linear').upload(self._shape[0][::-1])
+        return {'shape': self._distances}
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        super().release()
+        if self._distances is not None:
+            self._distances.release()
+        self._distances = None
+
+    def report(self) -> dict:
+        """Return the bytes on the GPU."""
+        return {'bytes': self._distances.nbytes if self._distances else 0}
 
 
 class _Image(_Screen):
@@ -314,7 +319,7 @@ class _Image(_Screen):
     loop = Param(True, 'Whether a sequence begins again after its end, or its last is held.')
 
     def __init__(self, image, **settings):
-        self._pictures = Pictures(image)
+        self._image = Shown(image)
         super().__init__(**settings)
 
     def needed(self, frame) -> bool | str:
@@ -328,27 +333,16 @@ class _Image(_Screen):
         left, bottom, right, top = self.place
         if not (left < right and bottom < top):
             return f'place = {self.place} is empty: left < right and bottom < top'
+        if self._image.missing:
+            return self._image.missing
         return self.opacity > 0 or 'opacity is 0'
 
     def _uniforms(self, frame, size):
-        edges = _fitted(self.place, self.fit, self._pictures.size, size)
+        edges = _fitted(self.place, self.fit, self._image.size, size)
         return {'frame': edges, 'bounds': self.place, 'opacity': self.opacity}
 
     def _textures(self, frame):
-        k = self._pictures.at(frame.time, self.fps, self.loop)
-        if self._texture is None:
-            self._texture = Texture(frame.window, filter='linear')
-            to = self._texture.object
-            to.SetGenerateMipmap(True)
-            to.SetMinificationFilter(to.LinearMipmapLinear)
-        step = -(-max(self._pictures.size) // texture_limit(frame.window))
-        shown = self._show(frame.window, lambda: self._pictures.read(k)[::step, ::step], k)
-        return {'image': shown}
-
-    def release(self):
-        """Free what it holds on the GPU and close films; the context is current."""
-        super().release()
-        self._pictures.close()
+        return {'image': self._image.texture(frame.window, frame.time, self.fps, self.loop)}
 
 
 class Picture(_Image):
@@ -356,8 +350,8 @@ class Picture(_Image):
 
     Parameters
     ----------
-    image : path, array, pyvista.Texture, or a sequence of paths or arrays
-        See :class:`pvibr.pictures.Pictures`; its alpha counts.
+    image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
+        See :class:`pvibr.pictures.Shown`; its alpha counts.
     **settings
         `mode`, `opacity`, `fit`, `place`, `fps`, `loop`.
 
@@ -447,8 +441,8 @@ class Backdrop(_Behind, _Image):
 
     Parameters
     ----------
-    image : path, array, pyvista.Texture, or a sequence of paths or arrays
-        See :class:`pvibr.pictures.Pictures`; its alpha counts.
+    image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
+        See :class:`pvibr.pictures.Shown`; its alpha counts.
     **settings
         `opacity`, `fit`, `place`, `fps`, `loop`.
 
@@ -476,7 +470,7 @@ class Sky(_Behind):
 
     Parameters
     ----------
-    panorama : path, array or pyvista.Texture, optional
+    panorama : path, array, pyvista.Texture or film, optional
         Equirectangular: 360 degrees wide, 180 high, its middle towards +x (+y where `up` is x)
         turned by `turn`. Without it, a gradient.
     **settings
@@ -507,7 +501,7 @@ class Sky(_Behind):
     bottom = Param((0.35, 0.33, 0.31), 'Colour of the gradient below.', range='[0, 1]')
 
     def __init__(self, panorama=None, **settings):
-        self._panorama = None if panorama is None else as_rgba(panorama)
+        self._image = None if panorama is None else Shown(panorama, repeat=True)
         super().__init__(**settings)
 
     def needed(self, frame) -> bool | str:
@@ -520,6 +514,8 @@ class Sky(_Behind):
         """
         if not np.any(self.up):
             return 'up is (0, 0, 0): give a direction'
+        if self._image is not None and self._image.missing:
+            return self._image.missing
         return super().needed(frame) if self.opacity > 0 else 'opacity is 0'
 
     def directions(self, frame) -> np.ndarray:
@@ -545,17 +541,13 @@ class Sky(_Behind):
             'horizon': self.horizon,
             'bottom': self.bottom,
             'amount': (self.opacity, self.strength),
-            'painted': int(self._panorama is not None),
+            'painted': int(self._image is not None),
         }
 
     def _textures(self, frame):
-        panorama = self._panorama
-        if panorama is None:
+        if self._image is None:
             return {}
-        step = -(-max(panorama.shape[:2]) // texture_limit(frame.window))
-        shown = self._show(frame.window, lambda: panorama[::step, ::step], 'panorama', repeat=True)
-        shown.object.SetWrapT(shown.object.ClampToEdge)
-        return {'panorama': shown}
+        return {'panorama': self._image.texture(frame.window, frame.time)}
 
 
 def _fitted(place, fit, image, size):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ in vec2 uv;
 """
 # GL enums of the states that a full-screen program wants off.
 _BLEND, _DEPTH_TEST, _CULL_FACE, _STENCIL_TEST = 0x0BE2, 0x0B71, 0x0B44, 0x0B90
+_MOST_LINES = 8  # of a driver's log in a message
 
 
 def shader_source(module_file, stem=None) -> str:
@@ -82,6 +84,20 @@ def uniform_matrix(rows):
     return matrix
 
 
+def _log(fragment):
+    """Return what the driver says of a text, compiled alone since VTK keeps no log of failures."""
+    outputs = sorted(set(re.findall(r'gl_FragData\[(\d+)\]', fragment)))
+    head = ''.join(f'out vec4 fragOutput{n};\n' for n in outputs)
+    text = re.sub(r'gl_FragData\[(\d+)\]', r'fragOutput\1', fragment)
+    shader = _vtk.vtkShader()
+    shader.SetType(shader.Fragment)
+    shader.SetSource(f'#version 150\nin vec2 uv;\n{head}{text}')
+    compiled = shader.Compile()
+    log = 'it does not link; is there a main?' if compiled else shader.GetError().strip()
+    shader.Cleanup()
+    return log
+
+
 class Quad:
     """A fragment shader drawn over the whole of whatever target is bound.
 
@@ -102,12 +118,20 @@ class Quad:
 
     def __init__(self, window, fragment, name='quad'):
         self.window = window
-        self.helper = _vtk.vtkOpenGLQuadHelper(window, _VERTEX, _FRAGMENT_HEAD + fragment, '')
-        self.program = window.GetShaderCache().GetLastShaderBound()
-        if self.program is None or not self.program.GetCompiled():
-            log = self.program.GetError() if self.program else 'no program'
-            msg = f'shader {name!r} does not compile: {log.strip()}'
-            raise ShaderError(msg)
+        cache = window.GetShaderCache()
+        cache.ReleaseCurrentShader()  # so that what is bound afterwards is this one, or none
+        warned = _vtk.vtkObject.GetGlobalWarningDisplay()
+        _vtk.vtkObject.SetGlobalWarningDisplay(False)  # VTK would print the whole text
+        try:
+            self.helper = _vtk.vtkOpenGLQuadHelper(window, _VERTEX, _FRAGMENT_HEAD + fragment, '')
+        finally:
+            _vtk.vtkObject.SetGlobalWarningDisplay(warned)
+        self.program = cache.GetLastShaderBound()
+        if self.program is None:
+            log = _log(fragment)
+            most = '\n'.join(log.splitlines()[:_MOST_LINES])
+            msg = f'shader {name!r} does not compile: {most}'
+            raise ShaderError(msg, log)
 
     def draw(self, uniforms=None, textures=None):
         """Draw once; blending, depth test and culling are off meanwhile.

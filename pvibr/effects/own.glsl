@@ -1,0 +1,46 @@
+// What an effect of a user's own is given and how it is called; template.glsl says it to users.
+// Entry points: what comes before the user's text, what is added where the text names it, what
+// comes after it.
+
+//@head
+uniform sampler2D ibr_color;
+uniform sampler2D ibr_depth;
+uniform vec4 ibr_tile;    // what is drawn now of the subplot: left, bottom, right, top
+uniform vec3 ibr_planes;  // distances of near and far plane; 1 where the projection is parallel
+uniform float ibr_intensity;
+uniform vec2 size;
+uniform float time;
+uniform float scale;
+const float nothing = 1e30;
+vec2 ibr_place(vec2 uv) { return (uv - ibr_tile.xy) / (ibr_tile.zw - ibr_tile.xy); }
+float ibr_number(float x) { return abs(x) < 1e30 ? x : 0.0; }  // what is none fails every test
+vec4 color_at(vec2 uv) {
+  vec4 c = texture(ibr_color, ibr_place(uv));
+  return vec4(ibr_number(c.r), ibr_number(c.g), ibr_number(c.b), ibr_number(c.a));
+}
+float depth_at(vec2 uv) {
+  ivec2 last = textureSize(ibr_depth, 0) - 1;
+  ivec2 at = clamp(ivec2(floor(ibr_place(uv) * vec2(last + 1))), ivec2(0), last);
+  float d = texelFetch(ibr_depth, at, 0).r;
+  if (d >= 1.0) return nothing;
+  if (ibr_planes.z > 0.5) return mix(ibr_planes.x, ibr_planes.y, d);
+  return ibr_planes.x * ibr_planes.y / (ibr_planes.y - d * (ibr_planes.y - ibr_planes.x));
+}
+
+//@surface
+uniform sampler2D ibr_surface;  // normal, number
+vec4 ibr_surface_at(vec2 uv) {
+  ivec2 last = textureSize(ibr_surface, 0) - 1;
+  return texelFetch(ibr_surface,
+    clamp(ivec2(floor(ibr_place(uv) * vec2(last + 1))), ivec2(0), last), 0);
+}
+vec3 normal_at(vec2 uv) { return ibr_surface_at(uv).xyz; }
+int id_at(vec2 uv) { return int(ibr_surface_at(uv).w + 0.5) - 1; }
+
+//@main
+void main() {
+  vec4 before = texture(ibr_color, uv);
+  vec4 after = effect(mix(ibr_tile.xy, ibr_tile.zw, uv));
+  bool found = all(lessThan(abs(after), vec4(1e30)));
+  gl_FragData[0] = found ? mix(before, after, ibr_intensity) : before;
+}
