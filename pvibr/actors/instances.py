@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-from pvibr import _vtk
 from pvibr.actors import looks as look
+from pvibr.actors.anchor import anchor, set_bounds
 from pvibr.actors.cards import PROGRAMS, Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import SORTED, Kind, unit_of
@@ -117,7 +117,7 @@ class Instances(Effect):
         }  # fmt: skip
         self._binder = Binder()
         self._failure: str | None = None
-        self._anchor = _anchor()
+        self._anchor = anchor()
         self.pickable = pickable
         self._scalars = self._colors = self._visible = self.table = None
         self._table_options = {'cmap': cmap, 'clim': clim, **options}
@@ -169,7 +169,7 @@ class Instances(Effect):
         self._uploaded = False
         self._touch()
         self._bounds = _union([k.bounds for k in self._kinds])
-        _set_bounds(self._anchor, self._bounds)
+        set_bounds(self._anchor, self._bounds)
 
     @property
     def bounds(self) -> tuple[float, ...]:
@@ -593,32 +593,6 @@ def _checked_views(views):
         msg = f"views is {views!r}; it must be 'full' or 'half'"
         raise ValueError(msg)
     return views == 'half'
-
-
-def _anchor():
-    """Return an actor that draws nothing and reports the bounds of all instances."""
-    actor = pv.Actor()
-    mapper = _vtk.vtkPolyDataMapper()
-    mapper.SetInputData(_vtk.vtkPolyData())
-    actor.SetMapper(mapper)
-    actor.PickableOff()
-    return actor
-
-
-def _set_bounds(actor, bounds):
-    points = _vtk.vtkPoints()
-    points.SetDataTypeToDouble()
-    if bounds[0] <= bounds[1]:
-        points.InsertNextPoint(*bounds[::2])
-        points.InsertNextPoint(*bounds[1::2])
-    mesh = _vtk.vtkPolyData()
-    mesh.SetPoints(points)
-    if points.GetNumberOfPoints():
-        # VTK takes the bounds of cells: a triangle without area covers no pixel.
-        cells = _vtk.vtkCellArray()
-        cells.InsertNextCell(3, (0, 1, 1))
-        mesh.SetPolys(cells)
-    actor.GetMapper().SetInputData(mesh)
 
 
 def _union(bounds):
