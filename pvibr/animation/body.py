@@ -222,7 +222,7 @@ def _normals(mesh):
     normals = mesh.point_data.active_normals
     if normals is not None:
         return normals
-    if not mesh.n_strips and not mesh.n_faces_strict:
+    if not mesh.GetNumberOfPolys() and not mesh.n_strips:
         return np.zeros((mesh.n_points, 3))
     computed = mesh.compute_normals(
         cell_normals=False, split_vertices=False, consistent_normals=False

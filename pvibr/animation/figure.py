@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import pyvista as pv
 
+from pvibr.animation.boxes import Boxes
 from pvibr.animation.pose import Pose, as_matrices
 from pvibr.animation.skeleton import Skeleton
 from pvibr.maths import skinning
@@ -204,12 +205,17 @@ class Figure:
         index : int
             Number of the body.
         pose : Pose, optional
-            A pose; default at rest.
+            A pose; default, and where it holds no weights, at rest.
 
         Returns
         -------
         numpy.ndarray, shape (..., t), float64
             One weight per target of that body.
+
+        Raises
+        ------
+        ValueError
+            If the pose holds another number of weights.
 
         Examples
         --------
@@ -218,8 +224,14 @@ class Figure:
         >>> Figure([Body(pv.Cube())]).weights(0).shape
         (0,)
         """
+        weights = self.rest.weights
+        if isinstance(pose, Pose) and pose.weights.shape[-1]:
+            if pose.weights.shape[-1] != len(weights):
+                many = pose.weights.shape[-1]
+                msg = f'the pose has {many} morph weights, the figure {len(weights)} targets.'
+                raise ValueError(msg)
+            weights = pose.weights
         first = sum(body.n_targets for body in self.bodies[:index])
-        weights = pose.weights if isinstance(pose, Pose) else self.rest.weights
         return weights[..., first : first + self.bodies[index].n_targets]
 
     def posed(self, index, pose=None, skinning='linear', bulge=1.0):
@@ -264,17 +276,97 @@ class Figure:
         matrices = self._moves(self.bodies[index], world, skinning, bulge)
         return _moved(matrices, points, normals)
 
+    def layers(self, index, pose=None):
+        """Return what is added to a body before the skeleton moves it.
+
+        Parameters
+        ----------
+        index : int
+            Number of the body.
+        pose : Pose or array_like, shape (..., n, 4, 4), optional
+            A pose; default at rest.
+
+        Returns
+        -------
+        list of (Morphs, numpy.ndarray)
+            The body's morph targets and the correctives, each with weights of shape (..., t).
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> Figure([Body(pv.Cube())]).layers(0)
+        []
+        """
+        layers = []
+        if self.bodies[index].morphs is not None:
+            layers.append((self.bodies[index].morphs, self.weights(index, pose)))
+        if self.correctives is not None and index in self.correctives.shapes:
+            weights = self.correctives.weights(self._local(pose))
+            layers.append((self.correctives.shapes[index], weights))
+        return layers
+
+    def _local(self, pose):
+        if pose is None or isinstance(pose, Pose):
+            return self.rest if pose is None else pose
+        return Pose.from_matrices(self.skeleton.local(pose), self.rest.weights)
+
     def _deformed(self, index, pose):
         """Return points and normals before the skeleton moves them."""
         body = self.bodies[index]
         points, normals = body.points, body.normals
         if body.frames is not None:
             points, normals = body.frames.sample(getattr(pose, 'time', 0.0))
-        if body.morphs is not None:
-            weights = self.weights(index, pose)
-            points = points + body.morphs.total('positions', weights, len(points))
-            normals = normals + body.morphs.total('normals', weights, len(points))
+        for morphs, weights in self.layers(index, pose):
+            points = points + morphs.total('positions', weights, len(points))
+            normals = normals + morphs.total('normals', weights, len(points))
         return points, normals
+
+    def bounds(self, pose=None, skinning='linear'):
+        """Return boxes that hold the posed figure, from the boxes of its joints.
+
+        They are somewhat larger than needed, and cheap: no vertex is moved.
+
+        Parameters
+        ----------
+        pose : Pose or array_like, shape (..., n, 4, 4), optional
+            One pose or many, or ``figure_from_joint`` matrices; default at rest.
+        skinning : {'linear', 'dual'}
+            How joints are blended.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., 6), float64
+            x, y and z, each from and to, in the figure's space; from 1 to -1, as PyVista has
+            it, if there are no points.
+
+        Raises
+        ------
+        ValueError
+            If the pose does not fit.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> Figure([Body(pv.Cube())]).bounds().round(3).tolist()
+        [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
+        """
+        world = self.world(pose)
+        time = getattr(pose, 'time', 0.0)
+        boxes = [
+            boxes.around(world, self.layers(i, pose), time, skinning)
+            for i, boxes in enumerate(self._boxes)
+            if len(self.bodies[i].points)
+        ]
+        if not boxes:
+            return np.broadcast_to([1.0, -1.0] * 3, (*world.shape[:-3], 6))
+        low, high = np.min(boxes, 0)[..., ::2], np.max(boxes, 0)[..., 1::2]
+        return np.stack([low, high], -1).reshape(*low.shape[:-1], 6)
+
+    @cached_property
+    def _boxes(self):
+        return [Boxes(body) for body in self.bodies]
 
     @staticmethod
     def _moves(body, world, how, bulge):

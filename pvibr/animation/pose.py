@@ -143,7 +143,7 @@ class Pose:
         return matrices
 
     @classmethod
-    def from_matrices(cls, matrices, weights=None):
+    def from_matrices(cls, matrices, weights=None, name='matrices'):
         """Take matrices apart.
 
         Parameters
@@ -152,6 +152,8 @@ class Pose:
             ``parent_from_joint``; may scale and mirror, but not shear.
         weights : array_like, shape (..., m), optional
             Morph weights.
+        name : str
+            Name of the matrices in an error.
 
         Returns
         -------
@@ -171,14 +173,18 @@ class Pose:
         >>> Pose.from_matrices([np.diag([2.0, 3.0, -4.0, 1.0])]).scale.tolist()
         [[2.0, 3.0, -4.0]]
         """
-        matrices = as_matrices(matrices, 'matrices')
+        matrices = as_matrices(matrices, name)
         linear = matrices[..., :3, :3]
         scale = np.linalg.norm(linear, axis=-2)
         axes = linear / np.where(scale > 0, scale, 1.0)[..., None, :]
         determinant = np.linalg.det(axes)
-        _no('singular', np.abs(determinant) < _SINGULAR, matrices)
+        _refuse(f'{name}[{{}}] is singular', np.abs(determinant) < _SINGULAR, matrices)
         products = np.swapaxes(axes, -1, -2) @ axes
-        _no('sheared', np.abs(products - np.eye(3)).max((-1, -2)) > _SHEAR, matrices)
+        _refuse(
+            f'{name}[{{}}] is sheared',
+            np.abs(products - np.eye(3)).max((-1, -2)) > _SHEAR,
+            matrices,
+        )
         # A mirror is one negative factor: z, whichever axis was meant.
         sign = np.where(determinant < 0, -1.0, 1.0)[..., None] ** [0, 0, 1]
         rotation = quaternions.from_matrices(axes * sign[..., None, :])
@@ -252,11 +258,11 @@ def _finite(name, values):
         raise ValueError(msg)
 
 
-def _no(fault, bad, matrices):
+def _refuse(words, bad, matrices):
     places = np.argwhere(bad)
     if len(places):
         matrix = matrices[tuple(places[0])].tolist()
-        msg = f'matrices[{_place(places[0])}] is {fault}: {matrix}.'
+        msg = f'{words.format(_place(places[0]))}: {matrix}.'
         raise ValueError(msg)
 
 

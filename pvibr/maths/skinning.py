@@ -106,6 +106,11 @@ def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
     numpy.ndarray, shape (v, 3, 4), float64
         Affine matrices; free of stretch where the joints are and ``bulge`` is 1.
 
+    Raises
+    ------
+    ValueError
+        If ``bulge`` is out of range.
+
     Examples
     --------
     A point between a joint at rest and one turned by 180 degrees keeps its distance.
@@ -124,12 +129,15 @@ def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
     # q and -q are one rotation: take those on the side of the heaviest joint's, the short way.
     aligned = np.einsum('vkq,vq->vk', real[joints], real[heaviest])
     signed = np.where(aligned < 0, -weights, weights)
-    blended = _rigid(_weighted(real, joints, signed), _weighted(dual, joints, signed))
-    matrices_of_points = _after(blended, _weighted(stretch, joints, weights))
+    blended = rigid(_weighted(real, joints, signed), _weighted(dual, joints, signed))
+    round_about = _after(blended, _weighted(stretch, joints, weights))
     if bulge == 1.0:
-        return matrices_of_points
+        return round_about
+    if not 0.0 <= bulge <= 1.0:
+        msg = f'bulge is {bulge}; it must be from 0 to 1.'
+        raise ValueError(msg)
     straight = linear_blend(matrices, joints, weights)
-    return straight + bulge * (matrices_of_points - straight)
+    return straight + bulge * (round_about - straight)
 
 
 def dual_parts(matrices, centers=None):
@@ -137,18 +145,18 @@ def dual_parts(matrices, centers=None):
 
     Parameters
     ----------
-    matrices : array_like, shape (m, 4, 4)
+    matrices : array_like, shape (..., m, 4, 4)
         ``figure_from_rest`` of each joint.
     centers : array_like, shape (m, 3), optional
         Joints at rest, about which they stretch. Default the origin.
 
     Returns
     -------
-    real : numpy.ndarray, shape (m, 4), float64
+    real : numpy.ndarray, shape (..., m, 4), float64
         Rotation (w, x, y, z).
-    dual : numpy.ndarray, shape (m, 4), float64
+    dual : numpy.ndarray, shape (..., m, 4), float64
         Half the translation, as a pure quaternion, times the rotation.
-    stretch : numpy.ndarray, shape (m, 3, 4), float64
+    stretch : numpy.ndarray, shape (..., m, 3, 4), float64
         Affine matrices of scale, shear and mirror, the first phase.
 
     Examples
@@ -160,14 +168,43 @@ def dual_parts(matrices, centers=None):
     ([2.0, 0.0, 0.0, -1.0], [0.0, 1.0, 0.0, 0.0])
     """
     matrices = np.asarray(matrices, dtype=np.float64)
-    centers = np.zeros((len(matrices), 3)) if centers is None else np.asarray(centers, float)
-    rotation, linear = _polar(matrices[:, :3, :3])
+    centers = np.zeros(3) if centers is None else np.asarray(centers, dtype=np.float64)
+    rotation, linear = _polar(matrices[..., :3, :3])
     real = quaternions.from_matrices(rotation)
-    stretch = np.concatenate([linear, (centers - _times(linear, centers))[..., None]], 2)
-    moved = _times(matrices[:, :3, :3], centers) + matrices[:, :3, 3]
+    fixed = centers - _times(linear, centers)
+    moved = _times(matrices[..., :3, :3], centers) + matrices[..., :3, 3]
     shift = moved - _times(rotation, centers)
-    pure = np.concatenate([np.zeros((len(shift), 1)), 0.5 * shift], 1)
+    pure = np.concatenate([np.zeros_like(shift[..., :1]), 0.5 * shift], -1)
+    stretch = np.concatenate([linear, fixed[..., None]], -1)
     return real, quaternions.multiply(pure, real), stretch
+
+
+def rigid(real, dual):
+    """Return the matrices of dual quaternions.
+
+    Parameters
+    ----------
+    real : array_like, shape (..., 4)
+        Rotations (w, x, y, z) of any length but zero.
+    dual : array_like, shape (..., 4)
+        Half the translation times the rotation, as long as the rotation is. A part along
+        ``real``, as a sum of dual quaternions has, is no motion and does nothing.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 3, 4), float64
+        Rigid motions.
+
+    Examples
+    --------
+    >>> from pvibr.maths import skinning
+    >>> skinning.rigid([2.0, 0, 0, 0], [0, 3.0, 0, 0])[:, 3].tolist()
+    [3.0, 0.0, 0.0]
+    """
+    real = np.asarray(real, dtype=np.float64)
+    square = (real**2).sum(-1, keepdims=True)
+    shift = 2 * quaternions.multiply(dual, quaternions.conjugate(real))[..., 1:] / square
+    return np.concatenate([quaternions.to_matrices(real), shift[..., None]], -1)
 
 
 def moved_points(matrices, points):
@@ -236,16 +273,6 @@ def _weighted(values, joints, weights):
     for joint, weight in zip(joints.T, weights.T, strict=True):
         total += values[joint] * weight.reshape(-1, *[1] * (values.ndim - 1))
     return total
-
-
-def _rigid(real, dual):
-    """Return the matrices of dual quaternions of any length but zero."""
-    square = (real**2).sum(1)
-    translation = 2 * quaternions.multiply(dual, quaternions.conjugate(real))[:, 1:]
-    matrices = np.zeros((len(real), 3, 4))
-    matrices[:, :, :3] = quaternions.to_matrices(real)
-    matrices[:, :, 3] = translation / square[:, None]
-    return matrices
 
 
 def _after(second, first):

@@ -1,0 +1,210 @@
+"""Boxes that a posed mesh cannot leave, from the boxes of its joints.
+
+A vertex that is blended linearly lies in the convex hull of where its joints take it, so the box
+around all joints' moved boxes holds the mesh. With dual quaternions it may leave the hull, but by
+no more than a bound that follows from their definition: with all joints seen from the heaviest
+one, r, of a vertex, the blended motion takes it from ``p_r`` by at most
+``sum_j w_j |p_j - p_r| / |sum_j w_j q_j|``, and that length is at least
+``w_r + (1 - w_r) min_j |q_r . q_j|``.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from pvibr.maths import skinning
+
+#: Growth of a box by part of its size: pictures are drawn from numbers of 32 bits.
+_ROUNDING = 1e-6
+#: Corners of a box: lower (0) or upper (1) bound of each axis.
+_CORNERS = np.array(list(np.ndindex(2, 2, 2)))
+_AXES = np.arange(3)
+
+
+class Boxes:
+    """Boxes of a body in any pose, without looking at its vertices again.
+
+    Parameters
+    ----------
+    body : Body
+        The body, of one vertex at least; its arrays are not to be changed afterwards.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pyvista as pv
+    >>> from pvibr import Body
+    >>> from pvibr.animation.boxes import Boxes
+    >>> Boxes(Body(pv.Cube())).around(np.eye(4)[None]).round(3).tolist()
+    [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
+    """
+
+    def __init__(self, body):
+        self._body = body
+
+    def around(self, world, layers=(), time=0.0, how='linear'):
+        """Return boxes around the posed body.
+
+        Parameters
+        ----------
+        world : array_like, shape (..., n, 4, 4)
+            ``figure_from_joint`` of the whole skeleton, of one or many poses.
+        layers : sequence of (Morphs, array_like)
+            Targets and their weights, shape (..., t).
+        time : array_like, shape (...)
+            Time of its key frames, seconds.
+        how : {'linear', 'dual'}
+            How joints are blended.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., 6), float64
+            x, y and z, each from and to, in the figure's space.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pyvista as pv
+        >>> from pvibr import Body
+        >>> from pvibr.animation.boxes import Boxes
+        >>> Boxes(Body(pv.Cube())).around(np.zeros((5, 0, 4, 4))).shape
+        (5, 6)
+        """
+        body, world = self._body, np.asarray(world, dtype=np.float64)
+        if body.skin is None:
+            node = np.eye(4) if body.node < 0 else world[..., body.node, :, :]
+            node = np.broadcast_to(node, (*world.shape[:-3], 4, 4))[..., None, :, :]
+            boxes = _moved(node, self._still(self._all, layers, time))
+        elif how == 'linear':
+            matrices = body.skin.matrices(world)[..., self._singles.keys, :, :]
+            boxes = _moved(matrices, self._still(self._singles, layers, time))
+        else:
+            boxes = self._dual(body.skin, world, self._still(self._pairs, layers, time))
+        return _joined(boxes)
+
+    def _dual(self, skin, world, boxes):
+        """Return the boxes of single joints, from those of vertices that pairs of them share."""
+        first, second = np.divmod(self._pairs.keys, len(skin.nodes))
+        real, dual, stretch = skinning.dual_parts(skin.matrices(world), skin.centers)
+        rigid = skinning.rigid(real, dual)
+
+        def most(values):  # of all pairs that have the same first joint
+            starts, place = np.unique(first, return_index=True, return_inverse=True)[1:]
+            return np.maximum.reduceat(values, starts, -1)[..., place]
+
+        # The first phase stretches a vertex by a mean of its joints: no further than the most.
+        boxes = _grown(boxes, most(_apart(stretch[..., second, :, :], np.eye(4)[:3], boxes)))
+        # The second: see the top of this file.
+        apart = most(_apart(rigid[..., first, :, :], rigid[..., second, :, :], boxes))
+        turned = most(1.0 - np.abs((real[..., first, :] * real[..., second, :]).sum(-1)))
+        others = 1.0 - skin.weights.max(1).min()
+        own = first == second
+        leave = (others * apart / np.maximum(1.0 - others * turned, 1e-300))[..., own]
+        return _grown(_moved(rigid[..., first[own], :, :], boxes[..., own, :, :]), leave)
+
+    def _still(self, groups, layers, time):
+        """Return the boxes of groups of vertices before joints move them, (..., g, 2, 3)."""
+        body = self._body
+        if body.frames is None:
+            boxes = groups.boxes('points', lambda: body.points)
+        else:
+            boxes = self._framed(groups, *body.frames.at(time))
+        for morphs, weights in layers:
+            weights = np.asarray(weights, dtype=np.float64)
+            for i in np.flatnonzero((weights != 0).reshape(-1, len(morphs)).any(0)):
+                one = np.eye(len(morphs))[i]
+                box = groups.boxes((morphs, i), lambda m=morphs, w=one: self._total(m, w))
+                boxes = boxes + _scaled(box, weights[..., i])
+        return boxes
+
+    def _framed(self, groups, frames, shares):
+        used, place = np.unique(frames, return_inverse=True)
+        positions = self._body.frames.positions
+        table = np.stack(
+            [groups.boxes(('frame', i), lambda i=i: np.asarray(positions[i], float)) for i in used]
+        )
+        return _scaled(table[place.reshape(frames.shape)], shares).sum(-4)
+
+    def _total(self, morphs, weights):
+        return morphs.total('positions', weights, len(self._body.points))
+
+    @cached_property
+    def _all(self):
+        return _Groups(np.zeros(len(self._body.points), np.int64))
+
+    @cached_property
+    def _singles(self):
+        """Vertices by joint."""
+        skin = self._body.skin
+        return _Groups(*(part[skin.weights > 0] for part in (skin.joints, _rows(skin.joints))))
+
+    @cached_property
+    def _pairs(self):
+        """Vertices by each two joints that they have in common, and by a joint and itself."""
+        skin = self._body.skin
+        keys = skin.joints[:, :, None] * len(skin.nodes) + skin.joints[:, None, :]
+        keys = keys.reshape(len(keys), -1)
+        pulls = skin.weights > 0
+        both = (pulls[:, :, None] & pulls[:, None, :]).reshape(keys.shape)
+        return _Groups(keys[both], _rows(keys)[both])
+
+
+class _Groups:
+    """Rows of an array in groups, a row in any number of them, and boxes of each group."""
+
+    def __init__(self, keys, rows=None):
+        order = np.argsort(keys, kind='stable')
+        self._rows = order if rows is None else rows[order]
+        self.keys, self._starts = np.unique(keys[order], return_index=True)
+        self._boxes = {}
+
+    def boxes(self, name, values):
+        """Return and remember the boxes of an array's rows: (g, 2, 3)."""
+        if name not in self._boxes:
+            rows = values()[self._rows]
+            bounds = [f.reduceat(rows, self._starts) for f in (np.minimum, np.maximum)]
+            self._boxes[name] = np.stack(bounds, 1)
+        return self._boxes[name]
+
+
+def _rows(array):
+    return np.broadcast_to(np.arange(len(array))[:, None], array.shape)
+
+
+def _scaled(boxes, factors):
+    """Return boxes times factors of any sign."""
+    factors = np.asarray(factors)[..., None, None, None]
+    return np.maximum(factors, 0) * boxes + np.minimum(factors, 0) * boxes[..., ::-1, :]
+
+
+def _moved(matrices, boxes):
+    """Return the boxes around boxes that matrices (..., g, 3 or 4, 4) move."""
+    linear, shift = matrices[..., :3, :3], matrices[..., :3, 3]
+    middle, half = boxes.mean(-2), (boxes[..., 1, :] - boxes[..., 0, :]) / 2
+    middle = np.einsum('...ij,...j->...i', linear, middle) + shift
+    half = np.einsum('...ij,...j->...i', np.abs(linear), half)
+    return np.stack([middle - half, middle + half], -2)
+
+
+def _grown(boxes, lengths):
+    return boxes + lengths[..., None, None] * np.array([[-1.0], [1.0]])
+
+
+def _apart(a, b, boxes):
+    """Return the longest distance between where two motions take a point of a box.
+
+    It is a convex function of the point, and so the longest at a corner.
+    """
+    corners = boxes[..., _CORNERS, _AXES]
+    between = a - b
+    apart = np.einsum('...ij,...cj->...ci', between[..., :3, :3], corners)
+    return np.linalg.norm(apart + between[..., None, :3, 3], axis=-1).max(-1)
+
+
+def _joined(boxes):
+    """Return the boxes around groups as (..., 6)."""
+    low, high = boxes[..., 0, :].min(-2), boxes[..., 1, :].max(-2)
+    rounding = _ROUNDING * (high - low).max(-1, keepdims=True)
+    return np.stack([low - rounding, high + rounding], -1).reshape(*low.shape[:-1], 6)

@@ -1,0 +1,186 @@
+"""A figure's reference pose, its bounds, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pvibr import Body, Clip, Figure, Morphs, Pose, Skeleton, Skin, Track
+from pvibr.animation.frames import Frames
+from pvibr.maths.transforms import transform_normals, transform_points
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def random_pose(rng, n, lead=(), scale=0.0, weights=0):
+    return Pose(
+        rng.normal(size=(*lead, n, 3)),
+        rng.normal(size=(*lead, n, 4)),
+        np.exp(scale * rng.normal(size=(*lead, n, 3))),
+        rng.normal(size=(*lead, weights)),
+        rng.random(lead),
+    )
+
+
+def sheet(points):
+    """Return triangles between each three neighbours of a list of points."""
+    rows = np.arange(len(points) - 2)[:, None] + range(3)
+    return pv.PolyData.from_regular_faces(points, rows)
+
+
+def random_figure(rng, n=6, v=30, k=4, targets=3, scale=0.0, frames=None):
+    """Return a figure of a skinned body with morph targets and of an unskinned one."""
+    parents = [rng.integers(-1, i) if i else -1 for i in range(n)]
+    skeleton = Skeleton(parents, random_pose(rng, n, scale=scale))
+    weights = rng.random((v, k)) ** 3 * (rng.random((v, k)) < 0.6)
+    weights[:, 0] += 0.01
+    bind = np.linalg.inv(skeleton.world(skeleton.rest))
+    skin = Skin(np.arange(n), bind, rng.integers(0, n, (v, k)), weights)
+    morphs = Morphs(rng.normal(size=(targets, v, 3)) * 0.3, rng.normal(size=(targets, v, 3)))
+    mesh = sheet(rng.normal(size=(v, 3)))
+    return Figure([Body(mesh, -1, skin, morphs, frames), Body(mesh, node=n - 1)], skeleton)
+
+
+def test_at_rest_nothing_moves():
+    figure = random_figure(np.random.default_rng(0))
+    body = figure.bodies[0]
+    for how in ('linear', 'dual'):
+        points, normals = figure.posed(0, skinning=how)
+        assert np.allclose(points, body.points)
+        assert np.allclose(normals, body.normals)
+
+
+def test_a_body_of_a_node_moves_with_it():
+    rng = np.random.default_rng(0)
+    figure = random_figure(rng)
+    pose = random_pose(rng, 6, scale=0.3, weights=3)
+    matrix = figure.world(pose)[5]
+    points, normals = figure.posed(1, pose)
+    assert np.allclose(points, transform_points(matrix, figure.bodies[1].points))
+    assert np.allclose(normals, transform_normals(matrix, figure.bodies[1].normals))
+
+
+def test_a_skinned_body_ignores_its_node():
+    rng = np.random.default_rng(0)
+    figure = random_figure(rng)
+    body = figure.bodies[0]
+    hung = Figure([Body(body.mesh, 3, body.skin, body.morphs)], figure.skeleton)
+    pose = random_pose(rng, 6, weights=3)
+    assert np.array_equal(figure.posed(0, pose)[0], hung.posed(0, pose)[0])
+
+
+def test_matrices_from_outside_are_a_pose():
+    rng = np.random.default_rng(0)
+    figure = random_figure(rng)
+    pose = random_pose(rng, 6, scale=0.3)
+    world = figure.skeleton.world(pose)
+    by_pose = figure.posed(0, pose.replaced(weights=figure.rest.weights))[0]
+    assert np.allclose(figure.posed(0, world)[0], by_pose)
+    assert np.allclose(figure.skeleton.local(world), pose.matrices())
+
+
+def test_weights_of_each_body_are_its_own():
+    mesh = sheet(np.eye(3))
+    bodies = [Body(mesh, morphs=Morphs(np.full((n, 3, 3), float(n)))) for n in (1, 2)]
+    figure = Figure([bodies[0], Body(mesh), bodies[1]])
+    pose = figure.rest.replaced(weights=[-0.5, 2.0, 3.0])
+    assert np.allclose(figure.posed(0, pose)[0], np.eye(3) - 0.5)
+    assert np.allclose(figure.posed(1, pose)[0], np.eye(3))
+    assert np.allclose(figure.posed(2, pose)[0], np.eye(3) + 10.0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=SEEDS, how=st.sampled_from(['linear', 'dual']), scale=st.sampled_from([0.0, 0.5]))
+def test_bounds_hold_every_posed_vertex(seed, how, scale):
+    rng = np.random.default_rng(seed)
+    frames = None
+    if rng.random() < 0.5:
+        frames = Frames(np.arange(4.0) / 3, rng.normal(size=(4, 30, 3)), None, 'cubic')
+    figure = random_figure(rng, scale=scale, frames=frames)
+    poses = random_pose(rng, 6, (5,), scale, 3)
+    bounds = figure.bounds(poses, how).reshape(5, 3, 2)
+    for i in range(5):
+        parts = [figure.posed(b, poses[i], how)[0] for b in range(2)]
+        points = np.concatenate(parts)
+        assert (points >= bounds[i, :, 0]).all()
+        assert (points <= bounds[i, :, 1]).all()
+        assert np.allclose(figure.bounds(poses[i], how).reshape(3, 2), bounds[i])
+
+
+def test_bounds_at_rest_are_tight():
+    figure = random_figure(np.random.default_rng(3))
+    skinned = Figure(figure.bodies[:1], figure.skeleton)
+    for how in ('linear', 'dual'):
+        assert np.allclose(skinned.bounds(None, how), skinned.mesh().bounds, atol=1e-4)
+
+
+def test_a_figure_of_nothing_has_empty_bounds():
+    assert Figure([]).bounds().tolist() == [1, -1] * 3
+    assert Figure([Body(pv.PolyData())]).bounds().tolist() == [1, -1] * 3
+    assert Figure([]).mesh().n_blocks == 0
+
+
+def test_a_mesh_keeps_its_data_and_has_posed_normals():
+    mesh = pv.Sphere()
+    mesh['heat'] = mesh.points[:, 2]
+    skeleton = Skeleton([-1], [np.eye(4)])
+    up = Clip('up', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 4]])])
+    figure = Figure([Body(mesh, 0)], skeleton, [up])
+    posed = figure.mesh(0.5, 'up')
+    assert np.allclose(posed.points - mesh.points, [0, 0, 2], atol=1e-6)
+    assert np.array_equal(posed['heat'], mesh['heat'])
+    assert np.allclose(posed.active_normals, mesh.active_normals, atol=1e-6)
+    assert np.array_equal(mesh.points, pv.Sphere().points)
+
+
+def test_clips_are_found_by_name_number_and_self():
+    clips = [Clip('Walk', []), Clip('Run', [])]
+    figure = Figure([], clips=clips)
+    assert [figure.clip(c) for c in ('Run', 1, clips[1], None)] == [clips[1]] * 3 + [clips[0]]
+    with pytest.raises(ValueError, match="there is no clip 'Fly'; there are 'Walk', 'Run'"):
+        figure.sample(0.0, 'Fly')
+    with pytest.raises(ValueError, match='there is no clip 0; there are none'):
+        Figure([]).sample(0.0, 0)
+
+
+def test_skins_refuse_joints_out_of_range():
+    one = np.eye(4)[None]
+    with pytest.raises(ValueError, match=r'joints\[1, 0\] is 1; the skin has 1 joints'):
+        Skin([0], one, [[0], [1]], [[1.0], [1.0]])
+    with pytest.raises(ValueError, match='whole numbers'):
+        Skin([0], one, [[0.0]], [[1.0]])
+    with pytest.raises(ValueError, match=r'inverse_bind must be \(2, 4, 4\)'):
+        Skin([0, 1], one, [[0]], [[1.0]])
+
+
+def test_a_figure_refuses_what_does_not_fit():
+    mesh = sheet(np.eye(3))
+    with pytest.raises(ValueError, match=r'bodies\[0\] hangs on the joints 2 to 2'):
+        Figure([Body(mesh, 2)])
+    with pytest.raises(ValueError, match='the skin has 1 vertices, the mesh 3'):
+        Body(mesh, skin=Skin([0], [np.eye(4)], [[0]], [[1.0]]))
+    with pytest.raises(ValueError, match=r'positions\[0\] has 4 rows; the mesh has 3'):
+        Body(mesh, morphs=Morphs(np.zeros((1, 4, 3))))
+    with pytest.raises(ValueError, match='frames have 4 vertices, the mesh 3'):
+        Body(mesh, frames=Frames([0.0], np.zeros((1, 4, 3))))
+    figure = Figure([Body(mesh, 0)], Skeleton([-1], [np.eye(4)]))
+    with pytest.raises(ValueError, match='pose has 2 matrices, the skeleton 1'):
+        figure.posed(0, np.tile(np.eye(4), (2, 1, 1)))
+    with pytest.raises(ValueError, match='skinning is'):
+        random_figure(np.random.default_rng(0)).posed(0, skinning='cubic')
+    with pytest.raises(ValueError, match='one is posed at a time'):
+        figure.posed(0, figure.sample([0.0, 1.0]))
+    with pytest.raises(ValueError, match='the pose has 1 morph weights, the figure 0'):
+        figure.weights(0, figure.rest.replaced(weights=[1.0]))
+
+
+def test_frames_come_before_morphs():
+    frames = Frames([0.0, 1.0], np.stack([np.eye(3), 3 * np.eye(3)]))
+    figure = Figure([Body(sheet(np.eye(3)), morphs=Morphs(np.ones((1, 3, 3))), frames=frames)])
+    pose = figure.sample(0.5).replaced(weights=[2.0])
+    points, normals = figure.posed(0, pose)
+    assert np.allclose(points, 2 * np.eye(3) + 2)
+    assert np.allclose(normals, figure.bodies[0].normals)

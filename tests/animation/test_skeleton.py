@@ -1,0 +1,126 @@
+"""Joints, their order, and poses as matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pvibr import Pose, Skeleton
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def random_tree(rng, n):
+    """Return a skeleton whose parents do not come first, and a pose of it."""
+    parents = np.array([rng.integers(-1, i) if i else -1 for i in range(n)])
+    place = rng.permutation(n)
+    shuffled = np.empty(n, int)
+    shuffled[place] = np.where(parents < 0, -1, place[parents])
+    scale = rng.uniform(0.5, 2.0, (n, 3)) * rng.choice([-1, 1], (n, 3))
+    pose = Pose(rng.normal(size=(n, 3)), rng.normal(size=(n, 4)), scale)
+    return Skeleton(shuffled, pose), pose
+
+
+@given(SEEDS)
+def test_a_joint_stands_on_its_parent_in_any_order(seed):
+    skeleton, pose = random_tree(np.random.default_rng(seed), 9)
+    world, local = skeleton.world(pose), pose.matrices()
+    for joint, parent in enumerate(skeleton.parents):
+        above = np.eye(4) if parent < 0 else world[parent]
+        assert np.allclose(world[joint], above @ local[joint])
+    assert np.allclose(skeleton.local(world), local, atol=1e-7)
+    seen = list(skeleton.order)
+    assert sorted(seen) == list(range(9))
+    assert all(p < 0 or seen.index(p) < seen.index(j) for j, p in enumerate(skeleton.parents))
+    assert all(skeleton.parents[c] == j for j in range(9) for c in skeleton.children[j])
+
+
+@given(SEEDS)
+def test_matrices_are_taken_apart_and_put_together(seed):
+    _, pose = random_tree(np.random.default_rng(seed), 9)
+    again = Pose.from_matrices(pose.matrices())
+    assert np.allclose(again.matrices(), pose.matrices())
+    assert np.allclose(np.abs(again.scale), np.abs(pose.scale))
+
+
+def test_many_poses_at_once():
+    rng = np.random.default_rng(0)
+    skeleton, _ = random_tree(rng, 5)
+    poses = Pose(rng.normal(size=(2, 3, 5, 3)), rng.normal(size=(2, 3, 5, 4)))
+    world = skeleton.world(poses)
+    assert world.shape == (2, 3, 5, 4, 4)
+    assert np.allclose(world[1, 2], skeleton.world(poses[1][2]))
+
+
+@pytest.mark.parametrize(
+    ('parents', 'words'),
+    [
+        ([1, 2, 0], 'parents have a cycle: b -> c -> a -> b'),
+        ([-1, 1, 1], 'parents have a cycle: b -> b'),
+        ([-1, 2, 1], 'parents have a cycle: c -> b -> c'),
+        ([-1, 3, 0], r"parents\[1\] \('b'\) is 3; it must be -1 or one of the 3"),
+        ([-2, 0, 0], r"parents\[0\] \('a'\) is -2"),
+    ],
+)
+def test_parents_that_are_no_tree_are_named(parents, words):
+    with pytest.raises(ValueError, match=words):
+        Skeleton(parents, np.tile(np.eye(4), (3, 1, 1)), 'abc')
+
+
+def test_a_long_chain_is_no_cycle():
+    skeleton = Skeleton(np.arange(500) - 1, Pose(np.ones((500, 3))))
+    assert np.allclose(skeleton.world(skeleton.rest)[-1, :3, 3], 500)
+
+
+def test_rest_must_fit_and_have_an_inverse():
+    with pytest.raises(ValueError, match=r"rest\[1\] \('joint1'\) is singular: its scale is"):
+        Skeleton([-1, 0], Pose(np.zeros((2, 3)), scale=[[1, 1, 1], [1, 0, 1]]))
+    with pytest.raises(ValueError, match='rest holds .*2.* joints, parents 1'):
+        Skeleton([-1], Pose(np.zeros((2, 3))))
+    with pytest.raises(ValueError, match=r'matrices\[0\] is singular'):
+        Skeleton([-1], [np.diag([1.0, 1, 0, 1])])
+    with pytest.raises(ValueError, match='names holds 2 names for 1'):
+        Skeleton([-1], [np.eye(4)], ['a', 'b'])
+
+
+def test_small_figures_are_not_singular():
+    assert len(Skeleton([-1], Pose([[0, 0, 0]], scale=1e-15))) == 1
+
+
+def test_unknown_joints_name_those_that_exist():
+    skeleton = Skeleton([-1, 0], Pose(np.zeros((2, 3))), ['hip', 'knee'])
+    assert [skeleton.index('knee'), skeleton.index(0)] == [1, 0]
+    for name in ('toe', 2, -1):
+        with pytest.raises(ValueError, match=f'no joint {name!r}; there are hip, knee'):
+            skeleton.index(name)
+
+
+@pytest.mark.parametrize(
+    ('matrix', 'words'),
+    [
+        (np.diag([1.0, 1, 1, 2]), r'\[0\] has the last row'),
+        (np.full((4, 4), np.nan), r'\[0, 0, 0\] is nan'),
+        (np.eye(3), 'must be'),
+        ([[1, 1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], 'sheared'),
+    ],
+)
+def test_matrices_that_are_no_pose_are_named(matrix, words):
+    with pytest.raises(ValueError, match=words):
+        Pose.from_matrices([matrix])
+
+
+def test_poses_refuse_what_does_not_fit():
+    with pytest.raises(ValueError, match=r'translation must be \(..., n, 3\)'):
+        Pose([0.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match='quaternion'):
+        Pose(np.zeros((2, 3)), [[1, 0, 0, 0], [0, 0, 0, 0]])
+    with pytest.raises(ValueError, match=r'rotation has the shape \(3, 4\)'):
+        Pose(np.zeros((2, 3)), np.ones((3, 4)))
+    with pytest.raises(ValueError, match=r'scale\[0\] is nan'):
+        Pose(np.zeros((2, 3)), scale=[np.nan, 1, 1])
+    with pytest.raises(IndexError, match='one pose'):
+        Pose(np.zeros((2, 3)))[0]
+    with pytest.raises(ValueError, match='the pose has 1 joints, the skeleton 2'):
+        Skeleton([-1, 0], Pose(np.zeros((2, 3)))).world(Pose(np.zeros((1, 3))))
