@@ -26,13 +26,13 @@ class _Thing(Struct, rename='camel', omit_defaults=True, frozen=True):
     """Anything in the file."""
 
 
-class _Named(_Thing, kw_only=True):
+class _Named(_Thing, frozen=True, kw_only=True):
     """Anything that may have a name."""
 
     name: str | None = None
 
 
-class Asset(_Thing):
+class Asset(_Thing, frozen=True):
     """Of which version the file is."""
 
     version: str
@@ -41,14 +41,14 @@ class Asset(_Thing):
     copyright: str | None = None
 
 
-class Buffer(_Named):
+class Buffer(_Named, frozen=True):
     """Bytes: in the GLB, in the URI, or in the file that it names."""
 
     byte_length: Count
     uri: str | None = None
 
 
-class BufferView(_Named):
+class BufferView(_Named, frozen=True):
     """A part of a buffer."""
 
     buffer: Index
@@ -58,7 +58,7 @@ class BufferView(_Named):
     target: int | None = None
 
 
-class SparseIndices(_Thing):
+class SparseIndices(_Thing, frozen=True):
     """Which elements differ."""
 
     buffer_view: Index
@@ -66,14 +66,14 @@ class SparseIndices(_Thing):
     byte_offset: Index = 0
 
 
-class SparseValues(_Thing):
+class SparseValues(_Thing, frozen=True):
     """How they differ."""
 
     buffer_view: Index
     byte_offset: Index = 0
 
 
-class Sparse(_Thing):
+class Sparse(_Thing, frozen=True):
     """Elements that differ from those of the buffer view, or from zero."""
 
     count: Count
@@ -81,7 +81,7 @@ class Sparse(_Thing):
     values: SparseValues
 
 
-class Accessor(_Named):
+class Accessor(_Named, frozen=True):
     """An array in a buffer view."""
 
     component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
@@ -95,7 +95,7 @@ class Accessor(_Named):
     max: list[float] | None = None
 
 
-class Primitive(_Thing):
+class Primitive(_Thing, frozen=True):
     """Triangles, lines or points of one material."""
 
     attributes: dict[str, Index]
@@ -105,13 +105,13 @@ class Primitive(_Thing):
     targets: list[dict[str, Index]] = []
 
 
-class MeshExtras(_Thing):
+class MeshExtras(_Thing, frozen=True):
     """What exporters agree to write beside the standard: the names of morph targets."""
 
     target_names: list[str] | None = None
 
 
-class Mesh(_Named):
+class Mesh(_Named, frozen=True):
     """Primitives that are morphed together."""
 
     primitives: Annotated[list[Primitive], Meta(min_length=1)]
@@ -119,19 +119,19 @@ class Mesh(_Named):
     extras: msgspec.Raw = msgspec.Raw()
 
 
-class LightIndex(_Thing):
+class LightIndex(_Thing, frozen=True):
     """The light at a node."""
 
     light: Index
 
 
-class NodeExtensions(_Thing):
+class NodeExtensions(_Thing, frozen=True):
     """Extensions of a node."""
 
     lights: LightIndex | None = field(default=None, name='KHR_lights_punctual')
 
 
-class Node(_Named):
+class Node(_Named, frozen=True):
     """A joint of the scene: where it is, what hangs there."""
 
     children: list[Index] = []
@@ -146,13 +146,13 @@ class Node(_Named):
     extensions: NodeExtensions = NodeExtensions()
 
 
-class Scene(_Named):
+class Scene(_Named, frozen=True):
     """What is shown together."""
 
     nodes: list[Index] = []
 
 
-class Skin(_Named):
+class Skin(_Named, frozen=True):
     """Joints that deform a mesh."""
 
     joints: Indices
@@ -160,21 +160,21 @@ class Skin(_Named):
     skeleton: Index | None = None
 
 
-class Target(_Thing):
+class Target(_Thing, frozen=True):
     """What a channel drives."""
 
     path: str
     node: Index | None = None
 
 
-class Channel(_Thing):
+class Channel(_Thing, frozen=True):
     """Which sampler drives what."""
 
     sampler: Index
     target: Target
 
 
-class AnimationSampler(_Thing):
+class AnimationSampler(_Thing, frozen=True):
     """Keys: times and values."""
 
     input: Index
@@ -182,14 +182,14 @@ class AnimationSampler(_Thing):
     interpolation: Literal['LINEAR', 'STEP', 'CUBICSPLINE'] = 'LINEAR'
 
 
-class Animation(_Named):
+class Animation(_Named, frozen=True):
     """Channels that play together."""
 
     channels: Annotated[list[Channel], Meta(min_length=1)]
     samplers: Annotated[list[AnimationSampler], Meta(min_length=1)]
 
 
-class TextureTransform(_Thing):
+class TextureTransform(_Thing, frozen=True):
     """How texture coordinates are moved: scaled, then turned, then shifted."""
 
     offset: Vec2 = (0.0, 0.0)
@@ -198,13 +198,13 @@ class TextureTransform(_Thing):
     tex_coord: Index | None = None
 
 
-class TextureInfoExtensions(_Thing):
+class TextureInfoExtensions(_Thing, frozen=True):
     """Extensions of the use of a texture."""
 
     transform: TextureTransform | None = field(default=None, name='KHR_texture_transform')
 
 
-class TextureInfo(_Thing):
+class TextureInfo(_Thing, frozen=True):
     """The use of a texture."""
 
     index: Index
@@ -212,7 +212,7 @@ class TextureInfo(_Thing):
     extensions: TextureInfoExtensions = TextureInfoExtensions()
 
 
-class Metallic(_Thing):
+class Metallic(_Thing, frozen=True):
     """Physically based shading."""
 
     base_color_factor: Vec4 = (1.0, 1.0, 1.0, 1.0)
@@ -222,17 +222,17 @@ class Metallic(_Thing):
     metallic_roughness_texture: TextureInfo | None = None
 
 
-class EmissiveStrength(_Thing):
+class EmissiveStrength(_Thing, frozen=True):
     """A factor of what shines."""
 
     emissive_strength: Annotated[float, Meta(ge=0)] = 1.0
 
 
-class Unlit(_Thing):
+class Unlit(_Thing, frozen=True):
     """Shown as it is, whatever the lights."""
 
 
-class MaterialExtensions(_Thing):
+class MaterialExtensions(_Thing, frozen=True):
     """Extensions of a material."""
 
     emissive: EmissiveStrength = field(
@@ -241,7 +241,7 @@ class MaterialExtensions(_Thing):
     unlit: Unlit | None = field(default=None, name='KHR_materials_unlit')
 
 
-class Material(_Named):
+class Material(_Named, frozen=True):
     """How a primitive looks."""
 
     pbr_metallic_roughness: Metallic = Metallic()
@@ -255,7 +255,7 @@ class Material(_Named):
     extensions: MaterialExtensions = MaterialExtensions()
 
 
-class Sampler(_Named):
+class Sampler(_Named, frozen=True):
     """How a texture is filtered and repeated."""
 
     mag_filter: int | None = None
@@ -264,14 +264,14 @@ class Sampler(_Named):
     wrap_t: Literal[33071, 33648, 10497] = 10497
 
 
-class Texture(_Named):
+class Texture(_Named, frozen=True):
     """An image and how it is sampled."""
 
     source: Index | None = None
     sampler: Index | None = None
 
 
-class Image(_Named):
+class Image(_Named, frozen=True):
     """A picture: in a buffer view, in the URI, or in the file that it names."""
 
     uri: str | None = None
@@ -279,7 +279,7 @@ class Image(_Named):
     mime_type: str | None = None
 
 
-class Perspective(_Thing):
+class Perspective(_Thing, frozen=True):
     """A camera's frustum: radians and the file's unit."""
 
     yfov: Annotated[float, Meta(gt=0)]
@@ -288,7 +288,7 @@ class Perspective(_Thing):
     aspect_ratio: Annotated[float, Meta(gt=0)] | None = None
 
 
-class Orthographic(_Thing):
+class Orthographic(_Thing, frozen=True):
     """A camera's box: half sizes, in the file's unit."""
 
     xmag: float
@@ -297,7 +297,7 @@ class Orthographic(_Thing):
     znear: Annotated[float, Meta(ge=0)]
 
 
-class Camera(_Named):
+class Camera(_Named, frozen=True):
     """A camera that looks along -z."""
 
     type: Literal['perspective', 'orthographic']
@@ -305,14 +305,14 @@ class Camera(_Named):
     orthographic: Orthographic | None = None
 
 
-class Spot(_Thing):
+class Spot(_Thing, frozen=True):
     """The cone of a spot light, radians from its axis."""
 
     inner_cone_angle: Annotated[float, Meta(ge=0)] = 0.0
     outer_cone_angle: Annotated[float, Meta(gt=0)] = 0.7853981633974483
 
 
-class Light(_Named):
+class Light(_Named, frozen=True):
     """A light that shines along -z: lux if directional, else candela."""
 
     type: Literal['directional', 'point', 'spot']
@@ -322,19 +322,19 @@ class Light(_Named):
     spot: Spot = Spot()
 
 
-class Lights(_Thing):
+class Lights(_Thing, frozen=True):
     """All lights of the file."""
 
     lights: list[Light] = []
 
 
-class GltfExtensions(_Thing):
+class GltfExtensions(_Thing, frozen=True):
     """Extensions of the file."""
 
     lights: Lights = field(default=Lights(), name='KHR_lights_punctual')
 
 
-class Gltf(_Thing):
+class Gltf(_Thing, frozen=True):
     """A whole file.
 
     Examples

@@ -1,0 +1,247 @@
+"""Materials of a glTF file as keywords of ``add_mesh``."""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.animation.gltf_file import GltfError, GltfFile, MissingFileError, follow
+from pvibr.animation.gltf_schema import Material, Sampler, TextureInfo
+from pvibr.maths.tones import to_display
+
+#: Name of the colours of vertices in the meshes.
+COLORS = 'gltf_colors'
+_NEAREST = 9728
+_MIPMAPS = (9984, 9985, 9986, 9987)
+_WRAPS = {33071: 'CLAMP_TO_EDGE', 33648: 'MIRRORED_REPEAT', 10497: 'REPEAT'}
+#: Kinds of pictures that Pillow reads here; others (EPS starts Ghostscript) it must not try.
+_PICTURES = ('PNG', 'JPEG', 'WEBP')
+_TEXTURES = (
+    'normal_texture',
+    'occlusion_texture',
+    'emissive_texture',
+    'metallic_roughness_texture',
+)
+
+
+class Looks:
+    """The materials and textures of a file, each read once.
+
+    Parameters
+    ----------
+    file : GltfFile
+        The file.
+    pbr : bool
+        Whether looks are physically based.
+    """
+
+    def __init__(self, file: GltfFile, pbr):
+        self._file, self._pbr = file, pbr
+        self._textures: dict[tuple, pv.Texture] = {}
+
+    def material(self, index, place) -> Material:
+        """Return a material.
+
+        Parameters
+        ----------
+        index : int or None
+            Which; ``None`` for the one of glTF itself: white and matt.
+        place : str
+            Where the file asks for it.
+
+        Returns
+        -------
+        pvibr.animation.gltf_schema.Material
+            The material.
+        """
+        if index is None:
+            return Material()
+        return follow(self._file.document.materials, index, place, 'materials')
+
+    def look(self, material, place, *, coordinates, colors, mirrored):
+        """Return the keywords for ``add_mesh``.
+
+        Parameters
+        ----------
+        material : pvibr.animation.gltf_schema.Material
+            The material.
+        place : str
+            Where it is used.
+        coordinates : bool
+            Whether the mesh has texture coordinates.
+        colors : bool
+            Whether it has colours, in which the material's colour is a factor already.
+        mirrored : bool
+            Whether its triangles turn their backs to where their normals point.
+
+        Returns
+        -------
+        dict
+            ``color``, ``texture``, ``opacity``, ``pbr``, ...; ``alpha_cutoff``, which add_figure
+            and add_instances know beside the keywords of ``add_mesh``, where alpha is a mask.
+        """
+        metallic = material.pbr_metallic_roughness
+        look: dict[str, Any] = {'smooth_shading': True}
+        if colors:
+            look |= {'scalars': COLORS, 'rgb': True, 'preference': 'point'}
+        else:
+            look['color'] = tuple(self._color(material).tolist())
+            look |= _opacity(material)
+        if metallic.base_color_texture is not None and coordinates:
+            try:
+                look['texture'] = self._texture(material, metallic.base_color_texture)
+            except MissingFileError as error:  # models travel without their pictures
+                self._file.leave_out('an image', str(error).rstrip('.'))
+        if self._pbr and material.extensions.unlit is None:
+            look |= {'pbr': True, 'metallic': _share(metallic.metallic_factor)}
+            look['roughness'] = _share(metallic.roughness_factor)
+        if material.extensions.unlit is not None or _only_shines(material):
+            look['lighting'] = False
+        if material.alpha_mode == 'MASK':
+            look['alpha_cutoff'] = min(material.alpha_cutoff, 1.0)
+        if not material.double_sided and not mirrored:
+            look['culling'] = 'back'
+        self._leave_out(material, place)
+        return look
+
+    def vertex_colors(self, material, colors):
+        """Return the colours of vertices, the material's colour multiplied in.
+
+        Parameters
+        ----------
+        material : pvibr.animation.gltf_schema.Material
+            The material.
+        colors : numpy.ndarray, shape (n, 3) or (n, 4)
+            Linear light.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n, 3) or (n, 4), uint8
+            As a display is given them; with alpha only where it is not full.
+        """
+        factor = material.pbr_metallic_roughness.base_color_factor
+        alpha = np.ones(len(colors)) if colors.shape[1] < 4 else colors[:, 3]
+        light = np.clip(colors[:, :3] * np.array(factor[:3], np.float32), 0, 1)
+        shown = np.column_stack([to_display(light), np.clip(alpha * factor[3], 0, 1)])
+        shown = (255 * shown + 0.5).astype(np.uint8)
+        # Alpha that is full, or to be ignored, would make VTK sort the mesh as translucent.
+        opaque = material.alpha_mode == 'OPAQUE' or (shown[:, 3] == 255).all()
+        return np.ascontiguousarray(shown[:, :3]) if opaque else shown
+
+    def coordinates(self, material):
+        """Return which texture coordinates the material shows, and how they are moved.
+
+        Parameters
+        ----------
+        material : pvibr.animation.gltf_schema.Material
+            The material.
+
+        Returns
+        -------
+        number : int
+            Which set.
+        matrix : numpy.ndarray, shape (2, 3), float64
+            What they are multiplied by: VTK's v is up, and glTF's is down.
+        """
+        info = material.pbr_metallic_roughness.base_color_texture
+        flip = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0]])
+        if info is None:
+            return 0, flip
+        transform = info.extensions.transform
+        if transform is None:
+            return info.tex_coord, flip
+        c, s = math.cos(transform.rotation), math.sin(transform.rotation)
+        (sx, sy), (tx, ty) = transform.scale, transform.offset
+        matrix = np.array([[c * sx, s * sy, tx], [-s * sx, c * sy, ty], [0.0, 0.0, 1.0]])
+        number = info.tex_coord if transform.tex_coord is None else transform.tex_coord
+        return number, flip @ matrix
+
+    def _color(self, material):
+        metallic = material.pbr_metallic_roughness
+        light = np.array(metallic.base_color_factor[:3])
+        if _only_shines(material):
+            light = np.array(material.emissive_factor)
+            light = light * material.extensions.emissive.emissive_strength
+        # VTK takes the colour of a physically based surface for linear light.
+        pbr = self._pbr and material.extensions.unlit is None
+        return np.clip(light if pbr else to_display(light), 0, 1).round(9)
+
+    def _texture(self, material, info: TextureInfo):
+        document = self._file.document
+        place = f'textures[{info.index}]'
+        texture = follow(document.textures, info.index, 'baseColorTexture.index', 'textures')
+        opaque = material.alpha_mode == 'OPAQUE'
+        key = (info.index, opaque)
+        if key in self._textures:
+            return self._textures[key]
+        sampler = Sampler()
+        if texture.sampler is not None:
+            sampler = follow(document.samplers, texture.sampler, f'{place}.sampler', 'samplers')
+        if texture.source is None:
+            msg = f'{place} has no source.'
+            raise GltfError(msg)
+        follow(document.images, texture.source, f'{place}.source', 'images')
+        pixels = self._pixels(texture.source)
+        # OPAQUE means that alpha is to be ignored; VTK would blend it.
+        made = pv.Texture(np.ascontiguousarray(pixels[..., :3] if opaque else pixels))
+        made.interpolate = sampler.mag_filter != _NEAREST
+        made.mipmap = sampler.min_filter in _MIPMAPS
+        made.wrap = pv.Texture.WrapType[_WRAPS[sampler.wrap_s]]
+        if sampler.wrap_s != sampler.wrap_t:
+            self._file.leave_out('wrapT other than wrapS', f'samplers[{texture.sampler}]')
+        self._textures[key] = made
+        return made
+
+    def _pixels(self, index):
+        image, place = self._file.document.images[index], f'images[{index}]'
+        if image.buffer_view is not None:
+            data: Any = self._file.view(image.buffer_view, f'{place}.bufferView')
+        elif image.uri is not None:
+            data = self._file.resource(image.uri, f'{place}.uri')
+        else:
+            msg = f'{place} has neither uri nor bufferView.'
+            raise GltfError(msg)
+        return self._decoded(bytes(data), place)
+
+    def _decoded(self, data, place):
+        from PIL import Image  # what imageio reads pictures with; only files with textures need it
+
+        try:
+            with Image.open(io.BytesIO(data), formats=_PICTURES) as picture:
+                width, height = picture.size
+                self._file.spend(8 * width * height, place)
+                return np.asarray(picture.convert('RGBA'))
+        except GltfError:
+            raise
+        # Its decoders raise what they please at broken bytes.
+        except Exception as error:
+            msg = f'{place} cannot be read: {error}.'
+            raise GltfError(msg) from error
+
+    def _leave_out(self, material, place):
+        shines = any(material.emissive_factor) and material.extensions.unlit is None
+        if shines and not _only_shines(material):
+            self._file.leave_out('light of a surface that also reflects', f'{place}.material')
+        metallic = material.pbr_metallic_roughness
+        for name in _TEXTURES:
+            if getattr(material, name, None) or getattr(metallic, name, None):
+                self._file.leave_out(name.replace('_', ' '), f'{place}.material')
+
+
+def _only_shines(material):
+    """Return whether a material gives light and reflects none."""
+    black = not any(material.pbr_metallic_roughness.base_color_factor[:3])
+    return black and any(material.emissive_factor)
+
+
+def _share(value):
+    return min(max(value, 0.0), 1.0)
+
+
+def _opacity(material):
+    alpha = _share(material.pbr_metallic_roughness.base_color_factor[3])
+    return {'opacity': alpha} if material.alpha_mode != 'OPAQUE' and alpha < 1 else {}
