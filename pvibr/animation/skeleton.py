@@ -43,11 +43,9 @@ class Skeleton:
         n = len(parents)
         self.names = _names(names, n)
         self.parents = parents
-        self.rest = (
-            rest if isinstance(rest, Pose) else Pose.from_matrices(as_matrices(rest, 'rest'))
-        )
+        self.rest = rest if isinstance(rest, Pose) else Pose.from_matrices(rest, name='rest')
         if self.rest.translation.shape != (n, 3):
-            msg = f'rest holds {self.rest.translation.shape[:-1]} joints, parents {n}.'
+            msg = f'rest holds joints of shape {self.rest.translation.shape[:-1]}, parents {n}.'
             raise ValueError(msg)
         parents.setflags(write=False)
         self._check_range()

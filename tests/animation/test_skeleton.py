@@ -57,7 +57,7 @@ def test_many_poses_at_once():
 @pytest.mark.parametrize(
     ('parents', 'words'),
     [
-        ([1, 2, 0], 'parents have a cycle: b -> c -> a -> b'),
+        ([1, 2, 0], 'parents have a cycle: a -> b -> c -> a'),
         ([-1, 1, 1], 'parents have a cycle: b -> b'),
         ([-1, 2, 1], 'parents have a cycle: c -> b -> c'),
         ([-1, 3, 0], r"parents\[1\] \('b'\) is 3; it must be -1 or one of the 3"),
@@ -77,9 +77,9 @@ def test_a_long_chain_is_no_cycle():
 def test_rest_must_fit_and_have_an_inverse():
     with pytest.raises(ValueError, match=r"rest\[1\] \('joint1'\) is singular: its scale is"):
         Skeleton([-1, 0], Pose(np.zeros((2, 3)), scale=[[1, 1, 1], [1, 0, 1]]))
-    with pytest.raises(ValueError, match='rest holds .*2.* joints, parents 1'):
+    with pytest.raises(ValueError, match=r'rest holds joints of shape \(2,\), parents 1'):
         Skeleton([-1], Pose(np.zeros((2, 3))))
-    with pytest.raises(ValueError, match=r'matrices\[0\] is singular'):
+    with pytest.raises(ValueError, match=r'rest\[0\] is singular'):
         Skeleton([-1], [np.diag([1.0, 1, 0, 1])])
     with pytest.raises(ValueError, match='names holds 2 names for 1'):
         Skeleton([-1], [np.eye(4)], ['a', 'b'])
