@@ -24,6 +24,7 @@ _EXPORTS = {
     'DepthOfField': 'pvibr.effects.depth_of_field',
     'Effect': 'pvibr.effect',
     'Figure': 'pvibr.animation.figure',
+    'FigureActor': 'pvibr.actors.figure_actor',
     'Flash': 'pvibr.effects.screen',
     'Glow': 'pvibr.effects.glow',
     'GltfError': 'pvibr.animation.gltf_file',

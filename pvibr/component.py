@@ -139,15 +139,85 @@ class IBRComponent:
         """
         from pvibr.actors.instances import Instances
 
-        pipeline = self.pipeline
+        self._check_open()
         kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
-        instances = Instances(mesh, poses, name=name, **kwargs)
+        made = Instances(mesh, poses, name=name, **kwargs)
+        return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
+
+    def add_figure(
+        self, figure, *, name=None, clip=None, skinning='linear', show_scalar_bar=None,
+        scalar_bar_args=None, reset_camera=None, render=False, **kwargs,
+    ):  # fmt: skip
+        """Draw a figure that moves: its clips, or whatever drives it, posed on the GPU.
+
+        Parameters
+        ----------
+        figure : pvibr.Figure
+            Meshes, skeleton and clips.
+        name : str, optional
+            What the plotter and reports call it; what had the name before is replaced.
+        clip : str, int or Clip, optional
+            What is played from time 0 on; the first one there is by default.
+        skinning : {'linear', 'dual'}
+            How joints are blended.
+        show_scalar_bar : bool, optional
+            As in :meth:`pyvista.Plotter.add_mesh`; by default as the theme has it.
+        scalar_bar_args : dict, optional
+            As in :meth:`pyvista.Plotter.add_mesh`.
+        reset_camera : bool, optional
+            Whether the camera moves to show everything; default where it was never moved.
+        render : bool, optional
+            Draw at once.
+        **kwargs
+            See :class:`pvibr.FigureActor`: ``pickable``, ``bulge``, and whatever ``add_mesh``
+            takes, which wins over the looks of the figure's bodies.
+
+        Returns
+        -------
+        pvibr.FigureActor
+            What plays clips and takes poses.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where an argument is not allowed; then nothing is added.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Clip, Figure, Skeleton, Track
+        >>> rise = Clip('rise', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 2]])])
+        >>> ball = Body(pv.Sphere(), node=0)
+        >>> balloon = Figure(
+        ...     [ball],
+        ...     Skeleton([-1], [[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]]),
+        ...     [rise],
+        ... )
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> actor = pl.ibr.add_figure(balloon, clip='rise')
+        >>> pl.ibr.time = 0.5
+        >>> actor.center
+        (0.0, 0.0, 1.0)
+        >>> pl.close()
+        """
+        from pvibr.actors.figure_actor import FigureActor
+
+        self._check_open()
+        kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
+        made = FigureActor(figure, name=name, clip=clip, skinning=skinning, **kwargs)
+        return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
+
+    def _add_thing(self, thing, name, bar, bar_args, reset_camera, render):
+        """Add what takes the place of whatever had its name."""
+        pipeline = self.pipeline
         for old in [e for e in pipeline.effects if name is not None and e.name == name]:
             pipeline.remove(old)
-        pipeline.add(instances)
-        self._add_scalar_bar(instances, show_scalar_bar, scalar_bar_args)
+        pipeline.add(thing)
+        self._add_scalar_bar(thing, bar, bar_args)
         self._show(reset_camera, render)
-        return instances
+        return thing
 
     def _add_scalar_bar(self, instances, wanted, options):
         mapper = instances.scalar_mapper()

@@ -1,0 +1,436 @@
+"""A figure in a scene: its meshes as actors, posed on the GPU."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pvibr.actors.anchor import anchor, set_bounds
+from pvibr.actors.figure_bodies import PosedBody, as_bodies, moved_bounds
+from pvibr.actors.posing import Posing
+from pvibr.animation.pose import Pose
+from pvibr.effect import Effect
+from pvibr.params import Param
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What a figure shows.
+
+    Attributes
+    ----------
+    pose : Pose or numpy.ndarray, shape (n, 4, 4)
+        The pose, or ``figure_from_joint`` matrices.
+    world : numpy.ndarray, shape (n, 4, 4)
+        ``figure_from_joint``.
+    bounds : numpy.ndarray, shape (6,)
+        A box that holds it, in the figure's space.
+    """
+
+    pose: Any
+    world: np.ndarray
+    bounds: np.ndarray
+
+    @property
+    def origin(self) -> np.ndarray:
+        """What positions on the GPU are relative to, shape (3,)."""
+        return self.bounds.reshape(3, 2).mean(1)
+
+
+class _Player:
+    """A clip from a moment on, at a speed."""
+
+    def __init__(self, figure, clip, speed, loop, start):
+        self.figure, self.clip = figure, figure.clip(clip)
+        self.speed, self.loop, self.start = speed, loop, start
+
+    def sample(self, time):
+        return self.figure.sample((time - self.start) * self.speed, self.clip, self.loop)
+
+
+class FigureActor(Effect):
+    """A figure that moves: ordinary actors whose vertices are posed on the GPU.
+
+    Parameters
+    ----------
+    figure : pvibr.Figure
+        Meshes, skeleton and clips.
+    name : str, optional
+        What the plotter and reports call it.
+    clip : str, int or Clip, optional
+        What is played from time 0 on; the first one there is by default.
+    pickable : bool
+        Whether it can be picked.
+    theme : pyvista.plotting.themes.Theme, optional
+        Defaults of the looks.
+    skinning : {'linear', 'dual'}
+        How joints are blended.
+    bulge : float
+        Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+    **mesh_kwargs
+        As in :meth:`pyvista.Plotter.add_mesh`, over the looks of the figure's bodies.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where an argument is not allowed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pyvista as pv
+    >>> from pvibr import Body, Figure, Skeleton
+    >>> from pvibr.actors.figure_actor import FigureActor
+    >>> wheel = Figure([Body(pv.Disc(), node=0)], Skeleton([-1], [np.eye(4)]))
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> actor = pl.ibr.add(FigureActor(wheel, color='red'))
+    >>> turned = np.eye(4)
+    >>> turned[2, 3] = 5.0
+    >>> actor.pose = [turned]
+    >>> actor.bounds[4:]
+    (5.0, 5.0)
+    >>> pl.close()
+    """
+
+    visibility = Param(True, 'Whether it is drawn at all.')
+    skinning = Param('linear', 'How joints are blended.', choices=('linear', 'dual'))
+    bulge = Param(
+        1.0, 'Share of dual quaternions: 1 keeps the cross-section of a twist, less of it bulges '
+        'less.', range='[0, 1]',
+    )  # fmt: skip
+
+    #: Frames that are drawn to pick need the pose too.
+    picks = True
+    _changes = 0
+    _posing: Any = None
+    _moment: Any = None
+    _failure: Exception | None = None
+
+    def __init__(
+        self, figure, *, name=None, clip=None, pickable=True, theme=None, skinning='linear',
+        bulge=1.0, **mesh_kwargs,
+    ):  # fmt: skip
+        super().__init__(skinning=skinning, bulge=bulge)
+        self.name = name
+        self.figure = figure
+        given = {key: value for key, value in mesh_kwargs.items() if value is not None}
+        self._bodies = as_bodies(figure, given, theme)
+        self._posed = [b for b in self._bodies if isinstance(b, PosedBody)]
+        self._anchor = anchor()
+        self._matrix = np.eye(4)
+        self._weights: np.ndarray | None = None
+        self._fixed: Any = None
+        self.pickable = pickable
+        self._observer: int | None = None
+        self._drawn: tuple = ()
+        self._known: tuple = ()
+        self.posed = 0
+        self.driver = _Player(figure, clip, 1.0, True, 0.0)
+
+    # -- what it shows -----------------------------------------------------------------------
+
+    @property
+    def driver(self):
+        """What gives the pose: anything with ``sample(time)``, or None for a fixed pose."""
+        return self._driver
+
+    @driver.setter
+    def driver(self, driver):
+        if driver is not None and not callable(getattr(driver, 'sample', None)):
+            msg = f'driver = {driver!r}: must have sample(time), which returns a Pose'
+            raise TypeError(msg)
+        if driver is None:
+            self._fixed = self.pose
+        self._driver = driver
+        self._known = ()
+
+    def play(self, clip=None, *, speed=1.0, loop=True, start=None):
+        """Play a clip.
+
+        Parameters
+        ----------
+        clip : str, int or Clip, optional
+            Its name, number or itself; the first one there is by default.
+        speed : float
+            Seconds of the clip in a second; backward below 0.
+        loop : bool
+            Begin again after the end.
+        start : float, optional
+            When its time is 0, in seconds of ``plotter.ibr.time``; now by default.
+
+        Raises
+        ------
+        ValueError
+            Where there is no such clip, or the speed is not finite.
+        """
+        if not np.isfinite(speed):
+            msg = f'speed = {speed!r}: must be a finite number'
+            raise ValueError(msg)
+        start = self._now() if start is None else float(start)
+        self.driver = _Player(self.figure, clip, float(speed), bool(loop), start)
+
+    def stop(self):
+        """Stay as it is now."""
+        self.driver = None
+
+    def _now(self) -> float:
+        return 0.0 if self.pipeline is None else self.pipeline.time
+
+    @property
+    def pose(self):
+        """What is shown: a Pose, or ``figure_from_joint`` matrices (n, 4, 4); set it to drive it.
+
+        A simulator that knows where its bodies are gives matrices; then nothing else plays.
+        """
+        return self._now_shown().pose
+
+    @pose.setter
+    def pose(self, pose):
+        self.figure.world(pose)
+        if not isinstance(pose, Pose):
+            pose = np.array(pose, np.float64)
+        shape = pose.shape if isinstance(pose, Pose) else pose.shape[:-3]
+        if shape:
+            msg = f'pose holds {shape} poses; one is shown'
+            raise ValueError(msg)
+        self._driver, self._fixed, self._known = None, pose, ()
+
+    @property
+    def weights(self):
+        """Morph weights of all bodies, shape (t,); set, they win over clips until None."""
+        return getattr(self.pose, 'weights', self.figure.rest.weights)
+
+    @weights.setter
+    def weights(self, weights):
+        if weights is not None:
+            weights = np.array(weights, np.float64)
+            wanted = self.figure.rest.weights.shape
+            if weights.shape != wanted or not np.isfinite(weights).all():
+                msg = f'weights = {weights!r}: must be finite numbers of shape {wanted}, or None'
+                raise ValueError(msg)
+        self._weights, self._known = weights, ()
+
+    @property
+    def user_matrix(self) -> np.ndarray:
+        """World from figure, shape (4, 4)."""
+        return self._matrix.copy()
+
+    @user_matrix.setter
+    def user_matrix(self, matrix):
+        matrix = np.array(matrix, np.float64)
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+            msg = f'user_matrix has shape {matrix.shape}: must be finite and (4, 4)'
+            raise ValueError(msg)
+        self._matrix, self._known = matrix, ()
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """World bounds of what is shown: x, y and z, low and high."""
+        self._now_shown()
+        return tuple(self._anchor.GetBounds())
+
+    @property
+    def center(self) -> tuple[float, ...]:
+        """Middle of the bounds, world units."""
+        return tuple(np.reshape(self.bounds, (3, 2)).mean(1).tolist())
+
+    @property
+    def actor(self):
+        """The prop that stands for it in the plotter's ``actors``."""
+        return self._anchor
+
+    def mesh(self):
+        """Return what is shown as data, in world space.
+
+        Returns
+        -------
+        pyvista.PolyData or pyvista.MultiBlock
+            As :meth:`pvibr.Figure.mesh`, computed in float64.
+        """
+        mesh = self.figure.mesh(pose=self.pose, skinning=self.skinning)
+        return mesh.transform(self._matrix, inplace=False)
+
+    def _now_shown(self) -> Moment:
+        """Return what is shown at the time that it is now."""
+        time = self._now()
+        known = (time if self._driver is not None else None), self.skinning
+        if self._moment is None or self._known != known:
+            self._show(self._sampled(time))
+            self._known = known
+        return self._moment
+
+    def _sampled(self, time):
+        pose = self._fixed if self._driver is None else self._driver.sample(time)
+        if self._weights is None:
+            return pose
+        if not isinstance(pose, Pose):
+            pose = Pose.from_matrices(self.figure.skeleton.local(pose))
+        return pose.replaced(weights=self._weights)
+
+    def _show(self, pose):
+        world = self.figure.world(pose)
+        bounds = np.asarray(self.figure.bounds(pose, self.skinning), float)
+        self._moment = moment = Moment(pose, world, bounds)
+        for body in self._bodies:
+            body.move(self._matrix, moment)
+        set_bounds(self._anchor, moved_bounds(self._matrix, bounds))
+        self._changes += 1
+
+    # -- the life of an effect ---------------------------------------------------------------
+
+    @property
+    def props(self) -> tuple:
+        """The prop that stands for it in the scene."""
+        return (self._anchor,)
+
+    def actors(self) -> list:
+        """Return the actors that draw it, one per body."""
+        return [body.actor for body in self._bodies]
+
+    def drawn(self) -> list:
+        """Return the actors that are visible."""
+        return [a for a in self.actors() if a.GetVisibility()]
+
+    def stamp(self) -> tuple:
+        """Return what changes whenever what is drawn does, the camera left out."""
+        return self._changes, self._revision, self._is_shown()
+
+    def _is_shown(self) -> bool:
+        return bool(self.visibility and self._anchor.GetVisibility())
+
+    def attach(self, pipeline):
+        """Put its props into the scene.
+
+        Parameters
+        ----------
+        pipeline : pvibr.pipeline.Pipeline
+            Where it was added.
+        """
+        super().attach(pipeline)
+        renderer = pipeline.renderer
+        self._now_shown()
+        if hasattr(renderer, 'add_actor'):
+            name = self._name or f'Figure({self._anchor.GetAddressAsString("")})'
+            renderer.add_actor(
+                self._anchor, name=name, reset_camera=False, render=False, pickable=False
+            )
+        else:
+            renderer.AddViewProp(self._anchor)
+        for actor in self.actors():
+            renderer.AddViewProp(actor)
+        # Before the pipeline looks at the frame: props must be where the moment has them.
+        self._observer = renderer.AddObserver('StartEvent', self._on_start)
+
+    def _on_start(self, _renderer, _event):
+        try:
+            self._now_shown()
+        except Exception as error:  # noqa: BLE001, RUF100
+            self._failure = error  # an error must not reach VTK's loop: the pipeline tells it
+
+    def detach(self):
+        """Take its props out of the scene."""
+        renderer = self.pipeline.renderer
+        renderer.RemoveObserver(self._observer)
+        for actor in self.actors():
+            renderer.RemoveViewProp(actor)
+        if renderer.HasViewProp(self._anchor):
+            if hasattr(renderer, 'remove_actor'):
+                renderer.remove_actor(self._anchor, reset_camera=False, render=False)
+            else:
+                renderer.RemoveViewProp(self._anchor)
+        super().detach()
+
+    def remove(self):
+        """Take it out of its plotter and free what it holds on the GPU; it may be added again."""
+        if self.pipeline is not None:
+            self.pipeline.remove(self)
+
+    def needed(self, frame) -> bool | str:
+        """Tell whether there is anything to draw.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+        shown = self._is_shown()
+        for actor in self.actors():
+            actor.SetVisibility(shown)
+        return shown or 'not visible'
+
+    def rest(self):
+        """Draw nothing: its vertices are nowhere without it."""
+        for actor in self.actors():
+            actor.VisibilityOff()
+
+    def prepare(self, frame):
+        """Pose it, where its pose changed, and have its shaders find their vertices.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
+        moment = self._now_shown()
+        if not self._posed:
+            return
+        if self._posing is None or self._drawn[1] != self.skinning:
+            self._release_posing()
+            moulds = [b.mould for b in self._posed]
+            self._posing = Posing(frame.window, moulds, how=self.skinning)
+        wanted = self._changes, self.skinning, self.bulge
+        if wanted != self._drawn:
+            self._posing.draw([[b.place(moment)] for b in self._posed], bulge=self.bulge)
+            self._drawn = wanted
+            self.posed += 1
+        units = {name: t.activate() for name, t in self._posing.textures.items()}
+        for body, row in zip(self._posed, self._posing.rows, strict=False):
+            body.aim(row, units)
+
+    def finish(self, frame):
+        """Give the texture units back.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame that was drawn.
+        """
+        if self._posing is not None:
+            for texture in self._posing.textures.values():
+                texture.deactivate()
+
+    def _release_posing(self):
+        if self._posing is not None:
+            self._posing.release()
+        self._posing, self._drawn = None, ()
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        self._release_posing()
+        window = None if self.pipeline is None else self.pipeline.window
+        if window is not None:
+            for actor in self.actors():
+                actor.ReleaseGraphicsResources(window)
+
+    def report(self) -> dict:
+        """Return bytes on the GPU, and what was posed so far."""
+        held = 0 if self._posing is None else self._posing.nbytes
+        vertices = sum(len(b.body.points) for b in self._posed)
+        return {'bytes': held, 'vertices': vertices, 'poses': self.posed}
+
+    # -- scalar bars -------------------------------------------------------------------------
+
+    def scalar_mapper(self):
+        """Return a mapper with the table of the scalars shown, for a scalar bar; else None."""
+        shown = [a.mapper for a in self.actors() if a.mapper.GetScalarVisibility()]
+        tables = [m for m in shown if m.GetColorMode() != 2]
+        return tables[0] if tables else None
+
+    def scalar_title(self) -> str:
+        """Return what a scalar bar calls the scalars."""
+        return self.scalar_mapper().GetArrayName() or ''

@@ -1,0 +1,303 @@
+"""Posed vertices of meshes on the GPU: a pass that writes them, and vertex shaders that read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from pvibr.actors.cards import pack
+from pvibr.actors.shapes import ShapeStore
+from pvibr.gl import Quad, Target, Texture, shader_source, texture_limit
+from pvibr.gl.feature import Feature, declared_samplers, sections
+from pvibr.maths import skinning
+
+#: Vertices of a row of the textures.
+WIDTH = 1024
+_STATE_WIDTH = 4096
+_TEXELS = {'linear': 3, 'dual': 8}  # of a joint
+
+
+@dataclass(eq=False)
+class Mould:
+    """A mesh at rest, and what deforms it on the GPU.
+
+    Attributes
+    ----------
+    points : numpy.ndarray, shape (v, 3), float64
+        Vertices at rest.
+    normals : numpy.ndarray, shape (v, 3), float64
+        Their normals.
+    joints : numpy.ndarray, shape (v, k), int, or None
+        Joints of each vertex, rows of the matrices that :meth:`Posing.draw` is given.
+    weights : numpy.ndarray, shape (v, k), float64, or None
+        Their weights, of sum 1.
+    centers : numpy.ndarray, shape (m, 3), float64, or None
+        Joints at rest, about which they stretch.
+    shapes : sequence or None
+        Differences of positions and normals, each (v, 3) or None: ``shapes[i]`` is read when it
+        is first needed.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    joints: np.ndarray | None = None
+    weights: np.ndarray | None = None
+    centers: np.ndarray | None = None
+    shapes: Any = None
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Middle of the points: the GPU's positions at rest are relative to it, shape (3,)."""
+        return (self.points.min(0) + self.points.max(0)) / 2
+
+
+@dataclass(eq=False)
+class Place:
+    """What makes one pose of a mould.
+
+    Attributes
+    ----------
+    matrices : numpy.ndarray, shape (m, 4, 4), or None
+        ``figure_from_mesh`` of each joint of the mould.
+    origin : numpy.ndarray, shape (3,)
+        In the figure's space: posed positions are relative to it. Without joints it is that of
+        the mould.
+    shapes : numpy.ndarray of int, shape (s,)
+        Which shapes are added.
+    amounts : numpy.ndarray, shape (s,)
+        How much of each.
+    frames : int
+        How many of them are key frames, which come first; normals are made unit after them.
+    """
+
+    matrices: np.ndarray | None = None
+    origin: np.ndarray | None = None
+    shapes: Any = ()
+    amounts: Any = ()
+    frames: int = 0
+
+
+class Posing:
+    """Posed positions and normals of several moulds in two textures, one texel a vertex.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        Whose context is current.
+    moulds : sequence of Mould
+        The meshes.
+    poses : int
+        How many poses of each are kept.
+    how : {'linear', 'dual'}
+        How joints are blended.
+
+    Raises
+    ------
+    ValueError
+        If there are more vertices than the driver's textures hold.
+    """
+
+    def __init__(self, window, moulds, *, poses=1, how='linear'):
+        self.window, self.poses = window, poses
+        heights = [-(-len(m.points) // WIDTH) * poses for m in moulds]
+        #: First row of each mould.
+        self.rows = np.cumsum([0, *heights]).tolist()
+        limit = texture_limit(window)
+        if self.rows[-1] > limit:
+            msg = (
+                f'the figure has {sum(len(m.points) for m in moulds)} vertices in {poses} poses; '
+                f'at most {limit * WIDTH} fit here.'
+            )
+            raise ValueError(msg)
+        self._casts = [_Cast(window, m, poses, how) for m in moulds]
+        self.target = Target(
+            window, WIDTH, self.rows[-1], ('rgba32f', 'rgba32f'), filter='nearest'
+        )
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return self.target.nbytes + sum(c.nbytes for c in self._casts)
+
+    @property
+    def textures(self) -> dict[str, Texture]:
+        """Positions and normals, by the names of their samplers."""
+        return dict(zip(SAMPLERS, self.target.colors, strict=True))
+
+    def draw(self, places, *, bulge=1.0):
+        """Pose all moulds anew.
+
+        Parameters
+        ----------
+        places : sequence of sequence of Place
+            For each mould its poses, as many as it was made for.
+        bulge : float
+            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+        """
+        for cast, poses in zip(self._casts, places, strict=True):
+            cast.load(poses)
+        state = self.window.GetState()
+        with self.target.drawing():
+            for cast, first, end in zip(self._casts, self.rows, self.rows[1:], strict=False):
+                state.vtkglViewport(0, first, WIDTH, end - first)
+                state.vtkglScissor(0, first, WIDTH, end - first)
+                cast.draw(bulge)
+
+    def download(self, mould, pose=0):
+        """Return what the pass wrote.
+
+        Parameters
+        ----------
+        mould : int
+            Which mesh.
+        pose : int
+            Which of its poses.
+
+        Returns
+        -------
+        positions : numpy.ndarray, shape (v, 3), float32
+            Relative to the pose's origin.
+        normals : numpy.ndarray, shape (v, 3), float32
+            Of length 1.
+        """
+        cast = self._casts[mould]
+        first = self.rows[mould] + pose * cast.rows
+        texels = [t.download()[first : first + cast.rows] for t in self.target.colors]
+        positions, normals = (t.reshape(-1, 4)[: cast.count, :3] for t in texels)
+        return positions, normals
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        for cast in self._casts:
+            cast.release()
+        self.target.release()
+
+
+class _Cast:
+    """A mould on the GPU."""
+
+    def __init__(self, window, mould, poses, how):
+        self.count, self.how, self.poses = len(mould.points), how, poses
+        self.rows = -(-self.count // WIDTH)
+        self.origin, self.centers = mould.origin, mould.centers
+        self.textures = {
+            'ibr_rest': _table(window, mould.points - self.origin),
+            'ibr_rest_normals': _table(window, mould.normals),
+            'ibr_state': Texture(window),
+        }
+        groups = 0
+        if mould.joints is not None:
+            groups = -(-mould.joints.shape[1] // 4)
+            for name, table in zip(('ibr_joints', 'ibr_weights'), _influences(mould), strict=True):
+                self.textures[name] = Texture(window).upload(table)
+        self.store = None if mould.shapes is None else ShapeStore(window, mould.shapes, WIDTH)
+        defines = {'GROUPS': groups, 'DUAL': how == 'dual' and groups > 0}
+        self.quad = _quad(window, defines | {'SHAPES': self.store is not None})
+        self.uniforms = {'ibr_sides': (WIDTH, self.rows), 'ibr_poses': poses}
+
+    @property
+    def nbytes(self) -> int:
+        stored = 0 if self.store is None else self.store.nbytes
+        return sum(t.nbytes for t in self.textures.values()) + stored
+
+    def load(self, places):
+        """Take over what makes the poses."""
+        palettes = [self._palette(place) for place in places]
+        numbers = [np.concatenate(p) for p in zip(palettes, self._shapes(places), strict=True)]
+        most = max(len(n) for n in numbers)
+        width = min(max(most, 1), _STATE_WIDTH)
+        rows = max(-(-most // width), 1)
+        state = np.zeros((len(places), rows * width, 4), np.float32)
+        for row, found in zip(state, numbers, strict=True):
+            row[: len(found)] = found
+        self.textures['ibr_state'].upload(state.reshape(-1, width, 4))
+        self.uniforms |= {
+            'ibr_state_rows': rows, 'ibr_state_width': width, 'ibr_palette': len(palettes[0])
+        }  # fmt: skip
+
+    def _palette(self, place):
+        """Return the joints as rows of four, from rest to posed, each about its origin."""
+        if place.matrices is None:
+            return np.zeros((0, 4))
+        matrices = np.array(place.matrices, np.float64)
+        matrices[:, :3, 3] += matrices[:, :3, :3] @ self.origin - place.origin
+        linear = matrices[:, :3]
+        if self.how == 'linear':
+            return linear.reshape(-1, 4)
+        real, dual, stretch = skinning.dual_parts(matrices, self.centers - self.origin)
+        joints = (stretch, linear, real[:, None], dual[:, None])
+        return np.concatenate(joints, 1).reshape(-1, 4)
+
+    def _shapes(self, places):
+        """Return for each pose its counts and shapes as rows of four; load what is missing."""
+        if self.store is None:
+            return [np.zeros((0, 4))] * len(places)
+        slots = self.store.slots({int(i) for place in places for i in place.shapes})
+        out = []
+        for place in places:
+            rows = np.zeros((1 + len(place.shapes), 4))
+            rows[0, :2] = place.frames, len(place.shapes)
+            rows[1:, 0] = [slots[int(i)] for i in place.shapes]
+            rows[1:, 1] = place.amounts
+            out.append(rows)
+        return out
+
+    def draw(self, bulge):
+        textures = dict(self.textures)
+        if self.store is not None:
+            textures |= self.store.textures
+        self.quad.draw(self.uniforms | {'ibr_bulge': float(bulge)}, textures)
+
+    def release(self):
+        for owner in (*self.textures.values(), self.store, self.quad):
+            if owner is not None:
+                owner.release()
+
+
+def _table(window, vectors):
+    return Texture(window).upload(pack(vectors.astype(np.float32), WIDTH, 3))
+
+
+def _influences(mould):
+    """Return joints and weights as images, the heaviest first, four a texel, groups stacked."""
+    order = np.argsort(-mould.weights, axis=1, kind='stable')
+    tables = []
+    for values in (mould.joints, mould.weights):
+        ordered = np.take_along_axis(values, order, 1).astype(np.float32)
+        padded = np.pad(ordered, ((0, 0), (0, -ordered.shape[1] % 4)))
+        columns = [padded[:, i : i + 4] for i in range(0, padded.shape[1], 4)]
+        tables.append(np.concatenate([pack(np.ascontiguousarray(c), WIDTH, 4) for c in columns]))
+    return tables
+
+
+def _quad(window, defines):
+    head = ''.join(f'#define {name} {int(value)}\n' for name, value in defines.items())
+    return Quad(window, head + sections(shader_source(__file__))['pose'], 'posing')
+
+
+#: Samplers of the textures that vertex shaders read.
+SAMPLERS = ('ibr_posed', 'ibr_posed_normals')
+
+
+@lru_cache(maxsize=1)
+def posed_feature() -> Feature:
+    """Return the text by which an actor's vertices are those that were posed.
+
+    Its actor has the uniform ``ibr_posed_row``: where its mesh begins.
+
+    Returns
+    -------
+    pvibr.gl.feature.Feature
+        For actors whose points are numbered as the mould's.
+    """
+    text = sections(shader_source(__file__))
+    declare = declared_samplers(dict.fromkeys(SAMPLERS, 'sampler2D')) + text['vertex.declare']
+    vertex = {
+        'VTK::CustomUniforms::Dec': declare,
+        'VTK::CustomBegin::Impl': text['vertex.begin'],
+        'VTK::Normal::Impl': text['vertex.normal'],
+    }
+    return Feature('posed', vertex)
