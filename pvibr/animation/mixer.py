@@ -1,0 +1,411 @@
+"""Movements that are put together: layers over layers, clips in step.
+
+Whatever has ``sample(times) -> Pose`` is a source of poses here, a :class:`Mixer` among them.
+Everything is a function of the time alone: it does not matter in what steps time goes, nor
+whether it goes back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pvibr.animation.blending import (
+    PoseSum,
+    added,
+    crossfade,
+    difference,
+    shares,
+    unit_range,
+)
+from pvibr.animation.pose import Pose
+from pvibr.maths.keyframes import checked_keys
+
+
+@dataclass(frozen=True, eq=False)
+class Play:
+    """A clip of a figure as a source of poses.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    clip : str, int or Clip, optional
+        What is played; default the first clip, or rest.
+    speed : float
+        Seconds of the clip per second; negative plays backwards.
+    offset : float
+        Where in the clip time 0 is, in seconds.
+    loop : bool
+        Begin again after the end.
+
+    Raises
+    ------
+    ValueError
+        If there is no such clip.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr import Body, Clip, Figure
+    >>> from pvibr.animation.mixer import Play
+    >>> cube = Figure([Body(pv.Cube())], clips=[Clip('still', [], duration=3.0)])
+    >>> Play(cube, 'still', speed=2.0).duration
+    1.5
+    """
+
+    figure: Any
+    clip: Any = None
+    speed: float = 1.0
+    offset: float = 0.0
+    loop: bool = True
+
+    def __post_init__(self):
+        object.__setattr__(self, 'clip', self.figure.clip(self.clip))
+
+    @property
+    def duration(self):
+        """Seconds that it takes once; infinite without a clip or at no speed."""
+        if self.clip is None or not self.speed:
+            return np.inf
+        return self.clip.duration / abs(self.speed)
+
+    def sample(self, times):
+        """Return the pose at times.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Seconds.
+
+        Returns
+        -------
+        Pose
+            Of shape ``times.shape``.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> from pvibr.animation.mixer import Play
+        >>> Play(Figure([Body(pv.Cube())])).sample([0.0, 1.0]).shape
+        (2,)
+        """
+        times = self.offset + self.speed * np.asarray(times, dtype=np.float64)
+        return self.figure.sample(times, self.clip, self.loop)
+
+
+@dataclass(frozen=True, eq=False)
+class Still:
+    """One pose at all times, as a source of poses.
+
+    Parameters
+    ----------
+    pose : Pose
+        A single one.
+
+    Examples
+    --------
+    >>> from pvibr import Pose
+    >>> from pvibr.animation.mixer import Still
+    >>> Still(Pose([[1.0, 0.0, 0.0]])).sample([0.0, 1.0]).translation.shape
+    (2, 1, 3)
+    """
+
+    pose: Pose
+
+    def sample(self, times):
+        """Return the pose, once for each time.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Seconds.
+
+        Returns
+        -------
+        Pose
+            Of shape ``times.shape``.
+
+        Examples
+        --------
+        >>> from pvibr import Pose
+        >>> from pvibr.animation.mixer import Still
+        >>> Still(Pose([[1.0, 0.0, 0.0]])).sample(0.0).translation.tolist()
+        [[1.0, 0.0, 0.0]]
+        """
+        total = PoseSum(np.shape(times), self.pose)
+        total.add(self.pose, np.ones(()))
+        return total.pose()
+
+
+class Synced:
+    """Clips of different lengths in step: walk and run with the same foot in front.
+
+    All share one phase, that of a round; each clip is stretched to it. Rounds per second are the
+    weighted mean of the clips' own.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    clips : sequence of str, int or Clip, length k
+        What is played, all in loops that begin at the same foot.
+    weights : array_like, shape (k,) or (f, k)
+        Shares of the clips, constant or at times.
+    times : array_like, shape (f,), optional
+        When the weights are reached, in seconds, in line between. The phase is 0 at the first;
+        at time 0 when the weights are constant.
+
+    Raises
+    ------
+    ValueError
+        If a clip does not exist or has no length, or weights or times do not fit.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr import Body, Clip, Figure
+    >>> from pvibr.animation.mixer import Synced
+    >>> clips = [Clip('walk', [], duration=1.0), Clip('run', [], duration=0.5)]
+    >>> gait = Synced(Figure([Body(pv.Cube())], clips=clips), ['walk', 'run'], [0.5, 0.5])
+    >>> gait.phase(2.0)  # one and a half rounds per second
+    np.float64(3.0)
+    """
+
+    def __init__(self, figure, clips, weights, times=None):
+        self.figure = figure
+        self.clips = tuple(figure.clip(clip) for clip in clips)
+        self.weights = np.atleast_2d(shares(weights))
+        self.times = checked_keys([0.0] if times is None else times, 'times')
+        if self.weights.shape != (len(self.times), len(self.clips)):
+            msg = (
+                f'weights has the shape {self.weights.shape} for {len(self.times)} times and '
+                f'{len(self.clips)} clips.'
+            )
+            raise ValueError(msg)
+        for clip in self.clips:
+            if not clip.duration:
+                msg = f'clip {clip.name!r} has no length, so it cannot be played in step.'
+                raise ValueError(msg)
+        self._lengths = np.array([clip.duration for clip in self.clips])
+
+    def phase(self, times):
+        """Return how many rounds have been played.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Seconds.
+
+        Returns
+        -------
+        numpy.ndarray, shape (...), float64
+            Rounds, also negative; the integral of the rounds per second.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Clip, Figure
+        >>> from pvibr.animation.mixer import Synced
+        >>> cube = Figure([Body(pv.Cube())], clips=[Clip('walk', [], duration=2.0)])
+        >>> Synced(cube, ['walk'], [1.0]).phase([-1.0, 0.0, 3.0]).tolist()
+        [-0.5, 0.0, 1.5]
+        """
+        return _integral(self.times, self.weights @ (1 / self._lengths), times)
+
+    def sample(self, times):
+        """Return the pose at times.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Seconds.
+
+        Returns
+        -------
+        Pose
+            Of shape ``times.shape``.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Clip, Figure
+        >>> from pvibr.animation.mixer import Synced
+        >>> cube = Figure([Body(pv.Cube())], clips=[Clip('walk', [], duration=2.0)])
+        >>> Synced(cube, ['walk'], [1.0]).sample([0.0, 3.0]).shape
+        (2,)
+        """
+        times = np.asarray(times, dtype=np.float64)
+        phase = self.phase(times)
+        total = PoseSum(times.shape, self.figure.rest)
+        for clip, weights in zip(self.clips, self.weights.T, strict=True):
+            share = np.interp(times, self.times, weights)
+            if np.any(share):
+                total.add(self.figure.sample(phase * clip.duration, clip), share)
+        return total.pose()
+
+
+class Layer:
+    """What a mixer puts over the layers below.
+
+    Parameters
+    ----------
+    source : object
+        Whatever has ``sample(times) -> Pose``.
+    weight : float or array_like, shape (f, 2)
+        How much of it, constant or as times in seconds and weights at these, in line between.
+        From 0 to 1, or any number when it is additive.
+    mask : array_like, shape (n,), optional
+        Factor of each joint, as from :func:`pvibr.animation.blending.joint_mask`; morph weights
+        then stay those below.
+    reference : Pose, optional
+        Makes the layer additive: what counts as no difference.
+
+    Raises
+    ------
+    ValueError
+        If the weight is not finite, its times do not increase, or it is outside 0 to 1.
+
+    Examples
+    --------
+    >>> from pvibr import Pose
+    >>> from pvibr.animation.mixer import Layer, Still
+    >>> Layer(Still(Pose([[0.0, 0.0, 0.0]])), [[0.0, 0.0], [2.0, 1.0]]).weight_at(0.5)
+    np.float64(0.25)
+    """
+
+    def __init__(self, source, weight=1.0, mask=None, reference=None):
+        self.source, self.mask, self.reference = source, mask, reference
+        keys = np.asarray(weight, dtype=np.float64)
+        keys = np.array([[0.0, keys]]) if keys.ndim == 0 else keys
+        if keys.ndim != 2 or keys.shape[1] != 2:
+            msg = f'weight has the shape {keys.shape}; it must be one number or (f, 2).'
+            raise ValueError(msg)
+        checked_keys(keys[:, 0], 'times of the weight')
+        if not np.isfinite(keys).all():
+            msg = f'weight is {keys[:, 1].tolist()}; it must be finite.'
+            raise ValueError(msg)
+        if reference is None:
+            unit_range('weight', keys[:, 1])
+        self._keys = keys
+
+    def weight_at(self, times):
+        """Return the weight at times.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Seconds.
+
+        Returns
+        -------
+        numpy.ndarray, shape (...), float64
+            Weights.
+
+        Examples
+        --------
+        >>> from pvibr import Pose
+        >>> from pvibr.animation.mixer import Layer, Still
+        >>> Layer(Still(Pose([[0.0, 0.0, 0.0]])), 0.5).weight_at([0.0, 1.0]).tolist()
+        [0.5, 0.5]
+        """
+        return np.interp(np.asarray(times, dtype=np.float64), *self._keys.T)
+
+    def over(self, pose, times):
+        """Return poses with this layer over them.
+
+        Parameters
+        ----------
+        pose : Pose
+            Of the layers below, of shape ``times.shape``.
+        times : array_like, shape (...)
+            Seconds.
+
+        Returns
+        -------
+        Pose
+            Of shape ``times.shape``.
+
+        Examples
+        --------
+        >>> from pvibr import Pose
+        >>> from pvibr.animation.mixer import Layer, Still
+        >>> layer = Layer(Still(Pose([[4.0, 0.0, 0.0]])), 0.25)
+        >>> layer.over(Pose([[0.0, 0.0, 0.0]]), 1.0).translation.tolist()
+        [[1.0, 0.0, 0.0]]
+        """
+        weight = self.weight_at(times)
+        if not np.any(weight):
+            return pose
+        mine = self.source.sample(times)
+        if self.reference is None:
+            return crossfade(pose, mine, weight, self.mask)
+        return added(pose, difference(mine, self.reference), weight, self.mask)
+
+
+class Mixer:
+    """Layers of movements: run, and fire with the upper body, and look up.
+
+    Parameters
+    ----------
+    base : object
+        Whatever has ``sample(times) -> Pose``.
+    *layers : Layer
+        What goes over it, in this order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr import Pose
+    >>> from pvibr.animation.mixer import Layer, Mixer, Still
+    >>> rest, up, right = (Pose([p]) for p in np.array([[0, 0, 0], [0, 0, 1], [2, 0, 0]]))
+    >>> mixer = Mixer(Still(rest), Layer(Still(right), 0.5), Layer(Still(up), 3.0, reference=rest))
+    >>> mixer.sample(0.0).translation.tolist()
+    [[1.0, 0.0, 3.0]]
+    """
+
+    def __init__(self, base, *layers):
+        self.base = base
+        self.layers = layers
+
+    def __repr__(self):
+        return f'Mixer({len(self.layers)} layers over {self.base!r})'
+
+    def sample(self, times):
+        """Return the pose at times.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Seconds.
+
+        Returns
+        -------
+        Pose
+            Of shape ``times.shape``.
+
+        Examples
+        --------
+        >>> from pvibr import Pose
+        >>> from pvibr.animation.mixer import Mixer, Still
+        >>> Mixer(Still(Pose([[0.0, 0.0, 0.0]]))).sample([0.0, 1.0]).shape
+        (2,)
+        """
+        pose = self.base.sample(times)
+        for layer in self.layers:
+            pose = layer.over(pose, times)
+        return pose
+
+
+def _integral(keys, values, times):
+    """Return the integral from the first key of values in line between keys, else constant."""
+    times = np.asarray(times, dtype=np.float64)[..., None]
+    lengths = np.diff(keys)
+    slopes = np.diff(values) / lengths
+    within = np.clip(times - keys[:-1], 0, lengths)
+    inside = (values[:-1] * within + slopes * within**2 / 2).sum(-1)
+    before = values[0] * np.minimum(times[..., 0] - keys[0], 0)
+    return inside + before + values[-1] * np.maximum(times[..., 0] - keys[-1], 0)

@@ -1,0 +1,141 @@
+"""Movements that are put together: functions of the time alone."""
+
+import numpy as np
+import pytest
+import pyvista as pv
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from pvibr.animation.blending import joint_mask
+from pvibr.animation.body import Body
+from pvibr.animation.clip import Clip, Track
+from pvibr.animation.figure import Figure
+from pvibr.animation.mixer import Layer, Mixer, Play, Still, Synced
+from pvibr.animation.pose import Pose
+from pvibr.animation.skeleton import Skeleton
+from pvibr.maths import quaternions
+
+REST = Pose(np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 1]]))
+
+
+def swing(name, seconds, degrees, joint=0):
+    """Return a clip that turns a joint to and fro about x, and starts forward."""
+    phase = np.linspace(0, 1, 9)
+    angles = np.radians(degrees) * np.cos(2 * np.pi * phase)
+    turns = quaternions.from_axis_angle([1, 0, 0], angles)
+    return Clip(name, [Track(joint, 'rotation', phase * seconds, turns)])
+
+
+def figure():
+    clips = [swing('walk', 1.0, 30), swing('run', 0.6, 60), swing('fire', 0.5, 45, joint=1)]
+    return Figure([Body(pv.Cube())], Skeleton([-1, 0, 1], REST, ['hip', 'spine', 'head']), clips)
+
+
+def turned(pose, joint):
+    """Return the angle of a joint about x in degrees."""
+    return np.degrees(quaternions.log(pose.rotation)[..., joint, 0])
+
+
+def test_playing_is_sampling_at_another_time():
+    fox = figure()
+    play = Play(fox, 'run', speed=2.0, offset=0.1)
+    np.testing.assert_allclose(
+        play.sample([0.0, 0.2]).rotation, fox.sample([0.1, 0.5], 'run').rotation
+    )
+    assert play.duration == pytest.approx(0.3)
+    once = Play(fox, 'run', loop=False).sample(99.0)
+    np.testing.assert_allclose(once.rotation, fox.sample(0.6, 'run', loop=False).rotation)
+    assert Play(figure(), 'walk', speed=0.0).duration == np.inf
+
+
+def test_run_and_fire_and_look_up():
+    fox = figure()
+    upper = joint_mask(fox.skeleton, ['spine'])
+    up = Pose(
+        REST.translation,
+        quaternions.from_axis_angle([1, 0, 0], np.radians([[0], [0], [20]]))[:, 0],
+    )
+    mixer = Mixer(
+        Play(fox, 'run'),
+        Layer(Play(fox, 'fire'), [[1.0, 0.0], [2.0, 1.0]], upper),
+        Layer(Still(up), 0.5, reference=REST),
+    )
+    times = np.linspace(0, 4, 41)
+    pose = mixer.sample(times)
+    np.testing.assert_allclose(turned(pose, 0), turned(fox.sample(times, 'run'), 0), atol=1e-9)
+    np.testing.assert_allclose(turned(pose, 1)[:11], 0, atol=1e-9)
+    fire = turned(fox.sample(times, 'fire'), 1)
+    np.testing.assert_allclose(turned(pose, 1)[20:], fire[20:], atol=1e-9)
+    np.testing.assert_allclose(turned(pose, 1)[15], fire[15] / 2, atol=1)
+    np.testing.assert_allclose(turned(pose, 2), 10, atol=1e-9)
+
+
+@given(st.lists(st.floats(-5, 5), min_size=1, max_size=6))
+def test_only_the_time_matters(times):
+    fox = figure()
+    mixer = Mixer(
+        Synced(fox, ['walk', 'run'], [[1, 0], [0, 1]], [0, 2]),
+        Layer(Play(fox, 'fire'), [[0, 0], [1, 1], [2, 0.5]]),
+    )
+    whole = mixer.sample(times)
+    for i in np.argsort(times)[::-1]:
+        np.testing.assert_allclose(mixer.sample(times[i]).rotation, whole.rotation[i], atol=1e-12)
+
+
+def test_movements_in_step_have_the_same_phase():
+    fox = figure()
+    gait = Synced(fox, ['walk', 'run'], [0.5, 0.5])
+    times = np.linspace(0, 3, 50)
+    rounds = times * (1 / 1.0 + 1 / 0.6) / 2
+    np.testing.assert_allclose(gait.phase(times), rounds)
+    parts = [turned(fox.sample(rounds * s, c), 0) for c, s in (('walk', 1.0), ('run', 0.6))]
+    np.testing.assert_allclose(turned(gait.sample(times), 0), np.mean(parts, axis=0), atol=1e-6)
+    # Out of step the two would cancel each other at times; in step they reach 45 degrees.
+    assert turned(gait.sample(np.linspace(0, 3, 999)), 0).max() > 44.9
+
+
+@given(st.lists(st.floats(0, 1), min_size=2, max_size=5), st.floats(-2, 8))
+def test_the_phase_is_the_integral_of_the_rate(shares, time):
+    keys = np.arange(len(shares)) * 1.5
+    gait = Synced(figure(), ['walk', 'run'], np.column_stack([shares, 1 - np.array(shares)]), keys)
+    rate = np.array(shares) + (1 - np.array(shares)) / 0.6
+    exact = quad(lambda t: np.interp(t, keys, rate), 0, time, points=keys, limit=200)[0]
+    assert gait.phase(time) == pytest.approx(exact, abs=1e-6)
+
+
+def test_one_clip_alone_is_that_clip():
+    fox = figure()
+    times = np.linspace(0, 2, 30)
+    alone = Synced(fox, ['walk', 'run'], [0, 3]).sample(times)
+    np.testing.assert_allclose(
+        np.abs((alone.rotation * fox.sample(times, 'run').rotation).sum(-1)), 1, atol=1e-12
+    )
+
+
+def test_a_crowd_is_one_call():
+    fox = figure()
+    mixer = Mixer(Play(fox, 'walk'), Layer(Play(fox, 'fire'), 0.5, [0, 1, 1]))
+    times = np.random.default_rng(0).uniform(0, 9, (100, 100))
+    pose = mixer.sample(times)
+    assert pose.shape == (100, 100)
+    np.testing.assert_allclose(pose.rotation[7, 8], mixer.sample(times[7, 8]).rotation)
+
+
+def test_bad_input_is_named():
+    fox, rest = figure(), Still(REST)
+    with pytest.raises(ValueError, match=r"no clip 'fly'.*'walk'"):
+        Play(fox, 'fly')
+    with pytest.raises(ValueError, match=r'weight has the shape \(2,\)'):
+        Layer(rest, [0, 1])
+    with pytest.raises(ValueError, match=r'weight is 2\.0'):
+        Layer(rest, 2.0)
+    with pytest.raises(ValueError, match=r'weight is .*nan.*finite'):
+        Layer(rest, np.nan)
+    with pytest.raises(ValueError, match=r'times of the weight\[1\] is 0\.0 after 1\.0'):
+        Layer(rest, [[1, 0], [0, 1]])
+    with pytest.raises(ValueError, match=r'weights has the shape \(1, 2\) for 3 times'):
+        Synced(fox, ['walk', 'run'], [0.5, 0.5], [0, 1, 2])
+    still = Figure(fox.bodies, fox.skeleton, [Clip('still', [])])
+    with pytest.raises(ValueError, match="'still' has no length"):
+        Synced(still, ['still'], [1.0])
