@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.gl import Texture, texture_limit
+from pvibr.gl import MipTexture, Texture, texture_limit
 from pvibr.maths.draping import sample
 
 _FILMS = ('.avi', '.gif', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm')
@@ -178,7 +178,7 @@ class Shown:
         self.live: Any = image if is_live(image) else None
         self.pictures: Any = None if is_live(image) else Pictures(image)
         self._repeat = repeat
-        self._texture: Texture | None = None
+        self._texture: MipTexture | None = None
         self._at: int | None = None
 
     @property
@@ -219,11 +219,7 @@ class Shown:
             return self.live.shown
         k = self.pictures.at(time, fps, loop)
         if self._texture is None:
-            self._texture = Texture(window, filter='linear', repeat=self._repeat)
-            to = self._texture.object
-            to.SetGenerateMipmap(True)
-            to.SetMinificationFilter(to.LinearMipmapLinear)
-            to.SetWrapT(to.ClampToEdge)
+            self._texture = MipTexture(window, repeat=self._repeat)
         if self._at != k:
             step = -(-max(self.size) // texture_limit(window))
             self._texture.upload(self.pictures.read(k)[::step, ::step][::-1])

@@ -11,16 +11,16 @@ import numpy as np
 from pvibr import _vtk
 from pvibr.casters import Casters, Surfaces
 from pvibr.effect import Effect
-from pvibr.gl import Quad, Target, Texture
+from pvibr.gl import MipTexture, Quad, Target, Texture
 from pvibr.gl.drawer import Drawer
+from pvibr.gl.mipmaps import copy
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.views import View, look_along
 from pvibr.params import Param
 from pvibr.visibility import view_of
 
 _FINE = 2  # pixels drawn for each texel, along a side
-_COLOR, _LINEAR, _READ, _DRAW = 0x4000, 0x2601, 0x8CA8, 0x8CA9  # GL enums
-_BLEND, _SOURCE_ALPHA, _REST, _ONE = 0x0BE2, 0x0302, 0x0303, 1
+_BLEND, _SOURCE_ALPHA, _REST, _ONE = 0x0BE2, 0x0302, 0x0303, 1  # GL enums
 _NEAR_IS_WHITE = """uniform sampler2D depth; uniform vec2 planes; uniform int parallel;
 void main()
 {
@@ -36,12 +36,13 @@ void main()
 class LiveTexture(Effect):
     """What another camera sees, as a texture that any mesh can wear, drawn when it changes.
 
-    ``actor.texture = live.texture`` has a mesh wear it; the mesh needs texture coordinates. In
-    its picture other live textures are seen, and itself too, each as it is without any. Points
-    and lines are as wide there, in pixels, as in the window. It has no mip levels: from far away
-    it may flicker. Volumes and annotations are left out. Effects on pixels are not in it. Lights
-    that go with the subplot's camera go with this one instead. Where the background's alpha is
-    below 1, whatever wears it is translucent.
+    ``actor.texture = live.texture`` has a mesh wear it; the mesh needs texture coordinates. It is
+    also an image for whatever takes one: :class:`Projector`, :class:`Picture`, :class:`Backdrop`,
+    :class:`ImageEffect`. In its picture other live textures are seen, and itself too, each as it
+    is without any. Points and lines are as wide there, in pixels, as in the window. Seen small it
+    is smooth: it has mip levels. Volumes and annotations are left out. Effects on pixels are not
+    in it. Lights that go with the subplot's camera go with this one instead. Where the
+    background's alpha is below 1, whatever wears it is translucent.
 
     Parameters
     ----------
@@ -102,6 +103,7 @@ class LiveTexture(Effect):
         self._drawer: Any = None
         self._surfaces: Any = None
         self._targets: dict[str, Target] = {}
+        self._worn: Any = None
         self._gray: Quad | None = None
         self._keys: dict[str, Any] = {}
         self._worn_format = ''
@@ -111,7 +113,7 @@ class LiveTexture(Effect):
     @property
     def shown(self) -> Texture | None:
         """What is worn, for whatever takes an image; None where it is in no subplot."""
-        return self._targets['worn'].colors[0] if self._targets else None
+        return self._worn
 
     # -- the life of an effect ----------------------------------------------------------------
 
@@ -131,11 +133,11 @@ class LiveTexture(Effect):
         for live in seen:
             live._draw_plain(frame)
         for live in seen:
-            live._copy('plain', 'worn')
+            live._wear('plain')
         self._draw(frame)
         self._copy('drawn', 'whole')
         for live in {self, *seen}:
-            live._copy('whole', 'worn')
+            live._wear('whole')
         # Taken again: things may have made actors for this view.
         key = self._base_key(frame), tuple(live._base_key(frame) for live in seen)
         self._keys['whole'] = key
@@ -148,12 +150,13 @@ class LiveTexture(Effect):
             return
         worn = self._worn_in(frame)
         for live in worn:
-            with live._targets['worn'].drawing(clear=live._clear_color(frame)):
+            with live._targets['drawn'].drawing(clear=live._clear_color(frame)):
                 pass
+            live._wear('drawn')
         self._draw(frame)
         self._copy('drawn', 'plain')
         for live in worn:
-            live._copy('whole', 'worn')
+            live._wear('whole')
         self._keys['plain'] = self._base_key(frame)
 
     # -- what is drawn ------------------------------------------------------------------------
@@ -261,42 +264,38 @@ class LiveTexture(Effect):
         self._targets = {
             'drawn': Target(window, fine[0], fine[1], ('rgba8',), depth=True),
             'gray': Target(window, fine[0], fine[1], ('rgba8',)),
-        } | {n: Target(window, width, height, (worn,)) for n in ('plain', 'whole', 'worn')}
-        self.texture.SetTextureObject(self._targets['worn'].colors[0].object)
+        } | {n: Target(window, width, height, ('rgba8',)) for n in ('plain', 'whole')}
+        texels = np.zeros((height, width, 4 if worn == 'rgba8' else 3), np.uint8)
+        self._worn = MipTexture(window).upload(texels)
+        self.texture.SetTextureObject(self._worn.object)
 
     def _copy(self, source, target):
-        """Copy colours; of a larger picture as many pixels are mixed as make a texel."""
         turned = self._flipped and source == 'drawn'
-        source, target = self._targets[source], self._targets[target]
-        state = source.window.GetState()
-        state.Push()
-        state.PushFramebufferBindings()
-        source.object.Bind(_READ)
-        source.object.ActivateReadBuffer(0)
-        target.object.Bind(_DRAW)
-        target.object.ActivateDrawBuffer(0)
-        state.vtkglScissor(0, 0, target.width, target.height)
-        left, right = (source.width, 0) if turned else (0, source.width)
-        rects = left, 0, right, source.height, 0, 0, target.width, target.height
-        state.vtkglBlitFramebuffer(*rects, _COLOR, _LINEAR)
-        state.PopFramebufferBindings()
-        state.Pop()
+        copy(self._targets[source], self._targets[target], turned=turned)
+
+    def _wear(self, source):
+        """Show one of its pictures on whatever wears it."""
+        self._worn.take(self._targets[source])
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
         self.texture.SetTextureObject(None)
         for target in self._targets.values():
             target.release()
+        if self._worn is not None:
+            self._worn.release()
         if self._gray is not None:
             self._gray.release()
         if self._drawer is not None:
             self._drawer.release()
         self._targets, self._keys = {}, {}
-        self._gray = self._drawer = self._surfaces = None
+        self._gray = self._drawer = self._surfaces = self._worn = None
 
     def report(self) -> dict:
         """Return bytes, and how many times it was drawn."""
-        return {'bytes': sum(t.nbytes for t in self._targets.values()), 'draws': self.draws}
+        owners = [*self._targets.values(), self._worn]
+        held = sum(owner.nbytes for owner in owners if owner is not None)
+        return {'bytes': held, 'draws': self.draws}
 
 
 class Mirror(LiveTexture):

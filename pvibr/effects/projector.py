@@ -11,7 +11,7 @@ import numpy as np
 from pvibr.casters import Casters, Surfaces, address
 from pvibr.depth_view import DepthView
 from pvibr.effect import Effect
-from pvibr.gl import Texture, shader_source, texture_limit
+from pvibr.gl import MipTexture, Texture, shader_source, texture_limit
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, declared_samplers, sections
 from pvibr.maths import depth_test
@@ -68,10 +68,7 @@ class _Slide:
         if self._shown == (k, alpha):
             return
         if self.texture is None:
-            self.texture = Texture(window, filter='linear')
-            to = self.texture.object
-            to.SetGenerateMipmap(True)
-            to.SetMinificationFilter(to.LinearMipmapLinear)
+            self.texture = MipTexture(window)
         picture = self.pictures.weighted(k, alpha)
         self.reduced = -(-max(picture.shape[:2]) // texture_limit(window))
         self.texture.upload(_reduced(picture, self.reduced)[::-1])

@@ -22,6 +22,13 @@ in vec2 uv;
 """
 # GL enums of the states that a full-screen program wants off.
 _BLEND, _DEPTH_TEST, _CULL_FACE, _STENCIL_TEST = 0x0BE2, 0x0B71, 0x0B44, 0x0B90
+# How what is drawn is blended with what is there: factors of both, of colours and of alpha.
+_ONE, _REST_OF_COLOR, _REST_OF_ALPHA = 1, 0x0307, 0x0305
+_ADD = 0x8006
+_WAYS = {
+    'add': (_ONE, _ONE, _REST_OF_ALPHA, _ONE),
+    'screen': (_REST_OF_COLOR, _ONE, _REST_OF_ALPHA, _ONE),
+}
 _MOST_LINES = 8  # of a driver's log in a message
 
 
@@ -133,8 +140,8 @@ class Quad:
             msg = f'shader {name!r} does not compile: {most}'
             raise ShaderError(msg, log)
 
-    def draw(self, uniforms=None, textures=None):
-        """Draw once; blending, depth test and culling are off meanwhile.
+    def draw(self, uniforms=None, textures=None, blend=None):
+        """Draw once; depth test and culling are off meanwhile.
 
         Parameters
         ----------
@@ -142,11 +149,18 @@ class Quad:
             See :func:`set_uniforms`.
         textures : dict, optional
             Sampler name to :class:`pvibr.gl.Texture`.
+        blend : {'add', 'screen'}, optional
+            Add to what is there, or fill what is left to white; in place of it unless given.
+            Coverage (alpha) fills what is left to 1.
         """
         state = self.window.GetState()
         state.Push()
-        for flag in (_BLEND, _DEPTH_TEST, _CULL_FACE, _STENCIL_TEST):
+        for flag in (_DEPTH_TEST, _CULL_FACE, _STENCIL_TEST):
             state.SetEnumState(flag, False)
+        state.SetEnumState(_BLEND, blend is not None)
+        if blend is not None:
+            state.vtkglBlendEquation(_ADD)
+            state.vtkglBlendFuncSeparate(*_WAYS[blend])
         self.window.GetShaderCache().ReadyShaderProgram(self.program)
         textures = textures or {}
         set_uniforms(self.program, {n: t.activate() for n, t in textures.items()})

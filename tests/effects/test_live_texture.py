@@ -192,3 +192,21 @@ def test_bad_arguments():
         pvibr.Mirror((0, 0, 0), (1, 0, 0), (1, 1, 0))
     with pytest.raises(ValueError, match='what'):
         pvibr.LiveTexture(camera(), what='heat')
+
+
+def test_seen_small_it_is_a_mean():
+    """It has levels: a fine chessboard that it shows is grey on a monitor far away."""
+    pl = plotter()
+    board = pv.Plane(i_size=8, j_size=8, i_resolution=128, j_resolution=128)
+    board.cell_data['v'] = np.indices((128, 128)).sum(axis=0).ravel() % 2
+    chess = pl.add_mesh(
+        board, scalars='v', cmap='gray', lighting=False, show_scalar_bar=False, clim=[0, 1]
+    )
+    above = camera((0, 0, 5))
+    above.up, above.parallel_projection, above.parallel_scale = (0, 1, 0), True, 4
+    live = pl.ibr.add(pvibr.LiveTexture(above, actors=[chess], size=(256, 256)))
+    pl.add_mesh(pv.Plane(center=(0, 0, 9)), lighting=False, color='w').texture = live.texture
+    look_down(pl, 12, side=8.0)
+    pl.show(auto_close=False)
+    found = shot(pl)[44:52, 60:68]
+    assert np.abs(found - 127.5).max() < 20

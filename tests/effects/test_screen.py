@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import Backdrop, Flash, Iris, NightVision, Picture, Sky, Vignette
+from pvibr import Backdrop, Flash, Iris, LiveTexture, NightVision, Picture, Sky, Vignette
 from pvibr.effects import screen
 
 SIZE = (120, 80)
@@ -369,3 +369,30 @@ def test_tiles_of_subplots_show_the_same():
     small, large = shot(pl), shot(pl, scale=2)
     large = large.reshape(80, 2, 200, 2, 3).mean(axis=(1, 3))
     assert np.abs(large - small).mean() < 2
+
+
+def test_images_seen_small_are_their_mean(pl):
+    """Levels: a chessboard of single pixels is grey, not one of its colours."""
+    board = np.indices((512, 512)).sum(axis=0) % 2 * np.ones((512, 512))
+    pl.ibr.add(Picture(board, place=(0.3, 0.3, 0.5, 0.5), fit='stretch'))
+    found = shot(pl)[43:53, 40:56]
+    assert np.abs(found - 127.5).max() < 3
+
+
+@pytest.mark.parametrize('kind', [Picture, Backdrop])
+def test_an_image_may_be_a_live_texture(pl, kind):
+    camera = pv.Camera()
+    camera.position, camera.focal_point, camera.up = (0, -4, 0), (0, 0, 0), (0, 0, 1)
+    live = LiveTexture(camera, size=SIZE, background=(0, 0, 1, 1))
+    effect = pl.ibr.add(kind(live, place=(0, 0, 0.25, 0.25), fit='stretch'))
+    before = shot(pl)
+    assert 'live texture is in no subplot' in pl.ibr.report().rows[-1].why
+    pl.ibr.add(live)
+    after = shot(pl)
+    np.testing.assert_array_equal(after[:60], before[:60])
+    corner = after[60:, :30]
+    assert 0.3 < (corner == [0, 0, 255]).all(axis=2).mean() < 0.9
+    assert (corner[10, 15] != [0, 0, 255]).any()
+    pl.ibr.remove(live)
+    np.testing.assert_array_equal(shot(pl), before)
+    assert pl.ibr.effects == (effect,)

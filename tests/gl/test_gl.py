@@ -89,7 +89,6 @@ def test_uniforms_by_their_types(window):
 
 
 def test_a_shader_that_does_not_compile(window):
-    # VTK prints the whole source too; here only what pvibr says is looked at.
     with (
         pv.VtkErrorCatcher(send_to_logging=False),
         pytest.raises(ShaderError, match=r"shader 'mine' does not compile"),

@@ -1,0 +1,137 @@
+"""A texture with all its smaller levels, uploaded or copied from what was drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr import _vtk
+from pvibr.gl.target import Target
+from pvibr.gl.texture import Texture
+
+_COLOR, _LINEAR, _READ, _DRAW = 0x4000, 0x2601, 0x8CA8, 0x8CA9  # GL enums
+
+
+class MipTexture(Texture):
+    """A texture of 8 bits that is sampled smoothly however small it is seen.
+
+    A ``vtkTextureObject`` makes no levels by itself; a ``vtkTexture`` of an image does.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        The window whose context holds it.
+    repeat : bool, optional
+        Whether it goes on beyond its left and right edge.
+    """
+
+    def __init__(self, window, *, repeat=False):
+        super().__init__(window, filter='linear')
+        self._maker = _vtk.vtkOpenGLTexture()
+        self._maker.MipmapOn()
+        self._maker.InterpolateOn()
+        self._maker.SetMaximumAnisotropicFiltering(1.0)  # some drivers' blurs what is not slanted
+        self._maker.SetRepeat(repeat)
+        self._maker.SetEdgeClamp(not repeat)
+        self._renderer = _vtk.vtkRenderer()  # a texture asks for one, for its window's sake
+        self._renderer.SetRenderWindow(window)
+        self._levels: list = []
+
+    def upload(self, array) -> MipTexture:
+        """Put an array on the GPU, and its levels.
+
+        Parameters
+        ----------
+        array : numpy.ndarray, shape (height, width, 3 or 4), uint8
+            Row 0 is v = 0.
+
+        Returns
+        -------
+        MipTexture
+            Itself.
+        """
+        height, width, channels = array.shape
+        self._forget_levels()
+        image = _vtk.vtkImageData()
+        image.SetDimensions(width, height, 1)
+        rows = np.ascontiguousarray(array).reshape(-1, channels)
+        image.GetPointData().SetScalars(_vtk.numpy_to_vtk(rows, deep=True))
+        self._maker.SetInputData(image)
+        self._maker.Render(self._renderer)
+        self._maker.PostRender(self._renderer)
+        self.object = self._maker.GetTextureObject()
+        self.object.SetWrapT(self.object.ClampToEdge)
+        self.nbytes = array.nbytes * 4 // 3
+        return self
+
+    def take(self, source, *, turned=False):
+        """Copy what was drawn, scaled to this size, and make the levels of it.
+
+        Parameters
+        ----------
+        source : pvibr.gl.Target
+            Its first colours.
+        turned : bool, optional
+            Left and right change places.
+        """
+        self._levels = self._levels or self._made_levels()
+        copy(source, self._levels[0], turned=turned)
+        for large, small in zip(self._levels, self._levels[1:], strict=False):
+            copy(large, small)
+
+    def _made_levels(self):
+        width, height = self.size
+        count = int(np.log2(max(width, height))) + 1
+        return [
+            _Level(self.window, self.object, k, max(width >> k, 1), max(height >> k, 1))
+            for k in range(count)
+        ]
+
+    def _forget_levels(self):
+        for level in self._levels:
+            level.object.ReleaseGraphicsResources(self.window)
+        self._levels = []
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self._forget_levels()
+        self._maker.ReleaseGraphicsResources(self.window)
+        self.nbytes = 0
+
+
+class _Level:
+    """One level of a texture, to be copied from and to."""
+
+    def __init__(self, window, texture, number, width, height):
+        self.window, self.width, self.height = window, width, height
+        self.object = _vtk.vtkOpenGLFramebufferObject()
+        self.object.SetContext(window)
+        state = window.GetState()
+        state.PushFramebufferBindings()
+        self.object.Bind()
+        self.object.AddColorAttachment(0, texture, 0, 0, number)
+        state.PopFramebufferBindings()
+
+
+def copy(source: Target | _Level, target: Target | _Level, *, turned=False):
+    """Copy colours; of a larger picture as many pixels are mixed as make a texel.
+
+    Parameters
+    ----------
+    source, target : pvibr.gl.Target
+        Of any sizes; their first colours.
+    turned : bool, optional
+        Left and right change places.
+    """
+    state = source.window.GetState()
+    state.Push()
+    state.PushFramebufferBindings()
+    source.object.Bind(_READ)
+    source.object.ActivateReadBuffer(0)
+    target.object.Bind(_DRAW)
+    target.object.ActivateDrawBuffer(0)
+    state.vtkglScissor(0, 0, target.width, target.height)
+    left, right = (source.width, 0) if turned else (0, source.width)
+    rects = left, 0, right, source.height, 0, 0, target.width, target.height
+    state.vtkglBlitFramebuffer(*rects, _COLOR, _LINEAR)
+    state.PopFramebufferBindings()
+    state.Pop()
