@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,23 +12,27 @@ from pvibr.effect import Effect
 from pvibr.gl import Quad, Target
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature
+from pvibr.gl.scene_pass import is_marker
 from pvibr.maths.views import View
 
 NAMES = ('depth', 'normal', 'id', 'color')
 
 _SURFACE = 2  # VTK_SURFACE
-# VTK has a normal only where it lights; cards and spheres say where theirs is.
+# A second colour, so that the scene's own drawing can write it as well. VTK blends all colours, so
+# its alpha is 1: two numbers of the normal, 2 for none, and the number, below 0 where the normal
+# looks away. VTK has a normal only where it lights; cards and spheres say where theirs is.
 _WRITE = """#ifdef IBR_NORMAL
 #define IBR_BUFFERED normalize(IBR_NORMAL)
 #else
 #define IBR_BUFFERED {normal}
 #endif
-  if (ibr_id > 0.5) gl_FragData[0] = vec4(IBR_BUFFERED, ibr_id);
+  if (ibr_id > 0.5)
+    gl_FragData[1] = vec4(IBR_BUFFERED.xy, IBR_BUFFERED.z < 0.0 ? -ibr_id : ibr_id, 1.0);
 //VTK::DepthPeeling::Impl
 """
 _LIT, _UNLIT = (
     Feature(name, fragment={'VTK::DepthPeeling::Impl': _WRITE.replace('{normal}', normal)})
-    for name, normal in (('buffer_lit', 'normalVCVSOutput'), ('buffer_unlit', 'vec3(0.0)'))
+    for name, normal in (('buffer_lit', 'normalVCVSOutput'), ('buffer_unlit', 'vec3(2.0)'))
 )
 _LINEAR = """uniform sampler2D depth; uniform vec2 planes; uniform int parallel;
 void main()
@@ -41,72 +45,124 @@ void main()
 """
 
 
-class Geometry:
+class Geometry(NamedTuple):
     """Normals, numbers and depth of opaque surfaces as the camera sees them, in textures.
 
-    Translucent props and volumes are left out.
+    Attributes
+    ----------
+    surface : pvibr.gl.Texture
+        Red and green: the view-space normal's x and y, both 2 where there is none. Blue: the
+        number, from 1, below 0 where the normal's z is. Alpha: 0 for nothing, else 1.
+    depth : pvibr.gl.Texture
+        0 near to 1 far.
+    numbered : list
+        Actors and things; ``numbered[i]`` has the number i + 1.
+    origin : tuple of 2 int
+        Texel of `surface` that is the lower left one of the subplot.
+    """
+
+    surface: Any
+    depth: Any
+    numbered: list
+    origin: tuple[int, int] = (0, 0)
+
+
+class _Numbers:
+    """Numbers on actors, which their programs write beside their colours."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._worn: dict = {}
+        self._set: list = []
+
+    def put(self, actors, number):
+        """Give actors a number, until `clear`."""
+        lights = [light.GetSwitch() for light in self.renderer.GetLights()]
+        for actor in actors:
+            key = address(actor)
+            stamp = (actor.GetRedrawMTime(), lights)
+            if key not in self._worn or self._worn[key][1] != stamp:
+                lit = _is_lit(actor, any(lights))
+                (_UNLIT if lit else _LIT).detach(actor)
+                (_LIT if lit else _UNLIT).attach(actor)
+            uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+            uniforms.SetUniformf('ibr_id', float(number))
+            self._set.append(uniforms)
+            self._worn[key] = actor, (actor.GetRedrawMTime(), lights)
+
+    def clear(self):
+        """Take the numbers away: VTK's own passes have second colours of their own."""
+        for uniforms in self._set:
+            uniforms.SetUniformf('ibr_id', 0.0)
+        self._set = []
+
+    def release(self):
+        self.clear()
+        for actor, _ in self._worn.values():
+            _LIT.detach(actor)
+            _UNLIT.detach(actor)
+        self._worn = {}
+
+
+def _is_lit(actor, lights) -> bool:
+    """Tell whether VTK has a normal in every program that draws an actor."""
+    prop, data = actor.GetProperty(), actor.GetMapper().GetInput()
+    if not prop.GetLighting() or not lights:
+        return False
+    if data is None or not data.IsA('vtkDataSet'):
+        return data is not None
+    if prop.GetInterpolation() and data.GetPointData().GetNormals() is not None:
+        return True
+    if prop.GetRepresentation() != _SURFACE:
+        return False
+    return not (data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines())
+
+
+class Drawn:
+    """Geometry of chosen actors, drawn for itself.
 
     Parameters
     ----------
     renderer : vtkRenderer
         In a window whose context is current.
-
-    Attributes
-    ----------
-    numbered : list
-        Actors and things; ``numbered[i]`` has the number i + 1 in the texture.
     """
 
     def __init__(self, renderer):
-        self.numbered: list = []
+        self._numbers = _Numbers(renderer)
         self._drawer = Drawer(renderer)
         self._surfaces = Surfaces(renderer)
-        self._target: Target | None = None
-        self._dressed: dict = {}
-
-    @property
-    def surface(self):
-        """View-space normal, 0 where there is none, and number, 0 for nothing; (r, g, b, a)."""
-        return self._drawn().colors[0]
-
-    @property
-    def depth(self):
-        """Depth, 0 near to 1 far."""
-        return self._drawn().depth
-
-    def _drawn(self) -> Target:
-        if self._target is None:
-            msg = 'nothing is drawn yet: call draw first'
-            raise RuntimeError(msg)
-        return self._target
+        self._target: Any = None
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
         return self._target.nbytes if self._target else 0
 
-    def draw(self, frame, size, things=(), choice=None):
+    def draw(self, frame, things=(), choice=None) -> Geometry:
         """Draw what a frame shows.
 
         Parameters
         ----------
         frame : pvibr.frame.Frame
             The frame that is drawn.
-        size : tuple of 2 int
-            Pixels.
         things : sequence of pvibr.Effect
             What draws by actors of its own.
         choice : None, callable or sequence
             Which actors and things; all by default.
+
+        Returns
+        -------
+        Geometry
+            Of those alone, whatever hides them.
         """
         self._surfaces.update(things)
         actors, chosen = self._surfaces.chosen(choice, things)
-        self.numbered = [*actors.values(), *chosen]
         seen = replace(frame, casting=True)
         view = View(frame.view_from_world, frame.clip_from_view, frame.near, frame.far,
                     frame.parallel)  # fmt: skip
-        with self._sized_target(size).drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            self._drawer.look(view, (0, 0, *size))
+        target = self._sized_target(frame.size)
+        with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            self._drawer.look(view, (0, 0, *frame.size))
             for number, actor in enumerate(actors.values(), 1):
                 if actor.GetVisibility():
                     self._draw([actor], number)
@@ -116,62 +172,88 @@ class Geometry:
                     self._draw(thing.drawn(), number)
                     thing.finish(seen)
         self._drawer.done()
+        return Geometry(target.colors[1], target.depth, [*actors.values(), *chosen])
 
     def _sized_target(self, size):
         if self._target is None or (self._target.width, self._target.height) != tuple(size):
             if self._target is not None:
                 self._target.release()
-            self._target = Target(
-                self._drawer.window, size[0], size[1], ('rgba32f',), depth=True, filter='nearest'
-            )
+            window, (width, height), formats = self._drawer.window, size, ('rgba8', 'rgba32f')
+            self._target = Target(window, width, height, formats, depth=True, filter='nearest')
         return self._target
 
     def _draw(self, actors, number):
-        with self._numbered(actors, number):
-            self._drawer.draw(actors)
-
-    @contextmanager
-    def _numbered(self, actors, number):
-        for actor in actors:
-            lit = _is_lit(actor, self._drawer.renderer)
-            (_UNLIT if lit else _LIT).detach(actor)
-            (_LIT if lit else _UNLIT).attach(actor)
-            self._dressed[address(actor)] = actor
-            _set_number(actor, number)
-        try:
-            yield
-        finally:
-            for actor in actors:
-                _set_number(actor, 0)
+        self._numbers.put(actors, number)
+        self._drawer.draw(actors)
+        self._numbers.clear()
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for actor in self._dressed.values():
-            _LIT.detach(actor)
-            _UNLIT.detach(actor)
-        self._dressed = {}
+        self._numbers.release()
         if self._target is not None:
             self._target.release()
             self._target = None
         self._drawer.release()
 
 
-def _set_number(actor, number):
-    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf('ibr_id', float(number))
+class _Shared:
+    """Geometry that the scene's own drawing writes, where nothing is in the way."""
 
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._numbers = _Numbers(renderer)
+        self._surfaces = Surfaces(renderer)
+        self._texture: Any = None
+        self._numbered: list = []
 
-def _is_lit(actor, renderer) -> bool:
-    """Tell whether VTK has a normal in every program that draws an actor."""
-    prop, data = actor.GetProperty(), actor.GetMapper().GetInput()
-    if not prop.GetLighting() or not any(light.GetSwitch() for light in renderer.GetLights()):
-        return False
-    if data is None or not data.IsA('vtkDataSet'):
-        return data is not None
-    if prop.GetInterpolation() and data.GetPointData().GetNormals() is not None:
-        return True
-    if prop.GetRepresentation() != _SURFACE:
-        return False
-    return not (data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines())
+    def attach(self, frame, scene, things):
+        """Have the scene's drawing write it."""
+        self._texture = None
+        self._surfaces.update(things)
+        actors, things = self._surfaces.chosen(None, things)
+        if not self._is_free(scene, actors, things):
+            return
+        for number, actor in enumerate(actors.values(), 1):
+            if actor.GetVisibility() and not actor.HasTranslucentPolygonalGeometry():
+                self._numbers.put([actor], number)
+        for number, thing in enumerate(things, len(actors) + 1):
+            self._numbers.put(thing.drawn(), number)
+        self._numbered = [*actors.values(), *things]
+        self._texture = scene.attach_surfaces(frame)
+
+    def _is_free(self, scene, actors, things) -> bool:
+        """Tell whether whatever draws before the last opaque prop writes both colours or one."""
+        renderer = self.renderer
+        busy = (
+            renderer.GetPass() is not None,
+            renderer.GetUseHiddenLineRemoval(),
+            renderer.GetGradientBackground(),
+            renderer.GetTexturedBackground(),
+            renderer.GetBackgroundAlpha() > 0,
+            scene.framebuffer.GetMultiSamples() > 1,
+        )
+        return not any(busy) and not any(self._strangers(actors, things))
+
+    def _strangers(self, actors, things):
+        known = {address(a) for t in things for a in (*t.actors(), *t.props)}
+        for prop in self.renderer.GetViewProps():
+            if prop.GetVisibility() and not prop.IsA('vtkVolume') and not is_marker(prop):
+                yield address(prop) not in actors and address(prop) not in known
+
+    def detach(self):
+        """Take the numbers off: the scene is drawn."""
+        self._numbers.clear()
+
+    def geometry(self, frame, picture) -> Geometry | None:
+        """Return what was written, None where something was in the way."""
+        if self._texture is None:
+            return None
+        return Geometry(self._texture, picture.depth, self._numbered, frame.origin)
+
+    def release(self):
+        """Take all off the actors."""
+        self._numbers.release()
+        self._texture = None
 
 
 class Buffers:
@@ -185,28 +267,50 @@ class Buffers:
 
     def __init__(self, renderer):
         self.renderer = renderer
-        self._geometry: Geometry | None = None
-        self._drawn = None
+        self._shared: _Shared | None = None
+        self._drawn: Drawn | None = None
+        self._frame: Any = None
+        self._geometry: Any = None
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self._geometry.nbytes if self._geometry else 0
+        return self._drawn.nbytes if self._drawn else 0
 
     @property
     def numbered(self) -> list:
         """Actors and things that ids are indices into."""
         return list(self._geometry.numbered) if self._geometry else []
 
-    def geometry(self, frame, size, things) -> Geometry:
-        """Return normals and numbers of a frame, drawn when first asked for.
+    def attach(self, frame, scene, things):
+        """Have normals and numbers written while the scene is drawn, where that can be.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        scene : pvibr.gl.scene_pass.ScenePass
+            What it is drawn into.
+        things : sequence of pvibr.Effect
+            What draws by actors of its own, prepared.
+        """
+        self._shared = self._shared or _Shared(self.renderer)
+        self._shared.attach(frame, scene, things)
+
+    def detach(self):
+        """Leave the actors as they were: the frame is drawn."""
+        if self._shared is not None:
+            self._shared.detach()
+
+    def geometry(self, frame, picture, things) -> Geometry:
+        """Return normals and numbers of a frame, drawn again where the scene's drawing had none.
 
         Parameters
         ----------
         frame : pvibr.frame.Frame
             The frame that is drawn.
-        size : tuple of 2 int
-            Pixels.
+        picture : pvibr.gl.picture.Picture
+            Its pixels.
         things : sequence of pvibr.Effect
             What draws by actors of its own.
 
@@ -215,12 +319,15 @@ class Buffers:
         Geometry
             Of all actors.
         """
-        if self._geometry is None:
-            self._geometry = Geometry(self.renderer)
-        if self._drawn is not frame:
-            self._geometry.draw(frame, size, things)
-            self._drawn = frame
+        if self._frame is not frame:
+            shared = self._shared.geometry(frame, picture) if self._shared else None
+            self._geometry = shared or self._again(frame, things)
+            self._frame = frame
         return self._geometry
+
+    def _again(self, frame, things):
+        self._drawn = self._drawn or Drawn(self.renderer)
+        return self._drawn.draw(frame, things)
 
     def array(self, name, frame, picture, things) -> np.ndarray:
         """Return a buffer of a frame.
@@ -248,8 +355,11 @@ class Buffers:
         if name == 'depth':
             far = self._linear_depth(frame, picture)[::-1, :, 0]
             return np.where(far < 0, np.float32(np.inf), far)
-        texels = self.geometry(frame, picture.size, things).surface.download()[::-1]
-        return texels[..., 3] - 1 if name == 'id' else np.ascontiguousarray(texels[..., :3])
+        geometry = self.geometry(frame, picture, things)
+        (x, y), (width, height) = geometry.origin, picture.size
+        texels = geometry.surface.download()[y : y + height, x : x + width][::-1]
+        texels = np.where(texels[..., 3:] > 0, texels, 0)
+        return np.abs(texels[..., 2]) - 1 if name == 'id' else _normals(texels)
 
     def _linear_depth(self, frame, picture):
         width, height = picture.size
@@ -266,9 +376,19 @@ class Buffers:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        if self._geometry is not None:
-            self._geometry.release()
-        self._geometry = self._drawn = None
+        for owner in (self._shared, self._drawn):
+            if owner is not None:
+                owner.release()
+        self._shared = self._drawn = self._frame = self._geometry = None
+
+
+def _normals(texels):
+    """Return the normals in texels of `Geometry.surface`, 0 where there is none."""
+    x, y = texels[..., 0], texels[..., 1]
+    z = np.copysign(np.sqrt(np.maximum(1 - x * x - y * y, 0)), texels[..., 2])
+    normal = np.stack([x, y, z], -1)
+    normal[(texels[..., 3] == 0) | (x > 1.5)] = 0
+    return normal
 
 
 class Tap(Effect):
@@ -294,6 +414,11 @@ class Tap(Effect):
         super().__init__()
         self.buffer, self.array = buffer, None
         self.numbered: list = []
+
+    @property
+    def surfaces(self) -> bool:
+        """Whether it reads what surfaces write."""
+        return self.buffer in ('normal', 'id')
 
     def render(self, frame, picture):
         """Read it.

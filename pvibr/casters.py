@@ -11,6 +11,7 @@ import numpy as np
 
 from pvibr import _vtk
 from pvibr.gl.feature import Feature
+from pvibr.gl.scene_pass import is_marker
 from pvibr.maths.views import may_see
 
 _FLAT, _SURFACE = 0, 2  # VTK_FLAT, VTK_SURFACE
@@ -91,7 +92,7 @@ def address(actor) -> str:
 
 
 def _is_surface(actor) -> bool:
-    if actor.IsA('vtkSkybox') or actor.IsA('vtkCubeAxesActor'):
+    if actor.IsA('vtkSkybox') or actor.IsA('vtkCubeAxesActor') or is_marker(actor):
         return False
     mapper = actor.GetMapper()
     return mapper is not None and any(mapper.IsA(name) for name in _MAPPERS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 from pvibr.buffers import Buffers, Tap
 from pvibr.effect import Effect
@@ -13,7 +14,7 @@ from pvibr.errors import ClosedError, PvibrWarning
 from pvibr.frame import Frame
 from pvibr.gl.annotations import Annotations
 from pvibr.gl.picture import Picture
-from pvibr.gl.slot import Slot
+from pvibr.gl.scene_pass import ScenePass
 from pvibr.report import Report, Row
 
 
@@ -60,8 +61,8 @@ class Pipeline:
         self._observers: list[int] = []
         self._frames = 0
         self._turn: _Turn | None = None
-        self._stage = _Stage(renderer)
         self.buffers = Buffers(renderer)
+        self._stage = _Stage(renderer, self.buffers)
         self._closed = False
 
     @property
@@ -110,6 +111,24 @@ class Pipeline:
             msg = f'buffer {name!r} could not be read: {why or "no frame was drawn"}'
             raise RuntimeError(msg)
         return tap
+
+    def stops(self, frame, picture) -> float:
+        """Return the exposure of a frame, for effects that come before it.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame that was drawn.
+        picture : pvibr.gl.picture.Picture
+            Its pixels so far.
+
+        Returns
+        -------
+        float
+            In stops, of all effects with ``expose(frame, picture)`` that run.
+        """
+        exposing = [e.effect for e in self._entries if e.running]
+        return sum(e.expose(frame, picture) for e in exposing if hasattr(e, 'expose'))
 
     def add(self, effect) -> Effect:
         """Put an effect or a thing in; it is in the next frame.
@@ -245,7 +264,8 @@ class Pipeline:
         images = [e for e in self._entries if e.running and e.draws]
         if images and not frame.picking:
             turn.images = images
-            turn.guard(images, self._stage.begin, any(e.effect.high_range for e in images))
+            effects = [e.effect for e in images]
+            turn.guard(images, self._stage.begin, frame, effects, self.things)
 
     def _on_end(self, _renderer, _event):
         turn, self._turn = self._turn, None
@@ -351,65 +371,65 @@ class _Turn:
 
 
 class _Stage:
-    """Where image effects work: the picture, the pass slot, the annotations."""
+    """Where image effects work: the scene's pass, the picture, the annotations."""
 
-    def __init__(self, renderer):
-        self.renderer = renderer
+    def __init__(self, renderer, buffers):
+        self.renderer, self.buffers = renderer, buffers
         self._annotations: Annotations | None = None
         self._picture: Picture | None = None
-        self._slot: Slot | None = None
-        self._borrowed = False
+        self._scene: Any = None
 
     @property
     def nbytes(self) -> int:
-        return self._picture.nbytes if self._picture else 0
+        return sum(owner.nbytes for owner in (self._picture, self._scene) if owner is not None)
 
-    def begin(self, high_range):
-        """Before the renderer draws: flat props out; the slot borrowed where colours need it."""
+    def begin(self, frame, effects, things):
+        """Before the renderer draws: flat props out, and what effects need besides colours in."""
         self._annotations = Annotations(self.renderer)
         self._annotations.hide()
-        # A renderer that draws over others' pixels has no picture of its own in the slot.
-        if high_range and not self.renderer.GetPreserveColorBuffer():
-            self._slot = self._slot or Slot(self.renderer.GetRenderWindow())
-            self._slot.borrow(self.renderer)
-            self._borrowed = True
+        self._scene = scene = self._scene or ScenePass(self.renderer.GetRenderWindow())
+        # A renderer that draws over others' pixels has no picture of its own in floats.
+        own = not self.renderer.GetPreserveColorBuffer()
+        scene.begin(frame, own and any(e.high_range for e in effects))
+        if any(e.surfaces for e in effects):
+            self.buffers.attach(frame, scene, things)
 
     def end(self, turn):
         """After the renderer drew: all back in its place, then effects, then flat props."""
         if self._annotations is None:
             return
         annotations, self._annotations = self._annotations, None
-        borrowed, self._borrowed = self._borrowed, False
-        if borrowed and self._slot is not None:
-            self._slot.give_back()
+        self._scene.end()
+        self.buffers.detach()
         annotations.show()
-        origin, size = turn.frame.origin, turn.frame.size
+        place = turn.frame.origin, turn.frame.size
         running = [e for e in turn.images if e.running]
-        if running and min(size) > 0:  # a tile of a large screenshot may have none of it
-            turn.guard(running, self._run, turn, running, (origin, size), borrowed)
-        annotations.draw(origin, size)
+        if running or self._scene.high_range:
+            turn.guard(turn.images, self._run, turn, running, place)
+        annotations.draw(*place)
 
-    def _run(self, turn, entries, place, borrowed):
-        picture = self._picture_of(place, self._slot if borrowed else None)
-        picture.take()
+    def _run(self, turn, entries, place):
+        picture = self._picture_of(place, self._scene.high_range)
+        picture.take(self._scene.framebuffer)
         for entry in entries:
+            picture.last = entry is entries[-1]
             turn.guard([entry], entry.effect.render, turn.frame, picture)
         picture.present()
 
-    def _picture_of(self, place, slot):
+    def _picture_of(self, place, high_range):
         old = self._picture
-        if old is None or (old.origin, old.size) != place or old.slot is not slot:
+        if old is None or (old.origin, old.size, old.high_range) != (*place, high_range):
             if old is not None:
                 old.release()
-            origin, size = place
-            self._picture = Picture(self.renderer.GetRenderWindow(), origin, size, slot)
+            window, (origin, size) = self.renderer.GetRenderWindow(), place
+            self._picture = Picture(window, origin, size, high_range)
         return self._picture
 
     def release(self):
-        for owner in (self._picture, self._slot):
+        for owner in (self._picture, self._scene):
             if owner is not None:
                 owner.release()
-        self._picture = self._slot = None
+        self._picture = self._scene = None
 
 
 def _place(entry):

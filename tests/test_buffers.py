@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-import pvibr  # noqa: F401
+import pvibr
+from pvibr import buffers
+from pvibr.errors import PvibrWarning
 
 SIZE = (120, 90)
 
@@ -79,3 +81,80 @@ def test_bad_name(pl):
     with pytest.raises(ValueError, match="buffer = 'height': must be one of 'depth'"):
         pl.ibr.buffer('height')
     assert not pl.ibr.effects
+
+
+def scene(**options):
+    pl = pv.Plotter(window_size=SIZE, **options)
+    pl.disable_anti_aliasing()
+    for column in range(options.get('shape', (1, 1))[1]):
+        pl.subplot(0, column)
+        pl.add_mesh(pv.Sphere(theta_resolution=40, phi_resolution=40), smooth_shading=True)
+        pl.add_mesh(pv.Plane(center=(0, 0, -1), i_size=2, j_size=2), lighting=False)
+        pl.add_mesh(pv.Cube(center=(0.6, 0, 0)).rotate_x(30))
+        pl.camera_position = [(0, 0, 4), (0, 0, 0), (0, 1, 0)]
+    return pl
+
+
+def translucent(pl):
+    pl.add_mesh(pv.Sphere(center=(0, 0, 0.8)), opacity=0.5)
+
+
+def peeled(pl):
+    pl.enable_depth_peeling()
+    translucent(pl)
+
+
+def volume(pl):
+    grid = pv.ImageData(dimensions=(8, 8, 8), spacing=(0.2, 0.2, 0.2), origin=(-0.7, -0.7, 0))
+    grid['v'] = np.linspace(0, 255, grid.n_points)
+    pl.add_volume(grid, show_scalar_bar=False)
+
+
+def high_range(pl):
+    pl.ibr.add(pvibr.ToneMapping())
+    translucent(pl)
+
+
+def many(pl):
+    pl.ibr.add_instances(pv.Sphere(radius=0.1), [(-0.8, 0.5, 0.5), (0.8, -0.5, 0.5)])
+
+
+def layered(pl):
+    pl.renderer.SetPreserveColorBuffer(True)
+
+
+FREE = (translucent, peeled, volume, high_range, many, layered, pv.Plotter.add_axes)
+BUSY = (
+    lambda pl: pl.set_background('black', top='white'),
+    lambda pl: pl.enable_anti_aliasing('msaa', multi_samples=4),
+    lambda pl: pl.enable_ssao(),
+    lambda pl: pl.enable_eye_dome_lighting(),
+    lambda pl: pl.enable_anti_aliasing('ssaa'),
+    lambda pl: pl.show_bounds(),
+    lambda pl: pl.enable_hidden_line_removal(),
+)
+
+
+@pytest.mark.parametrize('columns', [1, 2])
+@pytest.mark.parametrize('change', FREE + BUSY)
+def test_written_with_the_scene_and_drawn_again_are_the_same(change, columns, monkeypatch):
+    pl = scene(shape=(1, columns))
+    change(pl)
+    pl.show(auto_close=False)
+    plain = pl.screenshot()
+    with_the_scene = [pl.ibr.buffer(name) for name in ('id', 'normal')]
+    monkeypatch.setattr(buffers.Drawn, 'draw', None)
+    if change in FREE:
+        pl.ibr.buffer('id')
+    else:
+        with pytest.warns(PvibrWarning, match='not callable'), pytest.raises(RuntimeError):
+            pl.ibr.buffer('id')
+    monkeypatch.undo()
+    monkeypatch.setattr(buffers._Shared, '_is_free', lambda *_: False)
+    again = [pl.ibr.buffer(name) for name in ('id', 'normal')]
+    same = with_the_scene[0] == again[0]
+    assert set(np.unique(again[0])) >= {-1, 0, 1, 2}
+    assert same.mean() > 0.998  # impostors choose their cards again
+    assert np.abs(with_the_scene[1] - again[1])[same].max() < 1e-4
+    pl.render()
+    np.testing.assert_array_equal(pl.screenshot(), plain)

@@ -6,7 +6,8 @@
 // grazing, but a jump. Units: pixels; normals in view space.
 
 //@edges
-uniform sampler2D surface;   // normal and number
+uniform sampler2D surface;   // normal and number, see pvibr/buffers.py
+uniform vec2 corner;         // of the picture, in its texels
 uniform sampler2D depth;     // of the surfaces
 uniform sampler2D scene;     // of the scene
 uniform sampler2D color;
@@ -38,8 +39,17 @@ float behind(float d, float e)
 // Cosine between normal and line of sight, times its length at distance 1.
 float steep(ivec2 p, vec3 n)
 {
-  vec2 ndc = 2.0 * (vec2(p) + 0.5) / vec2(textureSize(surface, 0)) - 1.0;
+  vec2 ndc = 2.0 * (vec2(p) + 0.5) / vec2(textureSize(color, 0)) - 1.0;
   return max(n.z - dot(n.xy, (ndc + lens.zw) * lens.xy), 0.02);
+}
+
+// Normal, 0 for none, and number, 0 for nothing.
+vec4 surfel(ivec2 p)
+{
+  vec4 t = texelFetch(surface, p + ivec2(corner), 0);
+  if (t.a < 0.5) return vec4(0.0);
+  float z = sqrt(max(1.0 - dot(t.xy, t.xy), 0.0));
+  return vec4(t.x > 1.5 ? vec3(0.0) : vec3(t.xy, t.z < 0.0 ? -z : z), abs(t.z));
 }
 
 float bright(ivec2 p)
@@ -50,10 +60,10 @@ float bright(ivec2 p)
 // A boundary between p and p + s: 0 for none, 0.5 where it is hidden, 1.
 float boundary(ivec2 p, ivec2 s, vec4 n, float d)
 {
-  ivec2 size = textureSize(surface, 0);
+  ivec2 size = textureSize(color, 0);
   ivec2 q = p + s;
   if (q.x >= size.x || q.y >= size.y) return 0.0;
-  vec4 m = texelFetch(surface, q, 0);
+  vec4 m = surfel(q);
   bool nothing = n.a < 0.5, beyond = m.a < 0.5;
   if (nothing && beyond) return 0.0;
   float e = texelFetch(depth, q, 0).r;
@@ -99,7 +109,7 @@ void main()
   vec3 found = vec3(0.0);
   if (surfaces == 1)
   {
-    vec4 n = texelFetch(surface, p, 0);
+    vec4 n = surfel(p);
     float d = texelFetch(depth, p, 0).r;
     found.xy = vec2(boundary(p, ivec2(1, 0), n, d), boundary(p, ivec2(0, 1), n, d));
   }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pvibr.buffers import Geometry
+from pvibr.buffers import Drawn
 from pvibr.effect import Effect
 from pvibr.gl import Quad, Target, shader_source
 from pvibr.gl.feature import sections
@@ -71,7 +71,7 @@ class Outline(Effect):
 
     def __init__(self, *, actors=None, **settings):
         self._actors = _checked(actors)
-        self._geometry: Any = None
+        self._drawn: Any = None
         self._target: Any = None
         self._coarse: Any = None
         self._quads: dict = {}
@@ -146,14 +146,14 @@ class Outline(Effect):
         """Draw the edges and return their texture."""
         textures = {'color': picture.color, 'scene': picture.depth}
         textures |= {'surface': picture.color, 'depth': picture.depth}
+        uniforms = self._uniforms(frame)
         if self._asks_surfaces:
-            geometry = self._drawn(frame, picture.size)
+            geometry = self._surfaces_of(frame, picture)
             textures |= {'surface': geometry.surface, 'depth': geometry.depth}
+            uniforms['corner'] = geometry.origin
         self._target = target = _sized(self._target, frame.window, picture.size)
         with target.drawing():
-            self._quad(frame.window, 'edges', _TEXTS['edges']).draw(
-                self._uniforms(frame), textures
-            )
+            self._quad(frame.window, 'edges', _TEXTS['edges']).draw(uniforms, textures)
         return target.colors[0]
 
     def _squares(self, window, edges):
@@ -165,13 +165,16 @@ class Outline(Effect):
             quad.draw({'tiles': tuple(map(float, size))}, {'edges': edges})
         return self._coarse.colors[0]
 
-    def _drawn(self, frame, size):
+    def _surfaces_of(self, frame, picture):
         if self._actors is None:
-            return self.pipeline.buffers.geometry(frame, size, self.pipeline.things)
-        if self._geometry is None:
-            self._geometry = Geometry(frame.renderer)
-        self._geometry.draw(frame, size, self.pipeline.things, self._actors)
-        return self._geometry
+            return self.pipeline.buffers.geometry(frame, picture, self.pipeline.things)
+        self._drawn = self._drawn or Drawn(frame.renderer)
+        return self._drawn.draw(frame, self.pipeline.things, self._actors)
+
+    @property
+    def surfaces(self) -> bool:
+        """Whether it reads what all surfaces write."""
+        return self._asks_surfaces and self._actors is None
 
     def _uniforms(self, frame):
         size, clip = 1 / frame.pixel_scale, frame.clip_from_view
@@ -198,15 +201,15 @@ class Outline(Effect):
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
-        for owner in (self._geometry, self._target, self._coarse, *self._quads.values()):
+        for owner in (self._drawn, self._target, self._coarse, *self._quads.values()):
             if owner is not None:
                 owner.release()
-        self._geometry = self._target = self._coarse = None
+        self._drawn = self._target = self._coarse = None
         self._quads = {}
 
     def report(self) -> dict:
         """Return the bytes that it holds on the GPU."""
-        owners = self._geometry, self._target, self._coarse
+        owners = self._drawn, self._target, self._coarse
         return {'bytes': sum(owner.nbytes for owner in owners if owner is not None)}
 
 

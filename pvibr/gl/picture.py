@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import Any
 
-from pvibr import _vtk
+from pvibr.gl.scene_pass import like_window
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture
 
 _COLOR, _DEPTH = 0x4000, 0x0100  # GL_COLOR_BUFFER_BIT, GL_DEPTH_BUFFER_BIT
 _NEAREST = 0x2600
 _READ, _DRAW = 0x8CA8, 0x8CA9  # GL_READ_FRAMEBUFFER, GL_DRAW_FRAMEBUFFER
-# A blit of depth wants the same format on both sides: the window's, whatever it is.
-_DEPTH_FORMATS = {0x81A5: 'Fixed16', 0x81A6: 'Fixed24', 0x81A7: 'Fixed32', 0x8CAC: 'Float32'}
 
 
 class Picture:
@@ -25,8 +22,8 @@ class Picture:
         The window whose context holds it.
     origin, size : tuple of 2 int
         The subplot's place in the window, in pixels.
-    slot : pvibr.gl.slot.Slot, optional
-        Where colours come from in place of the window: they may be above 1.
+    high_range : bool
+        Whether colours may be above 1.
 
     Attributes
     ----------
@@ -36,12 +33,14 @@ class Picture:
         Depth from 0 (near plane) to 1 (far plane), of the scene as drawn.
     """
 
-    def __init__(self, window, origin, size, slot=None):
-        self.window, self.origin, self.size, self.slot = window, origin, size, slot
-        self._format = 'rgba16f' if slot is None else 'rgba32f'
-        self._source: Any = _source(window, size) if slot is None else slot
+    def __init__(self, window, origin, size, high_range=False):
+        self.window, self.origin, self.size = window, origin, size
+        self.high_range = high_range
+        self._source = like_window(window, size, 'rgba32f' if high_range else 'rgba8')
         self._targets: list[Target] = []
         self._drawn: Target | None = None
+        #: Whether no effect comes after the one that draws now.
+        self.last = False
 
     @property
     def color(self) -> Texture:
@@ -58,32 +57,61 @@ class Picture:
         """Bytes on the GPU."""
         return sum(t.nbytes for t in [*self._targets, self._source])
 
-    def take(self):
-        """Take colours and depth off the window; several samples become one."""
+    def take(self, framebuffer=None):
+        """Take colours and depth off a framebuffer; several samples become one.
+
+        Parameters
+        ----------
+        framebuffer : vtkOpenGLFramebufferObject, optional
+            As large as the window; the window's own by default.
+        """
         self._drawn = None
-        if self.slot is not None:
-            return  # the pass in the slot drew into its textures already
-        window = self.window.GetRenderFramebuffer()
+        framebuffer = framebuffer or self.window.GetRenderFramebuffer()
         # Two blits: where the driver refuses one of depth, colours come all the same.
         for bits in (_COLOR, _DEPTH):
-            self._blit(window, self._source.object, bits, self._place(), (0, 0, *self.size))
+            self._blit(framebuffer, self._source.object, bits, self._place(), (0, 0, *self.size))
 
     @contextmanager
     def drawing(self):
         """Draw the new picture; it becomes `color` afterwards, unless an error ends it."""
         free = [t for t in self._targets if t is not self._drawn]
         if not free:
-            free = [Target(self.window, self.size[0], self.size[1], (self._format,))]
+            kind = 'rgba32f' if self.high_range else 'rgba16f'
+            free = [Target(self.window, self.size[0], self.size[1], (kind,))]
             self._targets += free
         with free[0].drawing():
             yield self
         self._drawn = free[0]
 
+    def ground(self, *, ends_at_one=False) -> Target | None:
+        """Return the picture as a target, for light to be blended with it in place.
+
+        Parameters
+        ----------
+        ends_at_one : bool
+            Whether the blending is right for colours up to 1 alone.
+
+        Returns
+        -------
+        Target or None
+            None where it must be drawn anew, by `drawing`: what the window gave has 8 bits, so
+            it is blended with by the last effect alone.
+        """
+        if self._drawn is None and (self.high_range or self.last):
+            self._drawn = self._source
+        if ends_at_one and self.color.is_float:
+            return None
+        return self._drawn
+
     def present(self):
-        """Put the picture back where it was taken from; nothing where nothing was drawn."""
-        if self._drawn is not None:
-            window = self.window.GetRenderFramebuffer()
-            self._blit(self._drawn.object, window, _COLOR, (0, 0, *self.size), self._place())
+        """Put the picture into the window; nothing where it has it already."""
+        window = self.window.GetRenderFramebuffer()
+        place, whole = self._place(), (0, 0, *self.size)
+        if self.high_range:
+            self._blit(self._source.object, window, _DEPTH, whole, place)
+        if self.high_range or self._drawn is not None:
+            drawn = self._drawn or self._source
+            self._blit(drawn.object, window, _COLOR, whole, place)
 
     def _place(self):
         (x, y), (width, height) = self.origin, self.size
@@ -107,21 +135,5 @@ class Picture:
         """Free the GPU's memory; the context must be alive."""
         for target in self._targets:
             target.release()
-        if self.slot is None:
-            self._source.release()
+        self._source.release()
         self._targets, self._drawn = [], None
-
-
-def _source(window, size):
-    """Return a target of the window's own formats."""
-    source = Target(window, size[0], size[1], ('rgba8',))
-    depth = Texture(window)
-    theirs = window.GetRenderFramebuffer().GetDepthAttachmentAsTextureObject()
-    internal = theirs.GetInternalFormat(theirs.GetVTKDataType(), 1, False)
-    kind = getattr(_vtk.vtkTextureObject, _DEPTH_FORMATS.get(internal, 'Float32'))
-    depth.object.AllocateDepth(*size, kind)
-    depth.nbytes = size[0] * size[1] * 4
-    source.depth = depth
-    with source._bound():
-        source.object.AddDepthAttachment(depth.object)
-    return source

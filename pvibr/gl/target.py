@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from typing import Any
 
 from pvibr import _vtk
 from pvibr.gl.texture import Texture
@@ -31,7 +32,7 @@ class Target:
         self.width, self.height = width, height
         self.colors = [Texture(window, filter=filter).allocate(width, height, f) for f in formats]
         self._shares_depth = isinstance(depth, Texture)
-        self.depth: Texture | None = depth if isinstance(depth, Texture) else None
+        self.depth: Any = depth if isinstance(depth, Texture) else None
         if depth is True:
             self.depth = Texture(window).allocate(width, height, 'depth32f')
         self.object = _vtk.vtkOpenGLFramebufferObject()
@@ -42,6 +43,18 @@ class Target:
             if self.depth is not None:
                 self.object.AddDepthAttachment(self.depth.object)
             self._check()
+
+    def add_depth(self, depth):
+        """Give it a depth buffer, released with it.
+
+        Parameters
+        ----------
+        depth : Texture
+            Of the same size.
+        """
+        self.depth = depth
+        with self._bound():
+            self.object.AddDepthAttachment(depth.object)
 
     @property
     def nbytes(self) -> int:

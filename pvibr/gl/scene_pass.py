@@ -1,0 +1,217 @@
+"""What a renderer draws its scene into: the window's pixels, or floats; surfaces beside."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pvibr import _vtk
+from pvibr.gl.target import Target
+from pvibr.gl.texture import Texture
+
+_NAME = 'pvibr: end of opaque props'
+_COLOR_BIT = 0x4000  # GL_COLOR_BUFFER_BIT
+# A blit of depth wants the same format on both sides: the window's, whatever it is.
+_DEPTH_FORMATS = {0x81A5: 'Fixed16', 0x81A6: 'Fixed24', 0x81A7: 'Fixed32', 0x8CAC: 'Float32'}
+
+
+class ScenePass:
+    """Where one frame's scene goes: asked for before VTK draws it, taken back afterwards.
+
+    VTK draws into whatever framebuffer is bound; none of its places for passes is used, so
+    whatever is in the renderer's own goes on working.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        The window whose context holds the textures.
+
+    Attributes
+    ----------
+    high_range : bool
+        Whether the frame's colours are floats.
+    """
+
+    def __init__(self, window):
+        self.window = window
+        self.high_range = False
+        self._floats: Target | None = None
+        self._surfaces: Texture | None = None
+        self._marker: _Marker | None = None
+        self._attached: Any = None
+
+    @property
+    def framebuffer(self):
+        """What has the colours and the depth of the frame."""
+        if self.high_range and self._floats is not None:
+            return self._floats.object
+        return self.window.GetRenderFramebuffer()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return sum(owner.nbytes for owner in (self._floats, self._surfaces) if owner is not None)
+
+    def begin(self, frame, high_range):
+        """Take the frame that VTK is about to draw.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame.
+        high_range : bool
+            Whether it is drawn into floats of 32 bits, without multisampling: rounded, they are
+            what the window would have, to the bit.
+        """
+        self.high_range = False
+        if high_range:
+            size = _extent(frame)
+            if self._floats is None or (self._floats.width, self._floats.height) != size:
+                if self._floats is not None:
+                    self._floats.release()
+                self._floats = like_window(self.window, size, 'rgba32f')
+            self.window.GetState().PushFramebufferBindings()
+            self.high_range = True
+            self._floats.object.Bind()
+            self._floats.object.ActivateDrawBuffer(0)
+
+    def attach_surfaces(self, frame) -> Texture:
+        """Have opaque props write a second colour, until the last of them is drawn.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame that has begun.
+
+        Returns
+        -------
+        Texture
+            Floats of 32 bits, their alpha 0 where nothing was written; row 0 is the window's.
+        """
+        if self._surfaces is None or self._surfaces.size != _extent(frame):
+            if self._surfaces is not None:
+                self._surfaces.release()
+            width, height = _extent(frame)
+            self._surfaces = Texture(self.window).allocate(width, height, 'rgba32f')
+        self._marker = self._marker or _Marker(frame.renderer, self._detach)
+        self._marker.go_last()
+        self._attached = framebuffer = self.framebuffer
+        framebuffer.AddColorAttachment(1, self._surfaces.object)
+        if frame.renderer.GetPreserveColorBuffer():
+            self._clear(framebuffer, frame)
+        framebuffer.ActivateDrawBuffers(2)
+        return self._surfaces
+
+    def _clear(self, framebuffer, frame):
+        """Clear what a renderer does not, that draws over another's pixels."""
+        state = self.window.GetState()
+        state.Push()
+        framebuffer.DeactivateDrawBuffers()
+        framebuffer.ActivateDrawBuffer(1)
+        state.vtkglScissor(*frame.origin, *frame.size)
+        state.vtkglColorMask(True, True, True, True)
+        state.vtkglClearColor(0.0, 0.0, 0.0, 0.0)
+        state.vtkglClear(_COLOR_BIT)
+        state.Pop()
+
+    def _detach(self):
+        # Without multisampling or another's pass, what is bound is what was bound before.
+        if self._attached is not None:
+            framebuffer, self._attached = self._attached, None
+            framebuffer.DeactivateDrawBuffers()
+            framebuffer.ActivateDrawBuffer(0)
+            framebuffer.RemoveColorAttachment(1)
+
+    def end(self):
+        """Leave the frame, which VTK has drawn; bindings are what they were before."""
+        self._detach()
+        if self.high_range:
+            self.window.GetState().PopFramebufferBindings()
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self._detach()
+        for owner in (self._floats, self._surfaces, self._marker):
+            if owner is not None:
+                owner.release()
+        self._floats = self._surfaces = self._marker = None
+        self.high_range = False
+
+
+def _extent(frame):
+    """Return the right and upper end of a subplot in the window."""
+    return frame.origin[0] + frame.size[0], frame.origin[1] + frame.size[1]
+
+
+class _Marker:
+    """A prop of no area that calls back in its turn: after every other opaque one."""
+
+    def __init__(self, renderer, call):
+        self.renderer = renderer
+        self.mapper = _vtk.vtkPolyDataMapper()
+        self.mapper.SetInputDataObject(_no_area())
+        self.mapper.AddObserver('StartEvent', lambda *_: call())
+        self.actor = _vtk.vtkActor()
+        self.actor.SetMapper(self.mapper)
+        self.actor.SetObjectName(_NAME)
+        self.actor.PickableOff()
+        self.actor.UseBoundsOff()
+
+    def go_last(self):
+        props = self.renderer.GetViewProps()
+        if props.GetLastProp() is not self.actor:
+            props.RemoveItem(self.actor)
+            props.AddItem(self.actor)
+
+    def release(self):
+        self.renderer.GetViewProps().RemoveItem(self.actor)
+        self.mapper.RemoveAllObservers()
+
+
+def is_marker(prop) -> bool:
+    """Tell whether a prop of a renderer is there to call back and shows nothing.
+
+    Parameters
+    ----------
+    prop : vtkProp
+        Any.
+    """
+    return prop.GetObjectName() == _NAME
+
+
+def _no_area():
+    """Return a triangle with its corners in one place: without any, VTK asks no mapper."""
+    points, data = _vtk.vtkPoints(), _vtk.vtkPolyData()
+    for _ in range(3):
+        points.InsertNextPoint(0.0, 0.0, 0.0)
+    data.SetPoints(points)
+    data.Allocate(1)
+    data.InsertNextCell(_vtk.VTK_TRIANGLE, 3, [0, 1, 2])
+    return data
+
+
+def like_window(window, size, format) -> Target:
+    """Return a target with a depth buffer of the window's own format.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        The window whose context holds it.
+    size : tuple of 2 int
+        Pixels.
+    format : str
+        Of colours.
+
+    Returns
+    -------
+    Target
+        Depth can be copied between it and the window.
+    """
+    target = Target(window, size[0], size[1], (format,))
+    depth = Texture(window)
+    theirs = window.GetRenderFramebuffer().GetDepthAttachmentAsTextureObject()
+    internal = theirs.GetInternalFormat(theirs.GetVTKDataType(), 1, False)
+    kind = getattr(_vtk.vtkTextureObject, _DEPTH_FORMATS.get(internal, 'Float32'))
+    depth.object.AllocateDepth(*size, kind)
+    depth.nbytes = size[0] * size[1] * 4
+    target.add_depth(depth)
+    return target
