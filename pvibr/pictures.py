@@ -156,6 +156,67 @@ class Pictures:
             self._reader = None
 
 
+class LivePictures:
+    """What a live texture shows, where pictures are taken.
+
+    Parameters
+    ----------
+    live : pvibr.LiveTexture
+        In a subplot when it is read.
+    mask : None
+        It has its alpha for that.
+
+    Raises
+    ------
+    ValueError
+        Where there is a mask.
+    """
+
+    def __init__(self, live, mask=None):
+        if mask is not None:
+            msg = 'mask is given with a live texture: give it a background with alpha 0 instead'
+            raise ValueError(msg)
+        self.live, self.size = live, live.size
+
+    def at(self, time, fps=None, loop=True) -> int:
+        """Return 0: it is one picture, which changes by itself.
+
+        Parameters
+        ----------
+        time, fps, loop : object
+            As :meth:`Pictures.at` has them.
+
+        Returns
+        -------
+        int
+            0.
+        """
+        return 0
+
+    def weighted(self, k, alpha=True) -> np.ndarray:
+        """Return what it shows now.
+
+        Parameters
+        ----------
+        k : int
+            0.
+        alpha : bool, optional
+            Whether its own alpha counts.
+
+        Returns
+        -------
+        numpy.ndarray, shape (h, w, 4), uint8
+            Row 0 at the top.
+        """
+        picture = self.live.image()
+        if not alpha:
+            picture[..., 3] = 255
+        return picture
+
+    def close(self):
+        """Do nothing: the live texture goes on."""
+
+
 class Shown:
     """An image as a texture that shaders sample: a picture, a sequence by time, a live texture.
 

@@ -115,6 +115,26 @@ class LiveTexture(Effect):
         """What is worn, for whatever takes an image; None where it is in no subplot."""
         return self._worn
 
+    def image(self) -> np.ndarray:
+        """Return what it shows now, as data.
+
+        Returns
+        -------
+        numpy.ndarray, shape (height, width, 4), uint8
+            Top row first.
+
+        Raises
+        ------
+        RuntimeError
+            Where it is in no subplot, or not drawn yet.
+        """
+        if not self._targets:
+            msg = f'{self.name} shows nothing: add it to a subplot and draw a frame'
+            raise RuntimeError(msg)
+        whole = self._targets['whole']
+        whole.window.MakeCurrent()
+        return np.ascontiguousarray(whole.colors[0].download()[::-1])
+
     # -- the life of an effect ----------------------------------------------------------------
 
     def prepare(self, frame):
@@ -168,10 +188,11 @@ class LiveTexture(Effect):
         return Casters([a for a in actors.values() if a.GetVisibility()], things)
 
     def _worn_in(self, frame) -> list[LiveTexture]:
-        """Return the live textures that are worn by what it sees, itself too."""
+        """Return the live textures on what it sees, worn or projected, itself too."""
         worn = [a.GetTexture() for a in self._casters().actors]
+        thrown = [live for e in self._scene_effects() for live in getattr(e, 'lives', ())]
         found = [e for e in self.pipeline.effects if isinstance(e, LiveTexture) and e.enabled]
-        found = [e for e in found if any(t is e.texture for t in worn)]
+        found = [e for e in found if e in thrown or any(t is e.texture for t in worn)]
         for live in found:
             live._allocate(frame)
         return found

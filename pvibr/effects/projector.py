@@ -19,7 +19,7 @@ from pvibr.maths.cameras import Orthographic, as_camera
 from pvibr.maths.draping import blend, border, exposure_gains, sample, weights
 from pvibr.maths.image_error import box_reduce
 from pvibr.params import Param
-from pvibr.pictures import Pictures
+from pvibr.pictures import LivePictures, Pictures, is_live
 from pvibr.unwrap import texels_of, unwrapped
 from pvibr.visibility import Samples, bounds_of, depth_maps, sides_of, surface_of, view_of
 
@@ -37,7 +37,8 @@ class _Slide:
     """A picture and its camera, with what they need on the GPU."""
 
     def __init__(self, image, camera, mask=None):
-        self.pictures = Pictures(image, mask)
+        self.live: Any = image if is_live(image) else None
+        self.pictures: Any = (LivePictures if self.live is not None else Pictures)(image, mask)
         self.given = camera
         self.camera()
         self.view: Any = None
@@ -57,7 +58,8 @@ class _Slide:
 
     @property
     def nbytes(self) -> int:
-        return sum(owner.nbytes for owner in (self.texture, self.depth) if owner)
+        own = None if self.live is not None else self.texture
+        return sum(owner.nbytes for owner in (own, self.depth) if owner)
 
     def side(self, resolution) -> int:
         """Return the texels along a side of the depth view."""
@@ -65,6 +67,9 @@ class _Slide:
 
     def show(self, window, k, alpha):
         """Have a picture on the GPU, in levels for whatever is far away or seen at an angle."""
+        if self.live is not None:
+            self.texture = self.live.shown
+            return
         if self._shown == (k, alpha):
             return
         if self.texture is None:
@@ -97,7 +102,7 @@ class _Slide:
 
     def release(self):
         self.drop_depth()
-        if self.texture is not None:
+        if self.texture is not None and self.live is None:
             self.texture.release()
         self.texture, self._shown = None, ()
         self.pictures.close()
@@ -201,6 +206,11 @@ class _Projection(Effect):
         self.number = next(n for n in range(len(taken) + 1) if n not in taken)
         super().attach(pipeline)
 
+    @property
+    def lives(self) -> list:
+        """The live textures among its pictures."""
+        return [slide.live for slide in self._slides if slide.live is not None]
+
     def needed(self, frame) -> bool | str:
         """Tell whether anything of the pictures is to be seen.
 
@@ -211,6 +221,8 @@ class _Projection(Effect):
         """
         if self.opacity == 0 and self.dim == 1:
             return 'opacity is 0'
+        if any(live.shown is None for live in self.lives):
+            return 'its live texture is in no subplot, or not drawn yet: add it'
         return True
 
     def prepare(self, frame):
@@ -497,7 +509,7 @@ class Projector(_Projection):
 
     Parameters
     ----------
-    image : path, array, pyvista.Texture, or a sequence of these
+    image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
         See :class:`pvibr.pictures.Pictures`; films and sequences run with ``pl.ibr.time``.
     camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
         From where, see :func:`pvibr.maths.cameras.as_camera`: ``(K, R, t)`` or ``(K, R, t,

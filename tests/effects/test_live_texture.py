@@ -210,3 +210,31 @@ def test_seen_small_it_is_a_mean():
     pl.show(auto_close=False)
     found = shot(pl)[44:52, 60:68]
     assert np.abs(found - 127.5).max() < 20
+
+
+def test_it_can_be_projected_and_read():
+    pl, live, _ = worn(background=(0, 0, 1, 1))
+    pl.ibr.remove(live)
+    with pytest.raises(RuntimeError, match='add it to a subplot'):
+        live.image()
+    wall = pl.add_mesh(pv.Plane(center=(0, 0, 9.5), i_size=2, j_size=1.5), color='white')
+    down = pv.Camera()
+    down.position, down.focal_point, down.up = (0, 0, 12), (0, 0, 0), (0, 1, 0)
+    down.parallel_projection, down.parallel_scale = True, 0.5
+    projector = pl.ibr.add(pvibr.Projector(live, down, actors=[wall], occlusion=False, lit=False))
+    before = shot(pl)
+    assert 'live texture' in pl.ibr.report().rows[0].why
+    pl.ibr.add(live)
+    after = shot(pl)
+    assert np.abs(after - before).max() > 50
+    image = live.image()
+    assert image.shape == (96, 128, 4)
+    assert (image == [0, 0, 255, 255]).all(axis=2).mean() > 0.3
+    # Twice as large as the window is the projector's picture: 64 x 64 pixels in the middle.
+    found = after[32:64, 43:85]
+    assert (found == [0, 0, 255]).all(axis=2).mean() > 0.2
+    pl.ibr.remove(live)
+    np.testing.assert_array_equal(shot(pl), before)
+    assert projector.enabled
+    with pytest.raises(ValueError, match='mask is given with a live texture'):
+        pvibr.Projector(live, down, mask=np.ones((4, 4)))
