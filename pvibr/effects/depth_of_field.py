@@ -24,8 +24,8 @@ class DepthOfField(Effect):
     ``radius * |d - focus| / focus`` world units where it lies, so that every length follows the
     scene's own unit. What one layer of depth cannot tell is made up: what is hidden behind a
     blurred edge is that which is seen beside it. Translucent props and volumes are blurred like
-    the surface behind them. A screenshot larger than the window is drawn in tiles, each blurred
-    for itself.
+    the surface behind them. A screenshot larger than the window is drawn in tiles: beside their
+    borders what lies beyond them is not known, and their outermost pixels stand for it.
 
     Parameters
     ----------
@@ -66,6 +66,7 @@ class DepthOfField(Effect):
         'too far apart make large circles coarse.', range='(0, 0.5]',
     )  # fmt: skip
     samples = Param(48, 'Looks around each pixel: more is smoother and slower.', range='[8, 512]')
+    high_range = Param(False, 'See colours above 1, which multisampling does not go with.')
     debug = Param(
         '', 'Show the circles (red before, green behind the plane in focus) or one layer.',
         choices=_STAGES,

@@ -32,6 +32,7 @@ void main() { gl_FragData[0] = over(texture(color, uv), tint, cover); }
 uniform vec3 tint;
 uniform vec3 tube;  // gain, grain, intensity
 uniform int moment;  // another one, another grain
+uniform vec2 grid;  // pixels of the window: grain is as large in large screenshots
 // Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 9(3), 2020: pcg.
 uint hashed(uint n) {
   n = n * 747796405u + 2891336453u;
@@ -42,7 +43,7 @@ void main() {
   vec4 c = texture(color, uv);
   float y = dot(max(c.rgb, 0.0), vec3(0.2126, 0.7152, 0.0722));
   float shine = (1.0 - exp(-tube.x * y)) / (1.0 - exp(-tube.x));
-  uvec2 pixel = uvec2(place() * size);
+  uvec2 pixel = uvec2(place() * grid);
   uint n = hashed(pixel.x + hashed(pixel.y + hashed(uint(moment))));
   shine += tube.y * (float(n >> 8) / 16777216.0 - 0.5);
   gl_FragData[0] = vec4(mix(c.rgb, tint * clamp(shine, 0.0, 1.0), tube.z), c.a);

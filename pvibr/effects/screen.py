@@ -219,7 +219,8 @@ class NightVision(_Screen):
     def _uniforms(self, frame, size):
         moment = int(np.floor(frame.time * self.rate + 1e-9)) + 65536 * self.seed
         tube = (self.gain, self.grain, self.intensity)
-        return {'tint': self.color, 'tube': tube, 'moment': moment % 2**31}
+        grid = [n / frame.scale for n in size]
+        return {'tint': self.color, 'tube': tube, 'moment': moment % 2**31, 'grid': grid}
 
 
 class Iris(_Screen):
