@@ -1,0 +1,190 @@
+"""Inverse kinematics by damped Gauss-Newton steps with bounds: all joints and effectors at once.
+
+A joint's freedom has three directions: a twist, a swing outward and a swing sideways. Where one
+of them would cross a limit it is left out of the step, so that the others take its share; what
+overshoots is cut. The steps are those of Buss (2004), "Introduction to inverse kinematics with
+Jacobian transpose, pseudoinverse and damped least squares methods", section 6; that a step is
+kept only if it helps, and damped more if not, is Levenberg and Marquardt's.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pvibr.animation.columns import cross, product
+
+_CROSS = np.array([[np.cross(a, b) for b in np.eye(3)] for a in np.eye(3)]).reshape(3, 9)
+_DAMPING = 1e-4  # of the mean square of the Jacobian's rows, at first and at least
+_LARGEST_STEP = 0.4  # radians of any joint: beyond, the tangent says little
+_ROUNDS = 3  # of leaving out directions that would cross a limit, per step
+_GAIN = 1e-2  # share of the squared error that a step must take off to count
+_STUCK = 1.0  # damping that no step survives but where none helps
+_KICKS = 3  # out of poses where no small step helps, as a straight chain that must fold
+
+
+def solve(chain, rotations, effectors, targets, weights, tolerances, iterations):
+    """Return rotations that bring effectors to targets.
+
+    Parameters
+    ----------
+    chain : Chain
+        The joints.
+    rotations : numpy.ndarray, shape (n, 4)
+        Where to start, inside of the limits.
+    effectors : numpy.ndarray of int, shape (k,)
+        Joints whose origins shall reach.
+    targets : numpy.ndarray, shape (k, 3)
+        Where to, in the figure's space.
+    weights : numpy.ndarray, shape (k,)
+        What each counts where not all can be reached.
+    tolerances : numpy.ndarray, shape (k,)
+        Distances that will do.
+    iterations : int
+        Steps at most.
+
+    Returns
+    -------
+    rotations : numpy.ndarray, shape (n, 4), float64
+        Inside of the limits.
+    iterations : int
+        Steps made.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.animation.chain import Chain
+    >>> from pvibr.animation.damped import solve
+    >>> arm = Chain([-1, 0, 1], [[0, 0, 0], [1, 0, 0], [1, 0, 0]])
+    >>> start = np.eye(4)[[0, 0, 0]]
+    >>> goal = np.array([[0.0, 1.5, 0.0]])
+    >>> turned, _ = solve(arm, start, np.array([2]), goal, np.ones(1), np.array([1e-3]), 50)
+    >>> bool(np.abs(arm.world(turned)[2, :3, 3] - goal).max() < 1e-3)
+    True
+    """
+    task = _Task(chain, effectors, targets, weights)
+    now = best = task.pose(product(task.from_rest, rotations.T))
+    damping, kicks, done = _DAMPING, 0, 0
+    while done < iterations and (best.distances > tolerances).any():
+        done += 1
+        trial = task.moved(now, task.step(now, damping))
+        if trial.error < now.error * (1 - _GAIN):
+            now, damping = trial, max(damping / 8, _DAMPING)
+            best = min(best, now, key=_error)
+        elif damping < _STUCK:
+            damping *= 16
+        elif kicks < _KICKS:
+            kicks += 1
+            now, damping = task.kicked(best, kicks), _DAMPING
+        else:
+            break
+    return product(task.rest, best.delta).T, done
+
+
+class _Pose(NamedTuple):
+    """A pose of the chain, what it leaves to do, and how it may move."""
+
+    delta: Any  # (4, n) rotations away from rest, cut to the limits
+    basis: Any  # (n, 3, 3) columns: twist, swing outward, swing sideways, in the space at rest
+    ends: Any  # (3, n) bool: twist at its lower end, at its upper end, swing at its bound
+    world: Any  # (n + 1, 4, 4)
+    residual: Any  # (k, 3) from the effectors to their targets, times their weights
+    distances: Any  # (k,)
+    error: float
+
+
+_error = operator.attrgetter('error')
+
+
+class _Task:
+    """What stays the same from step to step."""
+
+    def __init__(self, chain, effectors, targets, weights):
+        limits = chain.limits
+        n = len(chain)
+        self.chain, self.effectors, self.targets = chain, effectors, targets
+        self.weights = weights[:, None]
+        self.rest = limits.rest.T.copy()
+        self.from_rest = self.rest * [[1], [-1], [-1], [-1]]
+        self.turned = np.abs(self.rest[0]).min(initial=1.0) < 1
+        self.rest_matrices = chain.rest_matrices
+        # Which joints move which effector, times its weight.
+        self.share = np.zeros((len(effectors), n, 1))
+        for row, (effector, weight) in enumerate(zip(effectors, weights, strict=True)):
+            self.share[row, chain.path(effector)] = weight
+        self.limits, self.at = limits, limits.at
+        self.axis = limits.axis[self.at].T.copy()
+        self.open = np.ones((n, 3))
+        self.open[self.at[limits.swing[self.at] == 0], 1:] = 0.0  # hinges only twist
+
+    def pose(self, delta):
+        """Cut rotations to the limits, and see where they lead."""
+        n = len(self.chain)
+        basis = np.empty((n, 3, 3))
+        ends = np.zeros((3, n), dtype=bool)
+        basis[:] = np.eye(3)
+        if len(self.at):
+            cut = self.limits.cut(delta[:, self.at])
+            delta[:, self.at], ends[:, self.at] = cut.rotations, cut.ends
+            # The turn that no swing shares lies between the axis and where it was swung to.
+            twisting = cut.swing[0] * self.axis + cross(cut.swing[1:], self.axis)
+            directions = twisting, cut.outward, cross(twisting, cut.outward)
+            basis[self.at] = np.array(directions).transpose(2, 1, 0)
+        world = self.chain.scanned(product(self.rest, delta) if self.turned else delta)
+        away = self.targets - world[self.effectors + 1, :3, 3]
+        residual = away * self.weights
+        distances = np.sqrt((away * away).sum(1))
+        return _Pose(delta, basis, ends, world, residual, distances, float((residual**2).sum()))
+
+    def step(self, pose, damping):
+        """Return the small rotations (n, 3) along each joint's three directions."""
+        k, n = self.share.shape[:2]
+        at = pose.world[1:, :3, 3]
+        away = (at[self.effectors, None] - at) * self.share
+        parents = pose.world.take(self.chain.above, 0)[:, :3, :3]
+        if self.turned:
+            parents = parents @ self.rest_matrices
+        turns = (away @ _CROSS).reshape(k, n, 3, 3) @ (parents @ pose.basis)
+        # Rows: effectors' coordinates; columns: joints' directions.
+        whole = turns.transpose(0, 2, 1, 3).reshape(3 * k, 3 * n)
+        residual = pose.residual.reshape(-1)
+        open_ = self.open
+        step = residual @ whole  # the steepest way tells which bounds to leave alone
+        for _ in range(_ROUNDS):
+            open_ = open_ * ~self._shut(step.reshape(n, 3), pose.ends)
+            step = self._least(whole * open_.reshape(-1), residual, damping)
+            if not (self._shut(step.reshape(n, 3), pose.ends)).any():
+                break
+        return step.reshape(n, 3)
+
+    def _least(self, jacobian, residual, damping):
+        square = jacobian @ jacobian.T
+        size = len(square)
+        square.reshape(-1)[:: size + 1] += damping * square.trace() / size + 1e-300
+        return np.linalg.solve(square, residual) @ jacobian
+
+    def _shut(self, step, ends):
+        """Which directions of a step cross a limit."""
+        low, high, swung = ends
+        shut = np.zeros(step.shape, dtype=bool)
+        shut[:, 0] = np.where(step[:, 0] < 0, low, high & (step[:, 0] > 0))
+        shut[:, 1] = swung & (step[:, 1] > 0)
+        return shut
+
+    def moved(self, pose, step, largest=_LARGEST_STEP):
+        """Return the pose after a step, cut to the limits."""
+        step = (pose.basis @ step[:, :, None])[:, :, 0].T
+        size = np.sqrt((step * step).sum(0).max(initial=0.0))
+        turn = np.empty((4, step.shape[1]))
+        turn[0] = 1.0
+        turn[1:] = step * (0.5 * min(1.0, largest / max(size, 1e-300)))
+        delta = product(turn, pose.delta)
+        return self.pose(delta / np.sqrt((delta * delta).sum(0)))
+
+    def kicked(self, pose, times):
+        """Return the pose with every joint turned a little, the same way at each call."""
+        n = len(self.chain)
+        rng = np.random.default_rng(times)
+        return self.moved(pose, rng.uniform(-1, 1, (n, 3)) * self.open, largest=0.4 * times)

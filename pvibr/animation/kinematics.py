@@ -1,0 +1,297 @@
+"""Inverse kinematics: rotations of joints that bring effectors to their targets."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pvibr.animation import damped
+from pvibr.animation.sweeps import Sweeps
+from pvibr.maths import quaternions
+
+#: Ways to solve, see :func:`solve`.
+METHODS = ('damped', 'ccd', 'fabrik', 'two_bone')
+_ITERATIONS = {'damped': 60, 'ccd': 200, 'fabrik': 200}
+_PATIENCE = 8  # sweeps that may bring less than a hundredth of what is missing
+_KICKS = 2
+
+
+class Solution(NamedTuple):
+    """What a solver found.
+
+    Parameters
+    ----------
+    rotations : numpy.ndarray, shape (n, 4), float64
+        Rotations relative to the parents, unit quaternions (w, x, y, z), inside of the limits.
+    errors : numpy.ndarray, shape (k,), float64
+        How far each effector is from its target, in the figure's unit.
+    iterations : int
+        Steps or sweeps that were made.
+
+    Examples
+    --------
+    >>> from pvibr.animation.kinematics import Solution
+    >>> Solution([[1, 0, 0, 0]], [0.0], 3).iterations
+    3
+    """
+
+    rotations: Any
+    errors: Any
+    iterations: int
+
+
+class _Task(NamedTuple):
+    chain: Any
+    effectors: Any  # (k,) int
+    targets: Any  # (k, 3) within reach
+    weights: Any  # (k,)
+    tolerances: Any  # (k,) in the figure's unit
+
+    def errors(self, rotations):
+        at = self.chain.world(rotations)[self.effectors, :3, 3]
+        return np.linalg.norm(at - self.targets, axis=1)
+
+
+def solve(
+    chain,
+    rotations,
+    effectors,
+    targets,
+    weights=None,
+    *,
+    method='damped',
+    poles=None,
+    tolerance=1e-3,
+    iterations=None,
+):
+    """Return rotations that bring effectors to their targets, inside of the joints' limits.
+
+    Parameters
+    ----------
+    chain : Chain
+        The joints, with their limits; roots stay where they are.
+    rotations : array_like, shape (n, 4)
+        Where to start, relative to the parents, unit quaternions (w, x, y, z); what is outside
+        of the limits is cut first. The result is near.
+    effectors : array_like of int, shape (k,)
+        Joints whose origins shall reach.
+    targets : array_like, shape (k, 3)
+        Where to, in the figure's space. Joints stretch toward a target out of reach.
+    weights : array_like, shape (k,), optional
+        What each target counts where not all can be reached; positive, default 1.
+    method : {'damped', 'ccd', 'fabrik', 'two_bone'}, default: 'damped'
+        ``'damped'`` moves all joints at once and converges fastest, with limits too;
+        ``'ccd'`` turns the joints near the effectors most; ``'fabrik'`` bends ropes smoothly, with
+        sweeps of CCD where limits stop it;
+        ``'two_bone'`` bends the effector's parent and turns its grandparent, in closed form.
+    poles : dict of int to array_like, shape (3,), optional
+        For an effector, the point to which its knee or elbow shall show. Reaching goes first:
+        limits may leave it undone.
+    tolerance : float, default: 1e-3
+        Distance that will do, as a share of each effector's reach.
+    iterations : int, optional
+        Most steps or sweeps; default 60 steps or 200 sweeps.
+
+    Returns
+    -------
+    Solution
+        Rotations, errors and iterations.
+
+    Raises
+    ------
+    ValueError
+        If an effector is not in the chain or too near to its root for two bones, a target or
+        weight does not fit, or the method is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.animation.chain import Chain
+    >>> from pvibr.animation.kinematics import solve
+    >>> arm = Chain([-1, 0, 1], [[0, 0, 0], [1, 0, 0], [1, 0, 0]])
+    >>> start = np.eye(4)[[0, 0, 0]]
+    >>> bent = solve(arm, start, [2], [[0, 1, 1]], poles={2: [0, 0, 9]}, method='two_bone')
+    >>> bool(np.allclose(arm.world(bent.rotations)[1, :3, 3], [0, 0, 1]))
+    True
+    """
+    if method not in METHODS:
+        msg = f'method is {method!r}; it must be one of {", ".join(METHODS)}.'
+        raise ValueError(msg)
+    task = _task(chain, effectors, targets, weights, tolerance)
+    rotations = _start(chain, rotations)
+    iterations = _ITERATIONS.get(method, 1) if iterations is None else int(iterations)
+    found, done = _run(task, rotations, method, iterations)
+    for effector, pole in (poles or {}).items():
+        turned = chain.limits.clamped(_swivelled(task, found, effector, pole))
+        if (task.errors(turned) > task.tolerances).any():
+            turned, more = _run(task, turned, method, iterations)
+            done += more
+        if (task.errors(turned) <= np.maximum(task.errors(found), task.tolerances)).all():
+            found = turned
+    at = chain.world(found)[task.effectors, :3, 3]
+    errors = np.linalg.norm(at - np.reshape(targets, (-1, 3)), axis=1)
+    return Solution(found, errors, done)
+
+
+def _start(chain, rotations):
+    rotations = quaternions.normalized(rotations)
+    if rotations.shape != (len(chain), 4):
+        msg = f'rotations are of shape {rotations.shape}; the chain has {len(chain)} joints.'
+        raise ValueError(msg)
+    return chain.limits.clamped(rotations)
+
+
+def _task(chain, effectors, targets, weights, tolerance):
+    effectors = np.atleast_1d(np.asarray(effectors))
+    for effector in effectors:
+        if not 0 <= effector < len(chain):
+            msg = f'effectors has {effector}; there are joints 0 to {len(chain) - 1}.'
+            raise ValueError(msg)
+    targets = np.atleast_2d(np.asarray(targets, dtype=np.float64))
+    if targets.shape != (len(effectors), 3) or not np.isfinite(targets).all():
+        msg = f'targets must be finite and of shape {(len(effectors), 3)}: {targets.tolist()}.'
+        raise ValueError(msg)
+    weights = np.ones(len(effectors)) if weights is None else np.asarray(weights, dtype=float)
+    if weights.shape != effectors.shape or not ((weights > 0) & np.isfinite(weights)).all():
+        msg = f'weights must be {len(effectors)} positive numbers: {weights.tolist()}.'
+        raise ValueError(msg)
+    # A target out of reach is taken to where the stretched joints could be at best.
+    roots = chain.offsets[[chain.path(effector)[0] for effector in effectors]]
+    reach = np.array([chain.reach(effector) for effector in effectors])
+    away = targets - roots
+    distance = np.linalg.norm(away, axis=1)
+    share = np.minimum(1.0, reach / np.maximum(distance, 1e-300))
+    within = np.where((share < 1)[:, None], roots + away * share[:, None], targets)
+    return _Task(chain, effectors, within, weights, tolerance * reach)
+
+
+def _run(task, rotations, method, iterations):
+    if method == 'damped':
+        return damped.solve(
+            *(task.chain, rotations, task.effectors, task.targets, task.weights),
+            *(task.tolerances, iterations),
+        )
+    if method == 'two_bone':
+        for effector, target in zip(task.effectors, task.targets, strict=True):
+            rotations = task.chain.limits.clamped(
+                _two_bone(task.chain, rotations, effector, target)
+            )
+        return rotations, 1
+    return _swept(task, rotations, method, iterations)
+
+
+def _swept(task, rotations, method, iterations):
+    """Sweep until all is reached, or sweeps bring nothing more; return the best seen."""
+    best, least = rotations, np.inf
+    kicks, waited, done = 0, 0, 0
+    sweeps = _sweeps(task, rotations)
+    while True:
+        errors = np.array(sweeps.errors())
+        error = float((task.weights * errors).sum())
+        waited = 0 if error < 0.99 * least else waited + 1
+        if error < least:
+            best, least = list(sweeps.rotations), error
+        if (errors <= task.tolerances).all() or done >= iterations:
+            break
+        if waited > _PATIENCE:
+            if kicks == _KICKS:
+                break
+            kicks, waited = kicks + 1, 0
+            sweeps = _sweeps(task, _kicked(task.chain, np.array(best), kicks))
+        # Where limits stop FABRIK, which looks no farther than the next bone, CCD goes on.
+        getattr(sweeps, 'ccd' if waited else method)()
+        done += 1
+    return np.array(best), done
+
+
+def _sweeps(task, rotations):
+    effectors = task.effectors.tolist()
+    return Sweeps(task.chain, rotations, effectors, task.targets, task.weights.tolist())
+
+
+def _kicked(chain, rotations, times):
+    """Turn all joints a bit, the same at each call: a straight chain cannot fold by itself."""
+    rng = np.random.default_rng(times)
+    turns = quaternions.exp(rng.uniform(-0.3, 0.3, (len(chain), 3)))
+    return chain.limits.clamped(quaternions.multiply(turns, rotations))
+
+
+def _two_bone(chain, rotations, effector, target):
+    """Bend the middle joint to the right distance, then turn its parent to the target."""
+    path = chain.path(effector)
+    if len(path) < 3:
+        msg = f'effector {effector} has {len(path) - 1} joints above it; two bones need 2.'
+        raise ValueError(msg)
+    root, middle, _ = path[-3:]
+    world = chain.world(rotations)
+    a, b, c = world[path[-3:], :3, 3]
+    upper, lower = a - b, c - b
+    u, v = np.linalg.norm(upper), np.linalg.norm(lower)
+    rotations = rotations.copy()
+    if u > 0 and v > 0:
+        distance = np.clip(np.linalg.norm(target - a), abs(u - v), u + v)
+        wanted = np.arccos(np.clip((u * u + v * v - distance**2) / (2 * u * v), -1, 1))
+        axis = np.cross(upper, lower)
+        now = np.arctan2(np.linalg.norm(axis), upper @ lower)
+        if np.linalg.norm(axis) <= 1e-9 * u * v:
+            axis = _pin(chain, world, middle, upper)
+        bend = quaternions.from_axis_angle(axis, wanted - now)
+        rotations[middle] = _turned(chain, world, rotations, middle, bend)
+        c = b + quaternions.rotate(bend, lower)
+    if np.linalg.norm(c - a) > 0 and np.linalg.norm(target - a) > 0:
+        turn = quaternions.between(c - a, target - a)
+        rotations[root] = _turned(chain, world, rotations, root, turn)
+    return rotations
+
+
+def _pin(chain, world, joint, bone):
+    """Return the axis about which a straight limb opens: its hinge's, or any across."""
+    limits = chain.limits
+    if limits.swing[joint] == 0:
+        parent = chain.parents[joint]
+        pin = quaternions.rotate(limits.rest[joint], limits.axis[joint])
+        sign = -1.0 if limits.middle[joint] >= 0 else 1.0
+        return sign * (world[parent, :3, :3] @ pin)
+    return np.cross(bone, np.eye(3)[np.abs(bone).argmin()])
+
+
+def _turned(chain, world, rotations, joint, turn):
+    """Return a joint's rotation after a turn in the figure's space."""
+    parent = chain.parents[joint]
+    if parent >= 0:
+        above = quaternions.from_matrices(world[parent, :3, :3])
+        turn = quaternions.multiply(
+            quaternions.conjugate(above), quaternions.multiply(turn, above)
+        )
+    return quaternions.normalized(quaternions.multiply(turn, rotations[joint]))
+
+
+def _swivelled(task, rotations, effector, pole):
+    """Turn a limb about the line from its root to the effector, until its knee shows a pole."""
+    chain = task.chain
+    if effector not in task.effectors:
+        msg = f'poles has {effector}, which is none of the effectors {task.effectors.tolist()}.'
+        raise ValueError(msg)
+    others = {j for e in task.effectors if e != effector for j in chain.path(e)}
+    path = [joint for joint in chain.path(effector) if joint not in others]
+    if len(path) < 3:
+        return rotations
+    world = chain.world(rotations)
+    at = world[path, :3, 3] - world[path[0], :3, 3]
+    line = at[-1]
+    length = np.linalg.norm(line)
+    if length == 0:
+        return rotations
+    line = line / length
+    across = at - (at @ line)[:, None] * line
+    knee = across[np.linalg.norm(across, axis=1).argmax()]
+    to = np.asarray(pole, dtype=np.float64) - world[path[0], :3, 3]
+    to = to - (to @ line) * line
+    if min(np.linalg.norm(knee), np.linalg.norm(to)) <= 1e-9 * chain.reach(effector):
+        return rotations
+    angle = np.arctan2(line @ np.cross(knee, to), knee @ to)
+    turn = quaternions.from_axis_angle(line, angle)
+    rotations = rotations.copy()
+    rotations[path[0]] = _turned(chain, world, rotations, path[0], turn)
+    return rotations

@@ -1,0 +1,264 @@
+"""Limits of joints: how far a joint may swing and twist away from its rest.
+
+One form serves all joints. The rotation away from rest is a twist about an axis, and then a swing
+of that axis (:func:`pvibr.maths.quaternions.swing_twist`): a hinge twists only, a cone bounds
+both, and what is not bounded is free.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pvibr.animation.columns import cross, product
+from pvibr.maths import quaternions
+
+_AT = 1e-9  # radians from a bound that count as on it
+_CONJUGATE = np.array([[1.0], [-1.0], [-1.0], [-1.0]])
+
+
+@dataclass(frozen=True)
+class Limit:
+    """How far one joint may turn away from its rest.
+
+    Parameters
+    ----------
+    axis : sequence of float, length 3
+        Axis of the twist in the joint's own space at rest; of any length but zero. For a bone
+        its direction, for a hinge its pin.
+    swing : float, default: pi
+        Largest angle between the axis and where it was at rest, in radians, 0 to pi.
+    twist : tuple of float, default: (-pi, pi)
+        Smallest and largest turn about the axis, in radians; a range of 2 pi bounds nothing.
+
+    Raises
+    ------
+    ValueError
+        If the axis has no direction, the swing is not in 0 to pi or the range of the twist is
+        empty or more than a turn.
+
+    Examples
+    --------
+    >>> from pvibr.animation.limits import Limit
+    >>> Limit.hinge([1, 0, 0], 0.0, 2.5)
+    Limit(axis=(1.0, 0.0, 0.0), swing=0.0, twist=(0.0, 2.5))
+    """
+
+    axis: tuple
+    swing: float = math.pi
+    twist: tuple = (-math.pi, math.pi)
+
+    def __post_init__(self):
+        axis = np.asarray(self.axis, dtype=np.float64)
+        if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
+            msg = f'axis is {self.axis}; it must be three finite numbers, not all zero.'
+            raise ValueError(msg)
+        if not 0 <= self.swing <= math.pi:
+            msg = f'swing is {self.swing}; it must be from 0 to pi, in radians.'
+            raise ValueError(msg)
+        low, high = map(float, self.twist)
+        if not 0 <= high - low <= 2 * math.pi * (1 + 1e-12):
+            msg = f'twist is {self.twist}; it must be (low, high), at most 2 pi apart.'
+            raise ValueError(msg)
+        axis = axis / np.abs(axis).max()
+        object.__setattr__(self, 'axis', tuple((axis / np.linalg.norm(axis)).tolist()))
+        object.__setattr__(self, 'swing', float(self.swing))
+        object.__setattr__(self, 'twist', (low, high))
+
+    @classmethod
+    def hinge(cls, axis, low=-math.pi, high=math.pi):
+        """Return the limit of a joint that turns about one axis only.
+
+        Parameters
+        ----------
+        axis : sequence of float, length 3
+            Axis in the joint's own space at rest.
+        low, high : float
+            Range of the angle in radians.
+
+        Returns
+        -------
+        Limit
+            A limit without swing.
+
+        Examples
+        --------
+        >>> from pvibr.animation.limits import Limit
+        >>> Limit.hinge([0, 0, 3]).swing
+        0.0
+        """
+        return cls(axis, 0.0, (low, high))
+
+
+class Limits:
+    """The limits of some of n joints, held together.
+
+    Parameters
+    ----------
+    limits : dict of int to Limit
+        Limit of each joint that has one.
+    rest : array_like, shape (n, 4)
+        Rotations of all joints at rest, relative to their parents, quaternions (w, x, y, z).
+
+    Raises
+    ------
+    ValueError
+        If a joint is out of range.
+
+    Examples
+    --------
+    >>> from pvibr.animation.limits import Limit, Limits
+    >>> limits = Limits({0: Limit.hinge([0, 0, 1], 0.0, 0.0)}, [[1, 0, 0, 0]])
+    >>> limits.clamped([[0.0, 0.6, 0.0, 0.8]]).tolist()
+    [[1.0, 0.0, 0.0, 0.0]]
+    """
+
+    def __init__(self, limits, rest):
+        self.rest = quaternions.normalized(rest)
+        n = len(self.rest)
+        for joint in limits:
+            if not 0 <= joint < n:
+                msg = f'limits has joint {joint}; there are joints 0 to {n - 1}.'
+                raise ValueError(msg)
+        free = Limit((0.0, 0.0, 1.0))
+        all_ = [limits.get(joint, free) for joint in range(n)]
+        self.axis = np.array([limit.axis for limit in all_]).reshape(n, 3)
+        self.swing = np.array([limit.swing for limit in all_])
+        low, high = np.array([limit.twist for limit in all_]).reshape(n, 2).T
+        self.middle, self.half = (low + high) / 2, (high - low) / 2
+        #: Joints that have a limit: those that :meth:`cut` takes.
+        self.at = np.array(sorted(limits), dtype=np.int64)
+        self._axis = self.axis[self.at].T.copy()
+        sideways = np.cross(self.axis, np.eye(3)[np.abs(self.axis).argmin(1)])[self.at].T
+        self._sideways = sideways / np.sqrt((sideways * sideways).sum(0))
+        self._swing, self._middle, self._half = (
+            values[self.at] for values in (self.swing, self.middle, self.half)
+        )
+        # A full turn or swing has no end.
+        self._twist_end = np.where(self._half < np.pi - _AT, self._half, np.inf)
+        self._swing_end = np.where(self._swing < np.pi - _AT, self._swing, np.inf)
+
+    def clamped(self, rotations):
+        """Return rotations inside of the limits, near those given.
+
+        Parameters
+        ----------
+        rotations : array_like, shape (n, 4)
+            Rotations of all joints relative to their parents, unit quaternions (w, x, y, z).
+
+        Returns
+        -------
+        numpy.ndarray, shape (n, 4), float64
+            The same where they keep the limits; else swing and twist are cut to their bounds.
+
+        Examples
+        --------
+        >>> import math
+        >>> from pvibr.animation.limits import Limit, Limits
+        >>> from pvibr.maths.quaternions import from_axis_angle, log
+        >>> cone = Limits({0: Limit([0, 0, 1], swing=0.25)}, [[1, 0, 0, 0]])
+        >>> log(cone.clamped(from_axis_angle([[1, 0, 0]], 2.0)))
+        array([[0.25, 0.  , 0.  ]])
+        """
+        rotations = np.array(rotations, dtype=np.float64)
+        rest = self.rest[self.at].T
+        away = product(rest * _CONJUGATE, rotations[self.at].T)
+        rotations[self.at] = product(rest, self.cut(away).rotations).T
+        return rotations
+
+    def cut(self, away):
+        """Cut the rotations of the limited joints, and see where they are in their limits.
+
+        Parameters
+        ----------
+        away : numpy.ndarray, shape (4, m)
+            Rotations away from rest of the joints ``at``, in columns.
+
+        Returns
+        -------
+        Cut
+            Rotations, and in which directions they may go on.
+        """
+        axis = self._axis
+        w, xyz = away[0], away[1:]
+        along = (xyz * axis).sum(0)
+        across = xyz - along * axis
+        half_twist = np.arctan2(along, w)
+        # About the middle of its range the twist is cut to the end that is nearer round the
+        # circle, and ranges beyond half a turn need no case.
+        twist = 2 * half_twist - self._middle
+        twist -= 2 * np.pi * np.rint(twist / (2 * np.pi))
+        twist = np.minimum(np.maximum(twist, -self._half), self._half)
+        # The swing is what is left after the twist: its axis is turned back by half of that.
+        across = np.cos(half_twist) * across - np.sin(half_twist) * cross(across, axis)
+        sine = np.sqrt((across * across).sum(0))
+        outward = np.where(sine > 1e-12, across / np.maximum(sine, 1e-12), self._sideways)
+        angle = 2 * np.arctan2(sine, np.sqrt(w * w + along * along))
+        angle = np.minimum(angle, self._swing)
+        turns = np.empty((2, *away.shape))  # swing, twist
+        turns[0, 0] = np.cos(angle / 2)
+        turns[0, 1:] = np.sin(angle / 2) * outward
+        half_twist = (twist + self._middle) / 2
+        turns[1, 0] = np.cos(half_twist)
+        turns[1, 1:] = np.sin(half_twist) * axis
+        ends = np.array(
+            [
+                twist <= _AT - self._twist_end,
+                twist >= self._twist_end - _AT,
+                angle >= self._swing_end - _AT,
+            ]
+        )
+        return Cut(product(turns[0], turns[1]), turns[0], outward, ends)
+
+    def excess(self, rotations):
+        """Return how far rotations are beyond their limits.
+
+        Parameters
+        ----------
+        rotations : array_like, shape (..., n, 4)
+            Rotations of all joints relative to their parents, unit quaternions (w, x, y, z).
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., n), float64
+            Angle in radians: the larger of those beyond the swing and the twist, 0 inside.
+
+        Examples
+        --------
+        >>> from pvibr.animation.limits import Limit, Limits
+        >>> from pvibr.maths.quaternions import from_axis_angle
+        >>> hinge = Limits({0: Limit.hinge([0, 0, 1], 0.0, 1.0)}, [[1, 0, 0, 0]])
+        >>> hinge.excess(from_axis_angle([[0, 0, 1]], 1.5))
+        array([0.5])
+        """
+        away = quaternions.multiply(quaternions.conjugate(self.rest), rotations)
+        swing, twist = quaternions.swing_twist(away, self.axis)
+        off = (quaternions.log(twist) * self.axis).sum(-1) - self.middle
+        off = np.abs(np.remainder(off + np.pi, 2 * np.pi) - np.pi)
+        swing = np.linalg.norm(quaternions.log(swing), axis=-1)
+        beyond = np.maximum(np.maximum(swing - self.swing, off - self.half), 0.0)
+        return np.where(np.isin(np.arange(len(self.rest)), self.at), beyond, 0.0)
+
+
+class Cut(NamedTuple):
+    """Rotations away from rest that keep the limits, in columns.
+
+    Parameters
+    ----------
+    rotations : numpy.ndarray, shape (4, m)
+        Swing after twist.
+    swing : numpy.ndarray, shape (4, m)
+        The swing alone.
+    outward : numpy.ndarray, shape (3, m)
+        Unit axes of the swing, perpendicular to the axes of the twist.
+    ends : numpy.ndarray, shape (3, m), bool
+        Whether the twist is at its lower end, at its upper end, the swing at its bound.
+    """
+
+    rotations: Any
+    swing: Any
+    outward: Any
+    ends: Any
