@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pvibr.maths.keyframes import SLOTS, blend, blend_directions, checked_keys, frame_weights
+from pvibr.animation.frame_states import FrameStates
+from pvibr.maths.keyframes import blend, blend_directions, checked_keys, frame_weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +27,14 @@ class Frames:
         How frames are blended: see :func:`pvibr.maths.keyframes.frame_weights`.
     period : float, optional
         Seconds after which it begins again; without one the ends stay.
+    states : pvibr.animation.frame_states.FrameStates, optional
+        Chooses the frames, in place of times, interpolation and period.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, times do not increase, the interpolation is not known or the period
-        is too short.
+        If shapes do not fit, times do not increase, the interpolation is not known, the period
+        is too short, or states show frames that there are not.
 
     Examples
     --------
@@ -46,6 +49,7 @@ class Frames:
     normals: np.ndarray | None = None
     interpolation: str = 'linear'
     period: float | None = None
+    states: FrameStates | None = None
 
     def __post_init__(self):
         times = checked_keys(self.times, 'times')
@@ -54,16 +58,14 @@ class Frames:
         for name in ('positions', 'normals'):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, self._floats(name))
+        if self.states is not None and self.states.last >= len(times):
+            msg = f'states show frame {self.states.last}; there are {len(times)} frames.'
+            raise ValueError(msg)
 
     @property
     def n_points(self):
         """Number of vertices."""
         return self.positions.shape[1]
-
-    @property
-    def slots(self):
-        """Frames that are shown at a time, at most."""
-        return SLOTS[self.interpolation]
 
     @property
     def duration(self):
@@ -80,9 +82,9 @@ class Frames:
 
         Returns
         -------
-        indices : numpy.ndarray, shape (..., slots), int64
+        indices : numpy.ndarray, shape (..., k), int64
             Frames.
-        weights : numpy.ndarray, shape (..., slots), float64
+        weights : numpy.ndarray, shape (..., k), float64
             Their weights, with the sum 1.
 
         Raises
@@ -96,6 +98,8 @@ class Frames:
         >>> Frames([0.0, 1.0], [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]]).at(0.25)
         (array([0, 1]), array([0.75, 0.25]))
         """
+        if self.states is not None:
+            return self.states.at(times)
         return frame_weights(self.times, times, self.interpolation, self.period)
 
     def blend(self, indices, weights):

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pvibr.animation.frames import Frames
+from pvibr.maths.keyframes import SLOTS
 
 
 def swelling(period=None, interpolation='linear'):
@@ -21,7 +22,7 @@ def test_frames_are_shown_at_their_times(interpolation):
     points, normals = frames.sample(frames.times)
     np.testing.assert_allclose(points, [mesh.points for mesh in meshes], atol=1e-6)
     np.testing.assert_allclose(normals, [mesh.active_normals for mesh in meshes], atol=1e-6)
-    assert frames.at(0.5)[0].shape == (frames.slots,)
+    assert frames.at(0.5)[0].shape == (SLOTS[interpolation],)
 
 
 @given(st.floats(-5, 8))
