@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 import pyvista as pv
 
-from pvibr.animation.boxes import Boxes
-from pvibr.animation.pose import Pose, as_matrices
-from pvibr.animation.skeleton import Skeleton
-from pvibr.maths import skinning
+from pvibr.animation import export, sources
+from pvibr.animation.body import Body
+from pvibr.animation.clip import Clip
+from pvibr.animation.frames import Frames
+from pvibr.animation.model import Model
+from pvibr.animation.pose import Pose
 
 
-class Figure:
+class Figure(Model):
     """Meshes that move: bodies, their skeleton and clips.
 
     Parameters
@@ -24,8 +24,8 @@ class Figure:
         Joints; default none.
     clips : sequence of Clip
         Movements, played by name.
-    correctives : object, optional
-        Pose space deformation, see :mod:`pvibr.animation.correctives`.
+    correctives : Correctives, optional
+        Pose space deformation.
     cameras : sequence
         Cameras that came with the figure.
     lights : sequence
@@ -56,34 +56,189 @@ class Figure:
         lights=(),
         name='',
     ):
-        self.bodies = tuple(bodies)
-        self.skeleton = Skeleton([], Pose(np.zeros((0, 3)))) if skeleton is None else skeleton
+        super().__init__(bodies, skeleton, correctives)
         self.clips = tuple(clips)
-        self.correctives = correctives
         self.cameras = tuple(cameras)
         self.lights = tuple(lights)
         self.name = name
-        self._check_nodes()
 
     def __repr__(self):
         names = ', '.join(repr(clip.name) for clip in self.clips)
         return f'Figure({len(self.bodies)} bodies, {len(self.skeleton)} joints, clips: {names})'
 
-    def _check_nodes(self):
-        for i, body in enumerate(self.bodies):
-            nodes = [body.node] if body.skin is None else body.skin.nodes
-            if len(nodes) and not -1 <= min(nodes) <= max(nodes) < len(self.skeleton):
-                msg = (
-                    f'bodies[{i}] hangs on the joints {min(nodes)} to {max(nodes)}; the skeleton '
-                    f'has {len(self.skeleton)}.'
-                )
-                raise ValueError(msg)
+    @classmethod
+    def from_arrays(
+        cls,
+        points,
+        faces,
+        joints=None,
+        weights=None,
+        parents=None,
+        rest=None,
+        inverse_bind=None,
+        *,
+        normals=None,
+        morphs=None,
+        frames=None,
+        names=None,
+        clips=(),
+        look=None,
+        name='',
+    ):
+        """Make a figure of one mesh from arrays.
 
-    @cached_property
-    def rest(self):
-        """Pose at rest, with the weights that the morph targets rest at."""
-        weights = [body.morphs.weights for body in self.bodies if body.morphs is not None]
-        return self.skeleton.rest.replaced(weights=np.concatenate([np.zeros(0), *weights]))
+        Parameters
+        ----------
+        points : array_like, shape (v, 3)
+            Vertices at rest.
+        faces : array_like of int
+            Triangles (f, 3), or any polygons as PyVista has them.
+        joints : array_like of int, shape (v, k), optional
+            Up to eight joints of each vertex. Without them, ``weights`` has a column per joint.
+        weights : array_like, shape (v, k) or (v, n), optional
+            Their weights; made to sum to one.
+        parents : array_like of int, shape (n,), optional
+            Parent of each joint, -1 for a root.
+        rest : Pose or array_like, shape (n, 4, 4), optional
+            Pose at rest, relative to the parents.
+        inverse_bind : array_like, shape (n, 4, 4), optional
+            ``joint_from_mesh`` at rest; default such that the mesh lies where it is given when
+            the skeleton is at rest.
+        normals : array_like, shape (v, 3), optional
+            Normals at rest; default computed.
+        morphs : Morphs, optional
+            Morph targets.
+        frames : Frames, optional
+            Key frames of all vertices.
+        names : sequence of str, optional
+            Names of the joints.
+        clips : sequence of Clip
+            Movements.
+        look : dict, optional
+            Keywords of ``Plotter.add_mesh``.
+        name : str
+            Name of the figure.
+
+        Returns
+        -------
+        Figure
+            The figure.
+
+        Raises
+        ------
+        ValueError
+            If parts of a skeleton are missing, or arrays do not fit each other.
+
+        Examples
+        --------
+        A strip that is bent at its middle.
+
+        >>> import numpy as np
+        >>> from pvibr import Figure, Pose
+        >>> points = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0]]
+        >>> bone = np.eye(3)[[0, 0]] * [[0], [1]]
+        >>> strip = Figure.from_arrays(
+        ...     points,
+        ...     [[0, 1, 3], [1, 2, 3]],
+        ...     [[0], [0], [1], [1]],
+        ...     np.ones((4, 1)),
+        ...     [-1, 0],
+        ...     Pose(bone),
+        ... )
+        >>> bent = Pose(bone, [[1, 0, 0, 0], [1, 0, 1, 0]])
+        >>> strip.posed(0, bent)[0][2].round(12).tolist()
+        [1.0, 0.0, -1.0]
+        """
+        mesh = sources.surface_of(points, faces, normals)
+        skeleton, skin = sources.skeleton_and_skin(
+            joints, weights, parents, rest, inverse_bind, names
+        )
+        return cls(
+            [Body(mesh, -1, skin, morphs, frames, look or {}, name)], skeleton, clips, name=name
+        )
+
+    @classmethod
+    def from_series(cls, meshes, times=None, *, interpolation='linear', look=None, name='series'):
+        """Make a figure from a series of meshes that differ in their points only.
+
+        Parameters
+        ----------
+        meshes : sequence of pyvista.DataSet, pyvista.MultiBlock, path, paths or reader
+            One mesh per time; or a file of a series (``.pvd``, ...), or a list of files. The
+            outer surface is taken of what is no surface. Other data are those of the first.
+        times : array_like, shape (f,), optional
+            Times in seconds, from 0 on and increasing; default those of the file, or one mesh a
+            second.
+        interpolation : {'linear', 'step', 'quadratic', 'cubic'}
+            How meshes are blended between their times.
+        look : dict, optional
+            Keywords of ``Plotter.add_mesh``.
+        name : str
+            Name of the figure and of its clip.
+
+        Returns
+        -------
+        Figure
+            A figure of one body with key frames, and one clip as long as the series.
+
+        Raises
+        ------
+        ValueError
+            If the meshes differ in their number of points or in their faces; the first such one
+            is named.
+        FileNotFoundError
+            If there is no such file.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Figure
+        >>> growing = Figure.from_series([pv.Sphere(radius=r) for r in (1, 2)])
+        >>> round(growing.mesh(0.5).length / pv.Sphere(radius=1.5).length, 6)
+        1.0
+        """
+        surfaces, times = sources.series_of(meshes, times)
+        frames = Frames.from_meshes(surfaces, times, interpolation)
+        if frames.times[0] < 0:
+            msg = f'times[0] is {frames.times[0]}; times of a series are from 0 on.'
+            raise ValueError(msg)
+        body = Body(surfaces[0], frames=frames, look=look or {}, name=name)
+        return cls([body], clips=[Clip(name, [], frames.times[-1])], name=name)
+
+    @classmethod
+    def from_scene(cls, scene, *, clips=(), name=''):
+        """Make a figure from a scene of trimesh: its graph becomes the skeleton.
+
+        Parameters
+        ----------
+        scene : trimesh.Scene
+            Meshes and the graph of their nodes.
+        clips : sequence of Clip
+            Movements of the joints, which are in the order of ``skeleton.names``.
+        name : str
+            Name of the figure.
+
+        Returns
+        -------
+        Figure
+            One body per node with a mesh, which moves with its node; colours and textures come
+            along.
+
+        Raises
+        ------
+        ValueError
+            If a node's matrix shears or is singular.
+
+        Examples
+        --------
+        >>> import trimesh
+        >>> from pvibr import Figure
+        >>> figure = Figure.from_scene(trimesh.Scene({'box': trimesh.creation.box()}))
+        >>> figure.skeleton.names
+        ('world', 'box')
+        """
+        bodies, skeleton = sources.scene_of(scene)
+        return cls(bodies, skeleton, clips, name=name)
 
     def clip(self, clip):
         """Return a clip.
@@ -164,216 +319,6 @@ class Figure:
             times,
         )
 
-    def world(self, pose=None):
-        """Return the matrices of all joints.
-
-        Parameters
-        ----------
-        pose : Pose or array_like, shape (..., n, 4, 4), optional
-            A pose, or the ``figure_from_joint`` matrices themselves; default at rest.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., n, 4, 4), float64
-            ``figure_from_joint``.
-
-        Raises
-        ------
-        ValueError
-            If there is another number of joints.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> Figure([Body(pv.Cube())]).world().shape
-        (0, 4, 4)
-        """
-        if pose is None or isinstance(pose, Pose):
-            return self.skeleton.world(self.rest if pose is None else pose)
-        world = as_matrices(pose, 'pose')
-        if world.shape[-3] != len(self.skeleton):
-            msg = f'pose has {world.shape[-3]} matrices, the skeleton {len(self.skeleton)} joints.'
-            raise ValueError(msg)
-        return world
-
-    def weights(self, index, pose=None):
-        """Return the morph weights of one body.
-
-        Parameters
-        ----------
-        index : int
-            Number of the body.
-        pose : Pose, optional
-            A pose; default, and where it holds no weights, at rest.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., t), float64
-            One weight per target of that body.
-
-        Raises
-        ------
-        ValueError
-            If the pose holds another number of weights.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> Figure([Body(pv.Cube())]).weights(0).shape
-        (0,)
-        """
-        weights = self.rest.weights
-        if isinstance(pose, Pose) and pose.weights.shape[-1]:
-            if pose.weights.shape[-1] != len(weights):
-                many = pose.weights.shape[-1]
-                msg = f'the pose has {many} morph weights, the figure {len(weights)} targets.'
-                raise ValueError(msg)
-            weights = pose.weights
-        first = sum(body.n_targets for body in self.bodies[:index])
-        return weights[..., first : first + self.bodies[index].n_targets]
-
-    def posed(self, index, pose=None, skinning='linear', bulge=1.0):
-        """Return a body's points and normals in a pose: the reference for all other ways.
-
-        Parameters
-        ----------
-        index : int
-            Number of the body.
-        pose : Pose or array_like, shape (n, 4, 4), optional
-            One pose, or the ``figure_from_joint`` matrices; default at rest.
-        skinning : {'linear', 'dual'}
-            How joints are blended.
-        bulge : float
-            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
-
-        Returns
-        -------
-        points : numpy.ndarray, shape (v, 3), float64
-            Points in the figure's space.
-        normals : numpy.ndarray, shape (v, 3), float64
-            Unit normals.
-
-        Raises
-        ------
-        ValueError
-            If the pose does not fit, or holds several poses.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> points, normals = Figure([Body(pv.Sphere())]).posed(0)
-        >>> abs(points - 0.5 * normals).max() < 1e-2
-        np.True_
-        """
-        world = self.world(pose)
-        if world.ndim != 3:
-            msg = f'pose holds {world.shape[:-3]} poses; one is posed at a time.'
-            raise ValueError(msg)
-        points, normals = self._deformed(index, pose)
-        matrices = self._moves(self.bodies[index], world, skinning, bulge)
-        return _moved(matrices, points, normals)
-
-    def layers(self, index, pose=None):
-        """Return what is added to a body before the skeleton moves it.
-
-        Parameters
-        ----------
-        index : int
-            Number of the body.
-        pose : Pose or array_like, shape (..., n, 4, 4), optional
-            A pose; default at rest.
-
-        Returns
-        -------
-        list of (Morphs, numpy.ndarray)
-            The body's morph targets and the correctives, each with weights of shape (..., t).
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> Figure([Body(pv.Cube())]).layers(0)
-        []
-        """
-        layers = []
-        if self.bodies[index].morphs is not None:
-            layers.append((self.bodies[index].morphs, self.weights(index, pose)))
-        if self.correctives is not None and index in self.correctives.shapes:
-            weights = self.correctives.weights(self._local(pose))
-            layers.append((self.correctives.shapes[index], weights))
-        return layers
-
-    def _local(self, pose):
-        if pose is None or isinstance(pose, Pose):
-            return self.rest if pose is None else pose
-        return Pose.from_matrices(self.skeleton.local(pose), self.rest.weights)
-
-    def _deformed(self, index, pose):
-        """Return points and normals before the skeleton moves them."""
-        body = self.bodies[index]
-        points, normals = body.points, body.normals
-        if body.frames is not None:
-            points, normals = body.frames.sample(getattr(pose, 'time', 0.0))
-        for morphs, weights in self.layers(index, pose):
-            points = points + morphs.total('positions', weights, len(points))
-            normals = normals + morphs.total('normals', weights, len(points))
-        return points, normals
-
-    def bounds(self, pose=None, skinning='linear'):
-        """Return boxes that hold the posed figure, from the boxes of its joints.
-
-        They are somewhat larger than needed, and cheap: no vertex is moved.
-
-        Parameters
-        ----------
-        pose : Pose or array_like, shape (..., n, 4, 4), optional
-            One pose or many, or ``figure_from_joint`` matrices; default at rest.
-        skinning : {'linear', 'dual'}
-            How joints are blended.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., 6), float64
-            x, y and z, each from and to, in the figure's space; from 1 to -1, as PyVista has
-            it, if there are no points.
-
-        Raises
-        ------
-        ValueError
-            If the pose does not fit.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> Figure([Body(pv.Cube())]).bounds().round(3).tolist()
-        [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
-        """
-        world = self.world(pose)
-        time = getattr(pose, 'time', 0.0)
-        boxes = [
-            boxes.around(world, self.layers(i, pose), time, skinning)
-            for i, boxes in enumerate(self._boxes)
-            if len(self.bodies[i].points)
-        ]
-        if not boxes:
-            return np.broadcast_to([1.0, -1.0] * 3, (*world.shape[:-3], 6))
-        low, high = np.min(boxes, 0)[..., ::2], np.max(boxes, 0)[..., 1::2]
-        return np.stack([low, high], -1).reshape(*low.shape[:-1], 6)
-
-    @cached_property
-    def _boxes(self):
-        return [Boxes(body) for body in self.bodies]
-
-    @staticmethod
-    def _moves(body, world, how, bulge):
-        if body.skin is not None:
-            return body.skin.blend(world, how, bulge)
-        return (np.eye(4) if body.node < 0 else world[body.node])[None, :3]
-
     def mesh(self, time=0.0, clip=None, *, pose=None, skinning='linear', loop=True):
         """Return the figure at a time as data for any backend and for filters.
 
@@ -426,6 +371,79 @@ class Figure:
         mesh.point_data.active_normals_name = 'Normals'
         return mesh
 
+    def series(self, clip=None, fps=30.0, *, skinning='linear'):
+        """Return a clip as meshes at equal steps of time.
 
-def _moved(matrices, points, normals):
-    return skinning.moved_points(matrices, points), skinning.moved_normals(matrices, normals)
+        Parameters
+        ----------
+        clip : str, int or Clip, optional
+            What is played; default the first clip.
+        fps : float
+            Meshes per second.
+        skinning : {'linear', 'dual'}
+            How joints are blended.
+
+        Returns
+        -------
+        times : numpy.ndarray, shape (f,), float64
+            Seconds, from 0 to the last step within the clip.
+        meshes : list of pyvista.PolyData or pyvista.MultiBlock
+            A mesh per time, as :meth:`mesh` gives them.
+
+        Raises
+        ------
+        ValueError
+            If there is no such clip or ``fps`` is not above 0.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Figure
+        >>> figure = Figure.from_series([pv.Sphere(radius=r) for r in (1, 2)])
+        >>> figure.series(fps=4)[0].tolist()
+        [0.0, 0.25, 0.5, 0.75, 1.0]
+        """
+        if not 0 < fps < np.inf:
+            msg = f'fps is {fps}; it must be above 0.'
+            raise ValueError(msg)
+        found = self.clip(clip)
+        duration = 0.0 if found is None else found.duration
+        # A step that rounding puts just past the end still counts.
+        times = np.arange(np.floor(duration * fps * (1 + 1e-12)) + 1) / fps
+        return times, [self.mesh(t, found, skinning=skinning, loop=False) for t in times]
+
+    def save(self, path):
+        """Write the figure as binary glTF 2.0.
+
+        Skins, clips, morph targets, colours and textures are written. Key frames become morph
+        targets, which holds for those that are blended linearly or not at all. Numbers are
+        rounded to 32 bits. Correctives, cameras and lights are left out.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that ends in ``.glb``. It is written under another name first, so that a
+            failure leaves what was there.
+
+        Raises
+        ------
+        ValueError
+            If the name ends otherwise, or a clip or key frames are of a kind that glTF lacks.
+
+        Warns
+        -----
+        pvibr.PvibrWarning
+            Of what is left out.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = pathlib.Path(folder) / 'cube.glb'
+        ...     Figure([Body(pv.Cube().triangulate())]).save(file)
+        ...     file.read_bytes()[:4]
+        b'glTF'
+        """
+        export.write_glb(self, path)

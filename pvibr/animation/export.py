@@ -1,0 +1,414 @@
+"""Figures as binary glTF 2.0."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.animation.clip import Clip, Track
+from pvibr.animation.glb_writer import GlbWriter
+from pvibr.errors import PvibrWarning
+from pvibr.maths.tones import to_light
+
+#: A morph target that changes nothing.
+_NOTHING = (np.zeros(0, int), np.zeros((0, 3)))
+_INTERPOLATIONS = {'step': 'STEP', 'linear': 'LINEAR', 'cubic': 'CUBICSPLINE'}
+
+
+def write_glb(figure, path):
+    """Write a figure as binary glTF 2.0.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    path : str or pathlib.Path
+        A file that ends in ``.glb``.
+
+    Raises
+    ------
+    ValueError
+        If the name ends otherwise, or a clip or key frames are of a kind that glTF lacks.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import pyvista as pv
+    >>> from pvibr import Body, Figure
+    >>> from pvibr.animation.export import write_glb
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_glb(Figure([Body(pv.Sphere())]), pathlib.Path(folder) / 'sphere.glb')
+    """
+    path = Path(path).expanduser()
+    if path.suffix.lower() != '.glb':
+        msg = f'path is {str(path)!r}; figures are written as .glb.'
+        raise ValueError(msg)
+    glb = _FigureWriter(figure).document()
+    glb.write(path)
+
+
+class _FigureWriter:
+    """The parts of a figure as those of a document."""
+
+    def __init__(self, figure):
+        self._figure = figure
+        self._glb = GlbWriter()
+        self._left_out = {}
+        self._skins = {}
+        self._textures = {}
+
+    def document(self):
+        figure = self._figure
+        for name in ('correctives', 'cameras', 'lights'):
+            if getattr(figure, name):
+                self._left_out[name] = None
+        nodes = self._nodes()
+        hosts = [self._host(nodes, body) for body in figure.bodies]
+        clips = figure.clips
+        if not clips and any(body.frames for body in figure.bodies):
+            last = max(body.frames.times[-1] for body in figure.bodies if body.frames)
+            clips = [Clip(figure.name or 'series', [], last)]
+        for clip in clips:
+            self._animation(clip, hosts)
+        self._scene(nodes)
+        if self._left_out:
+            msg = f'left out, since it is not written as glTF: {", ".join(self._left_out)}.'
+            warnings.warn(msg, PvibrWarning, stacklevel=4)
+        return self._glb
+
+    def _nodes(self):
+        """Add a node per joint; their lists of children are filled afterwards."""
+        skeleton = self._figure.skeleton
+        rest = skeleton.rest
+        for i, name in enumerate(skeleton.names):
+            node = {'name': name, 'translation': rest.translation[i].tolist()}
+            node['rotation'] = np.roll(rest.rotation[i], -1).tolist()
+            node['scale'] = rest.scale[i].tolist()
+            self._glb.add('nodes', node)
+        return self._glb.document.setdefault('nodes', [])
+
+    def _host(self, nodes, body):
+        """Return the node that shows a body: its own one, if no other body is shown by that."""
+        mesh = self._mesh(body)
+        if mesh is None:
+            return None
+        host = body.node
+        if host < 0 or 'mesh' in nodes[host]:
+            host = self._glb.add('nodes', {'name': body.name or f'body{len(nodes)}'})
+            if body.node >= 0 and body.skin is None:
+                nodes[body.node].setdefault('children', []).append(host)
+                nodes[host]['child'] = True
+        nodes[host]['mesh'] = mesh
+        if body.skin is not None:
+            nodes[host]['skin'] = self._skin(body.skin)
+        return host
+
+    def _scene(self, nodes):
+        parents = self._figure.skeleton.parents
+        for joint, parent in enumerate(parents):
+            if parent >= 0:
+                nodes[parent].setdefault('children', []).append(joint)
+        more = range(len(parents), len(nodes))
+        roots = [int(i) for i in np.flatnonzero(parents < 0)]
+        roots += [i for i in more if not nodes[i].pop('child', False)]
+        scene = {'name': self._figure.name} if self._figure.name else {}
+        self._glb.document['scene'] = self._glb.add(
+            'scenes', scene | ({'nodes': roots} if roots else {})
+        )
+        if not nodes:
+            del self._glb.document['nodes']
+
+    def _skin(self, skin):
+        if skin not in self._skins:
+            matrices = np.swapaxes(skin.inverse_bind, 1, 2).reshape(-1, 16)  # column by column
+            joints = [int(node) for node in skin.nodes]
+            bind = self._glb.accessor(matrices)
+            self._skins[skin] = self._glb.add(
+                'skins', {'joints': joints, 'inverseBindMatrices': bind}
+            )
+        return self._skins[skin]
+
+    def _mesh(self, body):
+        """Add a body's mesh; None if it has no polygon."""
+        triangles = body.mesh.triangulate()
+        faces = triangles.regular_faces
+        if not len(faces):
+            self._left_out['bodies without polygons'] = None
+            return None
+        points, normals = self._first_frame(body)
+        add = self._glb.accessor
+        attributes = {'POSITION': add(points, limits=True)}
+        if normals.any():
+            attributes['NORMAL'] = add(_unit(normals))
+        coordinates = body.mesh.active_texture_coordinates
+        if coordinates is not None:
+            attributes['TEXCOORD_0'] = add(coordinates[:, :2] * [1, -1] + [0, 1])
+        attributes |= self._colors(body)
+        if body.skin is not None:
+            attributes |= self._influences(body.skin)
+        primitive = {'attributes': attributes, 'indices': add(faces.astype(np.uint32).reshape(-1))}
+        primitive['material'] = self._material(body.look)
+        mesh = {'name': body.name} if body.name else {}
+        mesh['primitives'] = [primitive]
+        targets, weights, names = self._targets(body, normals.any())
+        if targets:
+            primitive['targets'] = targets
+            mesh |= {'weights': weights, 'extras': {'targetNames': names}}
+        return self._glb.add('meshes', mesh)
+
+    @staticmethod
+    def _first_frame(body):
+        if body.frames is None:
+            return body.points, body.normals
+        return np.asarray(body.frames.positions[0], float), np.asarray(
+            body.frames.normals[0], float
+        )
+
+    def _colors(self, body):
+        if body.look.get('scalars') is None:
+            return {}
+        values = body.mesh.point_data.get(body.look['scalars'])
+        if not body.look.get('rgb') or values is None:
+            self._left_out['scalars that are no colours of points'] = None
+            return {}
+        values = np.asarray(values)
+        values = values / 255.0 if values.dtype == np.uint8 else values.astype(float)
+        return {'COLOR_0': self._glb.accessor(np.hstack([to_light(values[:, :3]), values[:, 3:]]))}
+
+    def _influences(self, skin):
+        """Add joints and weights in sets of four."""
+        v, k = skin.joints.shape
+        kind = np.uint8 if len(skin.nodes) <= 256 else np.uint16
+        if len(skin.nodes) > 65536:
+            msg = f'a skin has {len(skin.nodes)} joints; glTF counts them up to 65536.'
+            raise ValueError(msg)
+        joints, weights = np.zeros((v, -k % 4 + k), kind), np.zeros((v, -k % 4 + k))
+        # A joint without weight is to be 0 in glTF.
+        joints[:, :k] = np.where(skin.weights > 0, skin.joints, 0)
+        weights[:, :k] = skin.weights
+        sets = {}
+        for i in range(joints.shape[1] // 4):
+            columns = slice(4 * i, 4 * i + 4)
+            sets[f'JOINTS_{i}'] = self._glb.accessor(np.ascontiguousarray(joints[:, columns]))
+            sets[f'WEIGHTS_{i}'] = self._glb.accessor(weights[:, columns])
+        return sets
+
+    def _targets(self, body, has_normals):
+        """Add morph targets; frames but the first one are the first of them."""
+        what = {'POSITION': 'positions'} | ({'NORMAL': 'normals'} if has_normals else {})
+        targets, weights, names = [], [], []
+        if body.frames is not None:
+            shapes, first = {'POSITION': body.frames.positions, 'NORMAL': body.frames.normals}, {}
+            for key in what:
+                first[key] = np.asarray(shapes[key][0], float)
+            for i in range(1, len(body.frames.times)):
+                targets.append(
+                    {key: self._delta(slice(None), shapes[key][i] - first[key]) for key in what}
+                )
+                names.append(f'frame{i}')
+            weights += _one_hot(body.frames)[0].tolist()
+        if body.morphs is None:
+            return targets, weights, names
+        for name in ('tangents', 'colors'):
+            if body.morphs.has(name):
+                self._left_out[f'{name} of morph targets'] = None
+        n = len(body.points)
+        for i in range(len(body.morphs)):
+            target = {}
+            for key, name in what.items():
+                if key == 'POSITION' or body.morphs.has(name):
+                    where, values = body.morphs.target(name, i) or _NOTHING
+                    target[key] = self._delta(where, values, n)
+            targets.append(target)
+        return targets, weights + body.morphs.weights.tolist(), names + list(body.morphs.names)
+
+    def _delta(self, where, values, n=0):
+        if isinstance(where, slice):
+            return self._glb.accessor(values, limits=True)
+        rows, place = np.unique(where, return_inverse=True)
+        total = np.zeros((len(rows), values.shape[1]))
+        np.add.at(total, place, values)
+        return self._glb.sparse(rows, total, n)
+
+    def _animation(self, clip, hosts):
+        channels, samplers = [], []
+        for node, path, track in self._channels(_lasting(clip, len(self._figure.skeleton)), hosts):
+            sampler = {
+                'input': self._glb.accessor(track.times, limits=True),
+                'output': self._glb.accessor(_output(track)),
+                'interpolation': _INTERPOLATIONS[track.interpolation],
+            }
+            samplers.append(sampler)
+            target = {'node': node, 'path': path}
+            channels.append({'sampler': len(samplers) - 1, 'target': target})
+        if channels:
+            animation = {'name': clip.name, 'channels': channels, 'samplers': samplers}
+            self._glb.add('animations', animation)
+        else:
+            self._left_out[f'the empty clip {clip.name!r}'] = None
+
+    def _channels(self, clip, hosts):
+        """Return node, path and track of each channel."""
+        found = {}
+        for track in clip.tracks:
+            if track.path != 'weights':  # of two for the same, the later one holds
+                found[track.node, track.path] = (int(track.node), track.path, track)
+        first = 0
+        for body, host in zip(self._figure.bodies, hosts, strict=True):
+            track = _weights_of(clip, first, body)
+            first += body.n_targets
+            if track is not None and host is not None:
+                found[host, 'weights'] = (host, 'weights', track)
+        return list(found.values())
+
+    def _material(self, look):
+        color = to_light(np.array(pv.Color(look.get('color', 'white')).float_rgb))
+        alpha = float(look.get('opacity', 1.0))
+        reflection: dict[str, Any] = {
+            'baseColorFactor': [*np.clip(color, 0, 1).tolist(), alpha],
+            'metallicFactor': float(look.get('metallic', 0.0)) if look.get('pbr') else 0.0,
+            'roughnessFactor': float(look.get('roughness', 0.5)) if look.get('pbr') else 1.0,
+        }
+        if look.get('texture') is not None:
+            reflection['baseColorTexture'] = {'index': self._texture(look['texture'])}
+        material: dict[str, Any] = {'pbrMetallicRoughness': reflection}
+        if 'alpha_cutoff' in look:
+            material |= {'alphaMode': 'MASK', 'alphaCutoff': float(look['alpha_cutoff'])}
+        elif alpha < 1 or _translucent(look.get('texture')):
+            material['alphaMode'] = 'BLEND'
+        if look.get('culling') not in ('back', True):
+            material['doubleSided'] = True
+        if look.get('lighting') is False:
+            material['extensions'] = {'KHR_materials_unlit': {}}
+            self._glb.document['extensionsUsed'] = ['KHR_materials_unlit']
+        return self._glb.add('materials', material)
+
+    def _texture(self, texture):
+        if id(texture) not in self._textures:
+            from PIL import Image  # what imageio writes pictures with; few figures need it
+
+            stream = io.BytesIO()
+            Image.fromarray(np.asarray(texture.to_array())).save(stream, 'PNG')
+            view = self._glb.view(stream.getvalue())
+            image = self._glb.add('images', {'bufferView': view, 'mimeType': 'image/png'})
+            self._textures[id(texture)] = self._glb.add('textures', {'source': image})
+        return self._textures[id(texture)]
+
+
+def _translucent(texture):
+    return texture is not None and texture.to_array().shape[-1] in (2, 4)
+
+
+def _unit(vectors):
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+
+
+def _output(track):
+    values = np.roll(track.values, -1, -1) if track.path == 'rotation' else track.values
+    return values.reshape(-1) if track.path == 'weights' else values.reshape(-1, track.width)
+
+
+def _one_hot(frames):
+    """Return the weights of all frames but the first, at each frame's time."""
+    return np.eye(len(frames.times))[:, 1:]
+
+
+def _lasting(clip, n_joints):
+    """Return a clip whose last key is at its end, since glTF knows no other duration."""
+    last = max((track.times[-1] for track in clip.tracks), default=0.0)
+    if clip.duration < last:
+        msg = (
+            f'clip {clip.name!r} ends at {clip.duration} s, before its last key at {last} s, '
+            'which glTF cannot say: cut its tracks first.'
+        )
+        raise ValueError(msg)
+    if clip.duration == last or not clip.tracks:
+        return clip
+    first, *others = clip.tracks
+    return Clip(clip.name, [_held(first, clip.duration), *others])
+
+
+def _held(track, time):
+    """Return a track with one more key that holds the last value."""
+    values = track.values.copy()
+    end = values[-1:].copy()
+    if track.interpolation == 'cubic':
+        values[-1, 2], end[0, 0] = 0, 0  # nothing moves between the two keys
+    times = np.append(track.times, time)
+    values = np.concatenate([values, end])
+    return Track(track.node, track.path, times, values, track.interpolation)
+
+
+def _weights_of(clip, first, body):
+    """Return the weights of a body's frames and targets as one track; None if they rest."""
+    tracks = []
+    if body.frames is not None:
+        tracks.append((0, _frame_track(clip, body.frames)))
+    n_frames = 0 if body.frames is None else len(body.frames.times) - 1
+    for track in clip.tracks:
+        if (
+            track.path == 'weights'
+            and track.node < first + body.n_targets
+            and track.node + track.width > first
+        ):
+            tracks.append((n_frames + track.node - first, track))
+    if not tracks:
+        return None
+    rest = (
+        np.zeros(n_frames)
+        if body.morphs is None
+        else np.concatenate([np.zeros(n_frames), body.morphs.weights])
+    )
+    return _together(clip, tracks, rest)
+
+
+def _frame_track(clip, frames):
+    if frames.interpolation not in ('linear', 'step') or frames.period is not None:
+        kind = frames.interpolation if frames.period is None else f'period of {frames.period} s'
+        msg = (
+            f'key frames of {kind} are no morph targets of glTF: make linear ones of '
+            'Figure.series first.'
+        )
+        raise ValueError(msg)
+    times, values = frames.times, _one_hot(frames)
+    keep = times <= clip.duration
+    if not keep.all():
+        rows, shares = frames.at(clip.duration)
+        end = (np.eye(len(times))[rows] * shares[:, None]).sum(0)[1:]
+        times, values = np.append(times[keep], clip.duration), np.vstack([values[keep], end])
+        times, index = np.unique(times, return_index=True)
+        values = values[index]
+    return Track(0, 'weights', times, values, frames.interpolation)
+
+
+def _together(clip, tracks, rest):
+    """Return one track of all weights from tracks of some of them."""
+    one = tracks[0][1]
+    same = all(
+        track.interpolation == one.interpolation and np.array_equal(track.times, one.times)
+        for _, track in tracks
+    )
+    if not same:
+        msg = (
+            f'clip {clip.name!r} drives the weights of one mesh by tracks with different keys, '
+            'which glTF cannot say: give one track for all.'
+        )
+        raise ValueError(msg)
+    shape = (
+        (len(one.times), 3, len(rest))
+        if one.interpolation == 'cubic'
+        else (len(one.times), len(rest))
+    )
+    values = np.zeros(shape)
+    values[(slice(None), 1) if one.interpolation == 'cubic' else slice(None)] = rest
+    for start, track in tracks:
+        columns = np.arange(start, start + track.width)
+        inside = (columns >= 0) & (columns < len(rest))
+        values[..., columns[inside]] = track.values[..., inside]
+    return Track(0, 'weights', one.times, values, one.interpolation)

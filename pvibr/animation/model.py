@@ -1,0 +1,275 @@
+"""What a pose does to the meshes of a figure: the float64 reference of every other way."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from pvibr.animation.boxes import Boxes
+from pvibr.animation.pose import Pose, as_matrices
+from pvibr.animation.skeleton import Skeleton
+from pvibr.maths import skinning
+
+
+class Model:
+    """Bodies on a skeleton, and where a pose takes them.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+        The meshes.
+    skeleton : Skeleton, optional
+        Joints; default none.
+    correctives : Correctives, optional
+        Pose space deformation.
+
+    Raises
+    ------
+    ValueError
+        If a node is out of the skeleton's range.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr import Body
+    >>> from pvibr.animation.model import Model
+    >>> Model([Body(pv.Cube())]).bounds().round(3).tolist()
+    [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
+    """
+
+    def __init__(self, bodies, skeleton=None, correctives=None):
+        self.bodies = tuple(bodies)
+        self.skeleton = Skeleton([], Pose(np.zeros((0, 3)))) if skeleton is None else skeleton
+        self.correctives = correctives
+        self._check_nodes()
+
+    def _check_nodes(self):
+        for i, body in enumerate(self.bodies):
+            nodes = [body.node] if body.skin is None else body.skin.nodes
+            if len(nodes) and not -1 <= min(nodes) <= max(nodes) < len(self.skeleton):
+                msg = (
+                    f'bodies[{i}] hangs on the joints {min(nodes)} to {max(nodes)}; the skeleton '
+                    f'has {len(self.skeleton)}.'
+                )
+                raise ValueError(msg)
+
+    @cached_property
+    def rest(self):
+        """Pose at rest, with the weights that the morph targets rest at."""
+        weights = [body.morphs.weights for body in self.bodies if body.morphs is not None]
+        return self.skeleton.rest.replaced(weights=np.concatenate([np.zeros(0), *weights]))
+
+    def world(self, pose=None):
+        """Return the matrices of all joints.
+
+        Parameters
+        ----------
+        pose : Pose or array_like, shape (..., n, 4, 4), optional
+            A pose, or the ``figure_from_joint`` matrices themselves; default at rest.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., n, 4, 4), float64
+            ``figure_from_joint``.
+
+        Raises
+        ------
+        ValueError
+            If there is another number of joints.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> Figure([Body(pv.Cube())]).world().shape
+        (0, 4, 4)
+        """
+        if pose is None or isinstance(pose, Pose):
+            return self.skeleton.world(self.rest if pose is None else pose)
+        world = as_matrices(pose, 'pose')
+        if world.shape[-3] != len(self.skeleton):
+            msg = f'pose has {world.shape[-3]} matrices, the skeleton {len(self.skeleton)} joints.'
+            raise ValueError(msg)
+        return world
+
+    def weights(self, index, pose=None):
+        """Return the morph weights of one body.
+
+        Parameters
+        ----------
+        index : int
+            Number of the body.
+        pose : Pose, optional
+            A pose; default, and where it holds no weights, at rest.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., t), float64
+            One weight per target of that body.
+
+        Raises
+        ------
+        ValueError
+            If the pose holds another number of weights.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> Figure([Body(pv.Cube())]).weights(0).shape
+        (0,)
+        """
+        weights = self.rest.weights
+        if isinstance(pose, Pose) and pose.weights.shape[-1]:
+            if pose.weights.shape[-1] != len(weights):
+                many = pose.weights.shape[-1]
+                msg = f'the pose has {many} morph weights, the figure {len(weights)} targets.'
+                raise ValueError(msg)
+            weights = pose.weights
+        first = sum(body.n_targets for body in self.bodies[:index])
+        return weights[..., first : first + self.bodies[index].n_targets]
+
+    def posed(self, index, pose=None, skinning='linear', bulge=1.0):
+        """Return a body's points and normals in a pose: the reference for all other ways.
+
+        Parameters
+        ----------
+        index : int
+            Number of the body.
+        pose : Pose or array_like, shape (n, 4, 4), optional
+            One pose, or the ``figure_from_joint`` matrices; default at rest.
+        skinning : {'linear', 'dual'}
+            How joints are blended.
+        bulge : float
+            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+
+        Returns
+        -------
+        points : numpy.ndarray, shape (v, 3), float64
+            Points in the figure's space.
+        normals : numpy.ndarray, shape (v, 3), float64
+            Unit normals.
+
+        Raises
+        ------
+        ValueError
+            If the pose does not fit, or holds several poses.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> points, normals = Figure([Body(pv.Sphere())]).posed(0)
+        >>> abs(points - 0.5 * normals).max() < 1e-2
+        np.True_
+        """
+        world = self.world(pose)
+        if world.ndim != 3:
+            msg = f'pose holds {world.shape[:-3]} poses; one is posed at a time.'
+            raise ValueError(msg)
+        points, normals = self._deformed(index, pose)
+        matrices = self._moves(self.bodies[index], world, skinning, bulge)
+        return _moved(matrices, points, normals)
+
+    def layers(self, index, pose=None):
+        """Return what is added to a body before the skeleton moves it.
+
+        Parameters
+        ----------
+        index : int
+            Number of the body.
+        pose : Pose or array_like, shape (..., n, 4, 4), optional
+            A pose; default at rest.
+
+        Returns
+        -------
+        list of (Morphs, numpy.ndarray)
+            The body's morph targets and the correctives, each with weights of shape (..., t).
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> Figure([Body(pv.Cube())]).layers(0)
+        []
+        """
+        layers = []
+        if self.bodies[index].morphs is not None:
+            layers.append((self.bodies[index].morphs, self.weights(index, pose)))
+        if self.correctives is not None and index in self.correctives.shapes:
+            weights = self.correctives.weights(self._local(pose))
+            layers.append((self.correctives.shapes[index], weights))
+        return layers
+
+    def _local(self, pose):
+        if pose is None or isinstance(pose, Pose):
+            return self.rest if pose is None else pose
+        return Pose.from_matrices(self.skeleton.local(pose), self.rest.weights)
+
+    def _deformed(self, index, pose):
+        """Return points and normals before the skeleton moves them."""
+        body = self.bodies[index]
+        points, normals = body.points, body.normals
+        if body.frames is not None:
+            points, normals = body.frames.sample(getattr(pose, 'time', 0.0))
+        for morphs, weights in self.layers(index, pose):
+            points = points + morphs.total('positions', weights, len(points))
+            normals = normals + morphs.total('normals', weights, len(points))
+        return points, normals
+
+    def bounds(self, pose=None, skinning='linear'):
+        """Return boxes that hold the posed figure, from the boxes of its joints.
+
+        They are somewhat larger than needed, and cheap: no vertex is moved.
+
+        Parameters
+        ----------
+        pose : Pose or array_like, shape (..., n, 4, 4), optional
+            One pose or many, or ``figure_from_joint`` matrices; default at rest.
+        skinning : {'linear', 'dual'}
+            How joints are blended.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., 6), float64
+            x, y and z, each from and to, in the figure's space; from 1 to -1, as PyVista has
+            it, if there are no points.
+
+        Raises
+        ------
+        ValueError
+            If the pose does not fit.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> Figure([Body(pv.Cube())]).bounds().round(3).tolist()
+        [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
+        """
+        world = self.world(pose)
+        time = getattr(pose, 'time', 0.0)
+        boxes = [
+            boxes.around(world, self.layers(i, pose), time, skinning)
+            for i, boxes in enumerate(self._boxes)
+            if len(self.bodies[i].points)
+        ]
+        if not boxes:
+            return np.broadcast_to([1.0, -1.0] * 3, (*world.shape[:-3], 6))
+        low, high = np.min(boxes, 0)[..., ::2], np.max(boxes, 0)[..., 1::2]
+        return np.stack([low, high], -1).reshape(*low.shape[:-1], 6)
+
+    @cached_property
+    def _boxes(self):
+        return [Boxes(body) for body in self.bodies]
+
+    @staticmethod
+    def _moves(body, world, how, bulge):
+        if body.skin is not None:
+            return body.skin.blend(world, how, bulge)
+        return (np.eye(4) if body.node < 0 else world[body.node])[None, :3]
+
+
+def _moved(matrices, points, normals):
+    return skinning.moved_points(matrices, points), skinning.moved_normals(matrices, normals)

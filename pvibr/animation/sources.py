@@ -1,0 +1,282 @@
+"""What figures are made from: arrays, series of meshes, scenes of trimesh."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.actors.foreign import as_dataset
+from pvibr.animation.body import Body, Skin
+from pvibr.animation.pose import Pose
+from pvibr.animation.skeleton import Skeleton
+from pvibr.maths.skinning import MAX_INFLUENCES
+
+
+def surface_of(points, faces, normals=None):
+    """Return arrays as a mesh.
+
+    Parameters
+    ----------
+    points : array_like, shape (v, 3)
+        Vertices; their type is kept if it is a type of floats.
+    faces : array_like of int
+        Triangles (f, 3), or polygons one after another, each with its length first.
+    normals : array_like, shape (v, 3), optional
+        Normals of the vertices.
+
+    Returns
+    -------
+    pyvista.PolyData
+        The mesh.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit or a face has a point that does not exist.
+
+    Examples
+    --------
+    >>> from pvibr.animation.sources import surface_of
+    >>> surface_of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).n_cells
+    1
+    """
+    points = np.asarray(points)
+    points = points if points.dtype.kind == 'f' else points.astype(np.float64)
+    faces = np.asarray(faces)
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        msg = f'points must be finite numbers of shape (v, 3), not of shape {points.shape}.'
+        raise ValueError(msg)
+    if faces.dtype.kind not in 'iu' or faces.ndim not in (1, 2):
+        msg = f'faces must be whole numbers, (f, 3) or flat, not {faces.dtype} {faces.shape}.'
+        raise ValueError(msg)
+    if faces.ndim == 2:
+        mesh = pv.PolyData.from_regular_faces(points, faces)
+    else:
+        mesh = pv.PolyData(points, faces)
+    used = mesh.GetPolys().GetConnectivityArray()
+    low, high = used.GetRange() if used.GetNumberOfValues() else (0, -1)
+    if low < 0 or high >= len(points):
+        msg = f'faces hold the points {low:g} to {high:g}; there are {len(points)}.'
+        raise ValueError(msg)
+    if normals is not None:
+        mesh.point_data.active_normals = np.asarray(normals, dtype=np.float64)
+    return mesh
+
+
+def skeleton_and_skin(joints, weights, parents, rest, inverse_bind=None, names=None):
+    """Return a skeleton and a skin that hangs on all its joints.
+
+    Parameters
+    ----------
+    joints : array_like of int, shape (v, k), or None
+        Joints of each vertex; ``None`` if ``weights`` has a column per joint.
+    weights : array_like, shape (v, k) or (v, n), or None
+        Their weights.
+    parents : array_like of int, shape (n,), or None
+        Parents of the joints.
+    rest : Pose or array_like, shape (n, 4, 4), or None
+        Pose at rest.
+    inverse_bind : array_like, shape (n, 4, 4), optional
+        ``joint_from_mesh`` at rest.
+    names : sequence of str, optional
+        Names of the joints.
+
+    Returns
+    -------
+    skeleton : Skeleton or None
+        The joints, if any.
+    skin : Skin or None
+        The skin, if there are weights.
+
+    Raises
+    ------
+    ValueError
+        If one of what belongs together is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.animation.sources import skeleton_and_skin
+    >>> skeleton_and_skin([[0]], [[1.0]], [-1], [np.eye(4)])
+    (Skeleton(1 joints, 1 levels), Skin(1 joints, 1 vertices, 1 weights each))
+    """
+    if (parents is None) != (rest is None):
+        msg = 'parents and rest make a skeleton together: give both or neither.'
+        raise ValueError(msg)
+    if joints is not None and weights is None:
+        msg = 'joints without weights: give both.'
+        raise ValueError(msg)
+    if parents is None:
+        if weights is not None:
+            msg = 'weights need the joints they are of: give parents and rest.'
+            raise ValueError(msg)
+        return None, None
+    skeleton = Skeleton(parents, rest, names)
+    if weights is None:
+        return skeleton, None
+    if joints is None:
+        joints, weights = heaviest(weights, len(skeleton))
+    if inverse_bind is None:
+        inverse_bind = np.linalg.inv(skeleton.world(skeleton.rest))
+    return skeleton, Skin(np.arange(len(skeleton)), inverse_bind, joints, weights)
+
+
+def heaviest(weights, n):
+    """Return the joints that pull at each vertex, from weights of all joints.
+
+    Parameters
+    ----------
+    weights : array_like, shape (v, n)
+        A column per joint; mostly zeros.
+    n : int
+        Number of joints.
+
+    Returns
+    -------
+    joints : numpy.ndarray, shape (v, k), int
+        Joints, as many as the vertex with the most has.
+    weights : numpy.ndarray, shape (v, k), float64
+        Their weights.
+
+    Raises
+    ------
+    ValueError
+        If the shape does not fit or a vertex has more than eight joints.
+
+    Examples
+    --------
+    >>> from pvibr.animation.sources import heaviest
+    >>> [part.tolist() for part in heaviest([[0, 0.5, 0, 0.5], [1, 0, 0, 0]], 4)]
+    [[[3, 1], [0, 3]], [[0.5, 0.5], [1.0, 0.0]]]
+    """
+    weights = np.asarray(weights, dtype=np.float64)
+    if weights.ndim != 2 or weights.shape[1] != n:
+        msg = f'weights without joints must be (v, {n}), not of shape {weights.shape}.'
+        raise ValueError(msg)
+    pulls = (weights != 0).sum(1)
+    if pulls.max(initial=0) > MAX_INFLUENCES:
+        row = pulls.argmax()
+        msg = f'weights[{row}] is of {pulls[row]} joints; at most {MAX_INFLUENCES} may pull.'
+        raise ValueError(msg)
+    joints = np.argsort(np.abs(weights), axis=1)[:, ::-1][:, : max(pulls.max(initial=0), 1)]
+    return joints, np.take_along_axis(weights, joints, 1)
+
+
+def series_of(meshes, times=None):
+    """Return the surfaces of a series and their times.
+
+    Parameters
+    ----------
+    meshes : sequence of pyvista.DataSet, pyvista.MultiBlock, path, paths or reader
+        One mesh per time, or where they are read from.
+    times : array_like, shape (f,), optional
+        Times in seconds; default those of the file.
+
+    Returns
+    -------
+    surfaces : list of pyvista.PolyData
+        One surface per time.
+    times : array_like or None
+        Their times, if anything says them.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If a file is read that holds no series, or a block is empty or several meshes.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr.animation.sources import series_of
+    >>> len(series_of([pv.Cube(), pv.Cube()])[0])
+    2
+    """
+    if isinstance(meshes, (str, PathLike)):
+        meshes = pv.get_reader(_existing(meshes))
+    if hasattr(meshes, 'set_active_time_value'):
+        reader, meshes, read = meshes, [], list(meshes.time_values)
+        for time in read:
+            reader.set_active_time_value(time)
+            meshes.append(reader.read())
+        times = read if times is None else times
+    elif hasattr(meshes, 'read'):
+        msg = f'{type(meshes).__name__} reads one mesh, not a series; give a list of files.'
+        raise ValueError(msg)
+    return [_surface(mesh, f'meshes[{i}]') for i, mesh in enumerate(meshes)], times
+
+
+def scene_of(scene):
+    """Return the bodies and the skeleton of a scene.
+
+    Parameters
+    ----------
+    scene : trimesh.Scene
+        Meshes and the graph of their nodes.
+
+    Returns
+    -------
+    bodies : list of Body
+        One per node with a mesh.
+    skeleton : Skeleton
+        One joint per node.
+
+    Raises
+    ------
+    ValueError
+        If a node's matrix shears or is singular.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from pvibr.animation.sources import scene_of
+    >>> len(scene_of(trimesh.Scene({'box': trimesh.creation.box()}))[0])
+    1
+    """
+    edges = {child: (parent, data) for parent, child, data in scene.graph.to_edgelist()}
+    names = [scene.graph.base_frame, *(n for n in scene.graph.nodes if n in edges)]
+    number = {node: i for i, node in enumerate(names)}
+    parents = [number[edges[name][0]] if name in edges else -1 for name in names]
+    local = [edges[n][1].get('matrix', np.eye(4)) if n in edges else np.eye(4) for n in names]
+    textures: dict = {}
+    bodies = []
+    for node, (_, data) in edges.items():
+        geometry = scene.geometry.get(data.get('geometry'))
+        if geometry is None:
+            continue
+        mesh, look = _of_trimesh(geometry, textures)
+        bodies.append(Body(mesh, number[node], look=look, name=str(node)))
+    return bodies, Skeleton(parents, Pose.from_matrices(local, name='rest'), names)
+
+
+def _of_trimesh(geometry, textures):
+    if hasattr(geometry, 'faces'):
+        return as_dataset(geometry, textures=textures)
+    return pv.wrap(geometry), {}  # a path or a cloud of points
+
+
+def _existing(path):
+    path = Path(path).expanduser()
+    if not path.is_file():
+        msg = f'{str(path)!r} does not exist.'
+        raise FileNotFoundError(msg)
+    return path
+
+
+def _surface(mesh, name):
+    if isinstance(mesh, (str, PathLike)):
+        mesh = pv.read(_existing(mesh))
+    if isinstance(mesh, pv.MultiBlock):
+        leaves = [block for block in mesh.recursive_iterator(skip_none=True) if block.n_points]
+        if len(leaves) != 1:
+            msg = f'{name} holds {len(leaves)} meshes; make a series of each, or merge them.'
+            raise ValueError(msg)
+        (mesh,) = leaves
+    if mesh is None:
+        msg = f'{name} is empty.'
+        raise ValueError(msg)
+    return mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface()
