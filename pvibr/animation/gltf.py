@@ -21,7 +21,7 @@ EXTENSIONS = (
     'KHR_mesh_quantization',
     'KHR_texture_transform',
 )
-#: Bytes that a body costs at least, whatever it shares with others.
+#: Bytes that a body costs, though bodies of the same mesh share its arrays.
 _BODY = 4096
 
 
@@ -121,6 +121,7 @@ class _Bodies:
     def __init__(self, file, accessors, pbr, skeleton):
         self._file = file
         self._looks = Looks(file, pbr)
+        self._first: dict[int, Body] = {}
         self._primitives = Primitives(file, accessors, self._looks)
         self._mirrored = np.linalg.det(skeleton.world(skeleton.rest)[:, :3, :3]) < 0
 
@@ -130,13 +131,11 @@ class _Bodies:
         bodies: list[Body] = []
         targets: dict[int, tuple[int, int, int]] = {}
         columns = 0
+        nodes = [number for number in nodes if document.nodes[number].mesh is not None]
+        self._check(nodes)
         for number in nodes:
             node = document.nodes[number]
-            if node.mesh is None:
-                continue
-            mesh = follow(document.meshes, node.mesh, f'nodes[{number}].mesh', 'meshes')
-            if node.skin is not None:
-                follow(document.skins, node.skin, f'nodes[{number}].skin', 'skins')
+            mesh = document.meshes[node.mesh]
             weights = self._weights(node, mesh, number)
             shown = self._of_node(node, mesh, number, weights)
             if weights and shown:
@@ -145,11 +144,20 @@ class _Bodies:
             bodies += shown
         return bodies, targets
 
+    def _check(self, nodes):
+        """See that all references are sound, and that there are not absurdly many bodies."""
+        document = self._file.document
+        for number in nodes:
+            node, place = document.nodes[number], f'nodes[{number}]'
+            mesh = follow(document.meshes, node.mesh, f'{place}.mesh', 'meshes')
+            self._file.spend(_BODY * len(mesh.primitives), f'{place}.mesh')
+            if node.skin is not None:
+                follow(document.skins, node.skin, f'{place}.skin', 'skins')
+
     def _of_node(self, node, mesh, number, weights):
         bodies = []
         for i, primitive in enumerate(mesh.primitives):
             place = f'meshes[{node.mesh}].primitives[{i}]'
-            self._file.spend(_BODY, f'nodes[{number}].mesh')
             surface = self._primitives.surface(node.mesh, i, weights)
             if surface is None:
                 continue
@@ -167,6 +175,8 @@ class _Bodies:
             name = name if len(mesh.primitives) == 1 else f'{name}.{i}'
             with naming(place):
                 body = Body(surface.mesh, number, skin, surface.morphs, None, look, name)
+            first = self._first.setdefault(id(surface), body)
+            body.points, body.normals = first.points, first.normals
             bodies.append(body)
         return bodies
 

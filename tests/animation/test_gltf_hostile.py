@@ -1,0 +1,475 @@
+"""glTF files that lie: one error that names the place, and nothing allocated on a lie."""
+
+from __future__ import annotations
+
+import base64
+import copy
+import functools
+import json
+import operator
+import os
+import struct
+import tracemalloc
+import warnings
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+import pvibr
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+
+
+def full(glb):
+    """Fill a file with a bit of everything; accessors 0 to 13, nodes 0 to 3."""
+    image = base64.b64encode(PNG).decode()
+    glb.add('images', uri=f'data:image/png;base64,{image}')
+    glb.add('samplers')
+    glb.add('textures', source=0, sampler=0)
+    color = {'baseColorTexture': {'index': 0}}
+    glb.add('materials', pbrMetallicRoughness=color)
+    attributes = {
+        'TEXCOORD_0': glb.array(np.zeros((4, 2))),
+        'JOINTS_0': glb.array(np.tile([0, 1, 0, 0], (4, 1)), 'B'),
+        'WEIGHTS_0': glb.array(np.tile([0.5, 0.5, 0, 0], (4, 1))),
+    }
+    targets = [{'POSITION': glb.array(np.ones((4, 3)))}]
+    primitive = glb.primitive(attributes=attributes, targets=targets, material=0)
+    camera = {'yfov': 1.0, 'znear': 0.1}
+    glb.add('cameras', type='perspective', perspective=camera)
+    glb.shown(primitive, mesh={'weights': [0.5]}, skin=0, camera=0, name='body')
+    glb.add('nodes', children=[2], name='hip')
+    glb.add('nodes', children=[3], translation=[0, 1, 0], name='knee')
+    glb.add('nodes', name='foot')
+    inverse = glb.array(np.tile(np.eye(4).ravel(), (2, 1)))
+    glb.add('skins', joints=[1, 2], inverseBindMatrices=inverse)
+    glb.add('scenes', nodes=[0, 1])
+    glb.json['scene'] = 0
+    glb.animate(2, 'rotation', [0, 1], [[0, 0, 0, 1], [0, 0, 1, 0]])
+    glb.animate(0, 'weights', [0, 1], [0.0, 1.0], 'STEP')
+    return glb
+
+
+PNG = base64.b64decode(
+    'iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=='
+)
+
+
+@pytest.fixture
+def rich(glb):
+    return full(glb)
+
+
+def put(document, place, value):
+    """Set ``'nodes.0.mesh'`` of a document."""
+    *way, last = [int(part) if part.isdigit() else part for part in place.split('.')]
+    functools.reduce(operator.getitem, way, document)[last] = value
+
+
+def test_the_file_itself_is_sound(rich):
+    figure = pvibr.read_gltf(rich.write())
+    assert figure.mesh(0.5, 1).n_cells == 2
+
+
+@pytest.mark.parametrize(
+    ('place', 'value', 'said'),
+    [
+        # References
+        ('scene', 5, r'scene is 5; the file has 1 scenes'),
+        ('scenes.0.nodes.0', 9, r'scenes\[0\].nodes\[0\] is 9; the file has 4 nodes'),
+        ('nodes.0.mesh', 1, r'nodes\[0\].mesh is 1; the file has 1 meshes'),
+        ('nodes.0.skin', 1, r'nodes\[0\].skin is 1'),
+        ('nodes.0.camera', 1, r'nodes\[0\].camera is 1'),
+        ('nodes.1.children.0', 7, r'nodes\[1\].children\[0\] is 7'),
+        ('skins.0.joints.1', 4, r'skins\[0\].joints\[1\] is 4'),
+        ('skins.0.inverseBindMatrices', 99, r'skins\[0\].inverseBindMatrices is 99'),
+        ('meshes.0.primitives.0.indices', 99, r'meshes\[0\].primitives\[0\].indices is 99'),
+        ('meshes.0.primitives.0.material', 2, r'primitives\[0\].material is 2'),
+        ('materials.0.pbrMetallicRoughness.baseColorTexture.index', 3, r'index is 3'),
+        ('textures.0.source', 3, r'textures\[0\].source is 3'),
+        ('textures.0.sampler', 3, r'textures\[0\].sampler is 3'),
+        ('accessors.4.bufferView', 99, r'accessors\[4\].bufferView is 99'),
+        ('bufferViews.4.buffer', 1, r'bufferViews\[4\].buffer is 1'),
+        ('animations.0.channels.0.sampler', 4, r'animations\[0\].channels\[0\].sampler is 4'),
+        ('animations.0.channels.0.target.node', 4, r'channels\[0\].target.node is 4'),
+        ('animations.0.samplers.0.input', 99, r'animations\[0\].samplers\[0\].input is 99'),
+        # Offsets, counts and strides
+        ('bufferViews.4.byteOffset', 10**6, r'bufferViews\[4\] ends at byte 1000048 of a buffer'),
+        ('bufferViews.4.byteLength', 10**15, r'bufferViews\[4\] ends at byte'),
+        ('accessors.4.byteOffset', 4, r'accessors\[4\] ends at byte 52 of a bufferView of 48'),
+        ('accessors.4.count', 2**40, r'POSITION 1099511627776'),
+        ('accessors.6.count', 2**40, r'accessors\[6\] ends at byte'),
+        ('bufferViews.4.byteStride', 8, r'byteStride 8 is less than an element of 12'),
+        ('bufferViews.4.byteStride', 2, r'bufferViews\[4\].byteStride: Expected `int` >= 4'),
+        ('accessors.4.count', 0, r'accessors\[4\].count: Expected `int` >= 1'),
+        ('accessors.4.count', -1, r'accessors\[4\].count'),
+        ('accessors.4.count', 10**30, r'accessors\[4\].count'),
+        ('accessors.4.componentType', 5124, r'accessors\[4\].componentType: Invalid enum value'),
+        ('accessors.4.type', 'VEC5', r'accessors\[4\].type'),
+        ('accessors.4.type', 'VEC2', r'attributes.POSITION is accessors\[4\] of VEC2'),
+        ('accessors.5.count', 3, r'attributes.NORMAL has 3 elements, POSITION 4'),
+        ('accessors.3.count', 3, r'targets\[0\].POSITION has 3 elements of 4'),
+        ('accessors.6.componentType', 5126, r'accessors\[6\], which .* must hold unsigned'),
+        ('accessors.7.count', 1, r'inverseBindMatrices has 1 matrices for 2 joints'),
+        ('meshes.0.primitives.0.mode', 9, r'mode: Expected `int` <= 6'),
+        # Graph
+        ('nodes.3.children', [2], r'nodes\[3\].children\[0\] is 2, which is a child of nodes'),
+        ('nodes.3.children', [1], r'nodes\[1\] is in or below a circle'),
+        ('nodes.3.children', [3], r'nodes\[3\].children\[0\] is 3, which is a child'),
+        ('scenes.0.nodes', [2], r'scenes\[0\].nodes\[0\] is 2, which is a child of nodes\[1\]'),
+        ('nodes.1.matrix', [0.0] * 16, r'nodes\[1\].matrix is singular'),
+        ('nodes.1.matrix', [1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], r'matrix shears'),
+        ('nodes.1.matrix', [1.0] * 15, r'nodes\[1\].matrix: Expected `array` of length >?=? ?16'),
+        ('nodes.1.rotation', [0, 0, 0, 0], r'nodes: '),
+        ('nodes.1.scale', [0, 1, 1], r"'hip'.* is singular"),
+        # Morphs and clips
+        ('nodes.0.weights', [1, 2], r'nodes\[0\] has 2 morph weights for 1 targets'),
+        ('animations.0.samplers.0.output', 0, r'output is accessors\[0\] of VEC2'),
+        ('animations.0.samplers.0.interpolation', 'CUBICSPLINE', r'2 keys need 24'),
+        ('animations.0.samplers.0.interpolation', 'SPLINE', r'samplers\[0\].interpolation'),
+        # What is not glTF 2.0, or no JSON
+        ('asset.version', '1.0', r"asset.version is '1.0'"),
+        ('asset.minVersion', '2.1', r"asset.minVersion is '2.1'"),
+        ('asset', {}, r'asset: Object missing required field `version`'),
+        ('nodes', None, r'nodes: Expected `array`, got `null`'),
+        ('nodes.1.translation', [0, '1', 0], r'nodes\[1\].translation\[1\]'),
+        ('cameras.0.perspective', None, r'cameras\[0\] is perspective and says nothing'),
+        ('cameras.0.type', 'orthographic', r'cameras\[0\] is orthographic and says nothing'),
+        ('images.0', {}, r'images\[0\] has neither uri nor bufferView'),
+        ('images.0.uri', 'data:image/png;base64,iVBORw0KGgo=', r'images\[0\] cannot be read'),
+    ],
+)
+def test_an_error_names_the_place(rich, place, value, said):
+    put(rich.json, place, value)
+    with pytest.raises(pvibr.GltfError, match=said):
+        pvibr.read_gltf(rich.write())
+
+
+@pytest.mark.parametrize(
+    ('accessor', 'element', 'value', 'said'),
+    [
+        (4, 5, 'nan', r'accessors\[4\] holds nan in element 1'),
+        (3, 0, 'inf', r'accessors\[3\] holds inf in element 0'),
+        (7, 3, 'nan', r'accessors\[7\] holds nan'),
+        (8, 1, 'nan', r'accessors\[8\] holds nan'),
+        (9, 0, '-inf', r'accessors\[9\] holds -inf'),
+        (2, 0, '-0.5', r'attributes with skins\[0\]: .*negative'),
+        (7, 3, '0.5', r'skins\[0\].inverseBindMatrices: matrix 0 is not affine'),
+    ],
+)
+def test_numbers_that_are_none(rich, accessor, element, value, said):
+    view = rich.json['bufferViews'][rich.json['accessors'][accessor]['bufferView']]
+    at = view['byteOffset'] + 4 * element
+    rich.blob = rich.blob[:at] + struct.pack('<f', float(value)) + rich.blob[at + 4 :]
+    with pytest.raises(pvibr.GltfError, match=said):
+        pvibr.read_gltf(rich.write())
+
+
+def test_weights_that_sum_to_zero(rich):
+    attributes = rich.json['meshes'][0]['primitives'][0]['attributes']
+    attributes['WEIGHTS_0'] = rich.array([[1, 0, 0, 0]] * 2 + [[0, 0, 0, 0]] * 2)
+    with pytest.raises(pvibr.GltfError, match=r'skins\[0\]: .*zero.*2'):
+        pvibr.read_gltf(rich.write())
+
+
+def test_joints_and_indices_out_of_range(rich):
+    primitive = rich.json['meshes'][0]['primitives'][0]
+    sound = primitive['attributes']['JOINTS_0']
+    primitive['attributes']['JOINTS_0'] = rich.array([[0, 2, 0, 0]] * 4, 'B')
+    with pytest.raises(pvibr.GltfError, match=r'skins\[0\]: joints\[0, 1\] is 2'):
+        pvibr.read_gltf(rich.write())
+    primitive['attributes']['JOINTS_0'] = sound
+    primitive['indices'] = rich.array([0, 1, 4], 'H')
+    with pytest.raises(pvibr.GltfError, match=r'indices: index 2 is 4; there are 4 vertices'):
+        pvibr.read_gltf(rich.write())
+
+
+def test_corners_that_make_no_triangles(rich):
+    rich.json['meshes'][0]['primitives'][0]['indices'] = rich.array([0, 1, 2, 3], 'H')
+    with pytest.raises(pvibr.GltfError, match='4 corners'):
+        pvibr.read_gltf(rich.write())
+
+
+def test_keys_out_of_order(glb):
+    glb.animate(glb.shown(glb.primitive()), 'scale', [0, 2, 1], np.ones((3, 3)))
+    with pytest.raises(pvibr.GltfError, match=r'animations\[0\].channels\[0\]: times\[2\]'):
+        pvibr.read_gltf(glb.write())
+
+
+def test_one_thing_driven_twice(rich):
+    channels = rich.json['animations'][0]['channels']
+    channels.append(channels[0])
+    with pytest.raises(pvibr.GltfError, match=r'channels\[1\] drives the rotation of nodes\[2\]'):
+        pvibr.read_gltf(rich.write())
+
+
+@pytest.mark.parametrize('fault', ['order', 'range', 'count', 'cut'])
+def test_sparse_accessors_that_lie(glb, fault):
+    indices = {'order': [2, 1], 'range': [1, 9], 'count': [0, 1], 'cut': [0, 1]}[fault]
+    values = glb.view(np.zeros(6 if fault != 'cut' else 5, '<f4').tobytes())
+    sparse = {
+        'count': 5 if fault == 'count' else 2,
+        'indices': {'bufferView': glb.view(bytes(indices)), 'componentType': 5121},
+        'values': {'bufferView': values},
+    }
+    glb.shown(glb.primitive(attributes={'POSITION': glb.array(SQUARE, sparse=sparse)}))
+    with pytest.raises(pvibr.GltfError, match=r'accessors\[0\].sparse'):
+        pvibr.read_gltf(glb.write())
+
+
+# What must not be allocated
+
+
+def refused_within(path, megabytes):
+    """Read a file that is refused before much memory is used."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(pvibr.GltfError):
+            pvibr.read_gltf(path)
+    finally:
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < megabytes * 2**20
+
+
+@pytest.mark.parametrize('count', [2**28, 2**40, 2**53])
+def test_zeros_without_bytes_are_not_allocated(glb, count):
+    zeros = {'componentType': 5126, 'type': 'VEC3', 'count': count}
+    position, normal = glb.add('accessors', **zeros), glb.add('accessors', **zeros)
+    glb.add('meshes', primitives=[{'attributes': {'POSITION': position, 'NORMAL': normal}}])
+    glb.add('nodes', mesh=0)
+    refused_within(glb.write(), 8)
+
+
+def test_many_accessors_of_the_same_bytes(glb):
+    shared = glb.array(np.zeros((50_000, 3)))
+    accessors = glb.json['accessors']
+    accessors += [accessors[shared]] * 3000
+    targets = [{'POSITION': index} for index in range(3000)]
+    glb.shown(glb.primitive(np.zeros((50_000, 3)), targets=targets))
+    refused_within(glb.write(), 700)
+
+
+def test_many_nodes_of_many_primitives(glb):
+    glb.shown(*[glb.primitive()] * 2000)
+    for _ in range(2000):
+        glb.add('nodes', mesh=0)
+    refused_within(glb.write(), 700)
+
+
+def test_a_small_picture_that_unpacks_to_a_huge_one(glb):
+    side = 30_000
+
+    def chunk(kind, data):
+        checked = kind + data
+        return struct.pack('>I', len(data)) + checked + struct.pack('>I', zlib.crc32(checked))
+
+    header = struct.pack('>IIBBBBB', side, side, 8, 2, 0, 0, 0)
+    data = chunk(b'IHDR', header) + chunk(b'IDAT', zlib.compress(b'')) + chunk(b'IEND', b'')
+    glb.add('images', bufferView=glb.view(b'\x89PNG\r\n\x1a\n' + data))
+    glb.add('textures', source=0)
+    glb.add('materials', pbrMetallicRoughness={'baseColorTexture': {'index': 0}})
+    coordinates = {'TEXCOORD_0': glb.array(np.zeros((4, 2)))}
+    glb.shown(glb.primitive(material=0, attributes=coordinates))
+    with pytest.raises(pvibr.GltfError, match=r'images\[0\]'):
+        pvibr.read_gltf(glb.write())
+    refused_within(glb.write(), 8)
+
+
+def test_very_deep_nodes(glb):
+    for i in range(3000):
+        glb.add('nodes', children=[i + 1])
+    glb.add('nodes')
+    with pytest.raises(pvibr.GltfError, match=r'more than \d+ nodes below its root'):
+        pvibr.read_gltf(glb.write())
+
+
+# Containers
+
+
+@pytest.mark.parametrize(
+    ('content', 'said'),
+    [
+        (b'', 'neither GLB nor JSON'),
+        (b'PK\3\4', 'neither GLB nor JSON'),
+        (b'glTF', 'cut off: it has 4 bytes'),
+        (b'\xff\xfe{\0}\0', 'neither GLB nor JSON'),
+        (b'[]', 'the file: Expected `object`, got `array`'),
+        (b'{"asset": {"version": "2.0"}', 'neither GLB nor JSON'),
+        (b'{"asset": {"version": "2.0"}, "extras": ' + b'[' * 10**5, 'nested too deeply'),
+        (b'{"asset": {"version": "2.0"}, "scene": NaN}', 'neither GLB nor JSON'),
+        (b'{"asset": {"version": "\xff"}}', 'neither GLB nor JSON'),
+        (struct.pack('<4sIII4s', b'glTF', 1, 20, 0, b'JSON'), 'version 1; only 2'),
+        (struct.pack('<4sIII4s', b'glTF', 2, 99, 0, b'JSON'), 'says 99 bytes and has 20'),
+        (struct.pack('<4sIII4s', b'glTF', 2, 20, 9, b'JSON'), 'chunk 0 .* ends at byte 29 of 20'),
+        (struct.pack('<4sIII4s', b'glTF', 2, 20, 0, b'BIN\0'), 'chunk 0 .* must be'),
+    ],
+)
+def test_files_that_are_none(tmp_path, content, said):
+    path = tmp_path / 'a.glb'
+    path.write_bytes(content)
+    with pytest.raises(pvibr.GltfError, match=said):
+        pvibr.read_gltf(path)
+
+
+def test_a_file_cut_off_anywhere(rich):
+    whole = rich.bytes()
+    path = rich.folder / 'cut.glb'
+    for size in range(0, len(whole), 41):
+        path.write_bytes(whole[:size])
+        with pytest.raises(pvibr.GltfError):
+            pvibr.read_gltf(path)
+
+
+def test_no_such_file(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        pvibr.read_gltf(tmp_path / 'none.glb')
+
+
+# URIs
+
+
+@pytest.mark.parametrize(
+    'uri',
+    [
+        '/etc/hostname',
+        '../secret.bin',
+        'folder/../../secret.bin',
+        '%2e%2e/secret.bin',
+        '..%2Fsecret.bin',
+        '%2Fetc%2Fhostname',
+        'file:///etc/hostname',
+        'http://localhost/a.bin',
+        'FILE:a.bin',
+        '//localhost/a.bin',
+        'C:\\a.bin',
+        '..\\secret.bin',
+        'link.bin',
+        'linked/secret.bin',
+        'a%00.bin',
+        '',
+        'circle.bin',
+        'a' * 5000,
+        'gone.bin',
+        '.',
+        'pipe',
+        'data:application/octet-stream,abc',
+        'data:application/octet-stream;base64,a',
+        'data:application/octet-stream;base64,!!!!',
+        'data:;base64',
+    ],
+)
+@pytest.mark.parametrize('kind', ['buffers', 'images'])
+def test_uris_that_lead_elsewhere(rich, uri, kind):
+    inner = rich.folder / 'inner'
+    inner.mkdir()
+    (rich.folder / 'secret.bin').write_bytes(b'\0' * 10**4)
+    (inner / 'link.bin').symlink_to('../secret.bin')
+    (inner / 'linked').symlink_to('..')
+    (inner / 'circle.bin').symlink_to('circle.bin')
+    os.mkfifo(inner / 'pipe')
+    rich.folder = inner
+    document = rich.json
+    if kind == 'buffers':
+        document['buffers'] = [{'uri': uri, 'byteLength': len(rich.blob)}]
+    else:
+        document['images'] = [{'uri': uri}]
+    gone = kind == 'images' and uri in ('circle.bin', 'a' * 5000, 'gone.bin', '.', 'pipe')
+    expected = pvibr.PvibrWarning if gone else pvibr.GltfError
+    path = rich.write()
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        with pytest.raises(expected, match=rf'{kind}\[0\].uri') as caught:
+            pvibr.read_gltf(path)
+    assert len(str(caught.value)) < 300
+
+
+def test_a_file_in_a_folder_below_may_be_named(glb):
+    glb.shown(glb.primitive())
+    (glb.folder / 'parts').mkdir()
+    (glb.folder / 'parts' / 'a b.bin').write_bytes(glb.blob)
+    glb.json['buffers'] = [{'uri': './parts/a%20b.bin', 'byteLength': len(glb.blob)}]
+    glb.blob = b''
+    assert pvibr.read_gltf(glb.write()).mesh().n_cells == 2
+
+
+def test_a_buffer_shorter_than_it_says(glb):
+    glb.shown(glb.primitive())
+    glb.json['buffers'] = [{'byteLength': 2**50}]
+    with pytest.raises(pvibr.GltfError, match=r'buffers\[0\].byteLength is 1125899906842624'):
+        pvibr.read_gltf(glb.write())
+
+
+def test_a_buffer_without_bytes(glb):
+    glb.shown(glb.primitive())
+    path = glb.folder / 'a.gltf'
+    path.write_text(json.dumps(glb.json | {'buffers': [{'byteLength': 4}]}), encoding='utf-8')
+    with pytest.raises(pvibr.GltfError, match=r'buffers\[0\] has no uri'):
+        pvibr.read_gltf(path)
+
+
+# Anything at all
+
+
+def survives(path):
+    """Read a file: our error, or a figure whose every pose is finite."""
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        warnings.simplefilter('ignore', pvibr.PvibrWarning)
+        try:
+            figure = pvibr.read_gltf(path)
+        except pvibr.GltfError:
+            return
+        for i in range(len(figure.bodies)):
+            pose = figure.sample(0.3)
+            assert np.isfinite(figure.posed(i, pose)[0]).all()
+
+
+FUZZ = settings(
+    max_examples=200,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+
+
+@FUZZ
+@given(data=st.data())
+def test_flipped_bytes(rich, data):
+    broken = bytearray(rich.bytes())
+    for _ in range(data.draw(st.integers(1, 6))):
+        broken[data.draw(st.integers(0, len(broken) - 1))] = data.draw(st.integers(0, 255))
+    path = rich.folder / 'broken.glb'
+    path.write_bytes(broken)
+    survives(path)
+
+
+NUMBERS = st.one_of(
+    st.integers(-2, 20),
+    st.sampled_from([2**31, 2**32, 2**53, 2**64, 10**300, -(2**63), 1e308, 1e-320, 0.5]),
+    st.none(),
+    st.sampled_from(['', 'VEC2', [], {}, [0], True]),
+)
+
+
+@FUZZ
+@given(seed=st.integers(0, 10**6), value=NUMBERS)
+@example(seed=0, value=None)
+def test_any_value_replaced(rich, seed, value):
+    sound, places = rich.json, list(_places(rich.json))
+    way = places[seed % len(places)]
+    rich.json = copy.deepcopy(sound)
+    try:
+        functools.reduce(operator.getitem, way[:-1], rich.json)[way[-1]] = value
+        survives(rich.write())
+    finally:
+        rich.json = sound
+
+
+def _places(value, way=()):
+    if isinstance(value, dict | list):
+        for key in value if isinstance(value, dict) else range(len(value)):
+            yield (*way, key)
+            yield from _places(value[key], (*way, key))
