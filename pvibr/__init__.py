@@ -15,6 +15,7 @@ import importlib
 
 _EXPORTS = {
     'Afterglow': 'pvibr.effects.glow',
+    'Aim': 'pvibr.animation.constraints',
     'Atlas': 'pvibr.actors.atlas',
     'Backdrop': 'pvibr.effects.screen',
     'Bloom': 'pvibr.effects.bloom',
@@ -22,6 +23,7 @@ _EXPORTS = {
     'Clip': 'pvibr.animation.clip',
     'ClosedError': 'pvibr.errors',
     'Correctives': 'pvibr.animation.correctives',
+    'Copy': 'pvibr.animation.constraints',
     'DepthOfField': 'pvibr.effects.depth_of_field',
     'Effect': 'pvibr.effect',
     'Figure': 'pvibr.animation.figure',
@@ -36,6 +38,8 @@ _EXPORTS = {
     'Instances': 'pvibr.actors.instances',
     'Iris': 'pvibr.effects.screen',
     'Layer': 'pvibr.animation.mixer',
+    'KeepLimits': 'pvibr.animation.constraints',
+    'Limit': 'pvibr.animation.limits',
     'LiveTexture': 'pvibr.effects.live_texture',
     'Mirror': 'pvibr.effects.live_texture',
     'Mixer': 'pvibr.animation.mixer',
@@ -53,6 +57,8 @@ _EXPORTS = {
     'Projectors': 'pvibr.effects.projector',
     'PvibrError': 'pvibr.errors',
     'PvibrWarning': 'pvibr.errors',
+    'Reach': 'pvibr.animation.reach',
+    'Rig': 'pvibr.animation.rig',
     'ShaderError': 'pvibr.errors',
     'Shadows': 'pvibr.effects.shadows',
     'Skeleton': 'pvibr.animation.skeleton',

@@ -113,7 +113,7 @@ class _Task:
         # Which joints move which effector, times its weight.
         self.share = np.zeros((len(effectors), n, 1))
         for row, (effector, weight) in enumerate(zip(effectors, weights, strict=True)):
-            self.share[row, chain.path(effector)] = weight
+            self.share[row, chain.path(effector)[:-1]] = weight
         self.limits, self.at = limits, limits.at
         self.axis = limits.axis[self.at].T.copy()
         self.open = np.ones((n, 3))
@@ -184,7 +184,7 @@ class _Task:
         return self.pose(delta / np.sqrt((delta * delta).sum(0)))
 
     def kicked(self, pose, times):
-        """Return the pose with every joint turned a little, the same way at each call."""
-        n = len(self.chain)
-        rng = np.random.default_rng(times)
-        return self.moved(pose, rng.uniform(-1, 1, (n, 3)) * self.open, largest=0.4 * times)
+        """Return the pose with all joints that count turned, the same way at each call."""
+        turns = np.random.default_rng(times).uniform(-1, 1, self.open.shape)
+        turns = turns * self.open * self.share.any(0)
+        return self.moved(pose, turns, largest=0.4 * times)

@@ -198,7 +198,7 @@ def _swept(task, rotations, method, iterations):
             if kicks == _KICKS:
                 break
             kicks, waited = kicks + 1, 0
-            sweeps = _sweeps(task, _kicked(task.chain, np.array(best), kicks))
+            sweeps = _sweeps(task, _kicked(task, np.array(best), kicks))
         # Where limits stop FABRIK, which looks no farther than the next bone, CCD goes on.
         getattr(sweeps, 'ccd' if waited else method)()
         done += 1
@@ -210,11 +210,15 @@ def _sweeps(task, rotations):
     return Sweeps(task.chain, rotations, effectors, task.targets, task.weights.tolist())
 
 
-def _kicked(chain, rotations, times):
-    """Turn all joints a bit, the same at each call: a straight chain cannot fold by itself."""
+def _kicked(task, rotations, times):
+    """Turn what can help, the same at each call: a straight chain cannot fold by itself."""
+    chain = task.chain
     rng = np.random.default_rng(times)
     turns = quaternions.exp(rng.uniform(-0.3, 0.3, (len(chain), 3)))
-    return chain.limits.clamped(quaternions.multiply(turns, rotations))
+    bent = rotations.copy()
+    joints = sorted({joint for e in task.effectors for joint in chain.path(e)[:-1]})
+    bent[joints] = quaternions.multiply(turns, rotations)[joints]
+    return chain.limits.clamped(bent)
 
 
 def _two_bone(chain, rotations, effector, target):

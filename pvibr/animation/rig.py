@@ -1,0 +1,216 @@
+"""A rig: what is done to every pose of a skeleton, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pvibr.animation.limits import Limits
+
+
+class Rig:
+    """A skeleton with limits, constraints and targets to reach.
+
+    The steps are done in the order given, each on the pose that the one before left: constraints
+    before and after :class:`~pvibr.animation.reach.Reach` differ in what they see. A step keeps
+    the limits of the joints that it turns.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The joints.
+    steps : sequence of Reach, Aim, Copy or KeepLimits
+        What to do.
+    limits : dict of (str or int) to Limit, optional
+        Limits of joints, counted from the skeleton's pose at rest.
+
+    Attributes
+    ----------
+    skeleton : Skeleton
+        The joints.
+    steps : tuple
+        What is done.
+    limits : Limits
+        The limits.
+
+    Raises
+    ------
+    ValueError
+        If a step or a limit names a joint that is not there, or an effector that does not hang
+        on its root.
+
+    Examples
+    --------
+    >>> from pvibr import Limit, Pose, Reach, Rig, Skeleton
+    >>> bones = Pose([[0, 0, 0], [1, 0, 0], [1, 0, 0]])
+    >>> arm = Skeleton([-1, 0, 1], bones, ['shoulder', 'elbow', 'hand'])
+    >>> rig = Rig(arm, [Reach('hand')], {'elbow': Limit.hinge([0, 0, 1], 0.0, 2.6)})
+    >>> pose = rig.solve(arm.rest, {'hand': [1.0, 1.0, 0.0]})
+    >>> arm.world(pose)[2, :3, 3].round(2) + 0.0
+    array([1., 1., 0.])
+    """
+
+    def __init__(self, skeleton, steps, limits=None):
+        self.skeleton = skeleton
+        self.steps = tuple(steps)
+        limits = {skeleton.index(joint): limit for joint, limit in (limits or {}).items()}
+        self._limits = limits
+        self.limits = Limits(limits, skeleton.rest.rotation)
+        self._bound = [step.bound(self) for step in self.steps]
+
+    def limit(self, joint):
+        """Return the limit of a joint.
+
+        Parameters
+        ----------
+        joint : int
+            Its number.
+
+        Returns
+        -------
+        Limit or None
+            None if it is free.
+        """
+        return self._limits.get(joint)
+
+    def solve(self, pose, targets=None):
+        """Return a pose after all steps.
+
+        Parameters
+        ----------
+        pose : Pose
+            One pose: of a clip, or the one solved before.
+        targets : dict of str to array_like, shape (3,), optional
+            Points in the figure's space by name: for :class:`~pvibr.animation.reach.Reach`
+            the names of effectors, for others the names that they ask for. An effector without
+            a target is left alone.
+
+        Returns
+        -------
+        Pose
+            A new pose.
+
+        Raises
+        ------
+        ValueError
+            If there are several poses, or a target is no point or nobody asks for it.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pvibr import Aim, Pose, Rig, Skeleton
+        >>> eye = Skeleton([-1], Pose([[0, 0, 0]]), ['eye'])
+        >>> pose = Rig(eye, [Aim('eye', 'moon', axis=[1, 0, 0])]).solve(
+        ...     eye.rest, {'moon': [0, 0, 5]}
+        ... )
+        >>> (pose.matrices()[0, :3, 0] + 0.0).round(9).tolist()
+        [0.0, 0.0, 1.0]
+        """
+        if pose.shape or pose.n_joints != len(self.skeleton):
+            msg = (
+                f'pose is of shape {pose.translation.shape[:-1]}; it must be one pose of the '
+                f"skeleton's {len(self.skeleton)} joints."
+            )
+            raise ValueError(msg)
+        targets = self._targets(targets or {})
+        for step in self._bound:
+            pose = step(pose, targets)
+        return pose
+
+    def kept(self, rotation, joint):
+        """Return the rotation of a joint, cut to its limit.
+
+        Parameters
+        ----------
+        rotation : array_like, shape (4,)
+            Relative to its parent, a unit quaternion (w, x, y, z).
+        joint : int
+            Its number.
+
+        Returns
+        -------
+        numpy.ndarray, shape (4,), float64
+            Inside of the limit.
+        """
+        if joint not in self._limits:
+            return rotation
+        rotations = self.skeleton.rest.rotation.copy()
+        rotations[joint] = rotation
+        return self.limits.clamped(rotations)[joint]
+
+    def _targets(self, targets):
+        if not isinstance(targets, Mapping):
+            msg = f'targets must map names to points, not be a {type(targets).__name__}.'
+            raise ValueError(msg)
+        asked = {name for step in self.steps for name in step.asks}
+        points = {}
+        for name, point in targets.items():
+            if name not in asked:
+                wanted = ', '.join(sorted(map(str, asked))) or 'nothing'
+                msg = f'no step asks for the target {name!r}; they ask for {wanted}.'
+                raise ValueError(msg)
+            points[name] = as_point(point, f'targets[{name!r}]')
+        return points
+
+
+def as_point(point, name):
+    """Return one point.
+
+    Parameters
+    ----------
+    point : array_like, shape (3,)
+        A point.
+    name : str
+        Its name in the error.
+
+    Returns
+    -------
+    numpy.ndarray, shape (3,), float64
+        The point.
+
+    Raises
+    ------
+    ValueError
+        If it is not three finite numbers.
+
+    Examples
+    --------
+    >>> from pvibr.animation.rig import as_point
+    >>> as_point([1, 2, 3], 'target').tolist()
+    [1.0, 2.0, 3.0]
+    """
+    values = np.asarray(point, dtype=np.float64)
+    if values.shape != (3,) or not np.isfinite(values).all():
+        msg = f'{name} is {point}; it must be three finite numbers.'
+        raise ValueError(msg)
+    return values
+
+
+def above(skeleton, world, joint):
+    """Return the matrix of a joint's parent: the space in which its own pose is said.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The joints.
+    world : numpy.ndarray, shape (n, 4, 4)
+        ``figure_from_joint``.
+    joint : int
+        The joint.
+
+    Returns
+    -------
+    numpy.ndarray, shape (4, 4), float64
+        ``figure_from_parent``, the identity for a root.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr import Skeleton
+    >>> from pvibr.animation.rig import above
+    >>> above(Skeleton([-1], [np.eye(4)]), np.eye(4)[None], 0).trace()
+    np.float64(4.0)
+    """
+    parent = skeleton.parents[joint]
+    return np.eye(4) if parent < 0 else world[parent]
