@@ -18,24 +18,32 @@ vec4 color_at(vec2 uv) {
   vec4 c = texture(ibr_color, ibr_place(uv));
   return vec4(ibr_number(c.r), ibr_number(c.g), ibr_number(c.b), ibr_number(c.a));
 }
-float depth_at(vec2 uv) {
+ivec2 ibr_pixel(vec2 uv) {
   ivec2 last = textureSize(ibr_depth, 0) - 1;
-  ivec2 at = clamp(ivec2(floor(ibr_place(uv) * vec2(last + 1))), ivec2(0), last);
-  float d = texelFetch(ibr_depth, at, 0).r;
+  return clamp(ivec2(floor(ibr_place(uv) * vec2(last + 1))), ivec2(0), last);
+}
+float depth_at(vec2 uv) {
+  float d = texelFetch(ibr_depth, ibr_pixel(uv), 0).r;
   if (d >= 1.0) return nothing;
   if (ibr_planes.z > 0.5) return mix(ibr_planes.x, ibr_planes.y, d);
   return ibr_planes.x * ibr_planes.y / (ibr_planes.y - d * (ibr_planes.y - ibr_planes.x));
 }
 
 //@surface
-uniform sampler2D ibr_surface;  // normal, number
+uniform sampler2D ibr_surface;  // as buffers.py has it
+uniform vec2 ibr_corner;        // where in it the picture begins, in texels
 vec4 ibr_surface_at(vec2 uv) {
-  ivec2 last = textureSize(ibr_surface, 0) - 1;
-  return texelFetch(ibr_surface,
-    clamp(ivec2(floor(ibr_place(uv) * vec2(last + 1))), ivec2(0), last), 0);
+  return texelFetch(ibr_surface, ibr_pixel(uv) + ivec2(ibr_corner), 0);
 }
-vec3 normal_at(vec2 uv) { return ibr_surface_at(uv).xyz; }
-int id_at(vec2 uv) { return int(ibr_surface_at(uv).w + 0.5) - 1; }
+vec3 normal_at(vec2 uv) {
+  vec4 t = ibr_surface_at(uv);
+  if (t.a <= 0.0 || t.x > 1.5) return vec3(0.0);
+  return vec3(t.xy, sqrt(max(1.0 - dot(t.xy, t.xy), 0.0)) * sign(t.z));
+}
+int id_at(vec2 uv) {
+  vec4 t = ibr_surface_at(uv);
+  return t.a > 0.0 ? int(abs(t.z) + 0.5) - 1 : -1;
+}
 
 //@main
 void main() {

@@ -17,6 +17,7 @@ _TYPES = {bool: 'bool', int: 'int', float: 'float', str: 'int', tuple: 'vec'}
 _RESERVED = ('uv', 'size', 'time', 'scale', 'nothing', 'effect')
 _ELSEWHERE = 100000  # the number of the first line that is not the user's
 _LINE = re.compile(r'^(?:ERROR:\s*)?\d+[:(](\d+)\)?(?:\(\d+\))?\s*:?\s*(.*)', re.IGNORECASE)
+_SURFACES = re.compile(r'\b(normal_at|id_at)\b')
 _COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/', re.DOTALL)
 #: Settings that are the effect's own and no uniforms of the text.
 _OWN = ('intensity', 'high_range')
@@ -130,6 +131,8 @@ class ImageEffect(Effect):
         frame : pvibr.frame.Frame
             The frame about to be drawn.
         """
+        if self._quad is None or self._built != (frame.window, self.source):
+            self._read()
         for name, image in self._images.items():
             if image.missing:
                 return f'{name}: {image.missing}'
@@ -148,10 +151,6 @@ class ImageEffect(Effect):
         quad = self._build(frame.window)
         textures = {'ibr_color': picture.color, 'ibr_depth': picture.depth}
         textures |= {n: i.texture(frame.window, frame.time) for n, i in self._images.items()}
-        if self._sees('normal_at', 'id_at'):
-            things = self.pipeline.things
-            geometry = self.pipeline.buffers.geometry(frame, picture.size, things)
-            textures['ibr_surface'] = geometry.surface
         uniforms = {
             'ibr_tile': frame.tile,
             'ibr_planes': (frame.near, frame.far, float(frame.parallel)),
@@ -160,6 +159,10 @@ class ImageEffect(Effect):
             'time': frame.time,
             'scale': float(frame.scale),
         }
+        if self.surfaces:
+            geometry = self.pipeline.buffers.geometry(frame, picture, self.pipeline.things)
+            textures['ibr_surface'] = geometry.surface
+            uniforms['ibr_corner'] = [float(x) for x in geometry.origin]
         with picture.drawing():
             quad.draw(uniforms | self._values(), textures)
 
@@ -173,17 +176,17 @@ class ImageEffect(Effect):
             values[name] = int(value) if isinstance(value, bool) else value
         return values
 
-    def _sees(self, *names) -> bool:
-        text = _COMMENT.sub(' ', self._text)
-        return any(re.search(rf'\b{name}\b', text) for name in names)
+    @property
+    def surfaces(self) -> bool:
+        """Whether the text names what is drawn for that alone."""
+        return bool(_SURFACES.search(_COMMENT.sub(' ', self._text)))
 
     def _build(self, window) -> Quad:
         if self._quad is not None and self._built == (window, self.source):
             return self._quad
         self._forget()
-        self._read()
         entries = sections(shader_source(__file__))
-        head = entries['head'] + (entries['surface'] if self._sees('normal_at', 'id_at') else '')
+        head = entries['head'] + (entries['surface'] if self.surfaces else '')
         declared = [f'uniform {_type_of(p)} {n};' for n, p in _uniforms(type(self)).items()]
         declared += [f'uniform sampler2D {name};' for name in self._images]
         own = '\n'.join(declared)

@@ -1,0 +1,279 @@
+"""What every effect on pixels keeps to, whatever it does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import pvibr
+from pvibr.effect import Effect
+from pvibr.effects import ORDER
+from pvibr.errors import ClosedError
+from pvibr.gl import Quad
+
+SIZE = (96, 64)
+SMOOTH = np.dstack([*np.meshgrid(np.linspace(0, 1, 96), np.linspace(1, 0, 64)), np.ones((64, 96))])
+INVERT = 'vec4 effect(vec2 uv) { vec4 c = color_at(uv); return vec4(c.a - c.rgb, c.a); }'
+
+
+def things(pl):
+    return [a for a in pl.renderer.actors.values() if isinstance(a, pv.Actor)]
+
+
+#: Name to how it is made so that it is seen, and to the settings that make it nothing.
+EVERY = {
+    'Sky': (lambda _: pvibr.Sky(), {'opacity': 0}),
+    'Backdrop': (lambda _: pvibr.Backdrop(SMOOTH), {'opacity': 0}),
+    'DepthOfField': (lambda _: pvibr.DepthOfField(distance=2, radius=0.2), {'radius': 0}),
+    'Glow': (lambda pl: pvibr.Glow(things(pl)[:1]), {'intensity': 0}),
+    'Afterglow': (lambda pl: pvibr.Afterglow(things(pl)[:1]), {'intensity': 0}),
+    'Bloom': (lambda _: pvibr.Bloom(threshold=0.2), {'intensity': 0}),
+    'ToneMapping': (lambda _: pvibr.ToneMapping(exposure=2, curve='aces'), {'intensity': 0}),
+    'Outline': (lambda _: pvibr.Outline(color=(1, 0, 1)), {'opacity': 0}),
+    'ImageEffect': (lambda _: pvibr.ImageEffect(INVERT), {'intensity': 0}),
+    'Picture': (lambda _: pvibr.Picture(SMOOTH), {'opacity': 0}),
+    'NightVision': (lambda _: pvibr.NightVision(), {'intensity': 0}),
+    'Vignette': (lambda _: pvibr.Vignette(radius=0, softness=0.5), {'intensity': 0}),
+    'Flash': (lambda _: pvibr.Flash(at=0), {'at': None}),
+    'Iris': (lambda _: pvibr.Iris(opening=0.4, color=(1, 0, 0)), {'opening': 1}),
+}
+#: Those that know nothing of what lies beyond the border of a tile, and how much that may be.
+BEYOND = {'Bloom': 32, 'Glow': 32, 'Afterglow': 32, 'DepthOfField': 12}
+#: Those that draw over the background, which is opaque then.
+COVERS = ('Picture', 'Flash', 'Iris', 'Outline', 'Glow', 'Afterglow', 'Bloom', 'DepthOfField')
+
+
+def scene(pl, *, text=False):
+    pl.disable_anti_aliasing()
+    pl.set_background((0.2, 0.3, 0.4))
+    pl.add_mesh(pv.Sphere(), color='tan', smooth_shading=True)
+    pl.add_mesh(pv.Cube(center=(0.5, 0.4, -0.4), x_length=0.6), color='red')
+    if text:
+        pl.add_text('text', font_size=14, color='magenta')
+    pl.camera_position = [(0, -3, 2), (0.1, 0, 0), (0, 0, 1)]
+    return pl
+
+
+def plotter(size=SIZE, **settings):
+    pl = scene(pv.Plotter(window_size=size), **settings)
+    pl.show(auto_close=False)
+    return pl
+
+
+@pytest.fixture
+def pl():
+    return plotter()
+
+
+def shot(pl, **how):
+    pl.render()
+    return pl.screenshot(return_img=True, **how).astype(int)
+
+
+def off(one, other):
+    return np.abs(one - other).max(axis=2)
+
+
+def add(pl, name):
+    return pl.ibr.add(EVERY[name][0](pl))
+
+
+def nothing(effect):
+    for setting, value in EVERY[effect.name][1].items():
+        setattr(effect, setting, value)
+
+
+def test_every_effect_on_pixels_is_here():
+    drawn = [n for n in ORDER if callable(getattr(getattr(pvibr, n, None), 'render', None))]
+    assert drawn == list(EVERY)
+
+
+every = pytest.mark.parametrize('name', EVERY)
+
+
+@every
+def test_on_off_removed_and_added_again(pl, name):
+    before = shot(pl)
+    effect = add(pl, name)
+    on = shot(pl)
+    assert pl.ibr.report().rows[0].state == 'ran', pl.ibr.report()
+    assert off(on, before).max() > 15
+    np.testing.assert_array_equal(shot(pl), on)
+    nothing(effect)
+    np.testing.assert_array_equal(shot(pl), before)
+    row = pl.ibr.report().rows[0]
+    assert row.state == 'skipped'
+    assert row.why
+    pl.ibr.remove(effect)
+    assert effect.report()['bytes'] == 0
+    np.testing.assert_array_equal(shot(pl), before)
+    assert pl.ibr.report().picture_bytes == 0
+    made = EVERY[name][0](pl)
+    effect.restore(made.state())
+    pl.ibr.add(effect)
+    np.testing.assert_array_equal(shot(pl), on)
+
+
+@every
+def test_own_subplot_and_no_annotation(name):
+    pl = pv.Plotter(shape=(1, 2), window_size=(2 * SIZE[0], SIZE[1]), border=False)
+    for i in range(2):
+        pl.subplot(0, i)
+        scene(pl, text=True)
+    pl.show(auto_close=False)
+    before = shot(pl)
+    add(pl, name)
+    after = shot(pl)
+    np.testing.assert_array_equal(after[:, : SIZE[0]], before[:, : SIZE[0]])
+    assert off(after, before).max() > 15
+    text = (before == [255, 0, 255]).all(axis=2)
+    assert text[:, SIZE[0] :].sum() > 20
+    np.testing.assert_array_equal(after[text], before[text])
+
+
+@every
+def test_two_plotters_know_nothing_of_each_other(pl, name):
+    other = plotter()
+    before = shot(other)
+    one, two = add(pl, name), add(other, name)
+    assert (off(shot(pl), shot(other)) <= 1).all()
+    nothing(two)
+    np.testing.assert_array_equal(shot(other), before)
+    pl.close()
+    with pytest.raises(ClosedError, match='make a new one'):
+        pl.ibr.add(one)
+    np.testing.assert_array_equal(shot(other), before)
+
+
+@every
+def test_transparent_background(pl, name):
+    before = shot(pl, transparent_background=True)
+    add(pl, name)
+    after = shot(pl, transparent_background=True)
+    opaque = before[..., 3] == 255
+    assert 0.1 < opaque.mean() < 0.9
+    if name in COVERS:
+        assert (after[..., 3] >= before[..., 3] - (255 if name == 'DepthOfField' else 0)).all()
+        assert (after[opaque][:, 3] == 255).all() or name == 'DepthOfField'
+    else:
+        np.testing.assert_array_equal(after[..., 3], before[..., 3])
+
+
+class Hole(Effect):
+    """One pixel that is no number, or black."""
+
+    value = 'zero / zero'
+    quad = None
+
+    def render(self, frame, picture):
+        if self.quad is None:
+            text = f"""uniform float zero; uniform sampler2D color; void main() {{
+              bool hole = ivec2(gl_FragCoord.xy) == ivec2(40, 24);
+              vec4 c = texture(color, uv);
+              gl_FragData[0] = hole ? vec4(vec3({self.value}), c.a) : c; }}"""
+            self.quad = Quad(frame.window, text, self.name)
+        with picture.drawing():
+            self.quad.draw({'zero': 0.0}, {'color': picture.color})
+
+    def release(self):
+        if self.quad is not None:
+            self.quad.release()
+            self.quad = None
+
+
+@every
+def test_a_pixel_that_is_no_number_does_not_spread(name):
+    found = []
+    for value in (Hole.value, '0.0'):
+        pl = plotter()
+        hole = Hole()
+        hole.value, hole.high_range = value, True
+        pl.ibr.add(hole)
+        add(pl, name)
+        found.append(shot(pl))
+        assert [r.state for r in pl.ibr.report().rows] == ['ran', 'ran'], pl.ibr.report()
+        pl.close()
+    far = np.ones(SIZE[::-1], bool)
+    far[64 - 24 - 2 : 64 - 24 + 1, 39:42] = False
+    assert off(*found)[far].max() <= 2
+
+
+@every
+def test_sizes_of_windows(pl, name):
+    effect = add(pl, name)
+    for size in ((1, 1), (130, 7), (7, 90), SIZE):
+        pl.window_size = size
+        found = shot(pl)
+        assert found.shape[:2] == size[::-1]
+    assert effect.enabled, pl.ibr.report()
+    fresh = plotter()
+    add(fresh, name)
+    assert (off(found, shot(fresh)) <= 1).all()
+
+
+@every
+def test_a_screenshot_in_tiles_is_that_of_a_larger_window(pl, name):
+    """Pixels beside the seams too, as far as what lies beyond a tile does not matter."""
+    if name in ('Outline', 'Afterglow'):
+        pytest.xfail('not yet')
+    effect = add(pl, name)
+    if name == 'NightVision':
+        effect.grain = 0
+    if name == 'Outline':
+        effect.width = 1
+    shot(pl)
+    tiled = shot(pl, scale=2)
+    large = plotter((2 * SIZE[0], 2 * SIZE[1]))
+    other = add(large, name)
+    if name == 'NightVision':
+        other.grain = 0
+    if name == 'Outline':
+        other.width = 2
+    differ = off(tiled, shot(large))
+    assert differ.max() <= BEYOND.get(name, 2)
+    assert differ.mean() <= (3 if name in BEYOND else 0.1)
+    seam = np.abs(np.diff(tiled, axis=1)).mean(axis=(0, 2))
+    expected = np.abs(np.diff(shot(large), axis=1)).mean(axis=(0, 2))
+    assert (seam - expected)[SIZE[0] - 6 : SIZE[0] + 6].max() < 2
+
+
+def volume(pl):
+    grid = pv.ImageData(dimensions=(12, 12, 12), spacing=(0.1, 0.1, 0.1), origin=(-1.2, -0.6, 0))
+    grid['v'] = np.linalg.norm(grid.points - grid.center, axis=1)
+    pl.add_volume(grid, opacity=[0.3, 0.1, 0, 0], show_scalar_bar=False)
+
+
+COMPANY = {
+    'ssaa': lambda pl: pl.enable_anti_aliasing('ssaa'),
+    'msaa': lambda pl: pl.enable_anti_aliasing('msaa'),
+    'ssao': lambda pl: pl.enable_ssao(),
+    'edl': lambda pl: pl.enable_eye_dome_lighting(),
+    'peeling': lambda pl: pl.enable_depth_peeling(),
+    'volume': volume,
+    'translucent': lambda pl: None,
+}
+
+
+@pytest.mark.parametrize('company', COMPANY)
+def test_beside_what_a_plotter_enables(pl, company):
+    """Each alone, then all at once: they run, nothing of the frame before stays, no VTK error."""
+    pl.add_mesh(pv.Cube(center=(-0.5, -0.5, 0.3), x_length=0.4), color='blue', opacity=0.5)
+    COMPANY[company](pl)
+    before = shot(pl)
+    for name in EVERY:
+        effect = add(pl, name)
+        shot(pl)
+        found = shot(pl)
+        assert pl.ibr.report().rows[0].state == 'ran', pl.ibr.report()
+        assert off(found, before).max() > 10, name
+        np.testing.assert_array_equal(shot(pl), found)
+        pl.ibr.remove(effect)
+        assert off(shot(pl), before).max() <= 1, name
+    for name in EVERY:
+        if name != 'Sky':  # a backdrop is behind the scene already
+            add(pl, name)
+    shot(pl)
+    assert all(r.state == 'ran' for r in pl.ibr.report().rows), pl.ibr.report()
+    pl.ibr.clear()
+    assert off(shot(pl), before).max() <= 1
