@@ -279,4 +279,4 @@ def _surface(mesh, name):
     if mesh is None:
         msg = f'{name} is empty.'
         raise ValueError(msg)
-    return mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface()
+    return mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface(algorithm=None)
