@@ -6,15 +6,15 @@ import math
 from typing import Any
 
 from pvibr.effect import Effect
-from pvibr.gl.blur import Blur, halves
+from pvibr.gl.blur import CHAINS, Blur, Light
 from pvibr.params import Param
 
 
 class Shine(Effect):
-    """Light, blurred by Gaussians on ever smaller images, on a picture.
+    """Light, blurred on ever smaller images, on a picture.
 
-    A subclass has ``_draw_source(frame, picture, target)``, which draws the light at
-    2 / `reduction` of the picture's size, and ``_forget()``, which frees what that takes.
+    A subclass has ``_draw_source(frame, picture, target, side)``, which draws the light in
+    squares of `side` pixels, and ``_forget()``, which frees what that takes.
 
     Parameters
     ----------
@@ -27,7 +27,11 @@ class Shine(Effect):
         8, 'Size of the picture to that of its first blur; less is sharper and slower.',
         choices=(4, 8, 16),
     )  # fmt: skip
-    kernel = Param(5, 'Texels of each blur, odd.', choices=tuple(range(3, 33, 2)), unit='px')
+    chain = Param(
+        'gaussian', 'How each blur is made: a Gaussian along each axis, or the 13 taps and tents '
+        'of Jimenez (SIGGRAPH 2014), fewer passes of one width.', choices=CHAINS,
+    )  # fmt: skip
+    kernel = Param(5, 'Texels of each Gaussian, odd.', choices=tuple(range(3, 33, 2)), unit='px')
     levels = Param(
         None, 'How many blurs, each on an image of half the size; from the picture unless given.',
         kind=int, range='[1, 10]',
@@ -40,7 +44,8 @@ class Shine(Effect):
 
     _blur: Any = None
     _window: Any = None
-    _dark = False
+    _light: Light | None = None
+    _seen: tuple = ()
 
     def needed(self, frame):
         """Tell whether a frame needs it.
@@ -62,37 +67,57 @@ class Shine(Effect):
         picture : pvibr.gl.picture.Picture
             Its pixels.
         """
-        blur = self._ready(frame.window, picture.size)
-        self._draw_source(frame, picture, blur.source)
-        self._dark = blur.is_dark()
-        if self._dark and not self.debug:
-            return
-        light, scale = blur.source.colors[0], self.reduction // 2
-        if self.debug != 'bright':
-            light, scale = blur.draw(light, self.spread), self.reduction
-        blur.blend(
-            picture, light, scale,
-            intensity=1.0 if self.debug else self.intensity,
-            screen=self.blend == 'screen', alone=bool(self.debug),
-        )  # fmt: skip
+        tile = None
+        if self._is_part(frame):
+            left, bottom = frame.tile[:2]
+            tile = frame.scale, (left * frame.whole[0], bottom * frame.whole[1])
+        else:
+            self._light = self._spread_light(frame, picture)
+            self._seen = _sight(frame)
+        if self._light is not None:
+            self._blur.blend(
+                picture, self._light, tile=tile,
+                intensity=1.0 if self.debug else self.intensity,
+                screen=self.blend == 'screen', alone=bool(self.debug),
+            )  # fmt: skip
 
-    def _draw_source(self, frame, picture, target):
+    def _is_part(self, frame):
+        """Tell whether a frame is a tile of a picture whose light is known."""
+        return frame.scale > 1 and self._blur is not None and self._seen == _sight(frame)
+
+    def _spread_light(self, frame, picture):
+        """Return the light of a picture, None where there is none."""
+        # A tile of a picture that was not drawn whole has no light but its own.
+        side = self.reduction // 2 * frame.scale
+        blur = self._ready(frame, picture.size, side)
+        self._draw_source(frame, picture, blur.source, side)
+        lit = blur.lit()
+        if self.debug == 'bright':
+            return Light(blur.source.colors[0], side, (0, 0, *picture.size))
+        if lit is None:
+            return Light(blur.source.colors[0], side, (0,) * 4) if self.debug else None
+        reach = blur.reach
+        box = [side * b for b in (lit[0] - reach, lit[1] - reach, lit[2] + reach, lit[3] + reach)]
+        return Light(blur.draw(blur.source.colors[0], self.spread), 2 * side, tuple(box))
+
+    def _draw_source(self, frame, picture, target, side):
         raise NotImplementedError
 
-    def _ready(self, window, size):
-        small = halves(size, int(math.log2(self.reduction)) - 1)
-        key = small, self._levels(size), self.kernel
+    def _ready(self, frame, size, side):
+        extent = size[0] / side, size[1] / side
+        key = extent, self._levels(frame.whole[1] / side), self.kernel, self.chain
+        window = frame.window
         if self._blur is not None and (self._window is not window or self._blur.key != key):
             self._forget_blur()
         if self._blur is None:
             self._blur, self._window = Blur(window, *key), window
         return self._blur
 
-    def _levels(self, size):
+    def _levels(self, rows):
         """As many that the last one has about twenty rows, whatever the picture's size."""
         if self.levels is not None:
             return self.levels
-        return max(1, 1 + round(math.log2(max(size[1] / self.reduction / 20, 1))))
+        return max(1, 1 + round(math.log2(max(rows / 40, 1))))
 
     def _forget(self):
         """Free what `_draw_source` made."""
@@ -105,9 +130,18 @@ class Shine(Effect):
     def _forget_blur(self):
         if self._blur is not None:
             self._blur.release()
-            self._blur = None
+        self._blur = self._light = None
+        self._seen = ()
 
     def report(self) -> dict:
         """Return what it has to tell; see :meth:`pvibr.Effect.report`."""
-        details = {'bytes': self._blur.nbytes if self._blur else 0}
-        return details | ({'skipped': 'there is no light to spread'} if self._dark else {})
+        if self._blur is None:
+            return {'bytes': 0}
+        details = {'bytes': self._blur.nbytes}
+        return details if self._light else details | {'skipped': 'there is no light to spread'}
+
+
+def _sight(frame):
+    """Return what a whole picture and its tiles have in common."""
+    whole = tuple(round(side / frame.scale) for side in frame.whole)
+    return frame.view_from_world.tobytes(), whole, frame.time

@@ -28,11 +28,18 @@ class Stand:
         self.color = Texture(window, filter='linear').upload(array)  # as a frame's picture is
         self.target = Target(window, *self.size, ('rgba16f',))
         self.drawing = self.target.drawing
+        self.scale, self.whole, self.time, self.view_from_world = 1, self.size, 0.0, np.eye(4)
+        self._ground = Target(window, *self.size)
+
+    def ground(self, *, ends_at_one=False):
+        """Return what light is blended on, as for the last effect of a frame."""
+        return self._ground
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self.color.release()
         self.target.release()
+        self._ground.release()
 
 
 def in_copies(stand, jobs, rounds) -> dict:

@@ -1,42 +1,62 @@
 // Bloom: bright light spreads. bright: what lies above the threshold, averaged over squares of the
 // picture.
 // Brightness S is the largest channel, so that colours keep their hue and blue shines like green;
-// it is that of 2 x 2 pixels, one bilinear tap. Half-open squares, counted in pixels.
+// it is that of 2 x 2 pixels, one bilinear tap, or of one pixel where lone ones are calmed.
+// CALM: a weighted mean, by 1 / (1 + calm S): B. Karis, "Tone mapping", graphicrants.blogspot.com,
+// 2013; partial, within each square: J. Jimenez, "Next generation post processing in Call of Duty:
+// Advanced Warfare", SIGGRAPH 2014, slides 166 to 168. Half-open squares, counted in pixels.
 // Inputs: color (display values, above 1 where the frame has them; alpha 0 where only a plain
 // background is; linear filter).
-// Defines: TAPS along a side of a square of 2 TAPS pixels; WAY 0 subtract, 1 keep, 2 soft.
+// Defines: TAPS and STEP, along a side of a square of TAPS * STEP pixels; WAY 0 subtract, 1 keep,
+// 2 soft; FLOATS where colours may be endless or no numbers; CALM.
 //@bright
 uniform sampler2D color;
+uniform vec2 pixel;        // of the picture, one over its size
 uniform float threshold;
-uniform float knee;
+uniform vec2 ramp;         // of the soft step: factor and summand that take its ends to 0 and 1
 uniform float background;  // 1 where a plain background shines too
 uniform float saturation;
-vec3 above(vec4 c)
+uniform float calm;
+vec4 above(vec4 c)
 {
-  // What is endless would stay in sums for ever.
-  vec3 s = clamp(c.rgb, 0.0, 10000.0) * mix(clamp(c.a, 0.0, 1.0), 1.0, background);
+#if FLOATS
+  // What is endless would stay in sums for ever; NaN fails every comparison.
+  if (!(dot(c, vec4(1.0)) < 1e9)) return vec4(0.0);
+  c.rgb = clamp(c.rgb, 0.0, 10000.0);
+#endif
+  vec3 s = c.rgb * clamp(c.a + background, 0.0, 1.0);
   float b = max(s.r, max(s.g, s.b));
 #if WAY == 0
   float kept = max(b - threshold, 0.0) / max(b, 1e-9);
 #elif WAY == 1
   float kept = b > threshold ? 1.0 : 0.0;
 #else
-  float kept = smoothstep(threshold - knee, threshold + knee, b);
+  float t = clamp(b * ramp.x + ramp.y, 0.0, 1.0);
+  float kept = t * t * (3.0 - 2.0 * t);
 #endif
-  // NaN fails every comparison.
-  return dot(c, vec4(1.0)) < 1e9 ? mix(vec3(b), s, saturation) * kept : vec3(0.0);
+  vec3 light = mix(vec3(b), s, saturation) * kept;
+#if CALM
+  float weight = 1.0 / (1.0 + calm * b * kept);
+  return vec4(light, 1.0) * weight;
+#else
+  return vec4(light, 1.0);
+#endif
 }
 void main()
 {
-  vec2 pixel = 1.0 / vec2(textureSize(color, 0));
-  vec2 first = gl_FragCoord.xy * float(2 * TAPS) - float(TAPS) + 1.0;
-  vec3 sum = vec3(min(uv.x, 0.0));
+  vec2 first = (gl_FragCoord.xy * float(TAPS * STEP) - 0.5 * float((TAPS - 1) * STEP)) * pixel;
+  vec4 sum = vec4(min(uv.x, 0.0));
   for (int j = 0; j < TAPS; ++j)
   {
     for (int i = 0; i < TAPS; ++i)
     {
-      sum += above(texture(color, (first + 2.0 * vec2(i, j)) * pixel));
+      sum += above(texture(color, first + float(STEP) * vec2(i, j) * pixel));
     }
   }
-  gl_FragData[0] = vec4(sum / float(TAPS * TAPS), 1.0);
+#if CALM
+  gl_FragData[0] = vec4(sum.rgb / max(sum.a, 1e-9), 1.0);
+#else
+  gl_FragData[0] = vec4(sum.rgb / float(TAPS * TAPS), 1.0);
+#endif
+  gl_FragData[1] = vec4(1e9 * dot(sum.rgb, vec3(1.0)));
 }

@@ -7,6 +7,7 @@ from typing import Any
 from pvibr.gl import Quad, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.feature import sections
+from pvibr.maths.tones import to_display, to_light
 from pvibr.params import Param
 from pvibr.shine import Shine
 
@@ -22,6 +23,9 @@ class Bloom(Shine):
     of red, green and blue, averaged over 2 x 2 pixels. Pixels that no light reaches keep their
     colour, to the bit. Not for pictures whose colours are read as values all over: choose a high
     `threshold`, or light by object.
+
+    Where a :class:`pvibr.ToneMapping` exposes the picture, `threshold` and `knee` are those of
+    exposed colours: what is bright on the display shines.
 
     Parameters
     ----------
@@ -46,6 +50,10 @@ class Bloom(Shine):
         'S > T (heavier, and it flickers at T), soft S times a smooth step around T.',
         choices=_WAYS,
     )
+    calm = Param(
+        0.0, 'How much less lone bright pixels count, so that they do not flicker: 0 as others, '
+        'keeping energy, to 1 the partial average of Karis.', range='[0, 1]',
+    )  # fmt: skip
     knee = Param(0.1, 'Half the width of the soft step.', range='(0, inf)')
     saturation = Param(1.0, 'Colour of the light: 1 its own, 0 white.', range='[0, 1]')
     background = Param(False, 'Whether a plain background shines too.')
@@ -54,21 +62,44 @@ class Bloom(Shine):
     _bright: Any = None
     _made: tuple = ()
 
-    def _draw_source(self, frame, picture, target):
-        made = frame.window, self.reduction // 4, _WAYS.index(self.operator)
-        if self._made != made:
-            self._forget()
-            text = sections(shader_source(__file__))['bright']
-            text = f'#define TAPS {made[1]}\n#define WAY {made[2]}\n{text}'
-            self._bright, self._made = Quad(frame.window, text, 'bloom bright'), made
+    def _draw_source(self, frame, picture, target, side):
+        quad = self._quad(frame.window, side, picture.color.is_float)
+        threshold, low, high = self._limits(frame, picture)
+        factor = 1 / max(high - low, 1e-6)
         uniforms = {
-            'threshold': self.threshold,
-            'knee': self.knee,
+            'pixel': [1 / n for n in picture.size],
+            'threshold': threshold,
+            'ramp': (factor, -low * factor),
             'background': float(self.background),
             'saturation': self.saturation,
+            'calm': self.calm,
         }
         with filtered(picture.color), target.drawing():
-            self._bright.draw(uniforms, {'color': picture.color})
+            quad.draw(uniforms, {'color': picture.color})
+
+    def _limits(self, frame, picture):
+        """Return the threshold and the ends of the soft step before exposure."""
+        limits = self.threshold, self.threshold - self.knee, self.threshold + self.knee
+        stops = self.pipeline.stops(frame, picture) if self.pipeline else 0.0
+        if stops == 0:
+            return limits
+        found = to_display(to_light(limits) * 2.0**-stops)
+        # The curve has no colours below 0, where a wide knee may begin.
+        return [float(f) if n > 0 else n for f, n in zip(found, limits, strict=True)]
+
+    def _quad(self, window, side, is_float):
+        step = 1 if self.calm else 2
+        defines = {
+            'TAPS': side // step, 'STEP': step, 'WAY': _WAYS.index(self.operator),
+            'FLOATS': int(is_float), 'CALM': int(self.calm > 0),
+        }  # fmt: skip
+        made = window, defines
+        if self._made != made:
+            self._forget()
+            text = ''.join(f'#define {name} {value}\n' for name, value in defines.items())
+            text += sections(shader_source(__file__))['bright']
+            self._bright, self._made = Quad(window, text, 'bloom bright'), made
+        return self._bright
 
     def _forget(self):
         if self._bright is not None:

@@ -37,6 +37,7 @@ void main()
     }
   }
   gl_FragData[0] = vec4(sum / float(TAPS * TAPS), 1.0);
+  gl_FragData[1] = vec4(1e9 * dot(sum, vec3(1.0)));
 }
 //@fade
 uniform sampler2D light;
@@ -45,4 +46,5 @@ uniform float left;  // of the past, 0 to 1
 void main()
 {
   gl_FragData[0] = max(texture(light, uv), left * texture(past, uv));
+  gl_FragData[1] = vec4(1e9 * dot(gl_FragData[0].rgb, vec3(1.0)));
 }

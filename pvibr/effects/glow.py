@@ -16,15 +16,30 @@ from pvibr.maths.views import View
 from pvibr.params import Param
 from pvibr.shine import Shine
 
+_PBR = 3  # VTK_PBR
 # Zero, as any uniform is at first, leaves the scene's own drawing alone.
-_GLOW = Feature(
-    'glow',
-    fragment={
-        'VTK::DepthPeeling::Impl': """  if (ibr_glow > 0.0)
-    gl_FragData[0] = vec4(ibr_glow * gl_FragData[0].a * gl_FragData[0].rgb, 1.0);
+_DRAW = """  if (ibr_glow > 0.0) gl_FragData[0] = vec4(ibr_glow * {light}, 1.0);
 //VTK::DepthPeeling::Impl
 """
-    },
+# Before VTK leaves out what has no alpha.
+_SOLID = """//VTK::TCoord::Impl
+  float ibr_glow_alpha = gl_FragData[0].a;
+  gl_FragData[0].a = 1.0;
+"""
+
+
+def _feature(name, light, texts=()):
+    draw = _DRAW.replace('{light}', light)
+    return Feature(name, fragment={'VTK::DepthPeeling::Impl': draw, **dict(texts)})
+
+
+_COLOR = _feature('glow', 'gl_FragData[0].a * gl_FragData[0].rgb')
+_ALPHA = _feature(
+    'glow_alpha', 'ibr_glow_alpha * gl_FragData[0].rgb', {'VTK::TCoord::Impl': _SOLID}
+)
+# VTK's own way from light to the display for physically based materials.
+_EMISSIVE = _feature(
+    'glow_emissive', 'gl_FragData[0].a * pow(max(emissiveColor, 0.0), vec3(1.0 / 2.2))'
 )
 
 
@@ -33,12 +48,12 @@ class Glow(Shine):
 
     They are drawn once more, alone, and their light is blurred and added where something else
     does not hide them. Nothing else shines, however bright it is, so that colours that are read
-    as values stay. Instances and volumes cannot be chosen. Drawn at the picture's own size: an
-    actor of many triangles costs its time again.
+    as values stay. Volumes cannot be chosen. Drawn at the picture's own size: an actor of many
+    triangles costs its time again.
 
     Parameters
     ----------
-    actors : vtkActor or sequence of vtkActor
+    actors : vtkActor, pvibr.Instances, or sequence of them
         What shines; of the same subplot.
     strengths : float or sequence of float, optional
         How much each does, from 0; one for all, or one each.
@@ -62,6 +77,12 @@ class Glow(Shine):
     >>> glow.strengths
     (1.0,)
     """
+
+    source = Param(
+        'color', 'What shines: the colours that are drawn, by their opacity; the same, by the '
+        'alpha of a texture, which is then drawn opaque; or the emissive texture of physically '
+        'based materials alone.', choices=('color', 'alpha', 'emissive'),
+    )  # fmt: skip
 
     _gpu: Any = None
 
@@ -102,10 +123,23 @@ class Glow(Shine):
         return super().needed(frame)
 
     def _shining(self, renderer):
-        pairs = zip(self._actors, self._strengths, strict=True)
-        return [
-            (a, s) for a, s in pairs if s > 0 and a.GetVisibility() and renderer.HasViewProp(a)
-        ]
+        """Return the actors that shine now, each with its strength."""
+        found = []
+        for one, strength in zip(self._actors, self._strengths, strict=True):
+            if callable(getattr(one, 'drawn', None)):
+                drawn = one.drawn() if one.pipeline is self.pipeline else []
+            else:
+                drawn = [one] if one.GetVisibility() and renderer.HasViewProp(one) else []
+            found += [(a, strength) for a in drawn if strength > 0 and self._has_source(a)]
+        return found
+
+    def _has_source(self, actor):
+        prop = actor.GetProperty()
+        return self.source != 'emissive' or (
+            prop.GetInterpolation() == _PBR
+            and prop.GetLighting()
+            and prop.GetTexture('emissiveTex') is not None
+        )
 
     def prepare(self, frame):
         """Draw the actors alone, while the textures of other effects are bound.
@@ -115,14 +149,22 @@ class Glow(Shine):
         frame : pvibr.frame.Frame
             The frame about to be drawn.
         """
+        if self._is_part(frame):
+            return
         if self._gpu is not None and self._gpu.key != (frame.renderer, frame.size):
             self._forget()
         if self._gpu is None:
             self._gpu = _Gpu(frame.renderer, frame.size)
-        self._gpu.draw(frame, self._shining(frame.renderer))
+        feature = {'color': _COLOR, 'alpha': _ALPHA, 'emissive': _EMISSIVE}[self.source]
+        self._gpu.draw(frame, self._shining(frame.renderer), feature)
 
-    def _draw_source(self, frame, picture, target):
-        self._gpu.light(frame, picture, target, self.reduction // 4)
+    def rest(self):
+        """Draw the actors as they are: frames are drawn without it now."""
+        if self._gpu is not None:
+            self._gpu.undress()
+
+    def _draw_source(self, frame, picture, target, side):
+        self._gpu.light(frame, picture, target, side // 2)
 
     def _forget(self):
         if self._gpu is not None:
@@ -145,7 +187,7 @@ class Afterglow(Glow):
 
     Parameters
     ----------
-    actors : vtkActor or sequence of vtkActor
+    actors : vtkActor, pvibr.Instances, or sequence of them
         What shines; of the same subplot.
     strengths : float or sequence of float, optional
         How much each does, from 0; one for all, or one each.
@@ -182,13 +224,13 @@ class Afterglow(Glow):
 
     _when = -math.inf
 
-    def _draw_source(self, frame, picture, target):
+    def _draw_source(self, frame, picture, target, side):
         if self._past is not None and self._past.size != (target.width, target.height):
             self._forget_past()
         if self._past is None:
             self._past = _Past(frame.window, (target.width, target.height))
             self.cut()
-        super()._draw_source(frame, picture, self._past.now)
+        super()._draw_source(frame, picture, self._past.now, side)
         passed = frame.time - self._when
         left = math.exp(-passed / self.fade) if 0 <= passed < math.inf else 0.0
         self._past.fade(target, left)
@@ -225,20 +267,31 @@ class _Gpu:
     def nbytes(self) -> int:
         return self.target.nbytes
 
-    def draw(self, frame, shining):
+    def draw(self, frame, shining, feature):
+        self._dress([actor for actor, _ in shining], feature)
         view = View(
             frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
         )
         with self.target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
             self.drawer.look(view, (0, 0, *frame.size))
             for actor, strength in shining:
-                _GLOW.attach(actor)
-                self._dressed[address(actor)] = actor
                 _set_glow(actor, strength)
                 for translucent in (False, True):
                     self.drawer.draw([actor], translucent=translucent)
                 _set_glow(actor, 0.0)
         self.drawer.done()
+
+    def _dress(self, actors, feature):
+        """Have these actors, and no others, drawn as light."""
+        wanted = {address(actor): actor for actor in actors}
+        for key, dress in list(self._dressed.items()):
+            if key not in wanted or dress.feature is not feature:
+                self._dressed.pop(key).take_off()
+        for key in wanted.keys() - self._dressed.keys():
+            self._dressed[key] = _Dress(wanted[key], feature)
+
+    def undress(self):
+        self._dress((), None)
 
     def light(self, frame, picture, target, taps):
         if taps not in self._quads:
@@ -257,8 +310,7 @@ class _Gpu:
             self._quads[taps].draw(uniforms, textures)
 
     def release(self):
-        for actor in self._dressed.values():
-            _GLOW.detach(actor)
+        self.undress()
         for owner in (*self._quads.values(), self.target, self.drawer):
             owner.release()
 
@@ -291,12 +343,33 @@ class _Past:
 
 
 def _checked_actors(actors):
-    actors = (actors,) if hasattr(actors, 'GetMapper') else tuple(actors)
+    actors = (actors,) if _shines(actors) else tuple(actors)
     for actor in actors:
-        if not hasattr(actor, 'GetShaderProperty') or not hasattr(actor, 'GetMapper'):
-            msg = f'actors: {actor!r} must be an actor, as add_mesh returns it'
+        if not _shines(actor):
+            msg = f'actors: {actor!r} must be an actor, as add_mesh returns it, or instances'
             raise TypeError(msg)
     return actors
+
+
+def _shines(one) -> bool:
+    is_actor = hasattr(one, 'GetShaderProperty') and hasattr(one, 'GetMapper')
+    return is_actor or callable(getattr(one, 'drawn', None))
+
+
+class _Dress:
+    """A feature on an actor, and what goes with it."""
+
+    def __init__(self, actor, feature):
+        self.actor, self.feature = actor, feature
+        self._opaque = actor.GetForceOpaque()
+        if feature is _ALPHA:
+            actor.ForceOpaqueOn()
+        feature.attach(actor)
+
+    def take_off(self):
+        self.feature.detach(self.actor)
+        if self.feature is _ALPHA:
+            self.actor.SetForceOpaque(self._opaque)
 
 
 def _set_glow(actor, strength):

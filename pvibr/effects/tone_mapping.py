@@ -29,7 +29,8 @@ class ToneMapping(Effect):
     Notes
     -----
     With `auto`, the mean of the logarithm of luminance over the whole picture, background and
-    all, is brought to middle grey (0.18), and `exposure` is added. It follows
+    all, is brought to middle grey (0.18), and `exposure` is added. Where there is a bloom, whose
+    threshold follows the exposure, the picture is measured before its light. It follows
     ``pl.ibr.time`` with the time constant `adaptation`: what a frame shows depends on the times
     and pictures before it, and not on how often it is drawn. Where time stands still or goes
     back, the exposure is that of the picture at once. Large screenshots in tiles keep the
@@ -69,6 +70,7 @@ class ToneMapping(Effect):
         self._measured: Target | None = None
         self._before: tuple[float, float] | None = None
         self._now: tuple[float, float] | None = None
+        self._exposed: int | None = None
         super().__init__(**settings)
 
     @property
@@ -97,18 +99,35 @@ class ToneMapping(Effect):
         picture : pvibr.gl.picture.Picture
             Its pixels.
         """
-        if self.auto and not _is_tiled(frame.window):
-            self._adapt(frame.time, self._wanted(frame.window, picture))
+        stops = self.expose(frame, picture)
         uniforms = {
-            'stops': self.stops,
+            'stops': stops,
             'white': self.white,
             'intensity': self.intensity,
         }
-        head = (
-            f'#define CURVE {CURVES.index(self.curve)}\n#define EXPOSED {int(self.stops != 0)}\n'
-        )
+        head = f'#define CURVE {CURVES.index(self.curve)}\n#define EXPOSED {int(stops != 0)}\n'
         with picture.drawing():
             self._quad(frame.window, 'map', head).draw(uniforms, {'color': picture.color})
+
+    def expose(self, frame, picture) -> float:
+        """Return the exposure of a frame; automatic exposure is measured when first asked.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame that was drawn.
+        picture : pvibr.gl.picture.Picture
+            Its pixels so far.
+
+        Returns
+        -------
+        float
+            In stops.
+        """
+        if self.auto and self._exposed != frame.index and frame.scale == 1:
+            self._exposed = frame.index
+            self._adapt(frame.time, self._wanted(frame.window, picture))
+        return self.stops
 
     def _wanted(self, window, picture):
         """Return the stops that bring the picture to middle grey."""
@@ -135,7 +154,7 @@ class ToneMapping(Effect):
 
     def reset(self):
         """Forget what the exposure was: the next frame is exposed at once, as after a cut."""
-        self._before = self._now = None
+        self._before = self._now = self._exposed = None
 
     def _quad(self, window, name, head=''):
         if head + name not in self._quads:
@@ -155,7 +174,3 @@ class ToneMapping(Effect):
     def report(self) -> dict:
         """Return the bytes on the GPU and the exposure of the last frame in stops."""
         return {'bytes': self._measured.nbytes if self._measured else 0, 'stops': self.stops}
-
-
-def _is_tiled(window):
-    return tuple(window.GetTileScale()) != (1, 1)

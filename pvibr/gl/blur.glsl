@@ -1,13 +1,19 @@
 // Blur by a chain of ever smaller images: a wide kernel is a small one on a small image.
 // halve: half the size along one axis by a Gaussian of an even number of texels, two to each
 // bilinear tap. Symmetric, so that every texel gives the same share whichever half it is in.
-// mix: what is finer and what is wider, as two parts of one. any: the largest over squares of 16
-// texels, read back to skip what is dark. blend: blurred light onto a picture.
+// mix: what is finer and what is wider, as two parts of one.
+// down13, tent: half and twice the size in one pass each: J. Jimenez, "Next generation post
+// processing in Call of Duty: Advanced Warfare", SIGGRAPH 2014, slides 153 to 162: 13 taps for
+// five overlapping squares, the middle one as much as the others together; 3 x 3 taps of a tent.
+// Beyond edges images go on as in a mirror: at 0 by the texture's wrap, at the other end, which may
+// be within the last texel, by extent.
+// blend: light and a picture, as a new one. add: light to be blended with a picture.
 // Inputs: image, wide (linear filter, clamped to the edge); places are counted in texels, so that
 // odd sizes keep their scale. PAIRS taps with PLACES (texels from the middle) and WEIGHTS.
 //@halve
 uniform sampler2D image;
 uniform vec2 axis;  // (1, 0) or (0, 1)
+uniform vec2 extent;  // of the image, in texels
 void main()
 {
   vec2 texel = 1.0 / vec2(textureSize(image, 0));
@@ -15,7 +21,8 @@ void main()
   vec4 sum = vec4(min(uv.x, 0.0));
   for (int i = 0; i < PAIRS; ++i)
   {
-    sum += WEIGHTS[i] * texture(image, (middle + PLACES[i] * axis) * texel);
+    vec2 at = middle + PLACES[i] * axis;
+    sum += WEIGHTS[i] * texture(image, min(at, 2.0 * extent - at) * texel);
   }
   gl_FragData[0] = sum;
 }
@@ -28,32 +35,76 @@ void main()
   vec2 place = 0.5 * gl_FragCoord.xy / vec2(textureSize(wide, 0));
   gl_FragData[0] = mix(texture(image, uv), texture(wide, place), share);
 }
-//@any
-uniform sampler2D light;
+//@down13
+uniform sampler2D image;
+uniform vec2 extent;
 void main()
 {
-  vec2 texel = 1.0 / vec2(textureSize(light, 0));
-  vec4 most = vec4(min(uv.x, 0.0));
-  for (int j = 0; j < 8; ++j)
+  vec2 texel = 1.0 / vec2(textureSize(image, 0));
+  vec2 middle = gl_FragCoord.xy * 2.0;
+  vec4 sum = vec4(min(uv.x, 0.0));
+  for (int j = -1; j <= 1; ++j)
   {
-    for (int i = 0; i < 8; ++i)
+    for (int i = -1; i <= 1; ++i)
     {
-      most = max(most, texture(light, (gl_FragCoord.xy * 16.0 + 2.0 * vec2(i, j) - 7.0) * texel));
+      float weight = 0.03125 * float((2 - abs(i)) * (2 - abs(j)));
+      vec2 at = middle + 2.0 * vec2(i, j);
+      sum += weight * texture(image, min(at, 2.0 * extent - at) * texel);
     }
   }
-  gl_FragData[0] = most;
+  for (int j = -1; j <= 1; j += 2)
+  {
+    for (int i = -1; i <= 1; i += 2)
+    {
+      vec2 at = middle + vec2(i, j);
+      sum += 0.125 * texture(image, min(at, 2.0 * extent - at) * texel);
+    }
+  }
+  gl_FragData[0] = sum;
+}
+//@tent
+uniform sampler2D image;
+uniform sampler2D wide;
+uniform vec2 extent;  // of wide
+uniform float share;  // of what is wide
+void main()
+{
+  vec2 texel = 1.0 / vec2(textureSize(wide, 0));
+  vec4 sum = vec4(min(uv.x, 0.0));
+  for (int j = -1; j <= 1; ++j)
+  {
+    for (int i = -1; i <= 1; ++i)
+    {
+      float weight = 0.0625 * float((2 - abs(i)) * (2 - abs(j)));
+      vec2 at = 0.5 * gl_FragCoord.xy + vec2(i, j);
+      sum += weight * texture(wide, min(at, 2.0 * extent - at) * texel);
+    }
+  }
+  gl_FragData[0] = mix(texture(image, uv), sum, share);
 }
 //@blend
 uniform sampler2D color;
 uniform sampler2D light;
 uniform vec2 place;    // of a pixel in the light: one over its pixels
+uniform vec2 shift;    // of the picture in the light, in shares of it
 uniform float keep;    // 0: the light alone
 uniform float intensity;
 uniform float screen;  // 1: light fills what is left to white, and does not go beyond
 void main()
 {
   vec4 c = keep * texelFetch(color, ivec2(gl_FragCoord.xy), 0) + min(uv.x, 0.0);
-  vec3 more = intensity * texture(light, gl_FragCoord.xy * place).rgb;
+  vec3 more = intensity * texture(light, gl_FragCoord.xy * place + shift).rgb;
+  float cover = clamp(max(more.r, max(more.g, more.b)), 0.0, 1.0);
   more *= 1.0 - screen * clamp(c.rgb, 0.0, 1.0);
-  gl_FragData[0] = vec4(c.rgb + more, max(c.a, max(more.r, max(more.g, more.b))));
+  gl_FragData[0] = vec4(c.rgb + more, c.a + cover * (1.0 - c.a));
+}
+//@add
+uniform sampler2D light;
+uniform vec2 place;
+uniform vec2 shift;
+uniform float intensity;
+void main()
+{
+  vec3 more = intensity * texture(light, gl_FragCoord.xy * place + shift).rgb + min(uv.x, 0.0);
+  gl_FragData[0] = vec4(more, clamp(max(more.r, max(more.g, more.b)), 0.0, 1.0));
 }

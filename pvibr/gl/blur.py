@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +16,10 @@ from pvibr.gl.target import Target
 # llvmpipe samples whole floats faster than half ones, and these images are small.
 _FORMAT = ('rgba32f',)
 _X, _Y = (1.0, 0.0), (0.0, 1.0)
+_ENDLESS = 1e9
+_SCISSOR_TEST = 0x0C11  # GL enum
+#: How an image is halved: by one Gaussian an axis, or in one pass of 13 taps.
+CHAINS = ('gaussian', 'tent')
 
 
 def halving_taps(kernel):
@@ -74,6 +81,9 @@ def filtered(texture):
         Of colours.
     """
     to = texture.object
+    if to.GetMagnificationFilter() == to.GetMinificationFilter() == to.Linear:
+        yield
+        return
     found = to.GetMagnificationFilter(), to.GetMinificationFilter()
     to.SetMagnificationFilter(to.Linear)
     to.SetMinificationFilter(to.Linear)
@@ -84,6 +94,25 @@ def filtered(texture):
         to.SetMinificationFilter(found[1])
 
 
+@dataclass(frozen=True)
+class Light:
+    """Light to be drawn on pictures.
+
+    Parameters
+    ----------
+    image : pvibr.gl.Texture
+        Filtered linearly.
+    scale : int
+        Pixels of the picture that it was made of to a texel.
+    box : tuple of 4 int
+        Left, bottom, right and top of where it reaches, in pixels of that picture.
+    """
+
+    image: Any
+    scale: int
+    box: tuple[int, int, int, int]
+
+
 class Blur:
     """Blurs an image: its result is of half the size, and as bright in sum.
 
@@ -91,28 +120,31 @@ class Blur:
     ----------
     window : vtkOpenGLRenderWindow
         The window whose context holds it.
-    size : tuple of 2 int
-        Width and height of what is blurred, in texels.
+    extent : tuple of 2 float
+        Width and height of what is blurred, in texels; the last ones may be there in part.
     levels : int
         How often it is halved; each doubles the width of the widest part.
     kernel : int
-        See :func:`halving_taps`.
+        See :func:`halving_taps`; not for a chain of tents.
+    chain : {'gaussian', 'tent'}
+        How each level is made.
 
     Attributes
     ----------
     source : Target
-        Of that size: a place to draw the image.
+        Of that size, rounded up: a place to draw the image, and, in its second texture, a number
+        above 0 wherever there is light.
     """
 
-    def __init__(self, window, size, levels, kernel):
-        self.key = size, levels, kernel
+    def __init__(self, window, extent, levels, kernel, chain='gaussian'):
+        self.key = extent, levels, kernel, chain
+        size = math.ceil(extent[0]), math.ceil(extent[1])
         text = sections(shader_source(__file__))
-        self._halve = Quad(window, _constants(kernel) + text['halve'], 'blur halve')
-        self._mix = Quad(window, text['mix'], 'blur mix')
-        self._any = Quad(window, text['any'], 'blur any')
-        self._blend = Quad(window, text['blend'], 'blur blend')
-        self._most = _target(window, halves(size, 4))
-        self.source = _target(window, size)
+        texts = {name: text[name] for name in ('mix', 'down13', 'tent', 'blend', 'add')}
+        texts['halve'] = _constants(kernel) + text['halve']
+        self._quads = {name: Quad(window, t, f'blur {name}') for name, t in texts.items()}
+        self.source = _target(window, size, (*_FORMAT, 'r8'))
+        self._chain = chain
         self._levels = [_Level(window, halves(size, k)) for k in range(levels)]
 
     @property
@@ -121,13 +153,33 @@ class Blur:
         return sum(target.nbytes for target in self._targets())
 
     def _targets(self):
-        return [self.source, self._most, *(t for level in self._levels for t in level.targets)]
+        return [self.source, *(t for level in self._levels for t in level.targets)]
 
-    def is_dark(self) -> bool:
-        """Tell whether there is no light in `source`, where it was drawn: waits for the GPU."""
-        with self._most.drawing():
-            self._any.draw(None, {'light': self.source.colors[0]})
-        return not self._most.colors[0].download()[..., :3].any()
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the widest blur alone, in texels of `source`."""
+        return float(np.sqrt(_variance(*self.key[1:])))
+
+    @property
+    def reach(self) -> int:
+        """Texels of `source` beyond which a texel has no part in the result."""
+        kernel = self.key[2] if self._chain == 'gaussian' else 4
+        return (kernel + 4) * 2 ** len(self._levels)
+
+    def lit(self):
+        """Find the light in `source`, where it was drawn: waits for the GPU.
+
+        Returns
+        -------
+        tuple of 4 int or None
+            Left, bottom, right and top of it, in texels; None where there is none.
+        """
+        lit = self.source.colors[1].download()[..., 0]
+        rows = np.flatnonzero(lit.max(axis=1))
+        if not rows.size:
+            return None
+        columns = np.flatnonzero(lit.max(axis=0))
+        return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
     def draw(self, image, spread):
         """Blur.
@@ -145,65 +197,122 @@ class Blur:
         pvibr.gl.Texture
             Half the size.
         """
-        for level in self._levels:
-            with level.tall.drawing():
-                self._halve.draw({'axis': _X}, {'image': image})
-            with level.small.drawing():
-                self._halve.draw({'axis': _Y}, {'image': level.tall.colors[0]})
+        halve, up = {
+            'gaussian': (self._halve_by_axes, 'mix'), 'tent': (self._halve_at_once, 'tent'),
+        }[self._chain]  # fmt: skip
+        width, height = self.key[0]
+        extents = [(width / 2**k, height / 2**k) for k in range(len(self._levels) + 1)]
+        for level, extent in zip(self._levels, extents, strict=False):
+            halve(level, image, extent)
             image = level.small.colors[0]
-        for level in reversed(self._levels[:-1]):
+        for level, extent in reversed([*zip(self._levels[:-1], extents[2:], strict=False)]):
             images = {'image': level.small.colors[0], 'wide': image}
             with level.mixed.drawing():
-                self._mix.draw({'share': spread}, images)
+                self._quads[up].draw({'share': spread, 'extent': extent}, images)
             image = level.mixed.colors[0]
         return image
 
-    def blend(self, picture, light, scale, *, intensity=1.0, screen=False, alone=False):
-        """Draw a picture with light on it.
+    def _halve_by_axes(self, level, image, extent):
+        across, along = (extent[0], _ENDLESS), (_ENDLESS, extent[1])
+        with level.tall.drawing():
+            self._quads['halve'].draw({'axis': _X, 'extent': across}, {'image': image})
+        images = {'image': level.tall.colors[0]}
+        with level.small.drawing():
+            self._quads['halve'].draw({'axis': _Y, 'extent': along}, images)
+
+    def _halve_at_once(self, level, image, extent):
+        with level.small.drawing():
+            self._quads['down13'].draw({'extent': extent}, {'image': image})
+
+    def blend(self, picture, light, *, intensity=1.0, screen=False, alone=False, tile=None):
+        """Draw light on a picture, or a picture with light on it.
 
         Parameters
         ----------
         picture : pvibr.gl.picture.Picture
             Read and drawn.
-        light : pvibr.gl.Texture
-            Filtered linearly.
-        scale : int
-            Pixels of the picture to a texel of the light.
+        light : Light
+            Of it, or of the picture that it is a tile of.
         intensity : float
             What the light is multiplied by.
         screen : bool
             Light fills what is left to white, else it is added.
         alone : bool
             The light without the picture.
+        tile : tuple of float and pair of float, optional
+            How many times larger the picture is than what the light was made of, and the left
+            lower corner of the picture in pixels of its own; the light's own picture unless given.
         """
+        scale, corner = tile or (1, (0, 0))
+        texels = [light.scale * scale * n for n in light.image.size]
         uniforms = {
-            'place': [1 / (scale * texels) for texels in light.size],
-            'keep': float(not alone),
+            'place': [1 / n for n in texels],
+            'shift': [c / n for c, n in zip(corner, texels, strict=True)],
             'intensity': intensity,
-            'screen': float(screen),
         }
+        # Numbers above 1 are not what screen means.
+        ground = None if alone else picture.ground(ends_at_one=screen)
+        if ground is not None:
+            with ground.drawing():
+                _cut(picture, _placed(light.box, scale, corner))
+                how = 'screen' if screen else 'add'
+                self._quads['add'].draw(uniforms, {'light': light.image}, blend=how)
+            return
+        uniforms |= {'keep': float(not alone), 'screen': float(screen)}
         with picture.drawing():
-            self._blend.draw(uniforms, {'color': picture.color, 'light': light})
+            images = {'color': picture.color, 'light': light.image}
+            self._quads['blend'].draw(uniforms, images)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for quad in (self._halve, self._mix, self._any, self._blend):
-            quad.release()
-        for target in self._targets():
-            target.release()
+        for owner in (*self._quads.values(), *self._targets()):
+            owner.release()
 
 
 class _Level:
     def __init__(self, window, size):
         width, height = halves(size)
-        self.tall = _target(window, (width, size[1]))
-        self.small = _target(window, (width, height))
-        self.mixed = _target(window, (width, height))
-        self.targets = self.tall, self.small, self.mixed
+        self.tall, self.small, self.mixed = self.targets = tuple(
+            _target(window, s) for s in ((width, size[1]), (width, height), (width, height))
+        )
 
 
-def _target(window, size):
-    return Target(window, size[0], size[1], _FORMAT)
+def _target(window, size, formats=_FORMAT):
+    """Return a target that goes on beyond its edges as in a mirror.
+
+    So does a picture blurred and then halved; the edge alone, halved and repeated, would have
+    more weight the smaller the image is.
+    """
+    target = Target(window, size[0], size[1], formats)
+    image = target.colors[0].object
+    image.SetWrapS(image.MirroredRepeat)
+    image.SetWrapT(image.MirroredRepeat)
+    return target
+
+
+def _placed(box, scale, corner):
+    """Return a box in pixels of a tile."""
+    return [round(scale * b) - round(corner[i % 2]) for i, b in enumerate(box)]
+
+
+def _cut(picture, box):
+    """Draw nothing outside a box, within a target's drawing."""
+    left, bottom = (max(b, 0) for b in box[:2])
+    right, top = (min(b, n) for b, n in zip(box[2:], picture.size, strict=True))
+    state = picture.window.GetState()
+    state.SetEnumState(_SCISSOR_TEST, True)
+    state.vtkglScissor(left, bottom, max(right - left, 0), max(top - bottom, 0))
+
+
+def _variance(levels, kernel, chain):
+    """Return the variance of the widest blur along an axis, in texels of the first image."""
+    down, up = 1.75, 2.75  # of 13 taps, and of a tent between texels
+    if chain == 'gaussian':
+        texels = np.arange(2 * kernel) - kernel + 0.5
+        weights = np.exp(-0.5 * (texels * 3 / kernel) ** 2)
+        down, up = (weights * texels**2).sum() / weights.sum(), 0.75
+    steps = 4.0 ** np.arange(levels)
+    return down * steps.sum() + up * steps[1:].sum()
 
 
 def _constants(kernel):

@@ -20,12 +20,15 @@ _FRAGMENT_HEAD = """//VTK::System::Dec
 //VTK::Output::Dec
 in vec2 uv;
 """
+_GEOMETRY_HEAD = '//VTK::System::Dec\n'
 # GL enums of the states that a full-screen program wants off.
 _BLEND, _DEPTH_TEST, _CULL_FACE, _STENCIL_TEST = 0x0BE2, 0x0B71, 0x0B44, 0x0B90
 # How what is drawn is blended with what is there: factors of both, of colours and of alpha.
 _ONE, _REST_OF_COLOR, _REST_OF_ALPHA = 1, 0x0307, 0x0305
+_ALPHA, _REST_OF_OWN_ALPHA = 0x0302, 0x0303
 _ADD = 0x8006
 _WAYS = {
+    'over': (_ALPHA, _REST_OF_OWN_ALPHA, _ONE, _REST_OF_OWN_ALPHA),
     'add': (_ONE, _ONE, _REST_OF_ALPHA, _ONE),
     'screen': (_REST_OF_COLOR, _ONE, _REST_OF_ALPHA, _ONE),
 }
@@ -116,6 +119,8 @@ class Quad:
         GLSL with ``main``; it reads ``uv`` (0 to 1) and writes ``gl_FragData[i]``.
     name : str
         What errors call it.
+    geometry : str, optional
+        GLSL that turns each of its two triangles into others; then there is no ``uv``.
 
     Raises
     ------
@@ -123,14 +128,16 @@ class Quad:
         Where the driver does not compile it; the message has the driver's log.
     """
 
-    def __init__(self, window, fragment, name='quad'):
+    def __init__(self, window, fragment, name='quad', geometry=''):
         self.window = window
+        geometry = geometry and _GEOMETRY_HEAD + geometry
+        texts = _VERTEX, _FRAGMENT_HEAD + fragment, geometry
         cache = window.GetShaderCache()
         cache.ReleaseCurrentShader()  # so that what is bound afterwards is this one, or none
         warned = _vtk.vtkObject.GetGlobalWarningDisplay()
         _vtk.vtkObject.SetGlobalWarningDisplay(False)  # VTK would print the whole text
         try:
-            self.helper = _vtk.vtkOpenGLQuadHelper(window, _VERTEX, _FRAGMENT_HEAD + fragment, '')
+            self.helper = _vtk.vtkOpenGLQuadHelper(window, *texts)
         finally:
             _vtk.vtkObject.SetGlobalWarningDisplay(warned)
         self.program = cache.GetLastShaderBound()
@@ -149,8 +156,9 @@ class Quad:
             See :func:`set_uniforms`.
         textures : dict, optional
             Sampler name to :class:`pvibr.gl.Texture`.
-        blend : {'add', 'screen'}, optional
-            Add to what is there, or fill what is left to white; in place of it unless given.
+        blend : {'over', 'add', 'screen'}, optional
+            Cover what is there by alpha, add to it, or fill what is left of it to white; in place
+            of it unless given.
             Coverage (alpha) fills what is left to 1.
         """
         state = self.window.GetState()

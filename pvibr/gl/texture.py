@@ -15,11 +15,15 @@ _FORMATS = {
     'rgba32f': (0x8814, 'VTK_FLOAT', 4),
     'rg32f': (0x8230, 'VTK_FLOAT', 2),
     'r32f': (0x822E, 'VTK_FLOAT', 1),
+    'r8': (None, 'VTK_UNSIGNED_CHAR', 1),
 }
 # The last unit that core profile 3.2 has for certain: VTK hands out the first ones.
 _FIRST_UNIT, _SPARE_UNIT = 0x84C0, 47
 _FRAGMENT_UNITS = 0x8872  # GL_MAX_TEXTURE_IMAGE_UNITS
-_BYTES = {'rgba8': 4, 'rgb8': 3, 'rgba16f': 8, 'rgba32f': 16, 'rg32f': 8, 'r32f': 4, 'depth32f': 4}
+_BYTES = {
+    'rgba8': 4, 'rgb8': 3, 'rgba16f': 8, 'rgba32f': 16, 'rg32f': 8, 'r32f': 4, 'r8': 1,
+    'depth32f': 4,
+}  # fmt: skip
 
 
 def texture_limit(window) -> int:
@@ -123,7 +127,7 @@ class Texture:
         ----------
         width, height : int
             Texels.
-        format : {'rgba8', 'rgba16f', 'rgba32f', 'rg32f', 'r32f', 'depth32f'}
+        format : {'rgba8', 'rgba16f', 'rgba32f', 'rg32f', 'r32f', 'r8', 'depth32f'}
             How a texel is kept.
 
         Returns
@@ -148,6 +152,11 @@ class Texture:
     def size(self) -> tuple[int, int]:
         """Width and height in texels."""
         return self.object.GetWidth(), self.object.GetHeight()
+
+    @property
+    def is_float(self) -> bool:
+        """Whether it holds floats, which may be above 1 or no numbers."""
+        return self.object.GetVTKDataType() == _vtk.VTK_FLOAT
 
     def compare(self) -> Texture:
         """Have a depth texture compared by the sampler, filtered: a ``sampler2DShadow``.

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import imageio.v3 as iio
 import numpy as np
 import pytest
 import pyvista as pv
+from scipy.ndimage import gaussian_filter
 
 import pvibr
 from pvibr.gl import Target, Texture
@@ -29,6 +33,10 @@ class FakePicture:
         self.target = Target(window, *self.size, ('rgba32f',))
         self.drawing = self.target.drawing
         self.window = window
+        self.scale, self.whole, self.time, self.view_from_world = 1, self.size, 0.0, np.eye(4)
+
+    def ground(self, *, ends_at_one=False):
+        return None
 
     def release(self):
         self.color.release()
@@ -55,12 +63,17 @@ def reference(array, bloom):
     side = bloom.reduction // 2
     padded = np.pad(array, ((0, -height % side), (0, -width % side), (0, 0)), 'edge')
     light = means(above(means(padded, 2), bloom), side // 2)
+    halve, double = (halved_13, doubled) if bloom.chain == 'tent' else (halved_twice, sampled)
+    extent = np.array([height, width]) / side
     images = []
-    for _ in range(bloom._levels((width, height))):
-        light = halved(halved(light, 1, bloom.kernel), 0, bloom.kernel)
+    for _ in range(bloom._levels(height / side)):
+        light = halve(light, bloom.kernel, extent)
+        extent = extent / 2
         images.append(light)
     for image in reversed(images[:-1]):
-        light = (1 - bloom.spread) * image + bloom.spread * sampled(light, image.shape, 0.5)
+        wide = double(light, image.shape, 0.5, extent)
+        extent = extent * 2
+        light = (1 - bloom.spread) * image + bloom.spread * wide
     return sampled(light, array.shape, 1 / bloom.reduction)
 
 
@@ -82,30 +95,65 @@ def above(c, bloom):
     return color * kept[..., None]
 
 
-def halved(image, axis, kernel):
-    """A Gaussian of 2 kernel texels around each pair of them; edges go on."""
-    image = np.moveaxis(image, axis, 0)
-    reach = np.arange(2 * kernel) - kernel + 0.5
+def halved_twice(image, kernel, extent):
+    """A Gaussian of 2 kernel texels around each pair of them, along each axis."""
+    reach = (np.arange(2 * kernel) - kernel + 0.5).reshape(-1, 2)
     weights = np.exp(-0.5 * (3 * reach / kernel) ** 2)
-    rows = np.arange(-(-len(image) // 2))
-    total = sum(
-        w * image[np.clip(2 * rows + int(r + 0.5), 0, len(image) - 1)]
-        for r, w in zip(reach, weights / weights.sum(), strict=True)
-    )
-    return np.moveaxis(total, 0, axis)
-
-
-def sampled(image, shape, scale):
-    """Bilinear, places counted in texels from the corner."""
-    for axis in (0, 1):
-        place = (np.arange(shape[axis]) + 0.5) * scale - 0.5
-        low, part = np.floor(place).astype(int), place - np.floor(place)
-        last = image.shape[axis] - 1
-        part = part.reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
-        image = (1 - part) * np.take(image, np.clip(low, 0, last), axis) + part * np.take(
-            image, np.clip(low + 1, 0, last), axis
+    places = (reach * weights).sum(axis=1) / weights.sum(axis=1)
+    weights = weights.sum(axis=1) / weights.sum()
+    for axis in (1, 0):
+        middle = 2 * np.arange(-(-image.shape[axis] // 2)) + 1
+        image = sum(
+            w * looked(image, axis, middle + p, extent[axis])
+            for p, w in zip(places, weights, strict=True)
         )
     return image
+
+
+def halved_13(image, _, extent):
+    """Squares of 4 x 4 texels: the middle one counts as much as the four around it."""
+    middle = square(image, (0, 0), extent)
+    corners = [square(image, start, extent) for start in ((-1, -1), (-1, 1), (1, -1), (1, 1))]
+    return 0.5 * middle + 0.5 * np.mean(corners, axis=0)
+
+
+def square(image, middle, extent):
+    for axis, start in enumerate(middle):
+        at = 2 * np.arange(-(-image.shape[axis] // 2)) + 1 + start
+        image = np.mean([looked(image, axis, at + d, extent[axis]) for d in (-1, 1)], axis=0)
+    return image
+
+
+def doubled(image, shape, scale, extent):
+    """A tent over three texels along each axis, at twice the size."""
+    for axis in (0, 1):
+        at = (np.arange(shape[axis]) + 0.5) * scale
+        image = sum(
+            w * looked(image, axis, at + k, extent[axis])
+            for k, w in ((-1, 0.25), (0, 0.5), (1, 0.25))
+        )
+    return image
+
+
+def sampled(image, shape, scale, _=None):
+    """Bilinear, places counted in texels from the corner."""
+    for axis in (0, 1):
+        image = looked(image, axis, (np.arange(shape[axis]) + 0.5) * scale)
+    return image
+
+
+def looked(image, axis, place, extent=np.inf):
+    """Look at places in texels, between them linearly, beyond edges as in mirrors."""
+    place = np.minimum(place, 2 * extent - place) - 0.5
+    low, n = np.floor(place).astype(int), image.shape[axis]
+    part = (place - low).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
+    near, far = (np.take(image, mirrored(low + k, n), axis) for k in (0, 1))
+    return (1 - part) * near + part * far
+
+
+def mirrored(index, n):
+    index = index % (2 * n)
+    return np.minimum(index, 2 * n - 1 - index)
 
 
 def noise(size=SIZE, seed=0):
@@ -120,7 +168,8 @@ def noise(size=SIZE, seed=0):
 @pytest.mark.parametrize(
     'settings',
     [{}, {'reduction': 4, 'kernel': 3}, {'reduction': 16, 'kernel': 9, 'levels': 1},
-     {'levels': 4, 'spread': 0.9, 'saturation': 0.0, 'background': True}],
+     {'levels': 4, 'spread': 0.9, 'saturation': 0.0, 'background': True},
+     {'chain': 'tent', 'levels': 3}],
 )  # fmt: skip
 @pytest.mark.parametrize('size', [SIZE, (157, 91)])
 def test_it_is_what_it_says(window, operator, settings, size):
@@ -131,8 +180,8 @@ def test_it_is_what_it_says(window, operator, settings, size):
     assert light.max() > 0.02
     assert np.abs(seen[..., :3] - array[..., :3] - light).max() < 2 / 255
     assert abs((seen[..., :3] - array[..., :3]).sum() / light.sum() - 1) < 0.01
-    np.testing.assert_allclose(seen[..., 3], np.maximum(array[..., 3], light.max(axis=2)),
-                               atol=2 / 255)  # fmt: skip
+    left = (1 - array[..., 3]) * (1 - np.minimum(light.max(axis=2), 1))
+    np.testing.assert_allclose(1 - seen[..., 3], left, atol=2 / 255)
 
 
 def bloom_settings(bloom):
@@ -151,12 +200,14 @@ def hot(x, y, value=500.0, size=(256, 256)):
     return array
 
 
+@pytest.mark.parametrize('chain', ['gaussian', 'tent'])
 @pytest.mark.parametrize('operator', ['subtract', 'keep', 'soft'])
-def test_a_moving_spot_stays_round_and_as_bright(window, operator):
+def test_a_moving_spot_stays_round_and_as_bright(window, operator, chain):
     sums = []
     for x, y in [(120, 120), (120.25, 120.5), (121.5, 123.75), (122.5, 121), (125, 126.5)]:
         array = hot(x, y)
-        light = bloomed(window, array, intensity=1.0, operator=operator)[..., 0] - array[..., 0]
+        seen = bloomed(window, array, intensity=1.0, operator=operator, chain=chain)
+        light = seen[..., 0] - array[..., 0]
         sums.append(light.sum())
         rows, columns = np.mgrid[:256, :256] + 0.5
         spread = [
@@ -178,6 +229,58 @@ def test_halving_keeps_energy(kernel):
     places, weights = halving_taps(kernel)
     assert weights.sum() == pytest.approx(1)
     np.testing.assert_allclose(places, -places[::-1], atol=1e-12)
+
+
+def test_calm_dims_lone_pixels_and_little_else(window):
+    """The mean of a square with one pixel of light v, weighted by 1 / (1 + v)."""
+    array = hot(120, 120)
+    light = [
+        (bloomed(window, array, operator='keep', calm=c) - array)[..., :3].sum() for c in (0, 1)
+    ]
+    assert light[1] / light[0] == pytest.approx(16 / 501 / (15 + 1 / 501), rel=0.02)
+    plain = np.ones((64, 64, 4)) * [0.9, 0.9, 0.9, 1]
+    found = [bloomed(window, plain, operator='keep', calm=c) for c in (0, 1)]
+    np.testing.assert_allclose(found[0], found[1], atol=1e-4)
+
+
+PHOTOS = Path(__file__).parents[3] / 'shared/data/projection/opensfm_berlin/images'
+
+
+def natural(name):
+    """A photograph, or a picture whose spectrum falls as those of photographs do; greys."""
+    if name == 'noise':
+        width, height = 320, 176
+        frequency = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width))
+        frequency[0, 0] = np.inf
+        spectrum = np.fft.rfft2(np.random.default_rng(0).normal(size=(height, width)))
+        found = np.fft.irfft2(spectrum / frequency, (height, width))
+        return 0.05 + 0.95 * (found - found.min()) / np.ptp(found)
+    if not (PHOTOS / name).exists():
+        pytest.skip(f'no shared photograph {name}')
+    return 0.01 + 0.99 * iio.imread(PHOTOS / name)[::4, ::4, 1] / 255
+
+
+@pytest.mark.parametrize('name', ['noise', '01.jpg', '02.jpg', '03.jpg'])
+@pytest.mark.parametrize(
+    ('chain', 'kernel', 'reduction'),
+    [('gaussian', 5, 8), ('gaussian', 9, 4), ('tent', 5, 4)],
+)
+def test_small_kernels_on_small_images_are_a_large_one(window, name, chain, kernel, reduction):
+    grey = natural(name)
+    bloom = pvibr.Bloom(
+        threshold=0.0, operator='keep', spread=1.0, debug='blur',
+        chain=chain, kernel=kernel, reduction=reduction,
+    )  # fmt: skip
+    picture = FakePicture(window, np.dstack([grey] * 3 + [np.ones_like(grey)]))
+    bloom.render(picture, picture)
+    # Squares of pixels before, and between texels as large as twice those after.
+    side = reduction // 2
+    sigma = np.sqrt((side * bloom._blur.sigma) ** 2 + (side**2 - 1) / 12 + reduction**2 / 6)
+    seen = picture.target.colors[0].download()[..., 0]
+    bloom.release()
+    picture.release()
+    assert sigma > 7
+    assert np.abs(seen - gaussian_filter(grey, sigma, mode='reflect')).mean() < 0.5 / 255
 
 
 def test_blur_of_nothing_but_one_colour(window):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import ToneMapping
+from pvibr import Bloom, ToneMapping
 from pvibr.effect import Effect
 from pvibr.gl import Quad
-from pvibr.maths.tones import CURVES, to_display, tone_map
+from pvibr.maths.tones import CURVES, to_display, to_light, tone_map
 
 SIZE = (96, 64)
 
@@ -165,3 +165,39 @@ def test_scale_resize_remove_and_add_again(pl):
     pl.ibr.add(tone)
     assert shot(pl).shape[:2] == (70, 50)
     assert pl.ibr.report().rows[0].state == 'ran'
+
+
+LAMP = 'vec3(distance(uv, vec2(0.5)) < 0.1 ? 0.6 : 0.2)'
+
+
+@pytest.mark.parametrize('operator', ['subtract', 'keep', 'soft'])
+@pytest.mark.parametrize(('stops', 'shines'), [(0.0, False), (1.5, True), (-2.0, False)])
+def test_what_is_bright_when_exposed_shines(pl, operator, stops, shines):
+    charted(pl, LAMP)
+    tone = pl.ibr.add(ToneMapping(exposure=stops))
+    bloom = pl.ibr.add(Bloom(operator=operator, threshold=0.8, intensity=0.5))
+    shot(pl)
+    assert ('skipped' not in bloom.report()) == shines
+    tone.intensity = 0.0  # not exposed then
+    shot(pl)
+    assert 'skipped' in bloom.report()
+
+
+def test_light_above_an_exposed_threshold_is_that_of_numpy(pl):
+    """A plain picture, so that blurred light is light."""
+    charted(pl, 'vec3(uv.x < 2.0 ? 0.6 : 0.0)')
+    pl.ibr.add(ToneMapping(exposure=1.0))
+    pl.ibr.add(Bloom(operator='subtract', threshold=0.7, intensity=0.25))
+    threshold = to_display(to_light(0.7) / 2)
+    light = 0.6 + 0.25 * (0.6 - threshold)
+    assert np.abs(shot(pl) - 255 * tone_map([light] * 3, stops=1.0)).max() <= 1
+
+
+def test_auto_exposure_and_bloom_are_the_same_every_time(pl):
+    charted(pl, LAMP)
+    tone = pl.ibr.add(ToneMapping(auto=True))
+    bloom = pl.ibr.add(Bloom(threshold=0.8))
+    first = shot(pl)
+    assert tone.stops > 0
+    assert 'skipped' not in bloom.report()
+    np.testing.assert_array_equal(shot(pl), first)
