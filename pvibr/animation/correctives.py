@@ -8,6 +8,7 @@ targets, before the skeleton moves the mesh; what is new is where their weights 
 from __future__ import annotations
 
 import numpy as np
+import pyvista as pv
 
 from pvibr.animation.morphs import Morphs
 
@@ -243,7 +244,8 @@ class Correctives:
         points : array_like, shape (k, v, 3)
             Where the body's vertices are to be in each key pose, in the figure's space.
         normals : array_like, shape (k, v, 3), optional
-            Their normals. Exact where no morph target is active in the key pose.
+            Their normals, exact where no morph target is active in the key pose. Unless given,
+            normals follow the slope of the faces as far as it was changed.
         **options
             ``body``, its number (default 0); ``skinning``, the way it will be skinned ('linear');
             ``radius``, ``influence`` and ``names`` of :class:`PoseSpace`.
@@ -281,13 +283,14 @@ class Correctives:
             if given is not None and np.shape(given) != shape:
                 msg = f'{name} has the shape {np.shape(given)}; it must be {shape}.'
                 raise ValueError(msg)
-        turned = [None] * len(space) if normals is None else normals
         differences = [
-            _brought_back(figure, body, keys[i], skinning, points[i], turned[i])
+            _brought_back(
+                figure, body, keys[i], skinning, points[i], None if normals is None else normals[i]
+            )
             for i in range(len(space))
         ]
         moved, tilted = zip(*differences, strict=True)
-        morphs = Morphs(moved, None if normals is None else tilted, names=space.names)
+        morphs = Morphs(moved, tilted, names=space.names)
         return cls(space, {body: morphs})
 
 
@@ -310,10 +313,24 @@ def _brought_back(figure, body, pose, skinning, points, normals):
     posed, upright = figure.posed(body, pose, skinning)
     moved = np.linalg.solve(linear, (np.asarray(points) - posed)[..., None])[..., 0]
     if normals is None:
-        return moved, None
+        mesh = figure.bodies[body].mesh
+        normals = upright + _slopes(mesh, points) - _slopes(mesh, posed)
     # Normals go out by the inverse transpose, so they come back by the transpose.
     before, after = (_unit(np.einsum('vij,vi->vj', linear, n)) for n in (upright, normals))
     return moved, after - before
+
+
+def _slopes(mesh, points):
+    """Return the normals of a mesh's points at other places; zero where no polygon is."""
+    if not mesh.GetNumberOfPolys():
+        return np.zeros((mesh.n_points, 3))
+    shape = pv.PolyData()
+    shape.copy_structure(mesh)
+    shape.points = np.asarray(points, dtype=np.float64)
+    found = shape.compute_normals(
+        cell_normals=False, split_vertices=False, consistent_normals=False
+    )
+    return np.asarray(found.point_data['Normals'], dtype=np.float64)
 
 
 def _linear(figure, index, pose, skinning):

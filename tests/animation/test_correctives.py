@@ -116,6 +116,28 @@ def test_sculpted_shapes_come_back_at_their_keys(skinning):
         )
 
 
+def test_normals_follow_the_sculpted_shape():
+    ball = pv.Sphere(theta_resolution=16, phi_resolution=12)
+    body = Body(
+        ball,
+        skin=Skin(
+            [0], [np.eye(4)], np.zeros((ball.n_points, 1), int), np.ones((ball.n_points, 1))
+        ),
+    )
+    skeleton = Skeleton([-1], Pose([[0.0, 0, 0]]))
+    bare = Figure([body], skeleton)
+    key = Pose([[[0.0, 0, 0]]], [[quaternions.from_axis_angle([1, 0, 0], 1.0)]])
+    flat = bare.posed(0, key[0])[0] * [1, 1, 0.3]
+    fixed = Figure([body], skeleton, correctives=Correctives.from_sculpted(bare, [0], key, [flat]))
+    points, normals = fixed.posed(0, key[0])
+    np.testing.assert_allclose(points, flat, atol=1e-6)
+    exact = flat / np.square([1, 1, 0.3])
+    exact /= np.linalg.norm(exact, axis=1, keepdims=True)
+    assert (normals * exact).sum(1).min() > np.cos(np.radians(8))
+    rest = bare.posed(0, skeleton.rest)[1]
+    np.testing.assert_allclose(fixed.posed(0, skeleton.rest)[1], rest, atol=1e-12)
+
+
 def test_morph_targets_are_added_before():
     swell = Morphs([RNG.normal(0, 0.1, (len(arm().bodies[0].points), 3))])
     bare, keys = arm(morphs=swell), bent([80.0]).replaced(weights=[[0.7]])
