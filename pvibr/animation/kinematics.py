@@ -12,9 +12,8 @@ from pvibr.maths import quaternions
 
 #: Ways to solve, see :func:`solve`.
 METHODS = ('damped', 'ccd', 'fabrik', 'two_bone')
-_ITERATIONS = {'damped': 60, 'ccd': 200, 'fabrik': 200}
-_PATIENCE = 8  # sweeps that may bring less than a hundredth of what is missing
-_KICKS = 2
+_LITTLE = 0.9  # of the squared error left: a sweep that leaves more brings little
+_PATIENCE = 3  # such sweeps in a row
 
 
 class Solution(NamedTuple):
@@ -63,7 +62,7 @@ def solve(
     method='damped',
     poles=None,
     tolerance=1e-3,
-    iterations=None,
+    iterations=60,
 ):
     """Return rotations that bring effectors to their targets, inside of the joints' limits.
 
@@ -82,16 +81,16 @@ def solve(
         What each target counts where not all can be reached; positive, default 1.
     method : {'damped', 'ccd', 'fabrik', 'two_bone'}, default: 'damped'
         ``'damped'`` moves all joints at once and converges fastest, with limits too;
-        ``'ccd'`` turns the joints near the effectors most; ``'fabrik'`` bends ropes smoothly, with
-        sweeps of CCD where limits stop it;
+        ``'ccd'`` turns the joints near the effectors most and ``'fabrik'`` bends ropes smoothly:
+        both leave what they cannot do, at limits or stretched out, to ``'damped'``;
         ``'two_bone'`` bends the effector's parent and turns its grandparent, in closed form.
     poles : dict of int to array_like, shape (3,), optional
         For an effector, the point to which its knee or elbow shall show. Reaching goes first:
         limits may leave it undone.
     tolerance : float, default: 1e-3
         Distance that will do, as a share of each effector's reach.
-    iterations : int, optional
-        Most steps or sweeps; default 60 steps or 200 sweeps.
+    iterations : int, default: 60
+        Most steps, and most sweeps before them.
 
     Returns
     -------
@@ -120,7 +119,6 @@ def solve(
         raise ValueError(msg)
     task = _task(chain, effectors, targets, weights, tolerance)
     rotations = _start(chain, rotations)
-    iterations = _ITERATIONS.get(method, 1) if iterations is None else int(iterations)
     found, done = _run(task, rotations, method, iterations)
     for effector, pole in (poles or {}).items():
         turned = chain.limits.clamped(_swivelled(task, found, effector, pole))
@@ -167,58 +165,38 @@ def _task(chain, effectors, targets, weights, tolerance):
 
 
 def _run(task, rotations, method, iterations):
-    if method == 'damped':
-        return damped.solve(
-            *(task.chain, rotations, task.effectors, task.targets, task.weights),
-            *(task.tolerances, iterations),
-        )
+    """Return rotations and the number of steps; sweeps that stall leave the rest to steps."""
+    done = 0
     if method == 'two_bone':
         for effector, target in zip(task.effectors, task.targets, strict=True):
-            rotations = task.chain.limits.clamped(
-                _two_bone(task.chain, rotations, effector, target)
-            )
+            rotations = _two_bone(task.chain, rotations, effector, target)
+            rotations = task.chain.limits.clamped(rotations)
         return rotations, 1
-    return _swept(task, rotations, method, iterations)
+    if method != 'damped':
+        rotations, done = _swept(task, rotations, method, iterations)
+    rotations, steps = damped.solve(
+        *(task.chain, rotations, task.effectors, task.targets, task.weights),
+        *(task.tolerances, iterations),
+    )
+    return rotations, done + steps
 
 
 def _swept(task, rotations, method, iterations):
-    """Sweep until all is reached, or sweeps bring nothing more; return the best seen."""
-    best, least = rotations, np.inf
-    kicks, waited, done = 0, 0, 0
-    sweeps = _sweeps(task, rotations)
-    while True:
+    """Sweep until all is reached, or sweeps bring little more; return the best seen."""
+    sweeps = Sweeps(
+        *(task.chain, rotations, task.effectors.tolist(), task.targets, task.weights.tolist())
+    )
+    best, least, waited = sweeps.rotations, np.inf, 0
+    for done in range(iterations + 1):
         errors = np.array(sweeps.errors())
-        error = float((task.weights * errors).sum())
-        waited = 0 if error < 0.99 * least else waited + 1
+        error = float((task.weights * errors**2).sum())
+        waited = 0 if error < _LITTLE * least else waited + 1
         if error < least:
             best, least = list(sweeps.rotations), error
-        if (errors <= task.tolerances).all() or done >= iterations:
+        if (errors <= task.tolerances).all() or waited > _PATIENCE or done == iterations:
             break
-        if waited > _PATIENCE:
-            if kicks == _KICKS:
-                break
-            kicks, waited = kicks + 1, 0
-            sweeps = _sweeps(task, _kicked(task, np.array(best), kicks))
-        # Where limits stop FABRIK, which looks no farther than the next bone, CCD goes on.
-        getattr(sweeps, 'ccd' if waited else method)()
-        done += 1
+        getattr(sweeps, method)()
     return np.array(best), done
-
-
-def _sweeps(task, rotations):
-    effectors = task.effectors.tolist()
-    return Sweeps(task.chain, rotations, effectors, task.targets, task.weights.tolist())
-
-
-def _kicked(task, rotations, times):
-    """Turn what can help, the same at each call: a straight chain cannot fold by itself."""
-    chain = task.chain
-    rng = np.random.default_rng(times)
-    turns = quaternions.exp(rng.uniform(-0.3, 0.3, (len(chain), 3)))
-    bent = rotations.copy()
-    joints = sorted({joint for e in task.effectors for joint in chain.path(e)[:-1]})
-    bent[joints] = quaternions.multiply(turns, rotations)[joints]
-    return chain.limits.clamped(bent)
 
 
 def _two_bone(chain, rotations, effector, target):

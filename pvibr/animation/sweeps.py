@@ -249,7 +249,7 @@ def _rotated(q, v):
 
 
 def _unit(q):
-    size = math.sqrt(_dot(q, q))
+    size = math.hypot(*q)
     return tuple(value / size for value in q)
 
 
