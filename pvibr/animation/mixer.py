@@ -40,11 +40,14 @@ class Play:
         Where in the clip time 0 is, in seconds.
     loop : bool
         Begin again after the end.
+    root : str or int, optional
+        Joint that goes on from where it got to, round after round, in place of back to where it
+        began (root motion): a walk that gets somewhere. Only where it is, not how it is turned.
 
     Raises
     ------
     ValueError
-        If there is no such clip.
+        If there is no such clip or joint.
 
     Examples
     --------
@@ -61,9 +64,12 @@ class Play:
     speed: float = 1.0
     offset: float = 0.0
     loop: bool = True
+    root: Any = None
 
     def __post_init__(self):
         object.__setattr__(self, 'clip', self.figure.clip(self.clip))
+        if self.root is not None:
+            object.__setattr__(self, 'root', self.figure.skeleton.index(self.root))
 
     @property
     def duration(self):
@@ -94,7 +100,15 @@ class Play:
         (2,)
         """
         times = self.offset + self.speed * np.asarray(times, dtype=np.float64)
-        return self.figure.sample(times, self.clip, self.loop)
+        pose = self.figure.sample(times, self.clip, self.loop)
+        if self.root is None or self.clip is None or not (self.loop and self.clip.duration):
+            return pose
+        ends = self.figure.sample([0.0, self.clip.duration], self.clip, loop=False)
+        rounds = np.floor_divide(times, self.clip.duration)
+        translation = pose.translation.copy()
+        way = ends.translation[1, self.root] - ends.translation[0, self.root]
+        translation[..., self.root, :] += rounds[..., None] * way
+        return pose.replaced(translation=translation)
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,6 +49,23 @@ def test_playing_is_sampling_at_another_time():
     assert Play(figure(), 'walk', speed=0.0).duration == np.inf
 
 
+@pytest.mark.parametrize('speed', [1.0, -2.0])
+def test_a_root_gets_somewhere(speed):
+    fox = figure()
+    step = Clip('step', [Track(0, 'translation', [0, 1, 2], [[1, 0, 0], [2, 0, 1], [5, 0, 0]])])
+    fox = Figure(fox.bodies, fox.skeleton, [step])
+    walk = Play(fox, 'step', speed=speed, root='hip')
+    times = np.linspace(-5, 5, 1001)
+    places = walk.sample(times).translation[:, 0]
+    steps = np.diff(places[:, 0]) / (0.01 * speed)
+    assert steps.min() > 0.99  # 1 m/s at first, then 3, and never back
+    assert steps.max() < 3.01
+    np.testing.assert_allclose(places[600] - places[200], [8 * speed, 0, 0], atol=1e-9)
+    stays = Play(fox, 'step', speed=speed).sample(times).translation[:, 0]
+    np.testing.assert_allclose(places[:, 1:], stays[:, 1:])
+    assert stays[:, 0].max() <= 5
+
+
 def test_run_and_fire_and_look_up():
     fox = figure()
     upper = joint_mask(fox.skeleton, ['spine'])
