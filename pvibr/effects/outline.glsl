@@ -1,17 +1,21 @@
-// Outlines: two passes. The first finds boundaries between a pixel and those to its right and
-// above it, by number, depth and normal, and pixels where luminance changes; the second draws what
-// is within half a line's width of a boundary.
+// Outlines: two passes at half the size and one over the picture. The first finds boundaries between
+// a pixel and those to its right and above it, by number, depth and normal, and pixels where
+// luminance changes, for two by two pixels at once, and looks closer only where there may be any;
+// the second tells which squares lines reach; the last draws what is within half a line's width of
+// a boundary.
 // Luminance: Sobel's operator with the weights of ITU-R BT.601. Depth: window depth is affine on
 // every plane in either projection, so what its second difference leaves is no slope, however
 // grazing, but a jump. Units: pixels; normals in view space.
 
-//@edges
+//@surfaces
+// What the two programs share that look at surfaces.
 uniform sampler2D surface;   // normal and number, see pvibr/buffers.py
 uniform vec2 corner;         // of the picture, in its texels
 uniform sampler2D depth;     // of the surfaces
 uniform sampler2D scene;     // of the scene
 uniform sampler2D color;
-uniform int surfaces;        // whether there are surfaces to look at
+uniform sampler2D chosen;    // by number: whether it has lines
+uniform int some;            // whether only the chosen have lines
 uniform int by_id;
 uniform float jump;          // pixels; 0 for none
 uniform float crease;        // cosine; below -1 for none
@@ -21,6 +25,8 @@ uniform int dashed;
 uniform vec3 pixel;          // world units per pixel: constant, per distance; 1 if parallel
 uniform vec2 planes;
 uniform vec4 lens;           // tangents of half the angles of view, and the middle's offset
+
+ivec2 last;                  // pixel of the picture
 
 // Distance along the view.
 float away(float d)
@@ -39,7 +45,7 @@ float behind(float d, float e)
 // Cosine between normal and line of sight, times its length at distance 1.
 float steep(ivec2 p, vec3 n)
 {
-  vec2 ndc = 2.0 * (vec2(p) + 0.5) / vec2(textureSize(color, 0)) - 1.0;
+  vec2 ndc = 2.0 * (vec2(p) + 0.5) / vec2(last + 1) - 1.0;
   return max(n.z - dot(n.xy, (ndc + lens.zw) * lens.xy), 0.02);
 }
 
@@ -52,89 +58,162 @@ vec4 surfel(ivec2 p)
   return vec4(t.x > 1.5 ? vec3(0.0) : vec3(t.xy, t.z < 0.0 ? -z : z), abs(t.z));
 }
 
-float bright(ivec2 p)
+float depth_at(ivec2 p)
 {
-  return dot(texelFetch(color, p, 0).rgb, vec3(0.299, 0.587, 0.114));
+  return texelFetch(depth, p, 0).r;
 }
 
-// A boundary between p and p + s: 0 for none, 0.5 where it is hidden, 1.
-float boundary(ivec2 p, ivec2 s, vec4 n, float d)
+bool has_lines(float number)
 {
-  ivec2 size = textureSize(color, 0);
+  int k = int(number), wide = textureSize(chosen, 0).x;
+  return texelFetch(chosen, ivec2(k % wide, k / wide), 0).r > 0.5;
+}
+
+bool is_crease(vec3 n, vec3 m)
+{
+  bool shaded = dot(n, n) > 0.5 && dot(m, m) > 0.5;
+  return shaded && min(abs(n.z), abs(m.z)) > grazing && dot(n, m) < crease;
+}
+
+//@candidates
+// Where the second program has to look closer. SURFACES, LUMINANCE: what there is to look at.
+// Whether there may be a boundary in two by two pixels and to those right of and above them.
+bool candidate(ivec2 p)
+{
+  vec3 n[8];
+  float number[8];
+  bool same = true, any = false;
+  for (int k = 0; k < 8; ++k)
+  {
+    vec4 t = texelFetch(surface, min(p + ivec2(k % 3, k / 3), last) + ivec2(corner), 0);
+    n[k] = vec3(t.xy, sign(t.z) * sqrt(max(1.0 - dot(t.xy, t.xy), 0.0)));
+    number[k] = t.a > 0.5 ? abs(t.z) : 0.0;
+    any = any || number[k] > 0.5;
+    same = same && number[k] == number[0];
+  }
+  if (!any) return false;
+  if (!same) return true;
+  // 0 to 2 are the lowest row, 6 and 7 are in the third.
+  vec4 right = vec4(dot(n[0], n[1]), dot(n[1], n[2]), dot(n[3], n[4]), dot(n[4], n[5]));
+  vec4 above = vec4(dot(n[0], n[3]), dot(n[3], n[6]), dot(n[1], n[4]), dot(n[4], n[7]));
+  vec4 least = min(right, above);
+  bool bent = min(min(least.x, least.y), min(least.z, least.w)) < crease;
+  if (bent || jump <= 0.0) return bent;
+  float d[8], far = 0.0;
+  for (int k = 0; k < 8; ++k)
+  {
+    d[k] = depth_at(min(p + ivec2(k % 3, k / 3), last));
+    far = max(far, d[k]);
+  }
+  // A jump is one of both second differences that it is in.
+  vec4 second = abs(vec4(d[0], d[3], d[0], d[1]) - 2.0 * vec4(d[1], d[4], d[3], d[4])
+    + vec4(d[2], d[5], d[6], d[7]));
+  float most = max(max(second.x, second.y), max(second.z, second.w));
+  return most > 4e-7 && behind(far, far - most) > jump;
+}
+
+float bright(ivec2 p)
+{
+  return dot(texelFetch(color, clamp(p, ivec2(0), last), 0).rgb, vec3(0.299, 0.587, 0.114));
+}
+
+// Whether luminance changes at two by two pixels.
+bvec4 steps(ivec2 p)
+{
+  float s[16];
+  for (int k = 0; k < 16; ++k) s[k] = bright(p + ivec2(k % 4, k / 4) - 1);
+  bvec4 found;
+  for (int k = 0; k < 4; ++k)
+  {
+    int o = k % 2 + 4 * (k / 2);
+    float e = s[o + 2] + 2.0 * s[o + 6] + s[o + 10] - s[o] - 2.0 * s[o + 4] - s[o + 8];
+    float n = s[o + 8] + 2.0 * s[o + 9] + s[o + 10] - s[o] - 2.0 * s[o + 1] - s[o + 2];
+    found[k] = length(vec2(e, n)) / 4.0 > contrast;
+  }
+  return found;
+}
+
+void main()
+{
+  last = textureSize(color, 0) - 1;
+  ivec2 p = 2 * ivec2(gl_FragCoord.xy);
+  ivec4 found = ivec4(0);
+#ifdef LUMINANCE
+  found = 16 * ivec4(steps(p));
+#endif
+#ifdef SURFACES
+  if (candidate(p)) found += 128;
+#endif
+  gl_FragData[0] = vec4(found) / 255.0;
+}
+
+//@edges
+uniform sampler2D candidates;
+// A boundary between p and p + s: 0 for none, 1 where it is seen, 2 where it is hidden.
+int boundary(ivec2 p, ivec2 s)
+{
   ivec2 q = p + s;
-  if (q.x >= size.x || q.y >= size.y) return 0.0;
-  vec4 m = surfel(q);
+  if (q.x > last.x || q.y > last.y) return 0;
+  vec4 n = surfel(p), m = surfel(q);
   bool nothing = n.a < 0.5, beyond = m.a < 0.5;
-  if (nothing && beyond) return 0.0;
-  float e = texelFetch(depth, q, 0).r;
-  bool found = nothing != beyond ? by_id == 1 || jump > 0.0 : by_id == 1 && n.a != m.a;
+  if (nothing && beyond) return 0;
+  float d = depth_at(p), e = depth_at(q);
+  bool found = nothing != beyond ? by_id == 1 || jump > 0.0
+    : n.a != m.a && (by_id == 1 || (some == 1 && jump > 0.0));
   if (!found && !nothing && !beyond)
   {
-    bool shaded = dot(n.xyz, n.xyz) > 0.5 && dot(m.xyz, m.xyz) > 0.5;
-    if (shaded && min(abs(n.z), abs(m.z)) > grazing) found = dot(n.xyz, m.xyz) < crease;
+    found = is_crease(n.xyz, m.xyz);
     if (!found && jump > 0.0)
     {
-      ivec2 before = max(p - s, ivec2(0)), after = min(q + s, size - 1);
-      float b = texelFetch(depth, before, 0).r, a = texelFetch(depth, after, 0).r;
+      float b = depth_at(max(p - s, ivec2(0))), a = depth_at(min(q + s, last));
       float second = min(abs(e - 2.0 * d + b), abs(d - 2.0 * e + a));
       float farther = max(d, e);
       // A crease bends depth by the difference of slopes, pixels per pixel, and no more.
       float bend = abs(dot(vec2(s), n.xy / steep(p, n.xyz) - m.xy / steep(q, m.xyz)));
+      bool shaded = dot(n.xyz, n.xyz) > 0.5 && dot(m.xyz, m.xyz) > 0.5;
       float least = jump + (shaded ? min(bend, 40.0) : 0.0);
       found = behind(farther, farther - second) > least && second > 4e-7;
     }
   }
-  if (!found) return 0.0;
+  if (!found) return 0;
   // The nearer one has the line; it is seen where the scene is not before it.
-  bool mine = beyond || (!nothing && d <= e);
-  float own = mine ? d : e, seen = texelFetch(scene, mine ? p : q, 0).r;
-  float slope = 1.0 + 1.0 / max(abs(mine ? n.z : m.z), 0.05);
-  if (behind(own, seen) <= slope || abs(own - seen) < 4e-7) return 1.0;
-  return dashed == 1 ? 0.5 : 0.0;
-}
-
-float luminance(ivec2 p)
-{
-  ivec2 last = textureSize(color, 0) - 1;
-  float s[9];
-  for (int k = 0; k < 9; ++k) s[k] = bright(clamp(p + ivec2(k % 3, k / 3) - 1, ivec2(0), last));
-  vec2 gradient = vec2(s[2] + 2.0 * s[5] + s[8] - s[0] - 2.0 * s[3] - s[6],
-                       s[6] + 2.0 * s[7] + s[8] - s[0] - 2.0 * s[1] - s[2]);
-  return length(gradient) / 4.0 > contrast ? 1.0 : 0.0;
-}
-
-void main()
-{
-  ivec2 p = ivec2(uv * vec2(textureSize(color, 0)));
-  vec3 found = vec3(0.0);
-  if (surfaces == 1)
+  bool mine = beyond || (!nothing && d <= e), touching = false;
+  if (some == 1)
   {
-    vec4 n = surfel(p);
-    float d = texelFetch(depth, p, 0).r;
-    found.xy = vec2(boundary(p, ivec2(1, 0), n, d), boundary(p, ivec2(0, 1), n, d));
+    // Where a chosen one meets another, it has the line unless that one is well before it.
+    bool first = !nothing && has_lines(n.a), second = !beyond && has_lines(m.a);
+    if (!first && !second) return 0;
+    touching = first != second && !nothing && !beyond;
+    if (touching) mine = first;
+    else if (mine ? !first : !second) return 0;
   }
-  if (contrast > 0.0) found.z = luminance(p);
-  gl_FragData[0] = vec4(found, 1.0);
+  float own = mine ? d : e, seen = texelFetch(scene, mine ? p : q, 0).r;
+  if (touching) seen = min(seen, mine ? e : d);
+  float slope = 1.0 + 1.0 / max(abs(mine ? n.z : m.z), 0.05);
+  if (behind(own, seen) <= slope || abs(own - seen) < 4e-7) return 1;
+  return dashed == 1 ? 2 : 0;
 }
 
-//@tiles
-// Whether there is anything in each square of SIDE pixels.
-uniform sampler2D edges;
-uniform vec2 tiles;
 void main()
 {
-  ivec2 first = ivec2(uv * tiles) * SIDE, last = textureSize(edges, 0) - 1;
-  vec3 found = vec3(0.0);
-  for (int j = 0; j < SIDE; ++j)
-    for (int i = 0; i < SIDE; ++i)
-      found = max(found, texelFetch(edges, min(first + ivec2(i, j), last), 0).rgb);
-  gl_FragData[0] = vec4(found, 1.0);
+  last = textureSize(color, 0) - 1;
+  ivec2 c = ivec2(gl_FragCoord.xy);
+  ivec4 found = ivec4(255.0 * texelFetch(candidates, c, 0) + 0.5);
+  // A loop, since some drivers do whatever is in a branch for everybody.
+  int count = found[0] >= 128 ? 4 : 0;
+  found = found & 127;
+  for (int k = 0; k < count; ++k)
+  {
+    ivec2 p = 2 * c + ivec2(k % 2, k / 2);
+    found[k] += boundary(p, ivec2(1, 0)) + 4 * boundary(p, ivec2(0, 1));
+  }
+  gl_FragData[0] = vec4(found) / 255.0;
 }
 
 //@lines
 uniform sampler2D edges;
-uniform sampler2D squares;   // of SIDE pixels: whether there is anything in them
-uniform sampler2D color;
+uniform sampler2D squares;
+uniform int reach;
 uniform float width;
 uniform float dash;
 uniform vec4 ink;
@@ -147,33 +226,38 @@ float covered(float d)
 
 void main()
 {
-  ivec2 p = ivec2(uv * vec2(textureSize(edges, 0))), last = textureSize(edges, 0) - 1;
+  ivec2 p = ivec2(gl_FragCoord.xy);
+  if (texelFetch(squares, p / SIDE, 0).r < 0.5) discard;
+  ivec2 low = max(p - reach, ivec2(0)) / 2, high = min((p + reach) / 2, textureSize(edges, 0) - 1);
+  // Of the steps to the right and above: those that are seen, or in a dash those hidden too.
   bool drawn = fract((gl_FragCoord.x + gl_FragCoord.y) / (2.0 * dash)) < 0.5;
-  float least = drawn ? 0.25 : 0.75;
+  int beside = drawn ? 3 : 1, above = 4 * beside;
   float near = 1e6;
-  // As far as a line reaches there are no more than two squares along an axis.
-  ivec2 low = max(p - REACH, ivec2(0)) / SIDE, high = min(p + REACH, last) / SIDE;
-  vec3 any = texelFetch(squares, low, 0).rgb + texelFetch(squares, high, 0).rgb
-    + texelFetch(squares, ivec2(low.x, high.y), 0).rgb
-    + texelFetch(squares, ivec2(high.x, low.y), 0).rgb;
-  if (any != vec3(0.0))
-  for (int j = -REACH; j <= REACH; ++j)
-    for (int i = -REACH; i <= REACH; ++i)
+  for (int j = low.y; j <= high.y; ++j)
+    for (int i = low.x; i <= high.x; ++i)
     {
-      ivec2 q = p + ivec2(i, j);
-      if (q != clamp(q, ivec2(0), last)) continue;
-      vec3 found = texelFetch(edges, q, 0).rgb;
-      if (found == vec3(0.0)) continue;
-      // To the middles of the boundary's steps: on lines aslant their corners are off the line.
-      vec2 o = vec2(i, j);
-      if (found.r > least) near = min(near, length(o + vec2(0.5, 0.0)));
-      if (found.g > least) near = min(near, length(o + vec2(0.0, 0.5)));
-      if (found.b > least) near = min(near, 0.5 + length(o));
+      vec4 texel = texelFetch(edges, ivec2(i, j), 0);
+      if (texel == vec4(0.0)) continue;
+      ivec4 found = ivec4(255.0 * texel + 0.5);
+      for (int k = 0; k < 4; ++k)
+      {
+        vec2 o = vec2(2 * i + k % 2, 2 * j + k / 2) - vec2(p);
+        // To the middles of the boundary's steps: on lines aslant their corners are off the line.
+        if ((found[k] & beside) != 0) near = min(near, length(o + vec2(0.5, 0.0)));
+        if ((found[k] & above) != 0) near = min(near, length(o + vec2(0.0, 0.5)));
+        if ((found[k] & 16) != 0) near = min(near, 0.5 + length(o));
+      }
     }
-  vec4 c = texelFetch(color, p, 0);
   float cover = ink.a * covered(near);
-  // Where a line covers all, whatever is below does not matter, not even NaN.
-  if (cover >= 1.0) c = vec4(ink.rgb, 1.0);
-  else if (cover > 0.0) c = vec4(mix(c.rgb, ink.rgb, cover), cover + c.a * (1.0 - cover));
-  gl_FragData[0] = c;
+  if (cover <= 0.0) discard;
+  gl_FragData[0] = vec4(ink.rgb, cover);
+}
+
+//@shown
+uniform sampler2D edges;
+void main()
+{
+  ivec2 p = ivec2(gl_FragCoord.xy);
+  int found = int(255.0 * texelFetch(edges, p / 2, 0)[p.x % 2 + 2 * (p.y % 2)] + 0.5);
+  gl_FragData[0] = vec4((found & 3) != 0, (found & 12) != 0, (found & 16) != 0, 1.0);
 }

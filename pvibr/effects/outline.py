@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from pvibr.buffers import Drawn
+from pvibr.casters import address
 from pvibr.effect import Effect
-from pvibr.gl import Quad, Target, shader_source
+from pvibr.gl import Quad, Texture, shader_source
 from pvibr.gl.feature import sections
+from pvibr.gl.tiles import SIDE, Tiles, sized
 from pvibr.params import Param
 
 
@@ -72,8 +76,10 @@ class Outline(Effect):
     def __init__(self, *, actors=None, **settings):
         self._actors = _checked(actors)
         self._drawn: Any = None
-        self._target: Any = None
-        self._coarse: Any = None
+        self._half: Any = None
+        self._candidates: Any = None
+        self._tiles: Any = None
+        self._marks: Any = None
         self._quads: dict = {}
         super().__init__(**settings)
 
@@ -104,6 +110,11 @@ class Outline(Effect):
     def _asks_surfaces(self) -> bool:
         return self.ids or self.depth or self.normal
 
+    @property
+    def surfaces(self) -> bool:
+        """Whether it reads what all surfaces write; hidden parts have to be drawn alone."""
+        return self._asks_surfaces and (self._actors is None or self.hidden == 'absent')
+
     def needed(self, frame) -> bool | str:
         """Tell whether there are lines to draw.
 
@@ -128,53 +139,68 @@ class Outline(Effect):
         picture : pvibr.gl.picture.Picture
             Its pixels.
         """
-        edges = self._edges(frame, picture)
-        squares = self._squares(frame.window, edges)
-        with picture.drawing():
-            if self.debug:
-                quad = self._quad(frame.window, 'shown', _SHOWN)
-                quad.draw(textures={'edges': edges})
-                return
-            reach = max(1, math.ceil(self.width / 2))
-            lines = f'#define REACH {reach}\n{_SIDE}{_TEXTS["lines"]}'
-            self._quad(frame.window, f'lines {reach}', lines).draw(
-                {'width': self.width, 'dash': self.dash, 'ink': (*self.color, self.opacity)},
-                {'edges': edges, 'squares': squares, 'color': picture.color},
-            )
+        width = self.width * frame.scale
+        reach = math.ceil(width / 2)
+        edges = self._edges(frame, picture, reach)
+        if self.debug:
+            with picture.drawing():
+                self._quad(frame.window, 'shown').draw(textures={'edges': edges})
+            return
+        look = {
+            'width': width,
+            'dash': self.dash * frame.scale,
+            'ink': (*self.color, self.opacity),
+        }
+        textures = {'edges': edges, 'squares': self._tiles.squares}
+        with picture.drawing_over():
+            self._tiles.draw(self._sparse('lines'), {'reach': reach, **look}, textures, 'over')
 
-    def _edges(self, frame, picture):
-        """Draw the edges and return their texture."""
-        textures = {'color': picture.color, 'scene': picture.depth}
-        textures |= {'surface': picture.color, 'depth': picture.depth}
-        uniforms = self._uniforms(frame)
+    def _edges(self, frame, picture, reach):
+        """Draw the edges, choose the tiles that lines reach, and return the edges' texture."""
+        window, half = frame.window, [-(-n // 2) for n in picture.size]
+        self._tiles = self._tiles or Tiles(window)
+        uniforms, textures = self._inputs(frame, picture)
+        self._candidates = sized(self._candidates, window, half)
+        with self._candidates.drawing():
+            self._quad(window, 'candidates').draw(uniforms, textures)
+        found = self._candidates.colors[0]
+        self._tiles.find(found, picture.size, reach)
+        if not self._asks_surfaces:
+            return found
+        self._half = sized(self._half, window, half)
+        with self._half.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            self._tiles.draw(self._sparse('edges'), uniforms, textures | {'candidates': found})
+        return self._half.colors[0]
+
+    def _inputs(self, frame, picture):
+        """Return uniforms and textures of the programs that find edges."""
+        uniforms, textures = self._uniforms(frame), {'color': picture.color}
         if self._asks_surfaces:
-            geometry = self._surfaces_of(frame, picture)
-            textures |= {'surface': geometry.surface, 'depth': geometry.depth}
+            geometry = self._geometry(frame, picture)
             uniforms['corner'] = geometry.origin
-        self._target = target = _sized(self._target, frame.window, picture.size)
-        with target.drawing():
-            self._quad(frame.window, 'edges', _TEXTS['edges']).draw(uniforms, textures)
-        return target.colors[0]
+            textures |= {'surface': geometry.surface, 'depth': geometry.depth}
+            textures['scene'] = textures['chosen'] = picture.depth
+            if self.surfaces and self._actors is not None:
+                textures['chosen'] = self._marks_of(frame.window, geometry.numbered)
+        return uniforms, textures
 
-    def _squares(self, window, edges):
-        """Draw which squares have edges and return their texture."""
-        size = tuple(-(-n // _SQUARE) for n in edges.size)
-        self._coarse = _sized(self._coarse, window, size)
-        with self._coarse.drawing():
-            quad = self._quad(window, 'tiles', f'{_SIDE}{_TEXTS["tiles"]}')
-            quad.draw({'tiles': tuple(map(float, size))}, {'edges': edges})
-        return self._coarse.colors[0]
-
-    def _surfaces_of(self, frame, picture):
-        if self._actors is None:
+    def _geometry(self, frame, picture):
+        if self.surfaces:
             return self.pipeline.buffers.geometry(frame, picture, self.pipeline.things)
         self._drawn = self._drawn or Drawn(frame.renderer)
         return self._drawn.draw(frame, self.pipeline.things, self._actors)
 
-    @property
-    def surfaces(self) -> bool:
-        """Whether it reads what all surfaces write."""
-        return self._asks_surfaces and self._actors is None
+    def _marks_of(self, window, numbered):
+        """Return by number which of what is drawn has lines."""
+        chosen = {_identity(item) for item in self._actors or ()}
+        marks = bytes([0, *(255 * (_identity(item) in chosen) for item in numbered)])
+        if self._marks is None or self._marks[0] != marks:
+            if self._marks is not None:
+                self._marks[1].release()
+            rows = np.zeros((-(-len(marks) // _ROW), _ROW), np.uint8)
+            rows.ravel()[: len(marks)] = list(marks)
+            self._marks = marks, Texture(window).upload(rows)
+        return self._marks[1]
 
     def _uniforms(self, frame):
         size, clip = 1 / frame.pixel_scale, frame.clip_from_view
@@ -182,50 +208,66 @@ class Outline(Effect):
             1 / clip[0, 0], 1 / clip[1, 1], clip[0, 2], clip[1, 2]
         )  # fmt: skip
         return {
-            'surfaces': int(self._asks_surfaces),
+            'some': int(self.surfaces and self._actors is not None),
             'by_id': int(self.ids),
             'jump': self.jump if self.depth else 0.0,
             'crease': math.cos(math.radians(self.crease)) if self.normal else -2.0,
             'grazing': math.cos(math.radians(self.grazing)),
-            'contrast': self.contrast if self.luminance else 0.0,
+            'contrast': self.contrast,
             'dashed': int(self.hidden == 'dashed'),
             'pixel': (size, 0.0, 1.0) if frame.parallel else (0.0, size, 0.0),
             'planes': (frame.near, frame.far),
             'lens': lens,
         }
 
-    def _quad(self, window, name, text):
+    def _quad(self, window, name):
+        defined = self._defined
+        if (name, defined) not in self._quads:
+            self._quads[name, defined] = Quad(window, defined + _TEXTS[name], _NAME + name)
+        return self._quads[name, defined]
+
+    def _sparse(self, name):
         if name not in self._quads:
-            self._quads[name] = Quad(window, text, f'outline.glsl, {name}')
+            text = f'#define SIDE {SIDE}\n{_TEXTS[name]}'
+            self._quads[name] = self._tiles.program(text, _NAME + name)
         return self._quads[name]
+
+    @property
+    def _defined(self):
+        kinds = {'SURFACES': self._asks_surfaces, 'LUMINANCE': self.luminance}
+        return ''.join(f'#define {name}\n' for name, on in kinds.items() if on)
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
-        for owner in (self._drawn, self._target, self._coarse, *self._quads.values()):
+        marks = self._marks[1] if self._marks else None
+        for owner in (
+            self._drawn,
+            self._candidates,
+            self._half,
+            self._tiles,
+            marks,
+            *self._quads.values(),
+        ):
             if owner is not None:
                 owner.release()
-        self._drawn = self._target = self._coarse = None
+        self._drawn = self._candidates = self._half = self._tiles = self._marks = None
         self._quads = {}
 
     def report(self) -> dict:
         """Return the bytes that it holds on the GPU."""
-        owners = self._drawn, self._target, self._coarse
+        owners = self._drawn, self._candidates, self._half, self._tiles
         return {'bytes': sum(owner.nbytes for owner in owners if owner is not None)}
 
 
-_SQUARE = 16  # pixels; as wide as the widest line, so that lines reach into two
-_SIDE = f'#define SIDE {_SQUARE}\n'
+_NAME = 'outline.glsl, '
+_ROW = 1024  # numbers
 _TEXTS = sections(shader_source(__file__))
-_SHOWN = 'uniform sampler2D edges; void main() { gl_FragData[0] = texture(edges, uv); }'
+for _program in ('candidates', 'edges'):
+    _TEXTS[_program] = _TEXTS['surfaces'] + _TEXTS[_program]
 
 
-def _sized(target, window, size) -> Target:
-    """Return a target of a size: the given one where it has it."""
-    if target is not None and (target.width, target.height) == tuple(size):
-        return target
-    if target is not None:
-        target.release()
-    return Target(window, size[0], size[1], filter='nearest')
+def _identity(item):
+    return address(item) if hasattr(item, 'GetAddressAsString') else id(item)
 
 
 def _checked(actors) -> list | None:

@@ -83,6 +83,14 @@ class Picture:
             yield self
         self._drawn = free[0]
 
+    @contextmanager
+    def drawing_over(self):
+        """Draw onto the picture so far, which is not to be read meanwhile."""
+        if self._drawn is None:
+            self._drawn = self._source
+        with self._drawn.drawing():
+            yield self
+
     def ground(self, *, ends_at_one=False) -> Target | None:
         """Return the picture as a target, for light to be blended with it in place.
 

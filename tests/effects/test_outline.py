@@ -150,7 +150,7 @@ def test_only_the_chosen_and_hidden_parts(hidden):
     assert before.sum() > 20
     kept = (drawn & before).sum() / before.sum()
     assert kept < 0.15 if hidden == 'absent' else 0.3 < kept < 0.75
-    assert (drawn & ~whole).sum() == 0, (drawn & ~whole).sum()
+    assert (drawn & ~whole).sum() <= 4  # they touch in a point
 
 
 def shot_without(pl, effect):

@@ -1,0 +1,129 @@
+"""Programs drawn only where there is something to draw."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pvibr.gl.feature import sections
+from pvibr.gl.quad import Quad, shader_source
+from pvibr.gl.target import Target
+
+SIDE = 16  # pixels along a side of a square
+_MOST = 128  # tiles: what two triangles may become in core profile 3.2
+_TEXTS = sections(shader_source(__file__))
+
+
+class Tiles:
+    """Which tiles of a target programs are drawn over, told by another texture.
+
+    A branch around most of a program does not make it cheap everywhere: some drivers, llvmpipe
+    among them, take every pixel through it. What is not drawn costs nothing anywhere.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        The window whose context holds it.
+    """
+
+    def __init__(self, window):
+        self.window = window
+        self._quads: dict[str, Quad] = {}
+        self._squares: Any = None
+        self._tiles: Any = None
+        self._extent = (0.0, 0.0)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return sum(t.nbytes for t in (self._squares, self._tiles) if t is not None)
+
+    def find(self, found, size, reach):
+        """Choose the tiles near to something.
+
+        Parameters
+        ----------
+        found : Texture
+            0 where there is nothing.
+        size : tuple of 2 int
+            Pixels of what is drawn; a texel of `found` is a square of one or more of them.
+        reach : int
+            Pixels from something that still count.
+        """
+        counts = tuple(-(-n // SIDE) for n in size)
+        side = next(n for n in range(1, max(counts) + 1) if _tiles(counts, n) <= _MOST)
+        self._squares = sized(self._squares, self.window, counts)
+        self._tiles = sized(self._tiles, self.window, tuple(-(-n // side) for n in counts))
+        self._extent = tuple(2.0 * side * SIDE / n for n in size)
+        step = -(-size[0] // found.size[0])
+        self._draw('squares', self._squares, {'step': step, 'reach': reach}, found=found)
+        self._draw('tiles', self._tiles, {'side': side}, squares=self._squares.colors[0])
+
+    def _draw(self, name, target, uniforms, **textures):
+        if name not in self._quads:
+            text = f'#define SIDE {SIDE}\n{_TEXTS[name]}'
+            self._quads[name] = Quad(self.window, text, f'tiles.glsl, {name}')
+        with target.drawing():
+            self._quads[name].draw(uniforms, textures)
+
+    def program(self, fragment, name) -> Quad:
+        """Return a program to be drawn over tiles.
+
+        Parameters
+        ----------
+        fragment : str
+            GLSL with ``main``; it has no ``uv``.
+        name : str
+            What errors call it.
+        """
+        return Quad(self.window, fragment, name, geometry=_TEXTS['geometry'])
+
+    def draw(self, quad, uniforms, textures, blend=None):
+        """Draw a program over the tiles that `find` chose.
+
+        Parameters
+        ----------
+        quad : Quad
+            From `program`.
+        uniforms, textures : dict
+            See :meth:`pvibr.gl.Quad.draw`.
+        blend : str, optional
+            See there.
+        """
+        tiles = {'tiles': self._tiles.colors[0]}
+        quad.draw({'extent': self._extent, **uniforms}, {**textures, **tiles}, blend)
+
+    @property
+    def squares(self):
+        """Texture: 1 for each square of `SIDE` pixels that is near to something, else 0."""
+        return self._squares.colors[0]
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        for owner in (self._squares, self._tiles, *self._quads.values()):
+            if owner is not None:
+                owner.release()
+        self._squares = self._tiles = None
+        self._quads = {}
+
+
+def _tiles(counts, side):
+    return -(-counts[0] // side) * -(-counts[1] // side)
+
+
+def sized(target, window, size) -> Target:
+    """Return a target of 8 bits of a size: the given one where it has it.
+
+    Parameters
+    ----------
+    target : Target or None
+        Released where it is of another size.
+    window : vtkOpenGLRenderWindow
+        The window whose context holds it.
+    size : tuple of 2 int
+        Texels.
+    """
+    if target is not None and (target.width, target.height) == tuple(size):
+        return target
+    if target is not None:
+        target.release()
+    return Target(window, size[0], size[1], filter='nearest')
