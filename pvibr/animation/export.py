@@ -369,6 +369,9 @@ def _weights_of(clip, first, body):
 
 
 def _frame_track(clip, frames):
+    if frames.states is not None:
+        msg = 'key frames that states choose are no clip: make linear ones of Figure.series first.'
+        raise ValueError(msg)
     if frames.interpolation not in ('linear', 'step') or frames.period is not None:
         kind = frames.interpolation if frames.period is None else f'period of {frames.period} s'
         msg = (
