@@ -10,6 +10,8 @@ import numpy as np
 from pvibr.actors.anchor import anchor, set_bounds
 from pvibr.actors.figure_bodies import PosedBody, as_bodies, moved_bounds
 from pvibr.actors.posing import Posing
+from pvibr.animation.blending import crossfade
+from pvibr.animation.mixer import Play, Still
 from pvibr.animation.pose import Pose
 from pvibr.effect import Effect
 from pvibr.params import Param
@@ -39,15 +41,17 @@ class Moment:
         return self.bounds.reshape(3, 2).mean(1)
 
 
-class _Player:
-    """A clip from a moment on, at a speed."""
+class _Fade:
+    """From one source of poses to another one."""
 
-    def __init__(self, figure, clip, speed, loop, start):
-        self.figure, self.clip = figure, figure.clip(clip)
-        self.speed, self.loop, self.start = speed, loop, start
+    def __init__(self, before, after, start, seconds):
+        self.before, self.after, self.start, self.seconds = before, after, start, seconds
 
     def sample(self, time):
-        return self.figure.sample((time - self.start) * self.speed, self.clip, self.loop)
+        share = (time - self.start) / self.seconds
+        if share >= 1:
+            return self.after.sample(time)
+        return crossfade(self.before.sample(time), self.after.sample(time), max(share, 0.0))
 
 
 class FigureActor(Effect):
@@ -107,6 +111,8 @@ class FigureActor(Effect):
     _posing: Any = None
     _moment: Any = None
     _failure: Exception | None = None
+    #: What was shown in the last frame, and its bounds.
+    _framed: tuple = (-1, (1.0, -1.0) * 3)
 
     def __init__(
         self, figure, *, name=None, clip=None, pickable=True, theme=None, skinning='linear',
@@ -127,7 +133,7 @@ class FigureActor(Effect):
         self._drawn: tuple = ()
         self._known: tuple = ()
         self.posed = 0
-        self.driver = _Player(figure, clip, 1.0, True, 0.0)
+        self.driver = Play(figure, clip)
 
     # -- what it shows -----------------------------------------------------------------------
 
@@ -146,7 +152,7 @@ class FigureActor(Effect):
         self._driver = driver
         self._known = ()
 
-    def play(self, clip=None, *, speed=1.0, loop=True, start=None):
+    def play(self, clip=None, *, speed=1.0, loop=True, fade=0.0, start=None):
         """Play a clip.
 
         Parameters
@@ -157,19 +163,38 @@ class FigureActor(Effect):
             Seconds of the clip in a second; backward below 0.
         loop : bool
             Begin again after the end.
+        fade : float
+            Seconds in which what was shown before goes over into it.
         start : float, optional
             When its time is 0, in seconds of ``plotter.ibr.time``; now by default.
 
         Raises
         ------
         ValueError
-            Where there is no such clip, or the speed is not finite.
+            Where there is no such clip, the speed is not finite or the fade is negative.
         """
+        speed, fade = float(speed), float(fade)
         if not np.isfinite(speed):
-            msg = f'speed = {speed!r}: must be a finite number'
+            msg = f'speed = {speed}: must be a finite number'
             raise ValueError(msg)
-        start = self._now() if start is None else float(start)
-        self.driver = _Player(self.figure, clip, float(speed), bool(loop), start)
+        if not 0 <= fade < np.inf:
+            msg = f'fade = {fade}: must be seconds from 0'
+            raise ValueError(msg)
+        now = self._now()
+        start = now if start is None else float(start)
+        played = Play(self.figure, clip, speed, -start * speed, bool(loop))
+        self.driver = _Fade(self._source(), played, now, fade) if fade else played
+
+    def _source(self):
+        """Return what gives the pose, which may be a fixed one."""
+        if self._driver is not None:
+            return self._driver
+        return Still(self._as_pose(self._fixed))
+
+    def _as_pose(self, pose) -> Pose:
+        if isinstance(pose, Pose):
+            return pose
+        return Pose.from_matrices(self.figure.skeleton.local(pose), self.figure.rest.weights)
 
     def stop(self):
         """Stay as it is now."""
@@ -254,20 +279,21 @@ class FigureActor(Effect):
 
     def _now_shown(self) -> Moment:
         """Return what is shown at the time that it is now."""
-        time = self._now()
-        known = (time if self._driver is not None else None), self.skinning
-        if self._moment is None or self._known != known:
-            self._show(self._sampled(time))
+        known = self._asked()
+        if known != self._known:
+            self._show(self._sampled(self._now()))
             self._known = known
         return self._moment
+
+    def _asked(self) -> tuple:
+        """Return what the pose and its box depend on, beside what sets them anew."""
+        return (None if self._driver is None else self._now()), self.skinning
 
     def _sampled(self, time):
         pose = self._fixed if self._driver is None else self._driver.sample(time)
         if self._weights is None:
             return pose
-        if not isinstance(pose, Pose):
-            pose = Pose.from_matrices(self.figure.skeleton.local(pose))
-        return pose.replaced(weights=self._weights)
+        return self._as_pose(pose).replaced(weights=self._weights)
 
     def _show(self, pose):
         world = self.figure.world(pose)
@@ -325,9 +351,20 @@ class FigureActor(Effect):
 
     def _on_start(self, _renderer, _event):
         try:
-            self._now_shown()
+            self._show_whole()
         except Exception as error:  # noqa: BLE001, RUF100
             self._failure = error  # an error must not reach VTK's loop: the pipeline tells it
+
+    def _show_whole(self):
+        """Take the pose of now; what was not cut by the camera's planes before, is not now."""
+        self._now_shown()
+        changes, before = self._framed
+        if changes == self._changes:
+            return
+        renderer, now = self.pipeline.renderer, self._anchor.GetBounds()
+        self._framed = self._changes, now
+        if _is_whole(renderer, before) and not _is_whole(renderer, now):
+            renderer.ResetCameraClippingRange()
 
     def detach(self):
         """Take its props out of the scene."""
@@ -379,7 +416,7 @@ class FigureActor(Effect):
         moment = self._now_shown()
         if not self._posed:
             return
-        if self._posing is None or self._drawn[1] != self.skinning:
+        if self._posing is None or self._posing.how != self.skinning:
             self._release_posing()
             moulds = [b.mould for b in self._posed]
             self._posing = Posing(frame.window, moulds, how=self.skinning)
@@ -427,10 +464,24 @@ class FigureActor(Effect):
 
     def scalar_mapper(self):
         """Return a mapper with the table of the scalars shown, for a scalar bar; else None."""
-        shown = [a.mapper for a in self.actors() if a.mapper.GetScalarVisibility()]
+        mappers = [body.part.actor.mapper for body in self._bodies]
+        shown = [m for m in mappers if m.GetScalarVisibility()]
         tables = [m for m in shown if m.GetColorMode() != 2]
         return tables[0] if tables else None
 
     def scalar_title(self) -> str:
         """Return what a scalar bar calls the scalars."""
         return self.scalar_mapper().GetArrayName() or ''
+
+
+def _is_whole(renderer, bounds) -> bool:
+    """Tell whether there are bounds, between the camera's planes."""
+    if bounds[0] > bounds[1]:
+        return False
+    camera = renderer.GetActiveCamera()
+    near, far = camera.GetClippingRange()
+    axis = np.array(camera.GetDirectionOfProjection())
+    low, high = np.reshape(bounds, (3, 2)).T
+    middle = axis @ ((low + high) / 2 - camera.GetPosition())
+    half = np.abs(axis) @ (high - low) / 2
+    return bool(near <= middle - half and middle + half <= far)

@@ -115,7 +115,7 @@ class RigidBody:
     mould = None
 
     def __init__(self, part, node):
-        self.actor, self.node = part.actor, node
+        self.part, self.actor, self.node = part, part.actor, node
 
     def move(self, user, moment):
         """Take the place that a moment gives it.
@@ -151,7 +151,7 @@ class PosedBody:
     """
 
     def __init__(self, figure, index, part):
-        self.figure, self.index = figure, index
+        self.figure, self.index, self.part = figure, index, part
         self.body = body = figure.bodies[index]
         if part.mesh.n_points != len(body.points):
             msg = (
@@ -273,12 +273,17 @@ def as_bodies(figure, looks, theme):
     out: list = []
     for i, body in enumerate(figure.bodies):
         mesh = body.mesh.copy(deep=False)
-        mesh.point_data['Normals'] = body.normals
+        mesh.point_data['Normals'] = _unit(body.normals)  # as those that are posed
         mesh.point_data.active_normals_name = 'Normals'
         part = as_parts(mesh, theme=theme, **(body.look | looks))[0]
         still = body.skin is None and body.frames is None and not figure.layers(i)
         out.append(RigidBody(part, body.node) if still else PosedBody(figure, i, part))
     return out
+
+
+def _unit(vectors):
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
 
 
 def _node(moment, node):

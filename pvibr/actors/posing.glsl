@@ -6,7 +6,8 @@
 // ACM Transactions on Graphics 27(4), 2008. The twin in float64 is Figure.posed.
 // Spaces: rest = the mesh's, less the middle of its points; posed = the figure's, less an origin
 // near the pose, so that floats of 32 bits keep their digits wherever the figure is.
-// Defines: GROUPS, joints a vertex has, divided by 4 (0 without a skin); DUAL 0 or 1; SHAPES 0 or 1.
+// Defines: GROUPS, joints a vertex has, divided by 4 (0 without a skin); DUAL, SHAPES and WRAP (the
+// state of a pose has several rows) 0 or 1; WIDTH, vertices of a row.
 
 //@pose
 uniform sampler2D ibr_rest;           // rest positions
@@ -29,12 +30,16 @@ uniform sampler2D ibr_shapes;         // differences of positions, a group of ro
 uniform sampler2D ibr_shape_normals;
 #endif
 
-int ibr_pose;
+int ibr_pose;  // first row of its state
 
 vec4 ibr_number(int i)
 {
-  return texelFetch(ibr_state,
-    ivec2(i % ibr_state_width, ibr_pose * ibr_state_rows + i / ibr_state_width), 0);
+#if WRAP
+  ivec2 place = ivec2(i % ibr_state_width, i / ibr_state_width);
+#else
+  ivec2 place = ivec2(i, 0);  // divisions of integers are slow where they are not needed
+#endif
+  return texelFetch(ibr_state, ivec2(place.x, place.y + ibr_pose), 0);
 }
 
 vec3 ibr_unit(vec3 v)
@@ -47,8 +52,9 @@ void main()
 {
   ivec2 ibr_size = ivec2(ibr_sides);
   ivec2 texel = ivec2(uv * ibr_sides * vec2(1.0, ibr_poses));
-  ibr_pose = texel.y / ibr_size.y;
-  texel.y -= ibr_pose * ibr_size.y;
+  int pose = texel.y / ibr_size.y;
+  texel.y -= pose * ibr_size.y;
+  ibr_pose = pose * ibr_state_rows;
   vec3 p = texelFetch(ibr_rest, texel, 0).xyz;
   vec3 n = texelFetch(ibr_rest_normals, texel, 0).xyz;
 #if SHAPES
@@ -147,8 +153,9 @@ vec3 ibr_vertex_normal;
 
 //@vertex.begin
   {
-    int width = textureSize(ibr_posed, 0).x;
-    ivec2 texel = ivec2(gl_VertexID % width, ibr_posed_row + gl_VertexID / width);
+    // Of positive numbers and a power of two: no division is left.
+    uint id = uint(gl_VertexID);
+    ivec2 texel = ivec2(int(id % WIDTH), ibr_posed_row + int(id / WIDTH));
     ibr_vertex = vec4(texelFetch(ibr_posed, texel, 0).xyz, 1.0);
     ibr_vertex_normal = texelFetch(ibr_posed_normals, texel, 0).xyz;
   }

@@ -101,7 +101,7 @@ class Posing:
     """
 
     def __init__(self, window, moulds, *, poses=1, how='linear'):
-        self.window, self.poses = window, poses
+        self.window, self.poses, self.how = window, poses, how
         heights = [-(-len(m.points) // WIDTH) * poses for m in moulds]
         #: First row of each mould.
         self.rows = np.cumsum([0, *heights]).tolist()
@@ -194,8 +194,12 @@ class _Cast:
             for name, table in zip(('ibr_joints', 'ibr_weights'), _influences(mould), strict=True):
                 self.textures[name] = Texture(window).upload(table)
         self.store = None if mould.shapes is None else ShapeStore(window, mould.shapes, WIDTH)
-        defines = {'GROUPS': groups, 'DUAL': how == 'dual' and groups > 0}
-        self.quad = _quad(window, defines | {'SHAPES': self.store is not None})
+        joints = 0 if mould.centers is None else len(mould.centers) * _TEXELS[how]
+        most = joints + 1 + (0 if self.store is None else len(mould.shapes))
+        self.quad = _quad(window, {
+            'GROUPS': groups, 'DUAL': how == 'dual' and groups > 0,
+            'SHAPES': self.store is not None, 'WRAP': most > _STATE_WIDTH,
+        })  # fmt: skip
         self.uniforms = {'ibr_sides': (WIDTH, self.rows), 'ibr_poses': poses}
 
     @property
@@ -295,9 +299,10 @@ def posed_feature() -> Feature:
     """
     text = sections(shader_source(__file__))
     declare = declared_samplers(dict.fromkeys(SAMPLERS, 'sampler2D')) + text['vertex.declare']
+    begin = f'#define WIDTH {WIDTH}u\n{text["vertex.begin"]}'
     vertex = {
         'VTK::CustomUniforms::Dec': declare,
-        'VTK::CustomBegin::Impl': text['vertex.begin'],
+        'VTK::CustomBegin::Impl': begin,
         'VTK::Normal::Impl': text['vertex.normal'],
     }
     return Feature('posed', vertex)
