@@ -24,6 +24,7 @@ _EXPORTS = {
     'ClosedError': 'pvibr.errors',
     'Correctives': 'pvibr.animation.correctives',
     'Copy': 'pvibr.animation.constraints',
+    'Curve': 'pvibr.animation.curves',
     'DepthOfField': 'pvibr.effects.depth_of_field',
     'Effect': 'pvibr.effect',
     'Figure': 'pvibr.animation.figure',

@@ -20,8 +20,8 @@ from pvibr.animation.blending import (
     shares,
     unit_range,
 )
+from pvibr.animation.curves import Curve
 from pvibr.animation.pose import Pose
-from pvibr.maths.keyframes import checked_keys
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,19 +192,50 @@ class Synced:
     def __init__(self, figure, clips, weights, times=None):
         self.figure = figure
         self.clips = tuple(figure.clip(clip) for clip in clips)
-        self.weights = np.atleast_2d(shares(weights))
-        self.times = checked_keys([0.0] if times is None else times, 'times')
-        if self.weights.shape != (len(self.times), len(self.clips)):
-            msg = (
-                f'weights has the shape {self.weights.shape} for {len(self.times)} times and '
-                f'{len(self.clips)} clips.'
-            )
+        weights = np.atleast_2d(shares(weights))
+        if weights.shape[1] != len(self.clips):
+            msg = f'weights has the shape {weights.shape} for {len(self.clips)} clips.'
             raise ValueError(msg)
+        self.weights = Curve(weights, times)
         for clip in self.clips:
             if not clip.duration:
                 msg = f'clip {clip.name!r} has no length, so it cannot be played in step.'
                 raise ValueError(msg)
-        self._lengths = np.array([clip.duration for clip in self.clips])
+        self._rates = 1 / np.array([clip.duration for clip in self.clips])
+
+    def go(self, weights, at, fade=0.2):
+        """Go to other shares of the clips, in step all the way.
+
+        Parameters
+        ----------
+        weights : array_like, shape (k,)
+            Shares.
+        at : float
+            When it begins, in seconds; not before the first time.
+        fade : float
+            Seconds that it takes, above 0.
+
+        Raises
+        ------
+        ValueError
+            If weights do not fit, or as :meth:`pvibr.animation.curves.Curve.go` does.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Clip, Figure
+        >>> from pvibr.animation.mixer import Synced
+        >>> clips = [Clip('walk', [], duration=1.0), Clip('run', [], duration=0.5)]
+        >>> gait = Synced(Figure([Body(pv.Cube())], clips=clips), ['walk', 'run'], [1, 0])
+        >>> gait.go([0, 1], at=1.0, fade=2.0)
+        >>> gait.phase([1.0, 3.0, 4.0]).tolist()
+        [1.0, 4.0, 6.0]
+        """
+        weights = shares(weights)
+        if weights.shape != (len(self.clips),):
+            msg = f'weights has the shape {weights.shape} for {len(self.clips)} clips.'
+            raise ValueError(msg)
+        self.weights.go(weights, at, fade)
 
     def phase(self, times):
         """Return how many rounds have been played.
@@ -228,7 +259,7 @@ class Synced:
         >>> Synced(cube, ['walk'], [1.0]).phase([-1.0, 0.0, 3.0]).tolist()
         [-0.5, 0.0, 1.5]
         """
-        return _integral(self.times, self.weights @ (1 / self._lengths), times)
+        return self.weights.integral(times) @ self._rates
 
     def sample(self, times):
         """Return the pose at times.
@@ -255,9 +286,9 @@ class Synced:
         times = np.asarray(times, dtype=np.float64)
         phase = self.phase(times)
         total = PoseSum(times.shape, self.figure.rest)
-        for clip, weights in zip(self.clips, self.weights.T, strict=True):
-            share = np.interp(times, self.times, weights)
-            if np.any(share):
+        weights = np.moveaxis(self.weights.at(times), -1, 0)
+        for clip, share in zip(self.clips, weights, strict=True):
+            if share.any():
                 total.add(self.figure.sample(phase * clip.duration, clip), share)
         return total.pose()
 
@@ -269,9 +300,9 @@ class Layer:
     ----------
     source : object
         Whatever has ``sample(times) -> Pose``.
-    weight : float or array_like, shape (f, 2)
-        How much of it, constant or as times in seconds and weights at these, in line between.
-        From 0 to 1, or any number when it is additive.
+    weight : float or Curve
+        How much of it, from 0 to 1, or any number when it is additive. It is kept as a
+        :class:`pvibr.animation.curves.Curve`: ``layer.weight.go(1.0, at=2.0)`` turns it on.
     mask : array_like, shape (n,), optional
         Factor of each joint, as from :func:`pvibr.animation.blending.joint_mask`; morph weights
         then stay those below.
@@ -281,52 +312,23 @@ class Layer:
     Raises
     ------
     ValueError
-        If the weight is not finite, its times do not increase, or it is outside 0 to 1.
+        If the weight is not finite or outside 0 to 1.
 
     Examples
     --------
     >>> from pvibr import Pose
     >>> from pvibr.animation.mixer import Layer, Still
-    >>> Layer(Still(Pose([[0.0, 0.0, 0.0]])), [[0.0, 0.0], [2.0, 1.0]]).weight_at(0.5)
-    np.float64(0.25)
+    >>> layer = Layer(Still(Pose([[4.0, 0.0, 0.0]])), 0.0)
+    >>> layer.weight.go(1.0, at=1.0, fade=2.0)
+    >>> layer.over(Pose([[0.0, 0.0, 0.0]]), 2.0).translation.tolist()
+    [[2.0, 0.0, 0.0]]
     """
 
     def __init__(self, source, weight=1.0, mask=None, reference=None):
         self.source, self.mask, self.reference = source, mask, reference
-        keys = np.asarray(weight, dtype=np.float64)
-        keys = np.array([[0.0, keys]]) if keys.ndim == 0 else keys
-        if keys.ndim != 2 or keys.shape[1] != 2:
-            msg = f'weight has the shape {keys.shape}; it must be one number or (f, 2).'
-            raise ValueError(msg)
-        checked_keys(keys[:, 0], 'times of the weight')
-        if not np.isfinite(keys).all():
-            msg = f'weight is {keys[:, 1].tolist()}; it must be finite.'
-            raise ValueError(msg)
+        self.weight = weight if isinstance(weight, Curve) else Curve([float(weight)])
         if reference is None:
-            unit_range('weight', keys[:, 1])
-        self._keys = keys
-
-    def weight_at(self, times):
-        """Return the weight at times.
-
-        Parameters
-        ----------
-        times : array_like, shape (...)
-            Seconds.
-
-        Returns
-        -------
-        numpy.ndarray, shape (...), float64
-            Weights.
-
-        Examples
-        --------
-        >>> from pvibr import Pose
-        >>> from pvibr.animation.mixer import Layer, Still
-        >>> Layer(Still(Pose([[0.0, 0.0, 0.0]])), 0.5).weight_at([0.0, 1.0]).tolist()
-        [0.5, 0.5]
-        """
-        return np.interp(np.asarray(times, dtype=np.float64), *self._keys.T)
+            unit_range('weight', self.weight.values)
 
     def over(self, pose, times):
         """Return poses with this layer over them.
@@ -351,7 +353,7 @@ class Layer:
         >>> layer.over(Pose([[0.0, 0.0, 0.0]]), 1.0).translation.tolist()
         [[1.0, 0.0, 0.0]]
         """
-        weight = self.weight_at(times)
+        weight = self.weight.at(times)
         if not np.any(weight):
             return pose
         mine = self.source.sample(times)
@@ -412,14 +414,3 @@ class Mixer:
         for layer in self.layers:
             pose = layer.over(pose, times)
         return pose
-
-
-def _integral(keys, values, times):
-    """Return the integral from the first key of values in line between keys, else constant."""
-    times = np.asarray(times, dtype=np.float64)[..., None]
-    lengths = np.diff(keys)
-    slopes = np.diff(values) / lengths
-    within = np.clip(times - keys[:-1], 0, lengths)
-    inside = (values[:-1] * within + slopes * within**2 / 2).sum(-1)
-    before = values[0] * np.minimum(times[..., 0] - keys[0], 0)
-    return inside + before + values[-1] * np.maximum(times[..., 0] - keys[-1], 0)

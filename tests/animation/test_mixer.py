@@ -10,6 +10,7 @@ from scipy.integrate import quad
 from pvibr.animation.blending import joint_mask
 from pvibr.animation.body import Body
 from pvibr.animation.clip import Clip, Track
+from pvibr.animation.curves import Curve
 from pvibr.animation.figure import Figure
 from pvibr.animation.mixer import Layer, Mixer, Play, Still, Synced
 from pvibr.animation.pose import Pose
@@ -75,7 +76,7 @@ def test_run_and_fire_and_look_up():
     )
     mixer = Mixer(
         Play(fox, 'run'),
-        Layer(Play(fox, 'fire'), [[1.0, 0.0], [2.0, 1.0]], upper),
+        Layer(Play(fox, 'fire'), Curve([0.0, 1.0], [1.0, 2.0]), upper),
         Layer(Still(up), 0.5, reference=REST),
     )
     times = np.linspace(0, 4, 41)
@@ -93,7 +94,7 @@ def test_only_the_time_matters(times):
     fox = figure()
     mixer = Mixer(
         Synced(fox, ['walk', 'run'], [[1, 0], [0, 1]], [0, 2]),
-        Layer(Play(fox, 'fire'), [[0, 0], [1, 1], [2, 0.5]]),
+        Layer(Play(fox, 'fire'), Curve([0, 1, 0.5], [0, 1, 2])),
     )
     whole = mixer.sample(times)
     for i in np.argsort(times)[::-1]:
@@ -121,6 +122,19 @@ def test_the_phase_is_the_integral_of_the_rate(shares, time):
     assert gait.phase(time) == pytest.approx(exact, abs=1e-6)
 
 
+def test_movements_stay_in_step_while_shares_change():
+    fox = figure()
+    gait = Synced(fox, ['walk', 'run'], [1, 0])
+    gait.go([0, 1], at=1.0, fade=0.5)
+    gait.go([1, 1], at=1.25, fade=0.5)
+    times = np.linspace(0, 4, 4001)
+    angles = turned(gait.sample(times), 0)
+    assert np.abs(np.diff(angles)).max() < 1.2  # 60 degrees to and fro in 0.6 s: 0.63 each
+    assert np.abs(np.diff(gait.phase(times))).max() < 0.001 / 0.6 + 1e-9
+    np.testing.assert_allclose(gait.phase(1.0), 1.0)
+    np.testing.assert_allclose(gait.weights.at([0.5, 1.25, 9.0])[:, 1], [0, 0.5, 0.5])
+
+
 def test_one_clip_alone_is_that_clip():
     fox = figure()
     times = np.linspace(0, 2, 30)
@@ -143,16 +157,16 @@ def test_bad_input_is_named():
     fox, rest = figure(), Still(REST)
     with pytest.raises(ValueError, match=r"no clip 'fly'.*'walk'"):
         Play(fox, 'fly')
-    with pytest.raises(ValueError, match=r'weight has the shape \(2,\)'):
-        Layer(rest, [0, 1])
     with pytest.raises(ValueError, match=r'weight is 2\.0'):
         Layer(rest, 2.0)
-    with pytest.raises(ValueError, match=r'weight is .*nan.*finite'):
+    with pytest.raises(ValueError, match=r'values are \[nan\]'):
         Layer(rest, np.nan)
-    with pytest.raises(ValueError, match=r'times of the weight\[1\] is 0\.0 after 1\.0'):
-        Layer(rest, [[1, 0], [0, 1]])
-    with pytest.raises(ValueError, match=r'weights has the shape \(1, 2\) for 3 times'):
+    with pytest.raises(ValueError, match=r'values have the shape \(1, 2\) for 3 times'):
         Synced(fox, ['walk', 'run'], [0.5, 0.5], [0, 1, 2])
+    with pytest.raises(ValueError, match=r'weights has the shape \(1, 1\) for 2 clips'):
+        Synced(fox, ['walk', 'run'], [0.5])
+    with pytest.raises(ValueError, match=r'weights has the shape \(3,\) for 2 clips'):
+        Synced(fox, ['walk', 'run'], [0.5, 0.5]).go([1, 1, 1], 2.0)
     still = Figure(fox.bodies, fox.skeleton, [Clip('still', [])])
     with pytest.raises(ValueError, match="'still' has no length"):
         Synced(still, ['still'], [1.0])

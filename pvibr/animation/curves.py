@@ -1,0 +1,141 @@
+"""Numbers over time: weights that rise and fall."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.maths.keyframes import blend, checked_keys, frame_weights
+
+
+class Curve:
+    """Values at times and straight lines between them; before and after they stay.
+
+    Parameters
+    ----------
+    values : array_like, shape (f, ...)
+        Values; one without a time is always the same.
+    times : array_like, shape (f,), optional
+        When, in seconds, increasing; 0 unless given.
+
+    Raises
+    ------
+    ValueError
+        If values are not finite or not as many as times, or times do not increase.
+
+    Examples
+    --------
+    >>> from pvibr.animation.curves import Curve
+    >>> weight = Curve([0.0])
+    >>> weight.go(1.0, at=2.0, fade=4.0)
+    >>> weight.at([0.0, 3.0, 9.0]).tolist()
+    [0.0, 0.25, 1.0]
+    """
+
+    def __init__(self, values, times=None):
+        self.values = np.asarray(values, dtype=np.float64)
+        self.times = checked_keys([0.0] if times is None else times, 'times')
+        if self.values.shape[:1] != self.times.shape:
+            msg = f'values have the shape {self.values.shape} for {len(self.times)} times.'
+            raise ValueError(msg)
+        if not np.isfinite(self.values).all():
+            msg = f'values are {self.values.tolist()}; they must be finite.'
+            raise ValueError(msg)
+
+    def __repr__(self):
+        return f'Curve({len(self.times)} times, {self.times[0]:g} to {self.times[-1]:g} s)'
+
+    def at(self, times):
+        """Return the values at times.
+
+        Parameters
+        ----------
+        times : array_like, any shape
+            Seconds.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., ...), float64
+            Values.
+
+        Raises
+        ------
+        ValueError
+            If a time is not finite.
+
+        Examples
+        --------
+        >>> from pvibr.animation.curves import Curve
+        >>> Curve([[0.0, 4.0], [1.0, 0.0]], [0.0, 2.0]).at(0.5).tolist()
+        [0.25, 3.0]
+        """
+        return blend(self.values, *frame_weights(self.times, times))
+
+    def integral(self, times):
+        """Return the integral from the first time on.
+
+        Parameters
+        ----------
+        times : array_like, any shape
+            Seconds.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., ...), float64
+            Value times seconds; exact.
+
+        Examples
+        --------
+        >>> from pvibr.animation.curves import Curve
+        >>> Curve([0.0, 1.0], [0.0, 2.0]).integral([-1.0, 2.0, 5.0]).tolist()
+        [0.0, 1.0, 4.0]
+        """
+        times = np.asarray(times, dtype=np.float64)
+        values = self.values.reshape(len(self.times), -1)
+        lengths = np.diff(self.times)[:, None]
+        slopes = np.diff(values, axis=0) / lengths
+        within = np.clip(times[..., None, None] - self.times[:-1, None], 0, lengths)
+        inside = (within * (values[:-1] + slopes * within / 2)).sum(-2)
+        before = values[0] * np.minimum(times[..., None] - self.times[0], 0)
+        after = values[-1] * np.maximum(times[..., None] - self.times[-1], 0)
+        return (before + inside + after).reshape(times.shape + self.values.shape[1:])
+
+    def go(self, value, at, fade=0.2):
+        """Go to another value from where it is at a time; what was to come later is dropped.
+
+        Parameters
+        ----------
+        value : array_like
+            Where to; shape of one value.
+        at : float
+            When it begins, in seconds; not before the first time.
+        fade : float
+            Seconds that it takes, above 0.
+
+        Raises
+        ------
+        ValueError
+            If the value is not finite or does not fit, the time is before the first or the fade
+            is not above 0.
+
+        Examples
+        --------
+        >>> from pvibr.animation.curves import Curve
+        >>> weight = Curve([0.0])
+        >>> weight.go(1.0, at=1.0, fade=1.0)
+        >>> weight.go(0.0, at=1.5, fade=1.0)  # half way up
+        >>> weight.at([1.5, 2.0, 2.5]).tolist()
+        [0.5, 0.25, 0.0]
+        """
+        if not self.times[0] <= at < np.inf:
+            msg = (
+                f'at is {at}; it must be finite and not before {self.times[0]} s, the first time.'
+            )
+            raise ValueError(msg)
+        if not 0 < fade < np.inf:
+            msg = f'fade is {fade}; it must be above 0 seconds and finite.'
+            raise ValueError(msg)
+        kept = self.times < at
+        value = np.broadcast_to(np.asarray(value, dtype=np.float64), self.values.shape[1:])
+        ends = np.stack([self.at(at), value])
+        new = Curve(np.concatenate([self.values[kept], ends]), [*self.times[kept], at, at + fade])
+        self.values, self.times = new.values, new.times
