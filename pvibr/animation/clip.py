@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -53,6 +54,9 @@ class Track:
     def __post_init__(self):
         _one_of('path', self.path, tuple(WIDTHS))
         _one_of('interpolation', self.interpolation, INTERPOLATIONS)
+        if self.node < 0:
+            msg = f'node is {self.node}; it must be 0 or more.'
+            raise ValueError(msg)
         times = np.asarray(self.times, dtype=np.float64)
         values = np.asarray(self.values, dtype=np.float64)
         self._check_times(times)
@@ -86,30 +90,8 @@ class Track:
         >>> Track(0, 'scale', [0, 1], [[1, 1, 1], [3, 3, 3]], 'step').sample([0.9, 1.0])[:, 0]
         array([1., 3.])
         """
-        times = np.clip(np.asarray(times, dtype=np.float64), self.times[0], self.times[-1])
-        before = np.searchsorted(self.times, times, side='right') - 1
-        after = np.minimum(before + 1, len(self.times) - 1)
-        step = self.times[after] - self.times[before]
-        part = ((times - self.times[before]) / np.where(step > 0, step, 1.0))[..., None]
-        return getattr(self, f'_{self.interpolation}')(before, after, part, step[..., None])
-
-    def _step(self, before, after, part, step):
-        return self.values[before]
-
-    def _linear(self, before, after, part, step):
-        a, b = self.values[before], self.values[after]
-        if self.path == 'rotation':
-            return quaternions.slerp(a, b, part[..., 0])
-        return (1 - part) * a + part * b
-
-    def _cubic(self, before, after, part, step):
-        """Blend by the Hermite polynomials (glTF 2.0, appendix C.5)."""
-        a, leaving = self.values[before, 1], self.values[before, 2] * step
-        b, arriving = self.values[after, 1], self.values[after, 0] * step
-        t2, t3 = part**2, part**3
-        value = (2 * t3 - 3 * t2 + 1) * a + (t3 - 2 * t2 + part) * leaving
-        value = value + (3 * t2 - 2 * t3) * b + (t3 - t2) * arriving
-        return quaternions.normalized(value) if self.path == 'rotation' else value
+        times = np.asarray(times, dtype=np.float64)
+        return _between(self.path, self.interpolation, self.times, self.values, times)
 
     def _check_times(self, times):
         if times.ndim != 1 or not len(times):
@@ -218,19 +200,18 @@ class Clip:
         >>> Clip('still', []).sample([0, 1], Pose([[1.0, 0.0, 0.0]])).shape
         (2,)
         """
+        self._check_fit(rest)
         times = self.local_time(times, loop)
         parts = {
             name: np.array(np.broadcast_to(value, times.shape + value.shape))
             for name in WIDTHS
             for value in [getattr(rest, name)]
         }
-        for track in self.tracks:
-            self._check_fit(track, rest)
-            if track.path == 'weights':
-                columns = slice(track.node, track.node + track.width)
-                parts['weights'][..., columns] = track.sample(times)
-            else:
-                parts[track.path][..., track.node, :] = track.sample(times)
+        for path, how, keys, nodes, values in self._groups:
+            parts[path][..., nodes, :] = _between(path, how, keys, values, times)
+        for track in self._weight_tracks:
+            columns = slice(track.node, track.node + track.width)
+            parts['weights'][..., columns] = track.sample(times)
         return Pose(**parts, time=times)
 
     def local_time(self, times, loop=True):
@@ -259,13 +240,73 @@ class Clip:
             return np.zeros_like(times)
         return times % self.duration if loop else np.clip(times, 0.0, self.duration)
 
-    def _check_fit(self, track, rest):
-        many = rest.weights.shape[-1] if track.path == 'weights' else rest.n_joints
-        last = track.node + (track.width if track.path == 'weights' else 1)
-        if track.node < 0 or last > many:
-            what = 'weight' if track.path == 'weights' else 'joint'
-            msg = f'clip {self.name!r} drives {what} {last - 1}; the figure has {many}.'
-            raise ValueError(msg)
+    @cached_property
+    def _weight_tracks(self):
+        return [track for track in self.tracks if track.path == 'weights']
+
+    @cached_property
+    def _groups(self):
+        """Tracks of joints that have their keys at the same times, evaluated at once."""
+        # Of two tracks for the same the later one holds.
+        tracks = {(t.node, t.path): t for t in self.tracks if t.path != 'weights'}.values()
+        alike: dict[tuple, list[Track]] = {}
+        for track in tracks:
+            key = (track.path, track.interpolation, track.times.tobytes())
+            alike.setdefault(key, []).append(track)
+        return [
+            (path, how, group[0].times, [t.node for t in group], np.stack(values, -2))
+            for (path, how, _), group in alike.items()
+            for values in [[t.values for t in group]]
+        ]
+
+    def _check_fit(self, rest):
+        for what, last, many in self._ends(rest):
+            if last >= many:
+                msg = f'clip {self.name!r} drives {what} {last}; the figure has {many}.'
+                raise ValueError(msg)
+
+    def _ends(self, rest):
+        yield 'joint', self._last_joint, rest.n_joints
+        yield 'weight', self._last_weight, rest.weights.shape[-1]
+
+    @cached_property
+    def _last_joint(self):
+        return max((t.node for t in self.tracks if t.path != 'weights'), default=-1)
+
+    @cached_property
+    def _last_weight(self):
+        return max((t.node + t.width - 1 for t in self._weight_tracks), default=-1)
+
+
+def _between(path, how, keys, values, times):
+    """Return values at times: (..., c), or (..., g, c) if there are g tracks with these keys.
+
+    ``values`` is (k, g, c), for 'cubic' (k, 3, g, c), or both without g.
+    """
+    times = np.minimum(np.maximum(times, keys[0]), keys[-1])
+    before = np.searchsorted(keys, times, side='right') - 1
+    if how == 'step':
+        return values[before]
+    after = np.minimum(before + 1, len(keys) - 1)
+    step = keys[after] - keys[before]
+    part = (times - keys[before]) / np.where(step > 0, step, 1.0)
+    rank = values.ndim - 1 - (how == 'cubic')
+    step, part = (x.reshape(x.shape + (1,) * rank) for x in (step, part))
+    if how == 'cubic':
+        before, after = (np.moveaxis(values[i], times.ndim, 0) for i in (before, after))
+        return _hermite(path, before, after, part, step)
+    if path == 'rotation':
+        return quaternions.slerp(values[before], values[after], part[..., 0])
+    return (1 - part) * values[before] + part * values[after]
+
+
+def _hermite(path, before, after, part, step):
+    """Blend keys, (3, ..., c), by the Hermite polynomials (glTF 2.0, appendix C.5)."""
+    a, leaving, b, arriving = before[1], before[2] * step, after[1], after[0] * step
+    t2, t3 = part**2, part**3
+    value = (2 * t3 - 3 * t2 + 1) * a + (t3 - 2 * t2 + part) * leaving
+    value = value + (3 * t2 - 2 * t3) * b + (t3 - t2) * arriving
+    return quaternions.normalized(value) if path == 'rotation' else value
 
 
 def _one_of(name, value, allowed):

@@ -369,6 +369,13 @@ class Figure(Model):
         mesh.points = points
         mesh.point_data['Normals'] = normals
         mesh.point_data.active_normals_name = 'Normals'
+        changed = {
+            'Tangents': self.tangents(index, pose, skinning),
+            self.bodies[index].look.get('scalars'): self.colors(index, pose),
+        }
+        for name, values in changed.items():
+            if values is not None:
+                mesh.point_data[name] = values
         return mesh
 
     def series(self, clip=None, fps=30.0, *, skinning='linear'):

@@ -218,6 +218,88 @@ class Model:
             normals = normals + morphs.total('normals', weights, len(points))
         return points, normals
 
+    def colors(self, index, pose=None):
+        """Return a body's colours in a pose.
+
+        Parameters
+        ----------
+        index : int
+            Number of the body.
+        pose : Pose or array_like, shape (n, 4, 4), optional
+            One pose; default at rest.
+
+        Returns
+        -------
+        numpy.ndarray, shape (v, c), uint8 or float, or None
+            The array that ``look`` names as colours of the points, with what morph targets add:
+            differences count the full range, of bytes too, as 1. ``None`` if the look has no
+            such colours.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure, Morphs
+        >>> mesh = pv.PolyData(np.zeros((1, 3)))
+        >>> mesh['paint'] = np.array([[0, 0, 100]], np.uint8)
+        >>> blush = Morphs([[[0, 0, 0]]], colors=[[[1, 0, 0]]], weights=[0.5])
+        >>> look = {'scalars': 'paint', 'rgb': True}
+        >>> Figure([Body(mesh, morphs=blush, look=look)]).colors(0).tolist()
+        [[128, 0, 100]]
+        """
+        body = self.bodies[index]
+        name = body.look.get('scalars') if body.look.get('rgb') else None
+        if name not in body.mesh.point_data:
+            return None
+        given = np.asarray(body.mesh.point_data[name])
+        full = 255 if given.dtype == np.uint8 else 1
+        colors = given.astype(np.float64)
+        for morphs, weights in self.layers(index, pose):
+            change = morphs.total('colors', weights, len(colors))[:, : colors.shape[1]]
+            colors[:, : change.shape[1]] += full * change
+        colors = np.clip(colors, 0, full)
+        return (colors + 0.5 if full == 255 else colors).astype(given.dtype)
+
+    def tangents(self, index, pose=None, skinning='linear', bulge=1.0):
+        """Return a body's tangents in a pose.
+
+        Parameters
+        ----------
+        index : int
+            Number of the body.
+        pose : Pose or array_like, shape (n, 4, 4), optional
+            One pose; default at rest.
+        skinning : {'linear', 'dual'}
+            How joints are blended.
+        bulge : float
+            Share of the dual quaternions.
+
+        Returns
+        -------
+        numpy.ndarray, shape (v, 3), float64, or None
+            Unit tangents; ``None`` if the mesh has no ``'Tangents'``.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pyvista as pv
+        >>> from pvibr import Body, Figure
+        >>> mesh = pv.Plane()
+        >>> mesh['Tangents'] = np.tile([2.0, 0.0, 0.0], (mesh.n_points, 1))
+        >>> Figure([Body(mesh)]).tangents(0)[0].tolist()
+        [1.0, 0.0, 0.0]
+        """
+        body = self.bodies[index]
+        if 'Tangents' not in body.mesh.point_data:
+            return None
+        tangents = np.array(body.mesh.point_data['Tangents'][:, :3], dtype=np.float64)
+        for morphs, weights in self.layers(index, pose):
+            tangents += morphs.total('tangents', weights, len(tangents))
+        matrices = self._moves(body, self.world(pose), skinning, bulge)
+        moved = np.einsum('...ij,...j->...i', matrices[..., :3], tangents)
+        lengths = np.linalg.norm(moved, axis=1, keepdims=True)
+        return np.divide(moved, lengths, out=np.zeros_like(moved), where=lengths > 0)
+
     def bounds(self, pose=None, skinning='linear'):
         """Return boxes that hold the posed figure, from the boxes of its joints.
 

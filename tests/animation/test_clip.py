@@ -91,6 +91,26 @@ def test_many_times_give_many_poses():
     assert poses.time.tolist() == [[0.0, 0.25], [0.5, 0.75]]
 
 
+@given(SEEDS)
+def test_tracks_are_the_same_together_and_alone(seed):
+    """A clip evaluates tracks with the same keys at once."""
+    rng = np.random.default_rng(seed)
+    widths = {'translation': 3, 'rotation': 4, 'scale': 3}
+    times = [keys(rng), keys(rng)]
+    tracks = []
+    for _ in range(12):
+        path, how = rng.choice(list(widths)), rng.choice(['step', 'linear', 'cubic'])
+        shape = (5, 3, widths[path]) if how == 'cubic' else (5, widths[path])
+        tracks.append(
+            Track(rng.integers(3), path, times[rng.integers(2)], rng.normal(size=shape), how)
+        )
+    at = rng.uniform(0, 4, (2, 3))
+    poses = Clip('x', tracks, 9.0).sample(at, Pose(np.zeros((3, 3))))
+    for track in {(t.node, t.path): t for t in tracks}.values():
+        found = getattr(poses, track.path)[..., track.node, :]
+        assert np.allclose(found, track.sample(at), atol=1e-12)
+
+
 def test_a_clip_loops_or_ends():
     clip = Clip('x', [Track(0, 'translation', [0, 2], [[0, 0, 0], [2, 0, 0]])])
     at = [-0.5, 0.5, 2.5]
@@ -117,6 +137,11 @@ def test_a_clip_loops_or_ends():
 def test_unusable_tracks_are_named(arguments, words):
     with pytest.raises(ValueError, match=words):
         Track(0, *arguments)
+
+
+def test_tracks_refuse_negative_nodes():
+    with pytest.raises(ValueError, match='node is -1'):
+        Track(-1, 'scale', [0], [[1] * 3])
 
 
 def test_clips_refuse_what_the_figure_lacks():

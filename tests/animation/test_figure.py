@@ -184,3 +184,24 @@ def test_frames_come_before_morphs():
     points, normals = figure.posed(0, pose)
     assert np.allclose(points, 2 * np.eye(3) + 2)
     assert np.allclose(normals, figure.bodies[0].normals)
+
+
+def test_colours_and_tangents_are_morphed_and_tangents_are_moved():
+    mesh = sheet(np.eye(3))
+    mesh['paint'] = np.full((3, 4), 0.5)
+    mesh['Tangents'] = np.tile([1.0, 0.0, 0.0], (3, 1))
+    morphs = Morphs(
+        np.zeros((1, 3, 3)),
+        tangents=[np.tile([-1.0, 1.0, 0.0], (3, 1))],
+        colors=[([0], [[1.0, -1.0, 0.0]])],
+    )
+    look = {'scalars': 'paint', 'rgb': True}
+    skeleton = Skeleton([-1], Pose([[0, 0, 0]], scale=2.0))
+    figure = Figure([Body(mesh, 0, morphs=morphs, look=look)], skeleton)
+    turned = Pose([[9, 9, 9]], [[1, 0, 0, 1]], weights=[1.0])
+    posed = figure.mesh(pose=turned)
+    assert posed['paint'].tolist() == [[1, 0, 0.5, 0.5], [0.5] * 4, [0.5] * 4]
+    assert np.allclose(posed['Tangents'], [-1, 0, 0])
+    assert np.allclose(figure.mesh()['Tangents'], [1, 0, 0])
+    assert Figure([Body(pv.Sphere())]).colors(0) is None
+    assert Figure([Body(pv.Sphere())]).tangents(0) is None
