@@ -13,6 +13,10 @@ from pvibr.params import Param
 class Shine(Effect):
     """Light, blurred on ever smaller images, on a picture.
 
+    A screenshot larger than the window is drawn in tiles; their light is that of the last frame,
+    which saw the whole of it. Where the camera or the time changed since, each tile has no light
+    but its own, and seams may be seen: call ``plotter.render()`` first.
+
     A subclass has ``_draw_source(frame, picture, target, side)``, which draws the light in
     squares of `side` pixels, and ``_forget()``, which frees what that takes.
 
@@ -73,7 +77,7 @@ class Shine(Effect):
             tile = frame.scale, (left * frame.whole[0], bottom * frame.whole[1])
         else:
             self._light = self._spread_light(frame, picture)
-            self._seen = _sight(frame)
+            self._seen = _sight(frame) if frame.scale == 1 else ()
         if self._light is not None:
             self._blur.blend(
                 picture, self._light, tile=tile,

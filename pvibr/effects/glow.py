@@ -225,6 +225,9 @@ class Afterglow(Glow):
     _when = -math.inf
 
     def _draw_source(self, frame, picture, target, side):
+        if frame.scale > 1:  # a tile has no part in what other frames leave
+            super()._draw_source(frame, picture, target, side)
+            return
         if self._past is not None and self._past.size != (target.width, target.height):
             self._forget_past()
         if self._past is None:

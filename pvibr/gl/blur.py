@@ -18,8 +18,9 @@ _FORMAT = ('rgba32f',)
 _X, _Y = (1.0, 0.0), (0.0, 1.0)
 _ENDLESS = 1e9
 _SCISSOR_TEST = 0x0C11  # GL enum
-#: How an image is halved: by one Gaussian an axis, or in one pass of 13 taps.
-CHAINS = ('gaussian', 'tent')
+# How an image is halved, by a Gaussian along each axis or in one pass of 13 taps, and doubled.
+_PASSES = {'gaussian': ('halve', 'mix'), 'tent': ('down13', 'tent')}
+CHAINS = tuple(_PASSES)
 
 
 def halving_taps(kernel):
@@ -140,9 +141,9 @@ class Blur:
         self.key = extent, levels, kernel, chain
         size = math.ceil(extent[0]), math.ceil(extent[1])
         text = sections(shader_source(__file__))
-        texts = {name: text[name] for name in ('mix', 'down13', 'tent', 'blend', 'add')}
-        texts['halve'] = _constants(kernel) + text['halve']
-        self._quads = {name: Quad(window, t, f'blur {name}') for name, t in texts.items()}
+        text['halve'] = _constants(kernel) + text['halve']
+        names = (*_PASSES[chain], 'blend', 'add')
+        self._quads = {name: Quad(window, text[name], f'blur {name}') for name in names}
         self.source = _target(window, size, (*_FORMAT, 'r8'))
         self._chain = chain
         self._levels = [_Level(window, halves(size, k)) for k in range(levels)]
@@ -197,9 +198,8 @@ class Blur:
         pvibr.gl.Texture
             Half the size.
         """
-        halve, up = {
-            'gaussian': (self._halve_by_axes, 'mix'), 'tent': (self._halve_at_once, 'tent'),
-        }[self._chain]  # fmt: skip
+        halve = self._halve_by_axes if self._chain == 'gaussian' else self._halve_at_once
+        up = _PASSES[self._chain][1]
         width, height = self.key[0]
         extents = [(width / 2**k, height / 2**k) for k in range(len(self._levels) + 1)]
         for level, extent in zip(self._levels, extents, strict=False):

@@ -85,13 +85,36 @@ def test_its_light_is_that_of_the_actor():
     assert glow.enabled
 
 
-def test_large_screenshot_shines_at_the_same_place():
+LIGHTS = {
+    'bloom': lambda actor: pvibr.Bloom(threshold=0.7),
+    'screen': lambda actor: pvibr.Bloom(threshold=0.7, blend='screen', intensity=0.5),
+    'glow': lambda actor: pvibr.Glow(actor),
+    'afterglow': lambda actor: pvibr.Afterglow(actor),
+    'exposed': lambda actor: pvibr.ToneMapping(auto=True, curve='aces'),
+}
+
+
+@pytest.mark.parametrize('known', [True, False])
+@pytest.mark.parametrize('name', LIGHTS)
+def test_large_screenshots_are_as_small_ones(name, known):
+    """The light of tiles is that of the whole; nearly so where it was never drawn."""
     pl, actors = lamps()
-    pl.ibr.add(pvibr.Glow(actors[1], debug='bright'))
-    small = grab(pl)[..., 0]
-    large = pl.screenshot(scale=2)[::-1, :, 0].astype(float)
-    reduced = large.reshape(192, 2, 320, 2).mean(axis=(1, 3))
-    assert np.abs(small - reduced).mean() < 1.5
+    actors[0].position = (0.95, 0.1, 0)  # across all tiles
+    actors[1].visibility = False
+    pl.ibr.add(LIGHTS[name](actors[0]))
+    grab(pl)
+    if not known:
+        pl.camera.position = (0.02, 0, 6)
+    large = pl.screenshot(scale=2, return_img=True).astype(float)
+    small = grab(pl)[::-1, :, :3]
+    difference = np.abs(large.reshape(192, 2, 320, 2, 3).mean(axis=(1, 3)) - small)
+    assert difference.mean() < (1 if known else 2)
+    if known:
+        assert (difference > 4).mean() < 0.03  # along edges
+    for axis, middle in ((0, 192), (1, 320)):
+        steps = np.abs(np.diff(large, axis=axis)).mean(axis=(1 - axis, 2))
+        beside = (steps[middle - 5] + steps[middle + 5]) / 2
+        assert steps[middle - 1] < 1.5 * beside + (0.2 if known else 1.0)
 
 
 def test_subplots_resize_and_again():
@@ -129,6 +152,97 @@ def test_what_may_not_be():
         pvibr.Glow(actor, -1)
     with pytest.raises(ValueError, match='strengths'):
         pvibr.Glow(actor, (1, 2))
+
+
+# ------------------------------------------------ what shines
+
+
+def screen(pl, image, **options):
+    """Add a square that fills the middle half of the height, with a texture."""
+    plane = pv.Plane(i_size=1.0, j_size=1.0)
+    return pl.add_mesh(plane, texture=pv.numpy_to_texture(image), lighting=False, **options)
+
+
+def dark(size=(160, 96)):
+    pl = pv.Plotter(window_size=size)
+    pl.disable_anti_aliasing()
+    pl.set_background('black')
+    pl.camera_position = [(0, 0, 6), (0, 0, 0), (0, 1, 0)]
+    pl.camera.parallel_projection = True
+    pl.camera.parallel_scale = 1.0
+    return pl
+
+
+def test_alpha_of_a_texture_is_how_much_it_shines():
+    """The source is RGB times A, and the picture is as without alpha."""
+    image = np.zeros((8, 8, 4), np.uint8)
+    image[..., 0] = 200
+    image[:, :4, 3], image[:4, 4:, 3] = 255, 102
+    pl = dark()
+    actor = screen(pl, np.ascontiguousarray(image))
+    pl.show(auto_close=False)
+    before = grab(pl)
+    glow = pl.ibr.add(pvibr.Glow(actor, source='alpha', intensity=1e-6))
+    middle = (slice(34, 62), slice(66, 94))
+    assert np.abs(grab(pl)[middle][..., :3] - [200, 0, 0]).max() <= 1
+    glow.debug = 'bright'
+    seen = grab(pl)
+    quarters = [seen[j, i, 0] for i in (68, 90) for j in (36, 58)]
+    assert sorted(quarters) == pytest.approx([0, 80, 200, 200], abs=2)
+    assert not seen[..., 1:3].any()
+    glow.enabled = False
+    np.testing.assert_array_equal(grab(pl), before)
+    glow.enabled = True
+    grab(pl)
+    pl.ibr.remove(glow)
+    np.testing.assert_array_equal(grab(pl), before)
+
+
+def test_only_the_emissive_texture_of_a_material_shines():
+    image = np.zeros((8, 8, 3), np.uint8)
+    image[:, :4, 1] = 200
+    pl = dark()
+    plane = pv.Plane(i_size=1.0, j_size=1.0)
+    actor = pl.add_mesh(plane, color='red', pbr=True)
+    pl.add_mesh(plane.translate((-1.2, 0, 0)), color='white', pbr=True)
+    pl.show(auto_close=False)
+    glow = pl.ibr.add(pvibr.Glow(actor, source='emissive', debug='bright'))
+    grab(pl)
+    assert 'none of its actors' in pl.ibr.report().rows[0].why
+    texture = pv.numpy_to_texture(image)
+    texture.SetUseSRGBColorSpace(True)
+    actor.prop.SetEmissiveTexture(texture)
+    seen = grab(pl)
+    assert glow.enabled
+    values = {round(v) for v in (seen[48, 70, 1], seen[48, 90, 1])}
+    assert min(values) == 0
+    assert max(values) == pytest.approx(200, abs=4)  # 2.2 and sRGB differ
+    assert not seen[..., [0, 2]].any()
+    actor.prop.SetEmissiveFactor(0.0, 0.0, 0.0)
+    assert not grab(pl)[..., :3].any()
+
+
+@pytest.mark.parametrize('max_error', [1.0, 1e9])
+def test_instances_shine(max_error):
+    """As meshes and as cards."""
+    pl = dark((320, 192))
+    ball = pv.Sphere(radius=0.2)
+    points = [(-0.5, 0, 0), (0.5, 0.3, 0)]
+    balls = pl.ibr.add_instances(ball, points, color='white', max_error=max_error)
+    pl.add_mesh(pv.Plane(center=(0.5, 0.3, 1.0), i_size=0.6, j_size=0.6), color='black')
+    pl.show(auto_close=False)
+    before = grab(pl)
+    glow = pl.ibr.add(pvibr.Glow([balls, pl.add_mesh(ball, opacity=0.0)], (2.0, 1.0)))
+    lit = grab(pl) - before
+    assert glow.enabled
+    assert lit[..., :3].sum() > 1000
+    left, right = halves(lit)
+    assert left > 3 * right  # the other is hidden
+    balls.visibility = False
+    assert not grab(pl)[..., :3].any()
+    pl.ibr.remove(glow)
+    balls.visibility = True
+    np.testing.assert_array_equal(grab(pl), before)
 
 
 # ------------------------------------------------ afterglow
