@@ -1,5 +1,7 @@
 """Pose space deformation: key poses are reproduced, far poses get nothing."""
 
+import functools
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -215,3 +217,20 @@ def test_bad_input_is_named():
     bare, twist = arm(), bent([180.0], axis=(1, 0, 0))
     with pytest.raises(ValueError, match=r'linear skinning collapses 12 vertices'):
         Correctives.from_sculpted(bare, [1], twist, bare.posed(0, twist[0])[0][None])
+
+
+@given(st.floats(-180, 180))
+def test_bounds_hold_what_is_corrected(degrees):
+    fixed = bounded()
+    points, _ = fixed.posed(0, bent(degrees))
+    low, high = np.reshape(fixed.bounds(bent(degrees)), (3, 2)).T
+    assert (points >= low - 1e-9).all()
+    assert (points <= high + 1e-9).all()
+
+
+@functools.cache
+def bounded():
+    keys, bare = bent([60.0, 110.0]), arm()
+    points = [bare.posed(0, keys[i])[0] for i in range(2)]
+    points = np.array(points) + np.array([[[0, 0, 3.0]], [[0, -2.0, 0]]])
+    return arm(Correctives.from_sculpted(bare, [1], keys, points))
