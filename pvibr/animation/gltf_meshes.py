@@ -264,7 +264,7 @@ class _Primitive:
 
     def _normals(self, points):
         if 'NORMAL' in self.primitive.attributes:
-            return _unit(self._of('NORMAL', 'VEC3'))
+            return _unit(self._of('NORMAL', 'VEC3')).astype(np.float32)
         return _flat(points, self._faces)
 
     def _coordinates(self):
@@ -315,7 +315,8 @@ class _Primitive:
 
     def _flat_differences(self, points, positions):
         """Return how the normals of a flat mesh turn: each target's own, less the neutral one."""
-        self._file.spend(points.nbytes * len(positions), f'{self._place}.targets')
+        self._file.spend(12 * len(points) * len(positions), f'{self._place}.targets')
+        points = points.astype(np.float64)
         neutral = _flat(points, self._faces)
         return [
             None if moved is None else _flat(points + moved, self._faces) - neutral
@@ -333,6 +334,7 @@ class _Primitive:
 
 def _unit(normals):
     """Return normals of length one; quantised ones are not quite."""
+    normals = normals.astype(np.float64)  # in which the squares of float32 stay in range
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
 

@@ -13,6 +13,8 @@ from pvibr.maths import quaternions
 
 #: How many nodes may hang below each other.
 _DEEPEST = 1024
+#: Largest number in the matrix of a node: beyond it float32 and products of matrices overflow.
+_FARTHEST = 1e30
 #: How far the axes of a node's matrix may be from right angles: files round to six digits.
 _SHEAR = 1e-4
 _INTERPOLATIONS = {'STEP': 'step', 'LINEAR': 'linear', 'CUBICSPLINE': 'cubic'}
@@ -168,7 +170,14 @@ def skeleton_of(file: GltfFile, parents, up):
         rotation, scale = np.vstack([rotation, _Z_UP]), np.vstack([scale, np.ones(3)])
         names.append('upright')
     with naming('nodes'):
-        return Skeleton(parents, Pose(translation, rotation, scale), names)
+        skeleton = Skeleton(parents, Pose(translation, rotation, scale), names)
+    with np.errstate(all='ignore'):
+        world = skeleton.world(skeleton.rest)
+    far = np.flatnonzero(~(np.abs(world).max((1, 2), initial=0.0) < _FARTHEST))
+    if len(far):
+        msg = f'nodes[{far[0]}] is farther or larger than {_FARTHEST:.0e}.'
+        raise GltfError(msg)
+    return skeleton
 
 
 def _apart(matrix, place):

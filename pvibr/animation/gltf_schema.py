@@ -14,11 +14,16 @@ from msgspec import Meta, Struct, field
 
 #: Beyond the largest number that float64, and so JSON, holds exactly.
 _LARGEST = 2**53
+#: Beyond it the products of matrices, and float32, overflow.
+_FARTHEST = 1e30
+Number = Annotated[float, Meta(ge=-_FARTHEST, le=_FARTHEST)]
+Positive = Annotated[float, Meta(gt=0, le=_FARTHEST)]
+NotNegative = Annotated[float, Meta(ge=0, le=_FARTHEST)]
 Index = Annotated[int, Meta(ge=0, le=_LARGEST)]
 Count = Annotated[int, Meta(ge=1, le=_LARGEST)]
-Vec2 = tuple[float, float]
-Vec3 = tuple[float, float, float]
-Vec4 = tuple[float, float, float, float]
+Vec2 = tuple[Number, Number]
+Vec3 = tuple[Number, Number, Number]
+Vec4 = tuple[Number, Number, Number, Number]
 Indices = Annotated[list[Index], Meta(min_length=1)]
 
 
@@ -115,7 +120,7 @@ class Mesh(_Named, frozen=True):
     """Primitives that are morphed together."""
 
     primitives: Annotated[list[Primitive], Meta(min_length=1)]
-    weights: list[float] = []
+    weights: list[Number] = []
     extras: msgspec.Raw = msgspec.Raw()
 
 
@@ -135,13 +140,13 @@ class Node(_Named, frozen=True):
     """A joint of the scene: where it is, what hangs there."""
 
     children: list[Index] = []
-    matrix: Annotated[list[float], Meta(min_length=16, max_length=16)] | None = None
+    matrix: Annotated[list[Number], Meta(min_length=16, max_length=16)] | None = None
     translation: Vec3 = (0.0, 0.0, 0.0)
     rotation: Vec4 = (0.0, 0.0, 0.0, 1.0)
     scale: Vec3 = (1.0, 1.0, 1.0)
     mesh: Index | None = None
     skin: Index | None = None
-    weights: list[float] | None = None
+    weights: list[Number] | None = None
     camera: Index | None = None
     extensions: NodeExtensions = NodeExtensions()
 
@@ -193,7 +198,7 @@ class TextureTransform(_Thing, frozen=True):
     """How texture coordinates are moved: scaled, then turned, then shifted."""
 
     offset: Vec2 = (0.0, 0.0)
-    rotation: float = 0.0
+    rotation: Number = 0.0
     scale: Vec2 = (1.0, 1.0)
     tex_coord: Index | None = None
 
@@ -217,15 +222,15 @@ class Metallic(_Thing, frozen=True):
 
     base_color_factor: Vec4 = (1.0, 1.0, 1.0, 1.0)
     base_color_texture: TextureInfo | None = None
-    metallic_factor: float = 1.0
-    roughness_factor: float = 1.0
+    metallic_factor: Number = 1.0
+    roughness_factor: Number = 1.0
     metallic_roughness_texture: TextureInfo | None = None
 
 
 class EmissiveStrength(_Thing, frozen=True):
     """A factor of what shines."""
 
-    emissive_strength: Annotated[float, Meta(ge=0)] = 1.0
+    emissive_strength: NotNegative = 1.0
 
 
 class Unlit(_Thing, frozen=True):
@@ -250,7 +255,7 @@ class Material(_Named, frozen=True):
     emissive_texture: TextureInfo | None = None
     emissive_factor: Vec3 = (0.0, 0.0, 0.0)
     alpha_mode: Literal['OPAQUE', 'MASK', 'BLEND'] = 'OPAQUE'
-    alpha_cutoff: Annotated[float, Meta(ge=0)] = 0.5
+    alpha_cutoff: NotNegative = 0.5
     double_sided: bool = False
     extensions: MaterialExtensions = MaterialExtensions()
 
@@ -282,19 +287,19 @@ class Image(_Named, frozen=True):
 class Perspective(_Thing, frozen=True):
     """A camera's frustum: radians and the file's unit."""
 
-    yfov: Annotated[float, Meta(gt=0)]
-    znear: Annotated[float, Meta(gt=0)]
-    zfar: Annotated[float, Meta(gt=0)] | None = None
-    aspect_ratio: Annotated[float, Meta(gt=0)] | None = None
+    yfov: Positive
+    znear: Positive
+    zfar: Positive | None = None
+    aspect_ratio: Positive | None = None
 
 
 class Orthographic(_Thing, frozen=True):
     """A camera's box: half sizes, in the file's unit."""
 
-    xmag: float
-    ymag: float
-    zfar: Annotated[float, Meta(gt=0)]
-    znear: Annotated[float, Meta(ge=0)]
+    xmag: Number
+    ymag: Number
+    zfar: Positive
+    znear: NotNegative
 
 
 class Camera(_Named, frozen=True):
@@ -308,8 +313,8 @@ class Camera(_Named, frozen=True):
 class Spot(_Thing, frozen=True):
     """The cone of a spot light, radians from its axis."""
 
-    inner_cone_angle: Annotated[float, Meta(ge=0)] = 0.0
-    outer_cone_angle: Annotated[float, Meta(gt=0)] = 0.7853981633974483
+    inner_cone_angle: NotNegative = 0.0
+    outer_cone_angle: Positive = 0.7853981633974483
 
 
 class Light(_Named, frozen=True):
@@ -317,8 +322,8 @@ class Light(_Named, frozen=True):
 
     type: Literal['directional', 'point', 'spot']
     color: Vec3 = (1.0, 1.0, 1.0)
-    intensity: Annotated[float, Meta(ge=0)] = 1.0
-    range: Annotated[float, Meta(gt=0)] | None = None
+    intensity: NotNegative = 1.0
+    range: Positive | None = None
     spot: Spot = Spot()
 
 
