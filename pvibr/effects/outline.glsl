@@ -69,11 +69,6 @@ bool has_lines(float number)
   return texelFetch(chosen, ivec2(k % wide, k / wide), 0).r > 0.5;
 }
 
-bool is_crease(vec3 n, vec3 m)
-{
-  bool shaded = dot(n, n) > 0.5 && dot(m, m) > 0.5;
-  return shaded && min(abs(n.z), abs(m.z)) > grazing && dot(n, m) < crease;
-}
 
 //@candidates
 // Where the second program has to look closer. SURFACES, LUMINANCE: what there is to look at.
@@ -149,6 +144,23 @@ void main()
 
 //@edges
 uniform sampler2D candidates;
+// 1 - cosine of the angle between normals at p and q, 0 if they are not of one surface.
+float bent(ivec2 p, ivec2 q)
+{
+  vec4 n = surfel(clamp(p, ivec2(0), last)), m = surfel(clamp(q, ivec2(0), last));
+  return n.a == m.a && dot(n.xyz, n.xyz) > 0.5 && dot(m.xyz, m.xyz) > 0.5
+    ? 1.0 - dot(n.xyz, m.xyz) : 0.0;
+}
+
+// Whether normals n and m at p and q differ, and by more than those beside them: what is small on
+// the screen is round.
+bool is_crease(ivec2 p, ivec2 q, vec3 n, vec3 m)
+{
+  float here = bent(p, q);
+  return min(abs(n.z), abs(m.z)) > grazing && here > 1.0 - crease
+    && here > 2.0 * max(bent(2 * p - q, p), bent(q, 2 * q - p));
+}
+
 // A boundary between p and p + s: 0 for none, 1 where it is seen, 2 where it is hidden.
 int boundary(ivec2 p, ivec2 s)
 {
@@ -162,7 +174,7 @@ int boundary(ivec2 p, ivec2 s)
     : n.a != m.a && (by_id == 1 || (some == 1 && jump > 0.0));
   if (!found && !nothing && !beyond)
   {
-    found = is_crease(n.xyz, m.xyz);
+    found = is_crease(p, q, n.xyz, m.xyz);
     if (!found && jump > 0.0)
     {
       float b = depth_at(max(p - s, ivec2(0))), a = depth_at(min(q + s, last));
