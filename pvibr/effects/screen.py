@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from pvibr.effect import Effect
 from pvibr.gl import Quad, Texture, shader_source, uniform_matrix
@@ -572,6 +572,7 @@ def _shape_of(image):
         raise ValueError(msg)
     inside = distance_transform_edt(bright)
     away = np.where(bright, inside - 0.5, 0.5 - distance_transform_edt(~bright))
+    away = gaussian_filter(away, 1.0)  # else its edge has steps where it is seen large
     row, column = np.unravel_index(inside.argmax(), inside.shape)
     radius, (height, width) = away.max(), bright.shape
     middle = ((column + 0.5) / width, 1 - (row + 0.5) / height)
