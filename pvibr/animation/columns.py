@@ -1,8 +1,8 @@
 """Quaternions of a few dozen joints in columns, (4, n): the same as maths, at small n faster.
 
-A product of quaternions is linear in each factor and a rotation matrix is quadratic: both are one
-product of a constant matrix with all products of two components, where the formulas written out
-are some thirty calls of numpy.
+Products of quaternions and vectors are linear in each factor and a rotation matrix is quadratic:
+each is one product of a constant matrix with all products of two components, where the formula
+written out is some thirty calls of numpy.
 """
 
 from __future__ import annotations
@@ -20,6 +20,9 @@ _MATRIX = np.einsum(
         quaternions.multiply(_E[:, None], _E[1:])[:, :, None], quaternions.conjugate(_E)
     )[..., 1:],
 ).reshape(9, 16)
+
+#: Cross products: CROSS @ (all products of two components); (a @ CROSS) is v -> v x a.
+CROSS = np.array([[np.cross(a, b) for b in np.eye(3)] for a in np.eye(3)]).reshape(3, 9)
 
 
 def product(a, b):
@@ -88,8 +91,4 @@ def cross(a, b):
     >>> cross(np.eye(3)[:, [0]], np.eye(3)[:, [1]]).T.tolist()
     [[0.0, 0.0, 1.0]]
     """
-    out = np.empty_like(a)
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
+    return CROSS @ (a[:, None] * b).reshape(9, -1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.animation.rig import above, as_point
+from pvibr.animation.rig import as_point, placed
 from pvibr.maths import quaternions
 
 
@@ -75,7 +75,8 @@ class Aim:
             point = targets.get(self.at) if isinstance(self.at, str) else self.at
             if point is None:
                 return pose
-            inverse = np.linalg.inv(above(rig.skeleton, rig.skeleton.world(pose), joint))
+            parent = rig.skeleton.parents[joint]
+            inverse = np.linalg.inv(placed(rig.skeleton, pose, parent))
             way = inverse[:3, :3] @ point + inverse[:3, 3] - pose.translation[joint]
             up = None if self.up is None else inverse[:3, :3] @ self.up
             rotation = self._aimed(pose.rotation[joint], pose.scale[joint], way, up)
@@ -180,13 +181,13 @@ class Copy:
         return apply
 
     def _in_figure(self, skeleton, pose, joint, source):
-        world = skeleton.world(pose)
-        parent = above(skeleton, world, joint)
+        parent = placed(skeleton, pose, skeleton.parents[joint])
+        source = placed(skeleton, pose, source)
         inverse = np.linalg.inv(parent)
         rotation = quaternions.multiply(
-            quaternions.conjugate(_rotation(parent)), _rotation(world[source])
+            quaternions.conjugate(_rotation(parent)), _rotation(source)
         )
-        return rotation, inverse[:3, :3] @ world[source, :3, 3] + inverse[:3, 3]
+        return rotation, inverse[:3, :3] @ source[:3, 3] + inverse[:3, 3]
 
     def _from_rest(self, skeleton, pose, joint, source):
         rest = skeleton.rest

@@ -14,13 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pvibr.animation.columns import cross, product
+from pvibr.animation.columns import CROSS, cross, product
 
-_CROSS = np.array([[np.cross(a, b) for b in np.eye(3)] for a in np.eye(3)]).reshape(3, 9)
-_DAMPING = 1e-4  # of the mean square of the Jacobian's rows, at first and at least
-_LARGEST_STEP = 0.4  # radians of any joint: beyond, the tangent says little
+_DAMPING = 1e-2  # of the mean square of the Jacobian, at first and at least
+_LARGEST_STEP = 0.35  # radians of any joint: beyond, the tangent says little
 _ROUNDS = 3  # of leaving out directions that would cross a limit, per step
-_GAIN = 1e-2  # share of the squared error that a step must take off to count
+_GAIN = 0.05  # share of the squared error that a step must take off to count
 _STUCK = 1.0  # damping that no step survives but where none helps
 _KICKS = 3  # out of poses where no small step helps, as a straight chain that must fold
 
@@ -116,17 +115,16 @@ class _Task:
             self.share[row, chain.path(effector)[:-1]] = weight
         self.limits, self.at = limits, limits.at
         self.axis = limits.axis[self.at].T.copy()
+        self.straight = np.tile(np.eye(3), (n, 1, 1))
+        self.free = np.zeros((3, n), dtype=bool)
         self.open = np.ones((n, 3))
         self.open[self.at[limits.swing[self.at] == 0], 1:] = 0.0  # hinges only twist
 
     def pose(self, delta):
         """Cut rotations to the limits, and see where they lead."""
-        n = len(self.chain)
-        basis = np.empty((n, 3, 3))
-        ends = np.zeros((3, n), dtype=bool)
-        basis[:] = np.eye(3)
+        basis, ends = self.straight.copy(), self.free.copy()
         if len(self.at):
-            cut = self.limits.cut(delta[:, self.at])
+            cut = self.limits.cut(delta.take(self.at, 1))
             delta[:, self.at], ends[:, self.at] = cut.rotations, cut.ends
             # The turn that no swing shares lies between the axis and where it was swung to.
             twisting = cut.swing[0] * self.axis + cross(cut.swing[1:], self.axis)
@@ -146,7 +144,7 @@ class _Task:
         parents = pose.world.take(self.chain.above, 0)[:, :3, :3]
         if self.turned:
             parents = parents @ self.rest_matrices
-        turns = (away @ _CROSS).reshape(k, n, 3, 3) @ (parents @ pose.basis)
+        turns = (away @ CROSS).reshape(k, n, 3, 3) @ (parents @ pose.basis)
         # Rows: effectors' coordinates; columns: joints' directions.
         whole = turns.transpose(0, 2, 1, 3).reshape(3 * k, 3 * n)
         residual = pose.residual.reshape(-1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from pvibr.animation.chain import Chain
 from pvibr.animation.kinematics import METHODS, solve
-from pvibr.animation.rig import above, as_point
+from pvibr.animation.rig import as_point, placed
 
 _EVEN = 1e-6  # of a scale, that its axes may differ
 
@@ -143,9 +143,8 @@ class _Limb:
         if not wanted:
             return pose
         chain = self._chain(pose)
-        world = self.skeleton.world(pose)
         root = self.joints[0]
-        inverse = np.linalg.inv(above(self.skeleton, world, root))
+        inverse = np.linalg.inv(placed(self.skeleton, pose, self.skeleton.parents[root]))
 
         def local(point):
             return inverse[:3, :3] @ point + inverse[:3, 3] - pose.translation[root]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 
 import numpy as np
 
 from pvibr.animation.limits import Limits
+from pvibr.maths.transforms import trs
 
 
 class Rig:
@@ -187,30 +189,36 @@ def as_point(point, name):
     return values
 
 
-def above(skeleton, world, joint):
-    """Return the matrix of a joint's parent: the space in which its own pose is said.
+def placed(skeleton, pose, joint):
+    """Return the matrix of one joint, for which only those above it are looked at.
 
     Parameters
     ----------
     skeleton : Skeleton
         The joints.
-    world : numpy.ndarray, shape (n, 4, 4)
-        ``figure_from_joint``.
+    pose : Pose
+        One pose.
     joint : int
-        The joint.
+        The joint, or -1 for the figure itself.
 
     Returns
     -------
     numpy.ndarray, shape (4, 4), float64
-        ``figure_from_parent``, the identity for a root.
+        ``figure_from_joint``.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr import Skeleton
-    >>> from pvibr.animation.rig import above
-    >>> above(Skeleton([-1], [np.eye(4)]), np.eye(4)[None], 0).trace()
-    np.float64(4.0)
+    >>> from pvibr import Pose, Skeleton
+    >>> from pvibr.animation.rig import placed
+    >>> pair = Skeleton([-1, 0], Pose([[0, 0, 1.0], [0, 0, 1.0]]))
+    >>> placed(pair, pair.rest, 1)[:3, 3].tolist()
+    [0.0, 0.0, 2.0]
     """
-    parent = skeleton.parents[joint]
-    return np.eye(4) if parent < 0 else world[parent]
+    path = []
+    while joint >= 0:
+        path.append(joint)
+        joint = skeleton.parents[joint]
+    path = path[::-1]
+    local = trs(pose.translation[path], pose.rotation[path], pose.scale[path])
+    return functools.reduce(np.matmul, local, np.eye(4))
