@@ -214,6 +214,8 @@ class Looks:
             with Image.open(io.BytesIO(data), formats=_PICTURES) as picture:
                 width, height = picture.size
                 self._file.spend(8 * width * height, place)
+                if picture.mode.startswith('I'):  # 16 bits of grey, which Pillow would clip
+                    picture = Image.fromarray((np.asarray(picture) >> 8).astype(np.uint8))
                 return np.asarray(picture.convert('RGBA'))
         except GltfError:
             raise

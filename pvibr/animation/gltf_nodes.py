@@ -13,6 +13,8 @@ from pvibr.maths import quaternions
 
 #: How many nodes may hang below each other.
 _DEEPEST = 1024
+#: Bytes that a node costs: its matrices.
+_NODE = 1024
 #: Largest number in the matrix of a node: beyond it float32 and products of matrices overflow.
 _FARTHEST = 1e30
 #: How far the axes of a node's matrix may be from right angles: files round to six digits.
@@ -42,6 +44,7 @@ def parents_of(file: GltfFile):
         If a node has two parents, is its own ancestor, or is very deep.
     """
     nodes = file.document.nodes
+    file.spend(_NODE * len(nodes), 'nodes')
     parents = np.full(len(nodes), -1, dtype=np.int64)
     for i, node in enumerate(nodes):
         for j, child in enumerate(node.children):

@@ -457,6 +457,16 @@ def test_a_texture_scaled_and_shifted(glb):
     assert shown == [[QUARTERS[0][1]] * 2] * 2
 
 
+def test_a_grey_picture_of_16_bits(glb):
+    file = io.BytesIO()
+    Image.fromarray(np.array([[0x4000, 0x8000], [0xC000, 0xFFFF]], np.uint16)).save(file, 'PNG')
+    glb.add('images', uri=uri(file.getvalue(), 'image/png'))
+    glb.add('textures', source=0)
+    shows = {'pbrMetallicRoughness': {'baseColorTexture': {'index': 0}}}
+    texture = look(glb, shows, {'TEXCOORD_0': glb.array(CORNERS)}).look['texture']
+    assert texture.to_array()[..., 0].tolist() == [[0x40, 0x80], [0xC0, 0xFF]]
+
+
 def test_a_picture_that_is_not_there_is_left_out(glb):
     glb.add('images', uri='gone.png')
     glb.add('textures', source=0)

@@ -124,6 +124,7 @@ def test_the_file_itself_is_sound(rich):
         ('nodes.1.matrix', [1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], r'matrix shears'),
         ('nodes.1.matrix', [1.0] * 15, r'nodes\[1\].matrix: Expected `array` of length >?=? ?16'),
         ('nodes.1.rotation', [0, 0, 0, 0], r'nodes: '),
+        ('nodes.1.scale', [1e31, 1, 1], r'nodes\[1\].scale\[0\]: Expected `float` <= 1e'),
         ('nodes.1.scale', [0, 1, 1], r"'hip'.* is singular"),
         # Morphs and clips
         ('nodes.0.weights', [1, 2], r'nodes\[0\] has 2 morph weights for 1 targets'),
@@ -277,6 +278,22 @@ def test_a_small_picture_that_unpacks_to_a_huge_one(glb):
     with pytest.raises(pvibr.GltfError, match=r'images\[0\]'):
         pvibr.read_gltf(glb.write())
     refused_within(glb.write(), 8)
+
+
+def test_scales_that_overflow_together(rich):
+    for node in (1, 2):
+        rich.json['nodes'][node]['scale'] = [1e20] * 3
+    with pytest.raises(pvibr.GltfError, match=r'nodes\[2\] is farther or larger than 1e\+30'):
+        pvibr.read_gltf(rich.write())
+
+
+def test_numbers_near_the_largest_float32(glb):
+    huge = np.full((4, 3), 3e38)
+    normals = {'NORMAL': glb.array(huge)}
+    glb.shown(glb.primitive(attributes=normals), glb.primitive(SQUARE * 3e38 - 2e38))
+    figure = pvibr.read_gltf(glb.write())
+    np.testing.assert_allclose(figure.posed(0)[1], np.full((4, 3), 3**-0.5), rtol=1e-6)
+    assert np.isfinite(figure.posed(1)[0]).all()
 
 
 def test_very_deep_nodes(glb):
