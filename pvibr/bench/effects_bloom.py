@@ -1,4 +1,4 @@
-"""What a bloom costs in full-screen copies."""
+"""What a bloom costs in full-screen copies, and how near it comes to a true Gaussian."""
 
 from __future__ import annotations
 
@@ -6,10 +6,26 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from pvibr.bench.copies import Stand, in_copies
 from pvibr.effects.bloom import Bloom
 from pvibr.gl.offscreen import hidden_window
+
+#: What is measured against a true Gaussian, each by itself.
+SETTINGS: tuple[dict[str, Any], ...] = (
+    {},
+    {'kernel': 3},
+    {'kernel': 9},
+    {'reduction': 4},
+    {'reduction': 16},
+    {'levels': 1},
+    {'levels': 2},
+    {'levels': 5},
+    {'chain': 'tent'},
+    {'chain': 'tent', 'reduction': 4},
+    {'chain': 'tent', 'reduction': 16},
+)
 
 
 def bloom_times(size=(1280, 720), rounds=15, **settings) -> dict:
@@ -29,16 +45,143 @@ def bloom_times(size=(1280, 720), rounds=15, **settings) -> dict:
     dict
         ``copy_ms``, and ``bloom`` and ``dark``, as multiples of the copy.
     """
-    rng = np.random.default_rng(0)
-    array = np.kron(rng.uniform(0, 255, (-(-size[1] // 20), -(-size[0] // 20), 4)),
-                    np.ones((20, 20, 1)))[: size[1], : size[0]]  # fmt: skip
-    array[..., 3] = 255
     with hidden_window() as (window, _):
-        stand = Stand(window, array.astype(np.uint8))
+        stand = Stand(window, _squares(size))
         blooms = {'bloom': Bloom(**settings), 'dark': Bloom(**(settings | {'threshold': 2.0}))}
         jobs = {n: partial(b.render, stand, stand) for n, b in blooms.items()}
         found = in_copies(stand, jobs, rounds)
-        owners: list[Any] = [stand, *blooms.values()]
-        for owner in owners:
-            owner.release()
+        _release(stand, *blooms.values())
     return found
+
+
+def bloom_stages(size=(1280, 720), rounds=15, **settings) -> dict:
+    """Time the stages of a bloom.
+
+    Parameters
+    ----------
+    size : tuple of 2 int
+        Width and height in pixels.
+    rounds : int
+        How often; the least of each counts.
+    **settings
+        Of the bloom.
+
+    Returns
+    -------
+    dict
+        Stage to time as a multiple of a full-screen copy.
+    """
+    with hidden_window() as (window, _):
+        stand, bloom = Stand(window, _squares(size)), Bloom(**settings)
+        bloom.render(stand, stand)
+        blur, light = bloom._blur, bloom._light
+        source = blur.source.colors[0]
+        jobs = {
+            'bright pass': partial(
+                bloom._draw_source, stand, stand, blur.source, bloom.reduction // 2
+            ),
+            'is there light': blur.lit,
+            'blur': partial(blur.draw, source, bloom.spread),
+            'blend': partial(blur.blend, stand, light),
+        }
+        found = in_copies(stand, jobs, rounds)
+        _release(stand, bloom)
+    del found['copy_ms']
+    return found
+
+
+def bloom_errors(size=(1280, 720), rounds=5, settings=SETTINGS) -> list[dict]:
+    """Compare the widest blur alone with the Gaussian of its width, and time the bloom.
+
+    Parameters
+    ----------
+    size : tuple of 2 int
+        Width and height in pixels.
+    rounds : int
+        How often each is timed; the least counts.
+    settings : sequence of dict
+        Of blooms.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``sigma`` (pixels), ``error`` (mean, of 255) on a picture whose spectrum falls as
+        those of photographs do, and ``copies``, the time over that of a full-screen copy.
+    """
+    picture = natural(size)
+    found = []
+    with hidden_window() as (window, _):
+        timed, seen = Stand(window, _squares(size)), Stand(window, picture)
+        blooms = [Bloom(**one) for one in settings]
+        jobs = {str(i): partial(b.render, timed, timed) for i, b in enumerate(blooms)}
+        copies = in_copies(timed, jobs, rounds)
+        for i, (one, bloom) in enumerate(zip(settings, blooms, strict=True)):
+            for name in ('threshold', 'operator', 'spread', 'debug'):
+                setattr(bloom, name, _BLUR_ALONE[name])
+            bloom.render(seen, seen)
+            shown = seen.target.colors[0].download()[..., 0]
+            sigma = width_of(bloom)
+            true = gaussian_filter(picture[..., 0].astype(float), sigma, mode='reflect')
+            name = ', '.join(f'{k} {v}' for k, v in one.items()) or 'as it comes'
+            error = 255 * float(np.abs(shown - true).mean())
+            found.append({'name': name, 'sigma': sigma, 'error': error, 'copies': copies[str(i)]})
+        _release(timed, seen, *blooms)
+    return found
+
+
+_BLUR_ALONE = {'threshold': 0.0, 'operator': 'keep', 'spread': 1.0, 'debug': 'blur'}
+
+
+def width_of(bloom) -> float:
+    """Return the standard deviation of a bloom's widest blur in pixels.
+
+    Parameters
+    ----------
+    bloom : pvibr.Bloom
+        That has drawn a picture.
+
+    Returns
+    -------
+    float
+        Of the squares of pixels before, the blurs, and the way between texels after.
+    """
+    side = bloom.reduction // 2
+    squares, between = (side**2 - 1) / 12, bloom.reduction**2 / 6
+    return float(np.sqrt((side * bloom._blur.sigma) ** 2 + squares + between))
+
+
+def natural(size, seed=0):
+    """Return a picture whose spectrum falls with frequency as those of photographs do.
+
+    Parameters
+    ----------
+    size : tuple of 2 int
+        Width and height in pixels.
+    seed : int
+        Of the noise that it is made of.
+
+    Returns
+    -------
+    numpy.ndarray, shape (height, width, 4), float32
+        Greys from 0.05 to 1, opaque.
+    """
+    width, height = size
+    frequency = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width))
+    frequency[0, 0] = np.inf
+    spectrum = np.fft.rfft2(np.random.default_rng(seed).normal(size=(height, width)))
+    grey = np.fft.irfft2(spectrum / frequency, (height, width))
+    grey = 0.05 + 0.95 * (grey - grey.min()) / np.ptp(grey)
+    return np.dstack([grey] * 3 + [np.ones_like(grey)]).astype(np.float32)
+
+
+def _squares(size):
+    width, height = size
+    small = np.random.default_rng(0).uniform(0, 255, (-(-height // 20), -(-width // 20), 4))
+    array = np.kron(small, np.ones((20, 20, 1)))[:height, :width]
+    array[..., 3] = 255
+    return array.astype(np.uint8)
+
+
+def _release(*owners):
+    for owner in owners:
+        owner.release()

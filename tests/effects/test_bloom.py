@@ -11,6 +11,7 @@ import pyvista as pv
 from scipy.ndimage import gaussian_filter
 
 import pvibr
+from pvibr.bench import effects_bloom
 from pvibr.gl import Target, Texture
 from pvibr.gl.blur import Blur, halving_taps
 from pvibr.gl.offscreen import hidden_window, read_rgba
@@ -249,12 +250,7 @@ PHOTOS = Path(__file__).parents[3] / 'shared/data/projection/opensfm_berlin/imag
 def natural(name):
     """A photograph, or a picture whose spectrum falls as those of photographs do; greys."""
     if name == 'noise':
-        width, height = 320, 176
-        frequency = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width))
-        frequency[0, 0] = np.inf
-        spectrum = np.fft.rfft2(np.random.default_rng(0).normal(size=(height, width)))
-        found = np.fft.irfft2(spectrum / frequency, (height, width))
-        return 0.05 + 0.95 * (found - found.min()) / np.ptp(found)
+        return effects_bloom.natural((320, 176))[..., 0]
     if not (PHOTOS / name).exists():
         pytest.skip(f'no shared photograph {name}')
     return 0.01 + 0.99 * iio.imread(PHOTOS / name)[::4, ::4, 1] / 255
@@ -273,9 +269,7 @@ def test_small_kernels_on_small_images_are_a_large_one(window, name, chain, kern
     )  # fmt: skip
     picture = FakePicture(window, np.dstack([grey] * 3 + [np.ones_like(grey)]))
     bloom.render(picture, picture)
-    # Squares of pixels before, and between texels as large as twice those after.
-    side = reduction // 2
-    sigma = np.sqrt((side * bloom._blur.sigma) ** 2 + (side**2 - 1) / 12 + reduction**2 / 6)
+    sigma = effects_bloom.width_of(bloom)
     seen = picture.target.colors[0].download()[..., 0]
     bloom.release()
     picture.release()
@@ -419,6 +413,28 @@ def test_transparent_background_keeps_what_is_not_lit():
     assert more.max() > 0
     same = (after[..., :3] == before[..., :3]).all(axis=2)
     assert (more[same] == 0).all()
+
+
+class Nothing(pvibr.Effect):
+    """Comes after, so that a bloom does not blend with 8 bits."""
+
+    before = 'Tap'
+
+    def render(self, frame, picture):
+        pass
+
+
+@pytest.mark.parametrize('blend', ['add', 'screen'])
+@pytest.mark.parametrize('high', [False, True])
+def test_light_is_the_same_in_place_and_anew(blend, high):
+    pl = bright()
+    pl.set_background('black')
+    pl.show(auto_close=False)
+    pl.ibr.add(pvibr.Bloom(blend=blend, intensity=0.7, high_range=high))
+    found = [pl.screenshot(transparent_background=True).astype(int)]
+    pl.ibr.add(Nothing())
+    found.append(pl.screenshot(transparent_background=True).astype(int))
+    assert np.abs(found[0] - found[1]).max() <= 1
 
 
 @pytest.mark.parametrize('debug', ['bright', 'blur'])
