@@ -6,14 +6,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pyvista as pv
 
 from pvibr.actors.anchor import anchor, set_bounds
 from pvibr.actors.figure_bodies import PosedBody, as_bodies, moved_bounds
+from pvibr.actors.figure_picking import nearest_hit, stand_in
+from pvibr.actors.picking import pixel_ray
 from pvibr.actors.posing import Posing
 from pvibr.animation.blending import crossfade
 from pvibr.animation.mixer import Play, Still
 from pvibr.animation.pose import Pose
 from pvibr.effect import Effect
+from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.params import Param
 
 
@@ -129,7 +133,9 @@ class FigureActor(Effect):
         self._weights: np.ndarray | None = None
         self._fixed: Any = None
         self.pickable = pickable
-        self._observer: int | None = None
+        self._stand_ins = [stand_in(self, b.index, b.actor) for b in self._posed]
+        self._meshes: tuple = (-1, [])
+        self._observers: list[int] = []
         self._drawn: tuple = ()
         self._known: tuple = ()
         self.posed = 0
@@ -303,6 +309,8 @@ class FigureActor(Effect):
             body.move(self._matrix, moment)
         set_bounds(self._anchor, moved_bounds(self._matrix, bounds))
         self._changes += 1
+        for actor in self._stand_ins:
+            actor.GetMapper().GetInputAlgorithm().Modified()
 
     # -- the life of an effect ---------------------------------------------------------------
 
@@ -312,7 +320,10 @@ class FigureActor(Effect):
         return (self._anchor,)
 
     def actors(self) -> list:
-        """Return the actors that draw it, one per body."""
+        """Return the actors that draw it, one per body, and those that pickers find instead."""
+        return [*self._drawing(), *self._stand_ins]
+
+    def _drawing(self) -> list:
         return [body.actor for body in self._bodies]
 
     def drawn(self) -> list:
@@ -347,9 +358,20 @@ class FigureActor(Effect):
         for actor in self.actors():
             renderer.AddViewProp(actor)
         # Before the pipeline looks at the frame: props must be where the moment has them.
-        self._observer = renderer.AddObserver('StartEvent', self._on_start)
+        self._observers = [
+            renderer.AddObserver('StartEvent', self._on_start),
+            renderer.AddObserver('EndEvent', self._on_end),
+        ]
+
+    def _on_end(self, _renderer, _event):
+        self._put_stand_ins(self.pickable and self._is_shown())
+
+    def _put_stand_ins(self, there):
+        for actor in self._stand_ins:
+            actor.SetVisibility(bool(there))
 
     def _on_start(self, _renderer, _event):
+        self._put_stand_ins(False)
         try:
             self._show_whole()
         except Exception as error:  # noqa: BLE001, RUF100
@@ -369,7 +391,8 @@ class FigureActor(Effect):
     def detach(self):
         """Take its props out of the scene."""
         renderer = self.pipeline.renderer
-        renderer.RemoveObserver(self._observer)
+        for observer in self._observers:
+            renderer.RemoveObserver(observer)
         for actor in self.actors():
             renderer.RemoveViewProp(actor)
         if renderer.HasViewProp(self._anchor):
@@ -396,7 +419,7 @@ class FigureActor(Effect):
         if failure is not None:
             raise failure
         shown = self._is_shown()
-        for actor in self.actors():
+        for actor in self._drawing():
             actor.SetVisibility(shown)
         return shown or 'not visible'
 
@@ -414,6 +437,8 @@ class FigureActor(Effect):
             The frame about to be drawn.
         """
         moment = self._now_shown()
+        for body in self._posed if frame.picking else ():
+            body.actor.SetPickable(bool(self.pickable))
         if not self._posed:
             return
         if self._posing is None or self._posing.how != self.skinning:
@@ -437,6 +462,8 @@ class FigureActor(Effect):
         frame : pvibr.frame.Frame
             The frame that was drawn.
         """
+        for body in self._posed if frame.picking else ():
+            body.actor.PickableOff()  # other pickers look at meshes, which are those at rest
         if self._posing is not None:
             for texture in self._posing.textures.values():
                 texture.deactivate()
@@ -459,6 +486,58 @@ class FigureActor(Effect):
         held = 0 if self._posing is None else self._posing.nbytes
         vertices = sum(len(b.body.points) for b in self._posed)
         return {'bytes': held, 'vertices': vertices, 'poses': self.posed}
+
+    # -- picking -----------------------------------------------------------------------------
+
+    def posed_meshes(self) -> list:
+        """Return what is shown of each body as it is drawn.
+
+        Returns
+        -------
+        list of pyvista.PolyData
+            Triangles, world units; one per body.
+        """
+        moment = self._now_shown()
+        if self._meshes[0] != self._changes:
+            self._meshes = (
+                self._changes,
+                [self._posed_mesh(i, moment.pose) for i in range(len(self._bodies))],
+            )
+        return self._meshes[1]
+
+    def _posed_mesh(self, index, pose):
+        mesh = self._bodies[index].part.mesh.copy(deep=False)
+        points, normals = self.figure.posed(index, pose, self.skinning, self.bulge)
+        mesh.SetPoints(pv.vtk_points(transform_points(self._matrix, points)))
+        mesh.point_data['Normals'] = transform_normals(self._matrix, normals)
+        return mesh
+
+    def pick(self, x, y):
+        """Return what of the figure is under a pixel.
+
+        Parameters
+        ----------
+        x, y : float
+            Pixels from the lower left corner of the window.
+
+        Returns
+        -------
+        FigureHit or None
+            ``body``, ``cell``, nearest ``vertex`` and ``point`` on the posed mesh.
+        """
+        if not self.pickable or self.pipeline is None or not self._is_shown():
+            return None
+        return nearest_hit(self.posed_meshes(), *pixel_ray(self.pipeline.renderer, x, y))
+
+    def owns(self, actor) -> bool:
+        """Tell whether an actor that a picker found shows it.
+
+        Parameters
+        ----------
+        actor : vtkActor
+            As pickers of PyVista and VTK return it.
+        """
+        return actor in self.actors()
 
     # -- scalar bars -------------------------------------------------------------------------
 

@@ -185,7 +185,7 @@ class PosedBody:
         # What the shader puts in place of VTK's vertices is neither shifted nor scaled.
         mapper.SetVBOShiftScaleMethod(mapper.DISABLE_SHIFT_SCALE)
         actor = dressed(part, mapper)
-        actor.PickableOff()
+        actor.PickableOff()  # a stand-in is picked
         actor.UseBoundsOff()
         posed_feature().attach(actor)
         return actor

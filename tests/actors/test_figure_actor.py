@@ -406,3 +406,69 @@ def test_looks_that_split_points_are_refused():
         plotter().ibr.add_figure(
             worm(), smooth_shading=True, split_sharp_edges=True, feature_angle=5
         )
+
+
+# -- picking ---------------------------------------------------------------------------------
+
+
+def picked_scene():
+    figure = worm()
+    pl = plotter((200, 200))
+    actor = pl.ibr.add_figure(figure, color='tan')
+    actor.pose = bend(figure, 0.4)
+    shot(pl)
+    vertex = 700
+    points, normals = figure.posed(0, actor.pose)
+    toward = np.array(VIEW[0]) - points
+    facing = np.flatnonzero((normals * toward).sum(1) > 0.9 * np.linalg.norm(toward, axis=1))
+    vertex = facing[0]
+    pl.renderer.SetWorldPoint(*points[vertex], 1.0)
+    pl.renderer.WorldToDisplay()
+    return pl, actor, vertex, points, pl.renderer.GetDisplayPoint()[:2]
+
+
+def test_pick_finds_the_posed_mesh():
+    pl, actor, vertex, points, (x, y) = picked_scene()
+    hit = pl.ibr.pick(x, y)
+    assert np.linalg.norm(hit.point - points[vertex]) < 1e-3
+    assert hit.body == 0
+    assert hit.vertex == vertex
+    assert vertex in actor.posed_meshes()[0].regular_faces[hit.cell]
+    assert pl.ibr.pick(1, 1) is None
+    actor.pickable = False
+    assert pl.ibr.pick(x, y) is None
+
+
+def test_pickers_of_pyvista_find_the_posed_mesh():
+    pl, actor, vertex, points, (x, y) = picked_scene()
+    from pvibr import _vtk
+
+    picker = _vtk.vtkCellPicker()
+    picker.SetTolerance(1e-5)
+    assert picker.Pick(x, y, 0, pl.renderer)
+    assert np.linalg.norm(np.array(picker.GetPickPosition()) - points[vertex]) < 0.05
+    assert actor.owns(picker.GetActor())
+    assert picker.GetDataSet().GetNumberOfPoints() == len(points)
+    actor.pose = bend(actor.figure, 0.4, np.array([0, 500.0, 0]))
+    pl.render()
+    assert not picker.Pick(x, y, 0, pl.renderer)
+
+
+def test_hardware_picking_finds_the_actor():
+    pl, actor, _, _, (x, y) = picked_scene()
+    from pvibr import _vtk
+
+    picker = _vtk.vtkPropPicker()
+    assert picker.PickProp(x, y, pl.renderer)
+    assert actor.owns(picker.GetActor())
+    assert not picker.PickProp(2, 2, pl.renderer)
+
+
+def test_a_stand_in_is_never_drawn():
+    pl, actor, *_ = picked_scene()
+    before = pl.screenshot(None).astype(int)
+    actor.pose = bend(actor.figure, 0.4, np.array([0, 500.0, 0]))
+    pl.render()
+    after = pl.screenshot(None)
+    assert differing(before, after.astype(int)) > 100
+    assert len(np.unique(after.reshape(-1, 3), axis=0)) == 1
