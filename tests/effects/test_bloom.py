@@ -13,7 +13,6 @@ from scipy.ndimage import gaussian_filter
 import pvibr
 from pvibr.bench import effects_bloom
 from pvibr.gl import Target, Texture
-from pvibr.gl.blur import Blur, halving_taps
 from pvibr.gl.offscreen import hidden_window, read_rgba
 
 SIZE = (160, 96)
@@ -225,13 +224,6 @@ def test_a_moving_spot_stays_round_and_as_bright(window, operator, chain):
     assert abs(np.mean(sums) / 500 - 1) < 0.02
 
 
-@pytest.mark.parametrize('kernel', [1, 3, 5, 9, 31])
-def test_halving_keeps_energy(kernel):
-    places, weights = halving_taps(kernel)
-    assert weights.sum() == pytest.approx(1)
-    np.testing.assert_allclose(places, -places[::-1], atol=1e-12)
-
-
 def test_calm_dims_lone_pixels_and_little_else(window):
     """The mean of a square with one pixel of light v, weighted by 1 / (1 + v)."""
     array = hot(120, 120)
@@ -275,16 +267,6 @@ def test_small_kernels_on_small_images_are_a_large_one(window, name, chain, kern
     picture.release()
     assert sigma > 7
     assert np.abs(seen - gaussian_filter(grey, sigma, mode='reflect')).mean() < 0.5 / 255
-
-
-def test_blur_of_nothing_but_one_colour(window):
-    image = Texture(window, filter='linear').upload(np.full((45, 77, 4), 0.5, np.float32))
-    blur = Blur(window, (77, 45), 3, 5)
-    out = blur.draw(image, 0.6).download()
-    assert out.shape == (23, 39, 4)
-    np.testing.assert_allclose(out, 0.5, atol=1e-3)
-    for owner in (blur, image):
-        owner.release()
 
 
 # ------------------------------------------------ what it must not do
