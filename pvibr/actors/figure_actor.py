@@ -303,7 +303,9 @@ class FigureActor(Effect):
 
     def _show(self, pose):
         world = self.figure.world(pose)
-        bounds = np.asarray(self.figure.bounds(pose, self.skinning), float)
+        # Joints alone say it where nothing else moves vertices, and are known already.
+        what = pose if any(b.shapes is not None for b in self._posed) else world
+        bounds = np.asarray(self.figure.bounds(what, self.skinning), float)
         self._moment = moment = Moment(pose, world, bounds)
         for body in self._bodies:
             body.move(self._matrix, moment)
