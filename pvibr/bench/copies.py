@@ -30,6 +30,7 @@ class Stand:
         self.drawing = self.target.drawing
         self.scale, self.whole, self.time, self.view_from_world = 1, self.size, 0.0, np.eye(4)
         self._ground = Target(window, *self.size)
+        self.drawing_over = self._ground.drawing
 
     def ground(self, *, ends_at_one=False):
         """Return what light is blended on, as for the last effect of a frame."""

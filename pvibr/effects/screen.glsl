@@ -7,9 +7,9 @@ uniform sampler2D color;
 uniform vec4 tile;
 uniform vec2 size;
 vec2 place() { return mix(tile.xy, tile.zw, uv); }  // in the whole subplot, 0 to 1
-// A sheet over the picture: it also covers what is transparent.
-vec4 over(vec4 c, vec3 sheet, float cover) {
-  return vec4(mix(c.rgb, sheet, cover), mix(c.a, 1.0, cover));
+void cover(vec3 sheet, float much) {
+  if (much <= 0.0) discard;
+  gl_FragData[0] = vec4(sheet, much);
 }
 
 //@vignette
@@ -25,8 +25,8 @@ void main() {
 
 //@flash
 uniform vec3 tint;
-uniform float cover;
-void main() { gl_FragData[0] = over(texture(color, uv), tint, cover); }
+uniform float much;
+void main() { cover(tint, much); }
 
 //@night_vision
 uniform vec3 tint;
@@ -57,14 +57,13 @@ uniform int shaped;
 uniform sampler2D shape;  // distance to its edge, inside > 0; 1 is the radius of its inner circle
 uniform vec4 scale;  // of that circle: the middle, and the radius along both sides
 void main() {
-  vec4 c = texture(color, uv);
   vec2 p = (place() - center) * size;
   float inside = reach.x - length(p);
   if (shaped == 1) {
     inside = textureLod(shape, scale.xy + scale.zw * p / max(reach.x, 1e-3), 0.0).r * reach.x;
   }
   float open = clamp((inside - 0.5 * reach.y) / reach.y + 0.5, 0.0, 1.0);
-  gl_FragData[0] = over(c, tint, 1.0 - open);
+  cover(tint, 1.0 - open);
 }
 
 //@image
@@ -81,13 +80,18 @@ vec4 picture() {
 }
 
 //@picture
+void main() {
+  vec4 k = picture();
+  cover(k.rgb, k.a);
+}
+
+//@mixed
 uniform int mode;
 void main() {
   vec4 c = texture(color, uv);
   vec4 k = picture();
   vec3 light = k.rgb * k.a;
-  if (mode == 0) gl_FragData[0] = over(c, k.rgb, k.a);
-  else if (mode == 1) gl_FragData[0] = vec4(c.rgb + light, c.a);
+  if (mode == 1) gl_FragData[0] = vec4(c.rgb + light, c.a);
   else if (mode == 2) gl_FragData[0] = vec4(c.rgb * mix(vec3(1.0), k.rgb, k.a), c.a);
   else gl_FragData[0] = vec4(c.rgb + light * max(1.0 - c.rgb, 0.0), c.a);
 }

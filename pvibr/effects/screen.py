@@ -23,8 +23,11 @@ class _Screen(Effect):
 
     #: Entry points of the shader, the last with ``main``.
     parts: tuple[str, ...] = ()
+    #: Whether it covers the picture, and is blended with it in place.
+    covers = False
 
     _quad: Quad | None = None
+    _made: tuple = ()
     _image: Any = None
 
     def render(self, frame, picture):
@@ -37,15 +40,32 @@ class _Screen(Effect):
         picture : pvibr.gl.picture.Picture
             Its pixels.
         """
-        if self._quad is None:
-            text = sections(shader_source(__file__))
-            code = ''.join(text[name] for name in ('common', *self.parts))
-            self._quad = Quad(frame.window, code, f'screen {self.name}')
-        size = frame.whole
+        quad, size = self._program(frame.window), frame.whole
         uniforms = {'tile': frame.tile, 'size': size, **self._uniforms(frame, size)}
-        textures = {'color': picture.color, **self._textures(frame)}
-        with picture.drawing():
-            self._quad.draw(uniforms, textures)
+        textures = self._textures(frame)
+        if self._covers():
+            with picture.drawing_over():
+                quad.draw(uniforms, textures, blend='over')
+        else:
+            textures['color'] = picture.color
+            with picture.drawing():
+                quad.draw(uniforms, textures)
+
+    def _covers(self) -> bool:
+        return self.covers
+
+    def _entries(self) -> tuple[str, ...]:
+        return self.parts
+
+    def _program(self, window) -> Quad:
+        entries = self._entries()
+        if self._quad is None or self._made != entries:
+            if self._quad is not None:
+                self._quad.release()
+            text = sections(shader_source(__file__))
+            code = ''.join(text[name] for name in ('common', *entries))
+            self._quad, self._made = Quad(window, code, f'screen {self.name}'), entries
+        return self._quad
 
     def _uniforms(self, frame, size) -> dict:
         return {}
@@ -132,6 +152,7 @@ class Flash(_Screen):
     """
 
     parts = ('flash',)
+    covers = True
 
     at = Param(
         None, 'When it is fired, by pl.ibr.time; None is never.', range='(-inf, inf)', unit='s',
@@ -173,7 +194,7 @@ class Flash(_Screen):
         return self.cover(frame.time) > _UNSEEN or 'no flash at this time'
 
     def _uniforms(self, frame, size):
-        return {'tint': self.color, 'cover': self.cover(frame.time)}
+        return {'tint': self.color, 'much': self.cover(frame.time)}
 
 
 class NightVision(_Screen):
@@ -247,6 +268,7 @@ class Iris(_Screen):
     """
 
     parts = ('iris',)
+    covers = True
 
     opening = Param(
         0.5, 'How far it is open: 0 shows nothing, 1 the whole picture.', range='[0, 1]'
@@ -368,12 +390,17 @@ class Picture(_Image):
     'over'
     """
 
-    parts = ('image', 'picture')
-
     mode = Param('over', 'How it meets the picture.', choices=_MODES)
 
+    def _covers(self):
+        return self.mode == 'over'
+
+    def _entries(self):
+        return 'image', 'picture' if self._covers() else 'mixed'
+
     def _uniforms(self, frame, size):
-        return super()._uniforms(frame, size) | {'mode': _MODES.index(self.mode)}
+        found = super()._uniforms(frame, size)
+        return found if self._covers() else found | {'mode': _MODES.index(self.mode)}
 
 
 class _Behind(_Screen):

@@ -201,7 +201,8 @@ def test_picture_modes(pl, mode):
         'multiply': before * (1 - a + k * a),
         'screen': 1 - (1 - before) * (1 - k * a),
     }[mode]
-    assert np.abs(shot(pl) - 255 * np.clip(expected, 0, 1)).max() <= 1
+    most = 1.5 if mode == 'over' else 1  # blended by the driver in 8 bits
+    assert np.abs(shot(pl) - 255 * np.clip(expected, 0, 1)).max() <= most
 
 
 def test_picture_lies_where_it_should(pl):
