@@ -123,14 +123,37 @@ class Looks:
         numpy.ndarray, shape (n, 3) or (n, 4), uint8
             As a display is given them; with alpha only where it is not full.
         """
-        factor = material.pbr_metallic_roughness.base_color_factor
-        alpha = np.ones(len(colors)) if colors.shape[1] < 4 else colors[:, 3]
-        light = np.clip(colors[:, :3] * np.array(factor[:3], np.float32), 0, 1)
-        shown = np.column_stack([to_display(light), np.clip(alpha * factor[3], 0, 1)])
-        shown = (255 * shown + 0.5).astype(np.uint8)
+        shown = (255 * self._shown(material, colors) + 0.5).astype(np.uint8)
         # Alpha that is full, or to be ignored, would make VTK sort the mesh as translucent.
         opaque = material.alpha_mode == 'OPAQUE' or (shown[:, 3] == 255).all()
         return np.ascontiguousarray(shown[:, :3]) if opaque else shown
+
+    def color_difference(self, material, colors, difference):
+        """Return what a morph target adds to colours as a display is given them.
+
+        Parameters
+        ----------
+        material : pvibr.animation.gltf_schema.Material
+            The material.
+        colors : numpy.ndarray, shape (n, 3) or (n, 4)
+            Linear light.
+        difference : numpy.ndarray, shape (n, 3) or (n, 4)
+            What the target adds to it.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n, 4), float32
+            Exact at the weights 0 and 1; glTF blends light, not what a display is given.
+        """
+        moved = _with_alpha(colors, 1.0) + _with_alpha(difference, 0.0)
+        change = self._shown(material, moved) - self._shown(material, colors)
+        return change.astype(np.float32)
+
+    @staticmethod
+    def _shown(material, colors):
+        factor = np.array(material.pbr_metallic_roughness.base_color_factor)
+        light = np.clip(_with_alpha(colors, 1.0) * factor, 0, 1)
+        return np.column_stack([to_display(light[:, :3]), light[:, 3]])
 
     def coordinates(self, material):
         """Return which texture coordinates the material shows, and how they are moved.
@@ -238,6 +261,13 @@ def _only_shines(material):
     """Return whether a material gives light and reflects none."""
     black = not any(material.pbr_metallic_roughness.base_color_factor[:3])
     return black and any(material.emissive_factor)
+
+
+def _with_alpha(colors, alpha):
+    """Return colours as float64 with four channels."""
+    rgba = np.full((len(colors), 4), alpha)
+    rgba[:, : colors.shape[1]] = colors
+    return rgba
 
 
 def _share(value):

@@ -22,7 +22,12 @@ _TRIANGLES, _STRIP = 4, 5
 _KNOWN = ('POSITION', 'NORMAL', 'TANGENT', 'COLOR_0', 'JOINTS_0', 'WEIGHTS_0')
 _SETS = ('JOINTS_1', 'WEIGHTS_1')
 #: What morph targets may change, and Morphs calls it.
-_MORPHED = {'POSITION': 'positions', 'NORMAL': 'normals', 'TANGENT': 'tangents'}
+_MORPHED = {
+    'POSITION': 'positions',
+    'NORMAL': 'normals',
+    'TANGENT': 'tangents',
+    'COLOR_0': 'colors',
+}
 
 
 @dataclass(frozen=True)
@@ -162,6 +167,8 @@ class _Primitive:
             mesh.active_texture_coordinates = coordinates
         if colors is not None:
             mesh.point_data[COLORS] = colors
+        if self._has('TANGENT') and self._has('NORMAL'):  # without normals they do not count
+            mesh.point_data['Tangents'] = self._of('TANGENT', 'VEC4')[:, :3]
         with naming(f'{self._place}.targets'):
             morphs = self._morphs(points, weights)
         return Surface(mesh, morphs, coordinates is not None, colors is not None)
@@ -169,7 +176,7 @@ class _Primitive:
     def skin(self, index):
         joints, weights = [], []
         for number in range(2):
-            if f'JOINTS_{number}' in self.primitive.attributes:
+            if self._has(f'JOINTS_{number}'):
                 joints.append(self._joints(f'JOINTS_{number}'))
                 weights.append(self._of(f'WEIGHTS_{number}', 'VEC4'))
         nodes, inverse_bind = bind_of(self._file, self._accessors, index)
@@ -214,7 +221,7 @@ class _Primitive:
         corners = self._triangles.ravel()
         n = self._count('POSITION')
         uses = np.bincount(corners, minlength=n)
-        if 'NORMAL' not in self.primitive.attributes and uses.max() > 1:
+        if not self._has('NORMAL') and uses.max() > 1:
             # Without normals a mesh is flat (glTF 2.0, 3.7.2.1): no two triangles share any.
             return corners, np.arange(len(corners)).reshape(-1, 3)
         if uses.min() > 0:
@@ -252,6 +259,9 @@ class _Primitive:
                 msg = f'{self._place}.attributes has {pair.pop()} without its partner.'
                 raise GltfError(msg)
 
+    def _has(self, name):
+        return name in self.primitive.attributes
+
     def _of(self, name, *types):
         place = f'{self._place}.attributes.{name}'
         return self._taken(self._accessors.floats(self.primitive.attributes[name], place, *types))
@@ -263,19 +273,19 @@ class _Primitive:
         )
 
     def _normals(self, points):
-        if 'NORMAL' in self.primitive.attributes:
+        if self._has('NORMAL'):
             return _unit(self._of('NORMAL', 'VEC3')).astype(np.float32)
         return _flat(points, self._faces)
 
     def _coordinates(self):
         number, matrix = self._looks.coordinates(self._material)
         name = f'TEXCOORD_{number}'
-        if name not in self.primitive.attributes:
+        if not self._has(name):
             return None
         return (self._of(name, 'VEC2') @ matrix[:, :2].T + matrix[:, 2]).astype(np.float32)
 
     def _colors(self):
-        if 'COLOR_0' not in self.primitive.attributes:
+        if not self._has('COLOR_0'):
             return None
         return self._looks.vertex_colors(self._material, self._of('COLOR_0', 'VEC3', 'VEC4'))
 
@@ -287,13 +297,13 @@ class _Primitive:
         targets = self.primitive.targets
         if not targets:
             return None
-        differences: dict[str, list] = {name: [] for name in _MORPHED.values()}
+        differences: dict[str, list] = {what: [] for what in _MORPHED.values()}
         for i, target in enumerate(targets):
             for name, what in _MORPHED.items():
                 differences[what].append(self._difference(target, name, i))
             for name in set(target) - set(_MORPHED):
                 self._file.leave_out(f'morphed {name[:40]}', f'{self._place}.targets[{i}]')
-        if 'NORMAL' not in self.primitive.attributes:
+        if not self._has('NORMAL'):
             differences['normals'] = self._flat_differences(points, differences['positions'])
         differences = {
             what: values
@@ -303,15 +313,20 @@ class _Primitive:
         return Morphs(**differences, names=self._target_names(), weights=weights or None)
 
     def _difference(self, target, name, number):
-        base = self.primitive.attributes
-        if name not in target or (name != 'POSITION' and name not in base):
+        if name not in target or not self._has(name):
+            return None
+        if name == 'TANGENT' and not self._has('NORMAL'):
             return None
         place = f'{self._place}.targets[{number}].{name}'
         n = self._count('POSITION')
         if self._accessors.count(target[name], place) != n:
             msg = f'{place} has {self._accessors.count(target[name], place)} elements of {n}.'
             raise GltfError(msg)
-        return self._taken(self._accessors.floats(target[name], place, 'VEC3'))
+        if name != 'COLOR_0':
+            return self._taken(self._accessors.floats(target[name], place, 'VEC3'))
+        change = self._taken(self._accessors.floats(target[name], place, 'VEC3', 'VEC4'))
+        colors = self._of(name, 'VEC3', 'VEC4')
+        return self._looks.color_difference(self._material, colors, change)
 
     def _flat_differences(self, points, positions):
         """Return how the normals of a flat mesh turn: each target's own, less the neutral one."""

@@ -308,6 +308,22 @@ def test_animated_weights_drive_all_primitives(glb, interpolation, values, half)
         assert_allclose(block.points, SQUARE + np.array([half[1], 0, half[0]]), atol=1e-7)
 
 
+def test_targets_change_colors_and_tangents(glb):
+    red, blue = glb.array([[1, 0, 0]] * 4), glb.array([[-1, 0, 0.2159]] * 4)
+    along_x = {'TANGENT': glb.array([[1, 0, 0, 1]] * 4), 'COLOR_0': red}
+    targets = [{'TANGENT': glb.array([[-1, 1, 0]] * 4), 'COLOR_0': blue}]
+    glb.shown(glb.primitive(attributes=along_x, targets=targets), rotation=[0, 0, 1, 0])
+    read = figure(glb)
+    still, moved = (
+        read.mesh(pose=read.rest.replaced(weights=[weight])).point_data for weight in (0, 1)
+    )
+    name = read.bodies[0].look['scalars']
+    assert still[name][0].tolist() == [255, 0, 0]
+    assert moved[name][0].tolist() == [0, 0, 128]
+    assert_allclose(still['Tangents'][0], [-1, 0, 0], atol=1e-12)
+    assert_allclose(moved['Tangents'][0], [0, -1, 0], atol=1e-12)
+
+
 def test_targets_turn_flat_normals(glb):
     targets = [{'POSITION': glb.array([[0, 0, 0], [0, 0, 0], [0, -1, 1]])}]
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
