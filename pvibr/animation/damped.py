@@ -9,6 +9,7 @@ kept only if it helps, and damped more if not, is Levenberg and Marquardt's.
 
 from __future__ import annotations
 
+import math
 import operator
 from typing import Any, NamedTuple
 
@@ -16,11 +17,11 @@ import numpy as np
 
 from pvibr.animation.columns import CROSS, cross, product
 
-_DAMPING = 1e-2  # of the mean square of the Jacobian, at first and at least
-_LARGEST_STEP = 0.35  # radians of any joint: beyond, the tangent says little
+_DAMPING = 0.1, 1e-5  # of the mean square of the Jacobian: per share of reach missing, and least
+_LARGEST_STEP = 0.6  # radians of any joint: beyond, the tangent says little
 _ROUNDS = 3  # of leaving out directions that would cross a limit, per step
 _GAIN = 0.05  # share of the squared error that a step must take off to count
-_STUCK = 1.0  # damping that no step survives but where none helps
+_STUCK = 1.0  # damping at which no step helps where none does
 _KICKS = 3  # out of poses where no small step helps, as a straight chain that must fold
 
 
@@ -65,18 +66,20 @@ def solve(chain, rotations, effectors, targets, weights, tolerances, iterations)
     """
     task = _Task(chain, effectors, targets, weights)
     now = best = task.pose(product(task.from_rest, rotations.T))
-    damping, kicks, done = _DAMPING, 0, 0
+    caution, kicks, done = 1.0, 0, 0
     while done < iterations and (best.distances > tolerances).any():
         done += 1
+        # Far away the damping keeps steps short; near, steps are those of Newton.
+        damping = caution * (_DAMPING[0] * math.sqrt(now.error) / task.size + _DAMPING[1])
         trial = task.moved(now, task.step(now, damping))
         if trial.error < now.error * (1 - _GAIN):
-            now, damping = trial, max(damping / 8, _DAMPING)
+            now, caution = trial, max(caution / 8, 1.0)
             best = min(best, now, key=_error)
         elif damping < _STUCK:
-            damping *= 16
+            caution *= 16
         elif kicks < _KICKS:
             kicks += 1
-            now, damping = task.kicked(best, kicks), _DAMPING
+            now, caution = task.kicked(best, kicks), 1.0
         else:
             break
     return product(task.rest, best.delta).T, done
@@ -105,6 +108,8 @@ class _Task:
         n = len(chain)
         self.chain, self.effectors, self.targets = chain, effectors, targets
         self.weights = weights[:, None]
+        reach = [chain.reach(effector) for effector in effectors]
+        self.size = max(float(np.linalg.norm(weights * reach)), 1e-300)
         self.rest = limits.rest.T.copy()
         self.from_rest = self.rest * [[1], [-1], [-1], [-1]]
         self.turned = np.abs(self.rest[0]).min(initial=1.0) < 1
@@ -148,12 +153,14 @@ class _Task:
         # Rows: effectors' coordinates; columns: joints' directions.
         whole = turns.transpose(0, 2, 1, 3).reshape(3 * k, 3 * n)
         residual = pose.residual.reshape(-1)
+        if not pose.ends.any():
+            return self._least(whole * self.open.reshape(-1), residual, damping).reshape(n, 3)
         open_ = self.open
         step = residual @ whole  # the steepest way tells which bounds to leave alone
         for _ in range(_ROUNDS):
             open_ = open_ * ~self._shut(step.reshape(n, 3), pose.ends)
             step = self._least(whole * open_.reshape(-1), residual, damping)
-            if not (self._shut(step.reshape(n, 3), pose.ends)).any():
+            if not self._shut(step.reshape(n, 3), pose.ends).any():
                 break
         return step.reshape(n, 3)
 

@@ -62,7 +62,7 @@ def solve(
     method='damped',
     poles=None,
     tolerance=1e-3,
-    iterations=60,
+    iterations=100,
 ):
     """Return rotations that bring effectors to their targets, inside of the joints' limits.
 
@@ -89,7 +89,7 @@ def solve(
         limits may leave it undone.
     tolerance : float, default: 1e-3
         Distance that will do, as a share of each effector's reach.
-    iterations : int, default: 60
+    iterations : int, default: 100
         Most steps, and most sweeps before them.
 
     Returns
