@@ -7,6 +7,8 @@ import numpy as np
 SLOTS = {'step': 1, 'linear': 2, 'quadratic': 3, 'cubic': 4}
 """Kinds of interpolation, and how many frames each shows at a time."""
 
+_SAME = 1e-6  # of the span: a gap from last to first that is only rounding
+
 
 def frame_weights(keys, times, interpolation='linear', period=None):
     """Return the frames that are shown at times, and their weights.
@@ -213,7 +215,7 @@ class _Ring:
         if not span <= period < np.inf or period <= 0:
             msg = f'period is {period}; it must be positive, at least {span} (first to last key).'
             raise ValueError(msg)
-        self.keys = keys[:-1] if period <= span else keys
+        self.keys = keys[:-1] if period - span <= _SAME * span else keys
         self.period = period
 
     def degree(self, interpolation):
