@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 
 from pvibr.animation.body import Body
@@ -158,7 +160,7 @@ class _Bodies:
         bodies = []
         for i, primitive in enumerate(mesh.primitives):
             place = f'meshes[{node.mesh}].primitives[{i}]'
-            surface = self._primitives.surface(node.mesh, i, weights)
+            surface = self._primitives.surface(node.mesh, i)
             if surface is None:
                 continue
             skin = None
@@ -174,7 +176,8 @@ class _Bodies:
             name = node.name or mesh.name or f'node{number}'
             name = name if len(mesh.primitives) == 1 else f'{name}.{i}'
             with naming(place):
-                body = Body(surface.mesh, number, skin, surface.morphs, None, look, name)
+                morphs = _resting(surface.morphs, weights)
+                body = Body(surface.mesh, number, skin, morphs, None, look, name)
             first = self._first.setdefault(id(surface), body)
             body.points, body.normals = first.points, first.normals
             bodies.append(body)
@@ -194,3 +197,12 @@ class _Bodies:
             raise GltfError(msg)
         self._file.spend(8 * n * len(mesh.primitives), f'nodes[{number}].mesh')
         return tuple(given) or (0.0,) * n
+
+
+def _resting(morphs, weights):
+    """Return morph targets that rest at some weights and share all arrays."""
+    if morphs is None:
+        return None
+    morphs = copy.copy(morphs)
+    morphs.weights = np.array(weights, dtype=np.float64)
+    return morphs

@@ -39,7 +39,7 @@ class Surface:
     mesh : pyvista.PolyData
         Triangles with normals and, where the file has them, texture coordinates and colours.
     morphs : pvibr.Morphs or None
-        Morph targets.
+        Morph targets, which rest at 0.
     coordinates, colors : bool
         Whether it has texture coordinates and colours.
     """
@@ -66,10 +66,10 @@ class Primitives:
     def __init__(self, file: GltfFile, accessors: Accessors, looks: Looks):
         self._file, self._accessors, self._looks = file, accessors, looks
         self._readers: dict[tuple[int, int], _Primitive | None] = {}
-        self._surfaces: dict[tuple, Surface] = {}
+        self._surfaces: dict[tuple[int, int], Surface] = {}
         self._skins: dict[tuple, Skin] = {}
 
-    def surface(self, mesh, number, weights) -> Surface | None:
+    def surface(self, mesh, number) -> Surface | None:
         """Return a primitive as a mesh.
 
         Parameters
@@ -78,8 +78,6 @@ class Primitives:
             Which mesh.
         number : int
             Which of its primitives.
-        weights : tuple of float
-            At which its morph targets rest, or empty.
 
         Returns
         -------
@@ -94,9 +92,9 @@ class Primitives:
         reader = self._reader(mesh, number)
         if reader is None:
             return None
-        key = (mesh, number, weights)
+        key = (mesh, number)
         if key not in self._surfaces:
-            self._surfaces[key] = reader.surface(weights)
+            self._surfaces[key] = reader.surface()
         return self._surfaces[key]
 
     def skin(self, mesh, number, skin) -> Skin | None:
@@ -157,7 +155,7 @@ class _Primitive:
         self.primitive = mesh.primitives[number]
         self._check_counts()
 
-    def surface(self, weights):
+    def surface(self):
         points = self._of('POSITION', 'VEC3')
         coordinates, colors = self._coordinates(), self._colors()
         mesh = pv.PolyData.from_regular_faces(points, self._faces)
@@ -170,10 +168,11 @@ class _Primitive:
         if self._has('TANGENT') and self._has('NORMAL'):  # without normals they do not count
             mesh.point_data['Tangents'] = self._of('TANGENT', 'VEC4')[:, :3]
         with naming(f'{self._place}.targets'):
-            morphs = self._morphs(points, weights)
+            morphs = self._morphs(points)
         return Surface(mesh, morphs, coordinates is not None, colors is not None)
 
     def skin(self, index):
+        self._file.spend(128 * self._count('POSITION'), self._place)
         joints, weights = [], []
         for number in range(2):
             if self._has(f'JOINTS_{number}'):
@@ -293,7 +292,7 @@ class _Primitive:
     def _material(self):
         return self._looks.material(self.primitive.material, f'{self._place}.material')
 
-    def _morphs(self, points, weights):
+    def _morphs(self, points):
         targets = self.primitive.targets
         if not targets:
             return None
@@ -310,7 +309,7 @@ class _Primitive:
             for what, values in differences.items()
             if what == 'positions' or any(value is not None for value in values)
         }
-        return Morphs(**differences, names=self._target_names(), weights=weights or None)
+        return Morphs(**differences, names=self._target_names())
 
     def _difference(self, target, name, number):
         if name not in target or not self._has(name):

@@ -254,6 +254,25 @@ def test_many_accessors_of_the_same_bytes(glb):
     refused_within(glb.write(), 700)
 
 
+def test_nodes_of_one_mesh_share_its_arrays(glb):
+    n = 50_000
+    everywhere = glb.array(np.zeros((n, 4)), 'B'), glb.array(np.tile([1, 0, 0, 0], (n, 1)))
+    attributes = dict(zip(('JOINTS_0', 'WEIGHTS_0'), everywhere, strict=True))
+    targets = [{'POSITION': glb.array(np.zeros((n, 3)))}]
+    glb.shown(glb.primitive(np.zeros((n, 3)), targets=targets, attributes=attributes))
+    for i in range(1000):
+        glb.add('nodes', mesh=0, weights=[i / 1000])
+    tracemalloc.start()
+    figure = pvibr.read_gltf(glb.write())
+    assert tracemalloc.get_traced_memory()[1] < 100 * 2**20
+    tracemalloc.stop()
+    assert figure.bodies[500].morphs.weights.tolist() == [0.499]
+    for i in range(1000):  # as many copies of joints and weights as there are skins
+        glb.add('skins', joints=[0])
+        glb.json['nodes'][i]['skin'] = i
+    refused_within(glb.write(), 900)
+
+
 def test_many_nodes_of_many_primitives(glb):
     glb.shown(*[glb.primitive()] * 2000)
     for _ in range(2000):
