@@ -10,6 +10,7 @@ import pyvista as pv
 
 from pvibr.animation.frames import Frames
 from pvibr.animation.morphs import Morphs
+from pvibr.animation.normals import normals_at, point_normals
 from pvibr.animation.pose import as_matrices
 from pvibr.maths import skinning
 
@@ -194,7 +195,7 @@ class Body:
         if self.frames is not None:
             self.frames = _with_normals(self.frames, self.mesh)
         self.points = np.array(self.mesh.points, dtype=np.float64)
-        self.normals = np.array(_normals(self.mesh), dtype=np.float64)
+        self.normals = np.array(point_normals(self.mesh), dtype=np.float64)
 
     @property
     def n_targets(self):
@@ -208,23 +209,7 @@ def _with_normals(frames, mesh):
         raise ValueError(msg)
     if frames.normals is not None:
         return frames
-    shape = mesh.copy(deep=False)
-    shape.point_data.active_normals_name = None
     normals = np.empty(frames.positions.shape, np.float32)
     for row, points in zip(normals, frames.positions, strict=True):
-        shape.points = np.asarray(points, dtype=np.float64)
-        row[:] = _normals(shape)
+        row[:] = normals_at(mesh, points)
     return replace(frames, normals=normals)
-
-
-def _normals(mesh):
-    """Return one normal per point; zero where no polygon is."""
-    normals = mesh.point_data.active_normals
-    if normals is not None:
-        return normals
-    if not mesh.GetNumberOfPolys() and not mesh.n_strips:
-        return np.zeros((mesh.n_points, 3))
-    computed = mesh.compute_normals(
-        cell_normals=False, split_vertices=False, consistent_normals=False
-    )
-    return computed.point_data['Normals']

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.animation.normals import normals_at
+
 #: What a target may change, and of how many numbers the difference is.
 WIDTHS = {'positions': (3,), 'normals': (3,), 'tangents': (3,), 'colors': (3, 4)}
+
+_SAME = 1e-7  # of a normal: what is less is rounding
 
 
 class Morphs:
@@ -169,6 +173,41 @@ class Morphs:
         widths = {t[1].shape[1] for t in self._targets.get(what, ()) if t is not None}
         return max(widths, default=3)
 
+    def with_normals(self, mesh):
+        """Return these targets with the differences that they make to the mesh's normals.
+
+        Parameters
+        ----------
+        mesh : pyvista.PolyData
+            The neutral mesh.
+
+        Returns
+        -------
+        Morphs
+            The same targets. Differences of normals are those between the normals of the
+            polygons with a target at weight 1 and without.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pyvista as pv
+        >>> from pvibr import Morphs
+        >>> flat = pv.Plane()
+        >>> slope = Morphs([flat.points[:, :1] * [0, 0, 1]]).with_normals(flat)
+        >>> slope.target('normals', 0)[1][0].tolist()
+        [-0.707, 0.0, -0.293]
+        """
+        neutral = np.asarray(mesh.points, dtype=np.float64)
+        before = normals_at(mesh, neutral)
+        changes: list[tuple] = []
+        for one in np.eye(len(self)):
+            points = neutral + self.total('positions', one, len(neutral))
+            change = (normals_at(mesh, points) - before).astype(np.float32)
+            rows = np.flatnonzero(np.abs(change).max(1) > _SAME)
+            changes.append((rows, change[rows]))
+        others = {name: self._targets.get(name) for name in WIDTHS} | {'normals': changes}
+        return Morphs(**others, names=self.names, weights=self.weights)
+
     def check(self, n_points):
         """Refuse targets of another mesh.
 
@@ -214,6 +253,8 @@ def _targets(what, values, n):
 
 def _target(name, what, value):
     """Return where and by how much; float32 stays so, to hold many targets."""
+    if isinstance(value, tuple) and isinstance(value[0], slice):  # as Morphs.target gives it
+        value = value[1]
     sparse = isinstance(value, (tuple, list)) and len(value) == 2 and np.ndim(value[0]) == 1
     where = np.asarray(value[0]) if sparse else slice(None)
     values = np.asarray(value[1] if sparse else value)

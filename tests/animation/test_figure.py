@@ -180,6 +180,7 @@ def test_a_figure_refuses_what_does_not_fit():
 def test_frames_come_before_morphs():
     frames = Frames([0.0, 1.0], np.stack([np.eye(3), 3 * np.eye(3)]))
     figure = Figure([Body(sheet(np.eye(3)), morphs=Morphs(np.ones((1, 3, 3))), frames=frames)])
+    assert np.array_equal(figure.bodies[0].points, np.eye(3))
     pose = figure.sample(0.5).replaced(weights=[2.0])
     points, normals = figure.posed(0, pose)
     assert np.allclose(points, 2 * np.eye(3) + 2)

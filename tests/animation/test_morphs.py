@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import pyvista as pv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pvibr import Morphs
+from pvibr import Body, Figure, Morphs
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -64,3 +65,19 @@ def test_numbers_of_names_and_weights_must_fit():
         Morphs([[[0, 0, 1]]], weights=[np.inf])
     with pytest.raises(ValueError, match=r'positions\[0\] has the index 7; the mesh has 3'):
         Morphs([([7], [[0, 0, 1.0]])]).check(3)
+
+
+def test_normals_follow_the_shape():
+    ball = pv.Sphere(theta_resolution=40, phi_resolution=40)
+    ball.clear_data()
+    stretch = ball.points * [0.0, 0.0, 1.0]
+    sparse = ([0], stretch[:1])
+    morphs = Morphs([stretch, sparse], names=['long', 'peak'], weights=[1, 0]).with_normals(ball)
+    figure = Figure([Body(ball, morphs=morphs)])
+    other = ball.copy()
+    other.points = ball.points + stretch
+    expected = other.compute_normals(cell_normals=False, split_vertices=False).active_normals
+    assert np.allclose(figure.mesh().active_normals, expected, atol=1e-5)
+    assert np.array_equal(ball.points, pv.Sphere(theta_resolution=40, phi_resolution=40).points)
+    assert morphs.names == ('long', 'peak')
+    assert len(morphs.target('normals', 1)[0]) < 50
