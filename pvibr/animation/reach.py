@@ -8,7 +8,7 @@ from pvibr.animation.chain import Chain
 from pvibr.animation.kinematics import METHODS, solve
 from pvibr.animation.rig import as_point, placed
 
-_EVEN = 1e-6  # of a scale, that its axes may differ
+_EVEN = 1e-3  # of a scale, that its axes may differ: files hold rounded ones
 
 
 class Reach:
@@ -191,7 +191,7 @@ class _Limb:
                 'that others reach must scale all axes alike.'
             )
             raise ValueError(msg)
-        own, sizes = scale[:, 0], np.ones(len(scale))
+        own, sizes = scale.mean(1), np.ones(len(scale))
         for i, parent in enumerate(self.parents):
             if parent >= 0:
                 sizes[i] = sizes[parent] * own[parent]
