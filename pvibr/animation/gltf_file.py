@@ -30,12 +30,20 @@ _ROOM, _GROWTH = 2**28, 64
 class GltfError(PvibrError, ValueError):
     """A glTF file is broken or asks for what is not supported; the message names the place.
 
+    Parameters
+    ----------
+    message : str
+        What is wrong where; what is very long is cut.
+
     Examples
     --------
     >>> import pvibr
     >>> issubclass(pvibr.GltfError, ValueError)
     True
     """
+
+    def __init__(self, message):
+        super().__init__(_clipped(message))
 
 
 class MissingFileError(GltfError):
@@ -184,7 +192,7 @@ class GltfFile:
         if self._left_out:
             what = ', '.join(f'{what} ({place})' for what, place in self._left_out.items())
             msg = f'{self.path.name}: left out, as not supported: {what}.'
-            warnings.warn(msg, PvibrWarning, stacklevel=3)
+            warnings.warn(_clipped(msg), PvibrWarning, stacklevel=3)
 
     def view(self, index, place) -> memoryview:
         """Return the bytes of a buffer view.
@@ -364,4 +372,9 @@ def _decoded(uri, place) -> bytes:
 
 
 def _short(text):
-    return repr(text if len(text) <= 80 else text[:77] + '...')
+    return repr(_clipped(text, 80))
+
+
+def _clipped(text, length=1000):
+    """Return a text that is not longer than can be read: a file may say anything."""
+    return text if len(text) <= length else text[: length - 3] + '...'

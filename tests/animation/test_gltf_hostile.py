@@ -207,6 +207,17 @@ def test_one_thing_driven_twice(rich):
         pvibr.read_gltf(rich.write())
 
 
+def test_messages_stay_short(rich):
+    rich.json['extensionsUsed'] = [f'EXT_{i}' for i in range(1000)]
+    with pytest.warns(pvibr.PvibrWarning) as caught:
+        pvibr.read_gltf(rich.write())
+    assert len(str(caught[0].message)) == 1000
+    rich.json['nodes'][1] |= {'name': 'x' * 10**6, 'scale': [0, 0, 0]}
+    with pytest.raises(pvibr.GltfError, match='nodes: ') as refused:
+        pvibr.read_gltf(rich.write())
+    assert len(str(refused.value)) == 1000
+
+
 @pytest.mark.parametrize('fault', ['order', 'range', 'count', 'cut'])
 def test_sparse_accessors_that_lie(glb, fault):
     indices = {'order': [2, 1], 'range': [1, 9], 'count': [0, 1], 'cut': [0, 1]}[fault]
