@@ -119,6 +119,8 @@ class ImageEffect(Effect):
             self._text = Path(source).read_text(encoding='utf-8')
         else:
             self._text = str(source)
+        #: Whether the text names what is drawn for that alone.
+        self.surfaces = bool(_SURFACES.search(_COMMENT.sub(' ', self._text)))
         if not self._text.strip():
             msg = f'{self.name}.source is empty: give GLSL with vec4 effect(vec2 uv), or a file'
             raise ValueError(msg)
@@ -176,11 +178,6 @@ class ImageEffect(Effect):
             values[name] = int(value) if isinstance(value, bool) else value
         return values
 
-    @property
-    def surfaces(self) -> bool:
-        """Whether the text names what is drawn for that alone."""
-        return bool(_SURFACES.search(_COMMENT.sub(' ', self._text)))
-
     def _build(self, window) -> Quad:
         if self._quad is not None and self._built == (window, self.source):
             return self._quad
@@ -209,7 +206,7 @@ class ImageEffect(Effect):
             found = _LINE.match(message)
             if found and 0 < int(found[1]) <= len(lines):
                 number = int(found[1])
-                return f'{path}, line {number}: {found[2]}\n    {lines[number - 1].strip()}'
+                return f'{path}, line {number}, {lines[number - 1].strip()!r}: {found[2]}'
         return f'{path}: {error}'
 
     def _forget(self):

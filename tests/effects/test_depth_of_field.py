@@ -213,3 +213,17 @@ def test_stages_are_shown(half_plane, stage):
     on = shot(pl)
     lens.debug = stage
     assert np.abs(shot(pl) - on).max() > 20
+
+
+def test_light_above_white_stays_light(half_plane):
+    """A lamp of four times white, out of focus: its disk is brighter where that is seen."""
+    found = []
+    for high in (False, True):
+        pl = half_plane(20.0, color='black')
+        pl.remove_all_lights()
+        pl.add_light(pv.Light(position=(0, 0, 0), light_type='headlight', intensity=4.0))
+        pl.add_mesh(pv.Disc(center=(-1, 0, -19), inner=0, outer=0.25, c_res=24), color='white')
+        pl.ibr.add(pvibr.DepthOfField(radius=0.4, distance=10, limit=0.2, high_range=high))
+        found.append(shot(pl)[..., 0].max())
+        pl.close()
+    assert found[1] > 2 * found[0]

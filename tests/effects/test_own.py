@@ -177,8 +177,7 @@ def test_errors_name_file_line_and_text(pl, tmp_path, text):
         after = shot(pl)
     np.testing.assert_array_equal(after, before)
     said = str(caught[0].message)
-    assert f'{path}, line 5: ' in said
-    assert f'return {text};' in said
+    assert f"{path}, line 5, 'return {text};': " in said
     path.write_text(body('return vec4(1.0);'))
     effect.enabled = True
     assert (shot(pl) == 255).all()
