@@ -222,7 +222,7 @@ def test_light_above_white_stays_light(half_plane):
         pl = half_plane(20.0, color='black')
         pl.remove_all_lights()
         pl.add_light(pv.Light(position=(0, 0, 0), light_type='headlight', intensity=4.0))
-        pl.add_mesh(pv.Disc(center=(-1, 0, -19), inner=0, outer=0.25, c_res=24), color='white')
+        pl.add_mesh(pv.Disc(center=(-1, 0, -19), inner=0, outer=0.15, c_res=24), color='white')
         pl.ibr.add(pvibr.DepthOfField(radius=0.4, distance=10, limit=0.2, high_range=high))
         found.append(shot(pl)[..., 0].max())
         pl.close()
