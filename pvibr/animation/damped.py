@@ -3,8 +3,8 @@
 A joint's freedom has three directions: a twist, a swing outward and a swing sideways. Where one
 of them would cross a limit it is left out of the step, so that the others take its share; what
 overshoots is cut. The steps are those of Buss (2004), "Introduction to inverse kinematics with
-Jacobian transpose, pseudoinverse and damped least squares methods", section 6; that a step is
-kept only if it helps, and damped more if not, is Levenberg and Marquardt's.
+Jacobian transpose, pseudoinverse and damped least squares methods"; that a step is kept only if
+it helps, and damped more if not, is Levenberg and Marquardt's.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class _Pose(NamedTuple):
     basis: Any  # (n, 3, 3) columns: twist, swing outward, swing sideways, in the space at rest
     ends: Any  # (3, n) bool: twist at its lower end, at its upper end, swing at its bound
     world: Any  # (n + 1, 4, 4)
-    residual: Any  # (k, 3) from the effectors to their targets, times their weights
+    residual: Any  # (k, 3) from the effectors to their targets, times the roots of weights
     distances: Any  # (k,)
     error: float
 
@@ -107,14 +107,15 @@ class _Task:
         limits = chain.limits
         n = len(chain)
         self.chain, self.effectors, self.targets = chain, effectors, targets
+        weights = np.sqrt(weights)  # what is least is the sum of weights times squares
         self.weights = weights[:, None]
         reach = [chain.reach(effector) for effector in effectors]
         self.size = max(float(np.linalg.norm(weights * reach)), 1e-300)
         self.rest = limits.rest.T.copy()
         self.from_rest = self.rest * [[1], [-1], [-1], [-1]]
-        self.turned = np.abs(self.rest[0]).min(initial=1.0) < 1
+        self.turned = self.rest[1:].any()
         self.rest_matrices = chain.rest_matrices
-        # Which joints move which effector, times its weight.
+        # Which joints move which effector, times the root of its weight.
         self.share = np.zeros((len(effectors), n, 1))
         for row, (effector, weight) in enumerate(zip(effectors, weights, strict=True)):
             self.share[row, chain.path(effector)[:-1]] = weight

@@ -78,7 +78,7 @@ def solve(
     targets : array_like, shape (k, 3)
         Where to, in the figure's space. Joints stretch toward a target out of reach.
     weights : array_like, shape (k,), optional
-        What each target counts where not all can be reached; positive, default 1.
+        What the square of each error counts where not all can be reached; positive, default 1.
     method : {'damped', 'ccd', 'fabrik', 'two_bone'}, default: 'damped'
         ``'damped'`` moves all joints at once and converges fastest, with limits too;
         ``'ccd'`` turns the joints near the effectors most and ``'fabrik'`` bends ropes smoothly:
@@ -121,7 +121,7 @@ def solve(
     rotations = _start(chain, rotations)
     found, done = _run(task, rotations, method, iterations)
     for effector, pole in (poles or {}).items():
-        turned = chain.limits.clamped(_swivelled(task, found, effector, pole))
+        turned = chain.limits.clamped(_swivelled(task, found, effector, pole, method))
         if (task.errors(turned) > task.tolerances).any():
             turned, more = _run(task, turned, method, iterations)
             done += more
@@ -141,7 +141,7 @@ def _start(chain, rotations):
 
 
 def _task(chain, effectors, targets, weights, tolerance):
-    effectors = np.atleast_1d(np.asarray(effectors))
+    effectors = np.atleast_1d(np.asarray(effectors, dtype=np.int64))
     for effector in effectors:
         if not 0 <= effector < len(chain):
             msg = f'effectors has {effector}; there are joints 0 to {len(chain) - 1}.'
@@ -249,7 +249,7 @@ def _turned(chain, world, rotations, joint, turn):
     return quaternions.normalized(quaternions.multiply(turn, rotations[joint]))
 
 
-def _swivelled(task, rotations, effector, pole):
+def _swivelled(task, rotations, effector, pole, method):
     """Turn a limb about the line from its root to the effector, until its knee shows a pole."""
     chain = task.chain
     if effector not in task.effectors:
@@ -257,6 +257,7 @@ def _swivelled(task, rotations, effector, pole):
         raise ValueError(msg)
     others = {j for e in task.effectors if e != effector for j in chain.path(e)}
     path = [joint for joint in chain.path(effector) if joint not in others]
+    path = path[-3:] if method == 'two_bone' else path
     if len(path) < 3:
         return rotations
     world = chain.world(rotations)

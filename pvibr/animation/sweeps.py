@@ -85,7 +85,7 @@ class Sweeps:
         """Turn each joint, the last first, so that the effectors beyond it come nearest.
 
         Wang and Chen (1991), "A combined optimization method for solving the inverse kinematics
-        problem of mechanical manipulators". Of several effectors a joint follows the weighted
+        problems of mechanical manipulators". Of several effectors a joint follows the weighted
         mean.
         """
         for joint in range(len(self.parents) - 1, -1, -1):

@@ -262,6 +262,33 @@ def test_size_does_not_matter(method, scale):
     np.testing.assert_allclose(found.rotations, expected.rotations, atol=1e-6)
 
 
+@pytest.mark.parametrize('method', ['damped', 'fabrik'])
+def test_poses_follow_a_target_without_jumps(method):
+    limits = dict.fromkeys(range(12), Limit([0, 0, 1], 0.6, (-0.3, 0.3)))
+    chain = rope(12, limits)
+    pose, turns = chain.limits.rest, []
+    for t in np.linspace(0, 2 * math.pi, 60):
+        target = [0.5 * math.cos(t), 0.5 * math.sin(t), 0.5 + 0.2 * math.cos(3 * t)]
+        before = pose
+        pose = solve(chain, pose, [11], [target], method=method).rotations
+        away = quat.multiply(quat.conjugate(before), pose)
+        turns.append(np.linalg.norm(quat.log(away), axis=1).max())
+    assert max(turns[5:]) < 0.25  # after it came from rest
+
+
+def test_the_knee_of_two_bones_at_the_end_of_a_longer_chain():
+    chain = rope(6)
+    start = quat.exp(np.random.default_rng(0).normal(size=(6, 3)) * 0.3)
+    before = at(chain, start)
+    target, pole = before[3] + [0.1, 0.2, 0.1], np.array([1.0, 0, 0])
+    found = solve(chain, start, [5], [target], method='two_bone', poles={5: pole})
+    after = at(chain, found.rotations)
+    np.testing.assert_allclose(after[:4], before[:4], atol=1e-12)
+    line = (target - after[3]) / np.linalg.norm(target - after[3])
+    knee, to = (v - (v @ line) * line for v in (after[4] - after[3], pole - after[3]))
+    assert knee @ to > (1 - 1e-9) * np.linalg.norm(knee) * np.linalg.norm(to)
+
+
 def test_what_is_reached_is_not_touched():
     chain = rope(5)
     start = quat.exp(np.full((5, 3), 0.1))
