@@ -7,6 +7,7 @@ at any frame rate, and time may go back.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import NamedTuple
 
 import numpy as np
@@ -110,6 +111,7 @@ class States:
         self.time = 0.0
         self._orders: list = []
         self._visits: list[Visit] = []
+        self._table: tuple = ()
         self._good_until = -np.inf
 
     def __repr__(self):
@@ -194,7 +196,11 @@ class States:
         """
         if until >= self._good_until:
             self._visits, self._good_until = self._replayed(until)
-        return [visit for i, visit in enumerate(self._visits) if not i or visit.begin <= until]
+            names, begins, fades = zip(*self._visits, strict=True)
+            stops = (*begins[1:], np.inf)
+            self._table = tuple(np.array(column) for column in (names, begins, fades, stops))
+        # The first one is there at all times.
+        return self._visits[: bisect_right(self._visits, until, lo=1, key=lambda v: v.begin)]
 
     def state(self, time):
         """Return the state at a time; on the way to one, that one.
@@ -244,7 +250,8 @@ class States:
         """Go on where a state has come to its end; return when the next one will."""
         while visits[-1].name in self.then:
             name = visits[-1].name
-            end = self._clock_start(visits[-1]) + self.states[name].duration
+            begin = visits[-1].begin + (visits[-1].fade if self._holds else 0.0)
+            end = begin + self.states[name].duration
             if end > until:
                 return end
             self._arrive(visits, self.then[name], end, parameters)
@@ -281,35 +288,32 @@ class States:
             msg = 'times must be finite.'
             raise ValueError(msg)
         self.time = float(times.max(initial=-np.inf)) if times.size else self.time
-        visits = self.visits(self.time)
+        self.visits(self.time)
+        names, begins, fades, stops = self._table
+        visit = np.searchsorted(begins[1:], times, side='right')  # the first is there before all
         left, shown = np.ones(len(times)), []
-        for i in reversed(range(len(visits))):
-            now, stop = times, visits[i + 1].begin if i + 1 < len(visits) else np.inf
-            if i and visits[i].begin == stop:
-                continue  # left at once: it is not seen
-            if self._holds:
-                now = np.minimum(times, stop)
-            weight = self._weight(visits[i], now) if i else np.ones(len(times))
-            share = left * weight
-            where = np.flatnonzero(share)
-            if where.size:
-                clocks = now[where] - self._clock_start(visits[i])
-                clocks = np.maximum(clocks, 0.0) if self._holds and i else clocks
-                shown.append((visits[i].name, where, clocks, share[where]))
-            left = left * (1 - weight)
-            if not left.any():
-                break
+        # From what is on top down, until what is below is hidden.
+        while (seen := np.flatnonzero((left > 0) & (visit >= 0))).size:
+            i = visit[seen]
+            now = np.minimum(times[seen], stops[i]) if self._holds else times[seen]
+            weight = self._weights(now - begins[i], fades[i])
+            weight = np.where(i == 0, 1.0, np.where(begins[i] < stops[i], weight, 0.0))
+            clocks = now - begins[i] - (fades[i] if self._holds else 0.0)
+            clocks = np.where(self._holds & (i > 0), np.maximum(clocks, 0.0), clocks)
+            share = left[seen] * weight
+            for name in dict.fromkeys(names[i]):
+                mine = np.flatnonzero((names[i] == name) & (share > 0))
+                if mine.size:
+                    shown.append((str(name), seen[mine], clocks[mine], share[mine]))
+            left[seen] *= 1 - weight
+            visit -= 1
         return shown[::-1]
 
-    def _clock_start(self, visit):
-        return visit.begin + (visit.fade if self._holds else 0.0)
-
-    def _weight(self, visit, times):
-        since = times - visit.begin
-        if not visit.fade:
-            return (since >= 0).astype(np.float64)
-        weight = np.clip(since / visit.fade, 0.0, 1.0)
-        return weight**2 * (3 - 2 * weight) if self.smooth else weight
+    def _weights(self, since, fades):
+        """Return how much is there of states that have been gone to for some time."""
+        weights = np.clip(since / np.where(fades > 0, fades, 1.0), 0.0, 1.0)
+        weights = np.where(fades > 0, weights, since >= 0)
+        return weights**2 * (3 - 2 * weights) if self.smooth else weights
 
     def _known(self, name):
         if name not in self.states:
