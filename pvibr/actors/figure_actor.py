@@ -39,6 +39,25 @@ class Moment:
     world: np.ndarray
     bounds: np.ndarray
 
+    @classmethod
+    def of(cls, figure, pose, skinning, still=False):
+        """Return the moment of a pose.
+
+        Parameters
+        ----------
+        figure : pvibr.Figure
+            The figure.
+        pose : Pose or numpy.ndarray, shape (n, 4, 4)
+            The pose.
+        skinning : {'linear', 'dual'}
+            How joints are blended.
+        still : bool
+            Whether nothing but joints moves vertices: then these say where they are.
+        """
+        world = figure.world(pose)
+        bounds = figure.bounds(world if still else pose, skinning)
+        return cls(pose, world, np.asarray(bounds, float))
+
     @property
     def origin(self) -> np.ndarray:
         """What positions on the GPU are relative to, shape (3,)."""
@@ -302,14 +321,11 @@ class FigureActor(Effect):
         return self._as_pose(pose).replaced(weights=self._weights)
 
     def _show(self, pose):
-        world = self.figure.world(pose)
-        # Joints alone say it where nothing else moves vertices, and are known already.
-        what = pose if any(b.shapes is not None for b in self._posed) else world
-        bounds = np.asarray(self.figure.bounds(what, self.skinning), float)
-        self._moment = moment = Moment(pose, world, bounds)
+        still = all(body.shapes is None for body in self._posed)
+        self._moment = moment = Moment.of(self.figure, pose, self.skinning, still)
         for body in self._bodies:
             body.move(self._matrix, moment)
-        set_bounds(self._anchor, moved_bounds(self._matrix, bounds))
+        set_bounds(self._anchor, moved_bounds(self._matrix, moment.bounds))
         self._changes += 1
         for actor in self._stand_ins:
             actor.GetMapper().GetInputAlgorithm().Modified()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,7 @@ class Mould:
     centers: np.ndarray | None = None
     shapes: Any = None
 
-    @property
+    @cached_property
     def origin(self) -> np.ndarray:
         """Middle of the points: the GPU's positions at rest are relative to it, shape (3,)."""
         return (self.points.min(0) + self.points.max(0)) / 2
