@@ -238,3 +238,21 @@ def test_it_can_be_projected_and_read():
     assert projector.enabled
     with pytest.raises(ValueError, match='mask is given with a live texture'):
         pvibr.Projector(live, down, mask=np.ones((4, 4)))
+
+
+def test_one_that_sees_where_it_is_projected_settles():
+    pl = plotter()
+    scene(pl)
+    wall = pl.add_mesh(pv.Plane(center=(0, 1.5, 0.5), direction=(0, -1, 0), i_size=3, j_size=4))
+    live = pl.ibr.add(pvibr.LiveTexture(camera((1, -4, 2)), size=(64, 48)))
+    front = camera((0, -5, 0.5))
+    front.focal_point, front.view_angle = (0, 1.5, 0.5), 18
+    pl.ibr.add(pvibr.Projector(live, front, actors=[wall], occlusion=False))
+    pl.camera.position, pl.camera.focal_point, pl.camera.up = (1, -6, 3), (0, 0, 0), (0, 0, 1)
+    pl.show(auto_close=False)
+    for _ in range(3):
+        shot(pl)
+    draws, one = live.draws, shot(pl)
+    assert [r.state for r in pl.ibr.report().rows] == ['ran', 'ran']
+    assert np.array_equal(shot(pl), one)
+    assert live.draws == draws
