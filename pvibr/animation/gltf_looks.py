@@ -84,21 +84,16 @@ class Looks:
             ``color``, ``texture``, ``opacity``, ``pbr``, ...; ``alpha_cutoff``, which add_figure
             and add_instances know beside the keywords of ``add_mesh``, where alpha is a mask.
         """
-        metallic = material.pbr_metallic_roughness
         look: dict[str, Any] = {'smooth_shading': True}
+        if coordinates:
+            look |= self._texture_of(material)
+        look |= self._shading(material, place, textured='texture' in look)
         if colors:
             look |= {'scalars': COLORS, 'rgb': True, 'preference': 'point'}
         else:
-            look['color'] = tuple(self._color(material).tolist())
+            # VTK takes the colour of a physically based surface for linear light.
+            look['color'] = _color(material, linear='pbr' in look)
             look |= _opacity(material)
-        if metallic.base_color_texture is not None and coordinates:
-            try:
-                look['texture'] = self._texture(material, metallic.base_color_texture)
-            except MissingFileError as error:  # models travel without their pictures
-                self._file.leave_out('an image', str(error).rstrip('.'))
-        if self._pbr and material.extensions.unlit is None:
-            look |= {'pbr': True, 'metallic': _share(metallic.metallic_factor)}
-            look['roughness'] = _share(metallic.roughness_factor)
         if material.extensions.unlit is not None or _only_shines(material):
             look['lighting'] = False
         if material.alpha_mode == 'MASK':
@@ -183,15 +178,28 @@ class Looks:
         number = info.tex_coord if transform.tex_coord is None else transform.tex_coord
         return number, flip @ matrix
 
-    def _color(self, material):
+    def _shading(self, material, place, textured):
+        if not self._pbr or material.extensions.unlit is not None:
+            return {}
+        if textured:  # VTK would not show a texture as add_mesh gives it
+            self._file.leave_out('physically based shading with textures', f'{place}.material')
+            return {}
         metallic = material.pbr_metallic_roughness
-        light = np.array(metallic.base_color_factor[:3])
-        if _only_shines(material):
-            light = np.array(material.emissive_factor)
-            light = light * material.extensions.emissive.emissive_strength
-        # VTK takes the colour of a physically based surface for linear light.
-        pbr = self._pbr and material.extensions.unlit is None
-        return np.clip(light if pbr else to_display(light), 0, 1).round(9)
+        return {
+            'pbr': True,
+            'metallic': _share(metallic.metallic_factor),
+            'roughness': _share(metallic.roughness_factor),
+        }
+
+    def _texture_of(self, material):
+        info = material.pbr_metallic_roughness.base_color_texture
+        if info is None:
+            return {}
+        try:
+            return {'texture': self._texture(material, info)}
+        except MissingFileError as error:  # models travel without their pictures
+            self._file.leave_out('an image', str(error).rstrip('.'))
+            return {}
 
     def _texture(self, material, info: TextureInfo):
         document = self._file.document
@@ -268,6 +276,15 @@ def _with_alpha(colors, alpha):
     rgba = np.full((len(colors), 4), alpha)
     rgba[:, : colors.shape[1]] = colors
     return rgba
+
+
+def _color(material, linear):
+    """Return the colour of a surface, as it is in the file or as a display is given it."""
+    light = np.array(material.pbr_metallic_roughness.base_color_factor[:3])
+    if _only_shines(material):
+        light = np.array(material.emissive_factor)
+        light = light * material.extensions.emissive.emissive_strength
+    return tuple(np.clip(light if linear else to_display(light), 0, 1).round(9).tolist())
 
 
 def _share(value):

@@ -427,7 +427,7 @@ QUARTERS = [[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]]
 CORNERS = [[0, 1], [1, 1], [1, 0], [0, 0]]  # glTF's v goes down: the square's top is v = 0
 
 
-def textured(glb, kind, corners=CORNERS, **info):
+def textured(glb, kind, unlit=True, **info):
     data = png(QUARTERS)
     if kind == 'file':
         (glb.folder / 'four colors.png').write_bytes(data)
@@ -439,14 +439,15 @@ def textured(glb, kind, corners=CORNERS, **info):
     glb.add('samplers', magFilter=9728, minFilter=9728)
     glb.add('textures', source=0, sampler=0)
     shows = {'pbrMetallicRoughness': {'baseColorTexture': {'index': 0} | info}}
-    unlit = {'extensions': {'KHR_materials_unlit': {}}}
-    return look(glb, shows | unlit, {'TEXCOORD_0': glb.array(corners)})
+    if unlit:
+        shows['extensions'] = {'KHR_materials_unlit': {}}
+    return look(glb, shows, {'TEXCOORD_0': glb.array(CORNERS)}, pbr=not unlit)
 
 
-def quarters_shown(body):
+def quarters_shown(body, **more):
     """Return the colours in the middle of the four quarters of the square, as QUARTERS."""
     plotter = pv.Plotter(off_screen=True, window_size=(40, 40), lighting='none')
-    plotter.add_mesh(body.mesh, **body.look)
+    plotter.add_mesh(body.mesh, **body.look | more)
     plotter.view_xy()
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = 0.5
@@ -457,6 +458,12 @@ def quarters_shown(body):
 @pytest.mark.parametrize('kind', ['file', 'uri', 'view'])
 def test_textures_are_the_right_way_up(glb, kind):
     assert quarters_shown(textured(glb, kind)) == QUARTERS
+
+
+def test_a_texture_is_shown_rather_than_shaded_physically(glb):
+    with pytest.warns(pvibr.PvibrWarning, match='physically based shading with textures'):
+        body = textured(glb, 'uri', unlit=False)
+    assert quarters_shown(body, lighting=False) == QUARTERS
 
 
 def test_a_texture_turned_by_a_quarter(glb):
