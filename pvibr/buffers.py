@@ -80,15 +80,15 @@ class _Numbers:
         lights = [light.GetSwitch() for light in self.renderer.GetLights()]
         for actor in actors:
             key = address(actor)
-            stamp = (actor.GetRedrawMTime(), lights)
-            if key not in self._worn or self._worn[key][1] != stamp:
+            worn = self._worn.get(key)
+            if worn is None or worn[1] != (actor.GetMTime(), _data_time(actor), lights):
                 lit = _is_lit(actor, any(lights))
                 (_UNLIT if lit else _LIT).detach(actor)
                 (_LIT if lit else _UNLIT).attach(actor)
             uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
             uniforms.SetUniformf('ibr_id', float(number))
             self._set.append(uniforms)
-            self._worn[key] = actor, (actor.GetRedrawMTime(), lights)
+            self._worn[key] = actor, (actor.GetMTime(), _data_time(actor), lights)
 
     def clear(self):
         """Take the numbers away: VTK's own passes have second colours of their own."""
@@ -102,6 +102,13 @@ class _Numbers:
             _LIT.detach(actor)
             _UNLIT.detach(actor)
         self._worn = {}
+
+
+def _data_time(actor):
+    """Return when an actor's data, or which they are, changed."""
+    mapper = actor.GetMapper()
+    data = mapper.GetInputDataObject(0, 0)
+    return mapper.GetMTime(), data.GetMTime() if data is not None else 0
 
 
 def _is_lit(actor, lights) -> bool:

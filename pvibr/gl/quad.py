@@ -32,6 +32,7 @@ _WAYS = {
     'add': (_ONE, _ONE, _REST_OF_ALPHA, _ONE),
     'screen': (_REST_OF_COLOR, _ONE, _REST_OF_ALPHA, _ONE),
 }
+_SETTERS = {2: 'SetUniform2f', 3: 'SetUniform3f', 4: 'SetUniform4f'}
 _MOST_LINES = 8  # of a driver's log in a message
 
 
@@ -65,15 +66,20 @@ def set_uniforms(program, uniforms):
         Name to int, float, a sequence of 2 to 4 floats, or what :func:`uniform_matrix` gives.
     """
     for name, value in uniforms.items():
-        if isinstance(value, (int, np.integer)):
+        kind = type(value)
+        if kind is float:  # most are; dozens are set in a frame
+            program.SetUniformf(name, value)
+        elif kind is int:
+            program.SetUniformi(name, value)
+        elif isinstance(value, (int, np.integer)):
             program.SetUniformi(name, int(value))
-        elif isinstance(value, (float, np.floating)):
+        elif isinstance(value, np.floating):
             program.SetUniformf(name, float(value))
         elif hasattr(value, 'GetElement'):
             program.SetUniformMatrix(name, value)
         else:
-            setter = {2: program.SetUniform2f, 3: program.SetUniform3f, 4: program.SetUniform4f}
-            setter[len(value)](name, [float(v) for v in value])
+            values = value if kind is tuple else [float(v) for v in value]
+            getattr(program, _SETTERS[len(value)])(name, values)
 
 
 def uniform_matrix(rows):
@@ -129,7 +135,7 @@ class Quad:
     """
 
     def __init__(self, window, fragment, name='quad', geometry=''):
-        self.window = window
+        self.window, self.name = window, name
         geometry = geometry and _GEOMETRY_HEAD + geometry
         texts = _VERTEX, _FRAGMENT_HEAD + fragment, geometry
         cache = window.GetShaderCache()
@@ -171,7 +177,8 @@ class Quad:
             state.vtkglBlendFuncSeparate(*_WAYS[blend])
         self.window.GetShaderCache().ReadyShaderProgram(self.program)
         textures = textures or {}
-        set_uniforms(self.program, {n: t.activate() for n, t in textures.items()})
+        for name, texture in textures.items():
+            self.program.SetUniformi(name, texture.activate())
         set_uniforms(self.program, uniforms or {})
         try:
             self.helper.Render()

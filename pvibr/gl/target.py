@@ -99,15 +99,17 @@ class Target:
         """
         state = self.window.GetState()
         state.Push()
+        state.PushFramebufferBindings()
         try:
-            with self._bound():
-                self._activate()
-                state.vtkglViewport(0, 0, self.width, self.height)
-                state.vtkglScissor(0, 0, self.width, self.height)
-                if clear is not None:
-                    self._clear(state, clear)
-                yield self
+            self.object.Bind()
+            self._activate()
+            state.vtkglViewport(0, 0, self.width, self.height)
+            state.vtkglScissor(0, 0, self.width, self.height)
+            if clear is not None:
+                self._clear(state, clear)
+            yield self
         finally:
+            state.PopFramebufferBindings()
             state.Pop()
 
     def _clear(self, state, color):
