@@ -29,29 +29,27 @@ figure = pvibr.Figure.from_arrays(
 )
 
 # %%
-# 2. The rig: each joint swings half a radian at most. What drives a figure has a ``sample``.
+# 2. The rig: each joint swings half a radian at most.
 limit = pvibr.Limit(axis=[0, 0, 1], swing=0.5, twist=(-0.2, 0.2))
 rig = pvibr.Rig(figure.skeleton, [pvibr.Reach(TIP)], dict.fromkeys(range(JOINTS), limit))
 
 
-class Follow:
-    def ball(self, time):
-        return np.array([6 * np.cos(time), 6 * np.sin(time), 5 + 3 * np.sin(2 * time)])
+def ball(time):
+    return np.array([6 * np.cos(time), 6 * np.sin(time), 5 + 3 * np.sin(2 * time)])
 
-    def sample(self, time):
-        return rig.solve(figure.rest, {TIP: self.ball(time)})
 
+moving = rig.on(figure.rest, lambda time: {TIP: ball(time)})
 
 # %%
 # 3. Some moments as meshes, and the last one as a figure that goes on.
-follow, times = Follow(), np.linspace(0.2, 2.4, 4)
+times = np.linspace(0.2, 2.4, 4)
 pl = pv.Plotter(window_size=(960, 640))
 for time, opacity in zip(times, (0.15, 0.3, 0.5), strict=False):
-    pl.add_mesh(figure.mesh(pose=follow.sample(time)), color='lightseagreen', opacity=opacity)
-    pl.add_mesh(pv.Sphere(radius=0.35, center=follow.ball(time)), color='gold', opacity=opacity)
-pl.ibr.add_figure(figure, color='lightseagreen', smooth_shading=True).driver = follow
-pl.add_mesh(pv.Sphere(radius=0.35, center=follow.ball(times[-1])), color='gold')
-way = pv.MultipleLines([follow.ball(time) for time in np.linspace(0, 2 * np.pi, 100)])
+    pl.add_mesh(figure.mesh(pose=moving.sample(time)), color='lightseagreen', opacity=opacity)
+    pl.add_mesh(pv.Sphere(radius=0.35, center=ball(time)), color='gold', opacity=opacity)
+pl.ibr.add_figure(figure, color='lightseagreen', smooth_shading=True).driver = moving
+pl.add_mesh(pv.Sphere(radius=0.35, center=ball(times[-1])), color='gold')
+way = pv.MultipleLines([ball(time) for time in np.linspace(0, 2 * np.pi, 100)])
 pl.add_mesh(way, color='gray', line_width=2)
 pl.camera_position = [(10, -20, 14), (0, 0, 4.5), (0, 0, 1)]
 pl.ibr.time = times[-1]

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from pvibr.animation.limits import Limits
+from pvibr.animation.mixer import Still
+from pvibr.animation.pose import Pose
 from pvibr.maths.transforms import trs
 
 
@@ -120,6 +122,34 @@ class Rig:
             pose = step(pose, targets)
         return pose
 
+    def on(self, source, targets=None):
+        """Return the poses of a source after all steps: what drives a figure, or is mixed.
+
+        Parameters
+        ----------
+        source : Pose or object
+            One pose, or anything with ``sample(times)`` that returns poses: a clip that is
+            played, a mixer, a graph of states.
+        targets : dict or callable, optional
+            Targets of :meth:`solve`, or what returns them at a time in seconds.
+
+        Returns
+        -------
+        Rigged
+            It has ``sample(times)`` too.
+
+        Examples
+        --------
+        >>> from pvibr import Pose, Reach, Rig, Skeleton
+        >>> bones = Pose([[0, 0, 0], [1, 0, 0], [1, 0, 0]])
+        >>> arm = Skeleton([-1, 0, 1], bones, ['shoulder', 'elbow', 'hand'])
+        >>> rig = Rig(arm, [Reach('hand')])
+        >>> lifted = rig.on(arm.rest, lambda time: {'hand': [1.0, time, 0.0]})
+        >>> arm.world(lifted.sample([0.5, 1.5]))[:, 2, 1, 3].round(2)
+        array([0.5, 1.5])
+        """
+        return Rigged(self, source, targets)
+
     def kept(self, rotation, joint):
         """Return the rotation of a joint, cut to its limit.
 
@@ -154,6 +184,66 @@ class Rig:
                 raise ValueError(msg)
             points[name] = as_point(point, f'targets[{name!r}]')
         return points
+
+
+class Rigged:
+    """Poses of a source after the steps of a rig, see :meth:`Rig.on`.
+
+    Parameters
+    ----------
+    rig : Rig
+        What is done.
+    source : Pose or object
+        One pose, or anything with ``sample(times)``.
+    targets : dict or callable, optional
+        Targets, or what returns them at a time in seconds.
+
+    Raises
+    ------
+    TypeError
+        If the source has no poses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr import KeepLimits, Rig, Skeleton
+    >>> joint = Skeleton([-1], [np.eye(4)])
+    >>> Rig(joint, [KeepLimits()]).on(joint.rest).sample(0.0).n_joints
+    1
+    """
+
+    def __init__(self, rig, source, targets=None):
+        source = Still(source) if isinstance(source, Pose) else source
+        if not callable(getattr(source, 'sample', None)):
+            msg = f'source is {source!r}; it must be a Pose or have sample(times).'
+            raise TypeError(msg)
+        self.rig, self.source, self.targets = rig, source, targets
+
+    def sample(self, times):
+        """Return the poses at times.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Seconds.
+
+        Returns
+        -------
+        Pose
+            Of shape ``times.shape``.
+        """
+        times = np.asarray(times, dtype=np.float64)
+        poses = self.source.sample(times)
+        rotation, translation = poses.rotation.copy(), poses.translation.copy()
+        for place in np.ndindex(times.shape):
+            pose = Pose(
+                *(part[place] for part in (translation, rotation, poses.scale, poses.weights))
+            )
+            time = float(times[place])
+            targets = self.targets(time) if callable(self.targets) else self.targets
+            pose = self.rig.solve(pose, targets)
+            rotation[place], translation[place] = pose.rotation, pose.translation
+        return poses.replaced(rotation=rotation, translation=translation)
 
 
 def as_point(point, name):

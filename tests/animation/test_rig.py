@@ -9,7 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pvibr import Aim, Copy, KeepLimits, Limit, Pose, Reach, Rig, Skeleton
+from pvibr import (
+    Aim,
+    Clip,
+    Copy,
+    Figure,
+    KeepLimits,
+    Limit,
+    Play,
+    Pose,
+    Reach,
+    Rig,
+    Skeleton,
+    Track,
+)
 from pvibr.maths import quaternions as quat
 
 NAMES = ['hand', 'hip', 'chest', 'shoulder', 'elbow', 'head', 'other shoulder', 'other hand']
@@ -196,6 +209,28 @@ def test_limits_of_a_clip_are_kept_where_asked():
     pose = a_pose(np.random.default_rng(5), skeleton)
     assert rig.limits.excess(pose.rotation).max() > 0.1
     assert rig.limits.excess(rig.solve(pose).rotation).max() < 1e-9
+
+
+def test_poses_of_a_source_are_rigged_at_any_times():
+    arm = Skeleton([-1, 0, 1], Pose([[0, 0, 0], [1, 0, 0], [1, 0, 0]]), ['a', 'b', 'hand'])
+    times = [0.0, 0.5, 1.0]
+    bent = Track(0, 'rotation', times, quat.exp([[0, 0, t] for t in times]), 'linear')
+    played = Play(Figure([], arm, [Clip('bend', [bent])]), 'bend', loop=False)
+    rig = Rig(arm, [Reach('hand', root='b'), Copy('hand', 'a', position=True)])
+
+    def targets(time):
+        return {'hand': [1.0, 1 + time, 0.0]}
+
+    many = rig.on(played, targets).sample([[0.0, 0.25], [0.5, 1.0]])
+    assert many.shape == (2, 2)
+    for place, time in (((0, 1), 0.25), ((1, 1), 1.0)):
+        one = rig.solve(played.sample(time), targets(time))
+        np.testing.assert_allclose(many.rotation[place], one.rotation, atol=1e-12)
+        np.testing.assert_allclose(many.translation[place], one.translation, atol=1e-12)
+    still = rig.on(arm.rest, targets(0.0)).sample(7.0)
+    np.testing.assert_allclose(still.rotation, rig.solve(arm.rest, targets(0.0)).rotation)
+    with pytest.raises(TypeError, match='must be a Pose or have sample'):
+        rig.on('Walk')
 
 
 def test_bones_may_change_their_length():
