@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,73 +10,14 @@ import pyvista as pv
 from pvibr.actors.anchor import anchor, set_bounds
 from pvibr.actors.figure_bodies import PosedBody, as_bodies, moved_bounds
 from pvibr.actors.figure_picking import nearest_hit, stand_in
+from pvibr.actors.figure_player import FigurePlayer
 from pvibr.actors.picking import pixel_ray
 from pvibr.actors.posing import Posing
-from pvibr.animation.blending import crossfade
-from pvibr.animation.mixer import Play, Still
-from pvibr.animation.pose import Pose
-from pvibr.effect import Effect
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.params import Param
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What a figure shows.
-
-    Attributes
-    ----------
-    pose : Pose or numpy.ndarray, shape (n, 4, 4)
-        The pose, or ``figure_from_joint`` matrices.
-    world : numpy.ndarray, shape (n, 4, 4)
-        ``figure_from_joint``.
-    bounds : numpy.ndarray, shape (6,)
-        A box that holds it, in the figure's space.
-    """
-
-    pose: Any
-    world: np.ndarray
-    bounds: np.ndarray
-
-    @classmethod
-    def of(cls, figure, pose, skinning, still=False):
-        """Return the moment of a pose.
-
-        Parameters
-        ----------
-        figure : pvibr.Figure
-            The figure.
-        pose : Pose or numpy.ndarray, shape (n, 4, 4)
-            The pose.
-        skinning : {'linear', 'dual'}
-            How joints are blended.
-        still : bool
-            Whether nothing but joints moves vertices: then these say where they are.
-        """
-        world = figure.world(pose)
-        bounds = figure.bounds(world if still else pose, skinning)
-        return cls(pose, world, np.asarray(bounds, float))
-
-    @property
-    def origin(self) -> np.ndarray:
-        """What positions on the GPU are relative to, shape (3,)."""
-        return self.bounds.reshape(3, 2).mean(1)
-
-
-class _Fade:
-    """From one source of poses to another one."""
-
-    def __init__(self, before, after, start, seconds):
-        self.before, self.after, self.start, self.seconds = before, after, start, seconds
-
-    def sample(self, time):
-        share = (time - self.start) / self.seconds
-        if share >= 1:
-            return self.after.sample(time)
-        return crossfade(self.before.sample(time), self.after.sample(time), max(share, 0.0))
-
-
-class FigureActor(Effect):
+class FigureActor(FigurePlayer):
     """A figure that moves: ordinary actors whose vertices are posed on the GPU.
 
     Parameters
@@ -122,17 +62,10 @@ class FigureActor(Effect):
     """
 
     visibility = Param(True, 'Whether it is drawn at all.')
-    skinning = Param('linear', 'How joints are blended.', choices=('linear', 'dual'))
-    bulge = Param(
-        1.0, 'Share of dual quaternions: 1 keeps the cross-section of a twist, less of it bulges '
-        'less.', range='[0, 1]',
-    )  # fmt: skip
 
     #: Frames that are drawn to pick need the pose too.
     picks = True
-    _changes = 0
     _posing: Any = None
-    _moment: Any = None
     _failure: Exception | None = None
     #: What was shown in the last frame, and its bounds.
     _framed: tuple = (-1, (1.0, -1.0) * 3)
@@ -141,126 +74,21 @@ class FigureActor(Effect):
         self, figure, *, name=None, clip=None, pickable=True, theme=None, skinning='linear',
         bulge=1.0, **mesh_kwargs,
     ):  # fmt: skip
-        super().__init__(skinning=skinning, bulge=bulge)
+        super().__init__(figure, clip, skinning=skinning, bulge=bulge)
         self.name = name
-        self.figure = figure
         given = {key: value for key, value in mesh_kwargs.items() if value is not None}
         self._bodies = as_bodies(figure, given, theme)
         self._posed = [b for b in self._bodies if isinstance(b, PosedBody)]
         self._anchor = anchor()
         self._matrix = np.eye(4)
-        self._weights: np.ndarray | None = None
-        self._fixed: Any = None
         self.pickable = pickable
         self._stand_ins = [stand_in(self, b.index, b.actor) for b in self._posed]
         self._meshes: tuple = (-1, [])
         self._observers: list[int] = []
         self._drawn: tuple = ()
-        self._known: tuple = ()
         self.posed = 0
-        self.driver = Play(figure, clip)
 
-    # -- what it shows -----------------------------------------------------------------------
-
-    @property
-    def driver(self):
-        """What gives the pose: anything with ``sample(time)``, or None for a fixed pose."""
-        return self._driver
-
-    @driver.setter
-    def driver(self, driver):
-        if driver is not None and not callable(getattr(driver, 'sample', None)):
-            msg = f'driver = {driver!r}: must have sample(time), which returns a Pose'
-            raise TypeError(msg)
-        if driver is None:
-            self._fixed = self.pose
-        self._driver = driver
-        self._known = ()
-
-    def play(self, clip=None, *, speed=1.0, loop=True, fade=0.0, start=None):
-        """Play a clip.
-
-        Parameters
-        ----------
-        clip : str, int or Clip, optional
-            Its name, number or itself; the first one there is by default.
-        speed : float
-            Seconds of the clip in a second; backward below 0.
-        loop : bool
-            Begin again after the end.
-        fade : float
-            Seconds in which what was shown before goes over into it.
-        start : float, optional
-            When its time is 0, in seconds of ``plotter.ibr.time``; now by default.
-
-        Raises
-        ------
-        ValueError
-            Where there is no such clip, the speed is not finite or the fade is negative.
-        """
-        speed, fade = float(speed), float(fade)
-        if not np.isfinite(speed):
-            msg = f'speed = {speed}: must be a finite number'
-            raise ValueError(msg)
-        if not 0 <= fade < np.inf:
-            msg = f'fade = {fade}: must be seconds from 0'
-            raise ValueError(msg)
-        now = self._now()
-        start = now if start is None else float(start)
-        played = Play(self.figure, clip, speed, -start * speed, bool(loop))
-        self.driver = _Fade(self._source(), played, now, fade) if fade else played
-
-    def _source(self):
-        """Return what gives the pose, which may be a fixed one."""
-        if self._driver is not None:
-            return self._driver
-        return Still(self._as_pose(self._fixed))
-
-    def _as_pose(self, pose) -> Pose:
-        if isinstance(pose, Pose):
-            return pose
-        return Pose.from_matrices(self.figure.skeleton.local(pose), self.figure.rest.weights)
-
-    def stop(self):
-        """Stay as it is now."""
-        self.driver = None
-
-    def _now(self) -> float:
-        return 0.0 if self.pipeline is None else self.pipeline.time
-
-    @property
-    def pose(self):
-        """What is shown: a Pose, or ``figure_from_joint`` matrices (n, 4, 4); set it to drive it.
-
-        A simulator that knows where its bodies are gives matrices; then nothing else plays.
-        """
-        return self._now_shown().pose
-
-    @pose.setter
-    def pose(self, pose):
-        self.figure.world(pose)
-        if not isinstance(pose, Pose):
-            pose = np.array(pose, np.float64)
-        shape = pose.shape if isinstance(pose, Pose) else pose.shape[:-3]
-        if shape:
-            msg = f'pose holds {shape} poses; one is shown'
-            raise ValueError(msg)
-        self._driver, self._fixed, self._known = None, pose, ()
-
-    @property
-    def weights(self):
-        """Morph weights of all bodies, shape (t,); set, they win over clips until None."""
-        return getattr(self.pose, 'weights', self.figure.rest.weights)
-
-    @weights.setter
-    def weights(self, weights):
-        if weights is not None:
-            weights = np.array(weights, np.float64)
-            wanted = self.figure.rest.weights.shape
-            if weights.shape != wanted or not np.isfinite(weights).all():
-                msg = f'weights = {weights!r}: must be finite numbers of shape {wanted}, or None'
-                raise ValueError(msg)
-        self._weights, self._known = weights, ()
+    # -- where it is -------------------------------------------------------------------------
 
     @property
     def user_matrix(self) -> np.ndarray:
@@ -302,31 +130,10 @@ class FigureActor(Effect):
         mesh = self.figure.mesh(pose=self.pose, skinning=self.skinning)
         return mesh.transform(self._matrix, inplace=False)
 
-    def _now_shown(self) -> Moment:
-        """Return what is shown at the time that it is now."""
-        known = self._asked()
-        if known != self._known:
-            self._show(self._sampled(self._now()))
-            self._known = known
-        return self._moment
-
-    def _asked(self) -> tuple:
-        """Return what the pose and its box depend on, beside what sets them anew."""
-        return (None if self._driver is None else self._now()), self.skinning
-
-    def _sampled(self, time):
-        pose = self._fixed if self._driver is None else self._driver.sample(time)
-        if self._weights is None:
-            return pose
-        return self._as_pose(pose).replaced(weights=self._weights)
-
-    def _show(self, pose):
-        still = all(body.shapes is None for body in self._posed)
-        self._moment = moment = Moment.of(self.figure, pose, self.skinning, still)
+    def _show(self, moment):
         for body in self._bodies:
             body.move(self._matrix, moment)
         set_bounds(self._anchor, moved_bounds(self._matrix, moment.bounds))
-        self._changes += 1
         for actor in self._stand_ins:
             actor.GetMapper().GetInputAlgorithm().Modified()
 

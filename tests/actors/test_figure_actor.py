@@ -222,6 +222,17 @@ def test_weights_win_over_the_clip():
         actor.weights = [1.0]
 
 
+def test_a_pose_without_weights_rests_its_morphs():
+    figure = worm(n_morphs=2)
+    pl = plotter()
+    actor = pl.ibr.add_figure(figure, color='tan')
+    bent = bend(figure, 0.2)
+    actor.pose = Pose(bent.translation, bent.rotation)
+    assert actor.weights.tolist() == [0.0, 0.0]
+    with pytest.raises(ValueError, match='3 morph weights, the figure 2'):
+        actor.pose = Pose(bent.translation, bent.rotation, weights=[1, 2, 3])
+
+
 # -- bounds ----------------------------------------------------------------------------------
 
 
