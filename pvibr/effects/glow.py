@@ -11,12 +11,14 @@ from pvibr.casters import address
 from pvibr.gl import Quad, Target, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.feature import Feature, sections
-from pvibr.maths.views import View
+from pvibr.gl.feature import Feature, replacements, sections
+from pvibr.maths.views import View, covered
 from pvibr.params import Param
 from pvibr.shine import Shine
 
 _PBR = 3  # VTK_PBR
+_STEP = 16  # pixels: of the largest squares of light, a multiple of all others
+_MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper')
 # Zero, as any uniform is at first, leaves the scene's own drawing alone.
 _DRAW = """  if (ibr_glow > 0.0) gl_FragData[0] = vec4(ibr_glow * {light}, 1.0);
 //VTK::DepthPeeling::Impl
@@ -265,6 +267,7 @@ class _Gpu:
         self.target = Target(self.drawer.window, size[0], size[1], ('rgba16f',), depth=True)
         self._quads: dict = {}
         self._dressed: dict = {}
+        self._box = 0, 0, *size
 
     @property
     def nbytes(self) -> int:
@@ -275,8 +278,11 @@ class _Gpu:
         view = View(
             frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
         )
-        with self.target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            self.drawer.look(view, (0, 0, *frame.size))
+        self._box = left, bottom, right, top = _covered(frame, view, [a for a, _ in shining])
+        with self.target.drawing():
+            within = left, bottom, right - left, top - bottom
+            self.drawer.look(view, (0, 0, *frame.size), within=within)
+            self.drawer.fill((0.0, 0.0, 0.0, 0.0))
             for actor, strength in shining:
                 _set_glow(actor, strength)
                 for translucent in (False, True):
@@ -297,6 +303,7 @@ class _Gpu:
         self._dress((), None)
 
     def light(self, frame, picture, target, taps):
+        """Draw the light where nothing hides it, in squares of twice as many pixels as taps."""
         if taps not in self._quads:
             text = sections(shader_source(__file__))['source']
             text = f'#define TAPS {taps}\n{text}'
@@ -309,7 +316,9 @@ class _Gpu:
         }
         glow = self.target.colors[0]
         textures = {'glow': glow, 'own': self.target.depth, 'scene': picture.depth}
-        with filtered(glow), target.drawing():
+        left, bottom, right, top = (-(-edge // (2 * taps)) for edge in self._box)
+        with filtered(glow), target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            frame.window.GetState().vtkglScissor(left, bottom, right - left, top - bottom)
             self._quads[taps].draw(uniforms, textures)
 
     def release(self):
@@ -373,6 +382,33 @@ class _Dress:
         self.feature.detach(self.actor)
         if self.feature is _ALPHA:
             self.actor.SetForceOpaque(self._opaque)
+
+
+def _covered(frame, view, actors):
+    """Return which part of the picture actors may cover, in whole squares of light."""
+    if not actors:
+        return 0, 0, 0, 0
+    if frame.scale > 1 or not all(map(_is_within_bounds, actors)):
+        return 0, 0, *frame.size
+    around = math.ceil(max(_thickness(a.GetProperty()) for a in actors)) + 1
+    box = covered(view, [a.GetBounds() for a in actors], frame.size)
+    low = [max(edge - around, 0) // _STEP * _STEP for edge in box[:2]]
+    high = [
+        min(-(-(edge + around) // _STEP) * _STEP, side)
+        for edge, side in zip(box[2:], frame.size, strict=True)
+    ]
+    return low[0], low[1], max(high[0], low[0]), max(high[1], low[1])
+
+
+def _thickness(prop):
+    return max(prop.GetLineWidth(), prop.GetPointSize())
+
+
+def _is_within_bounds(actor) -> bool:
+    """Tell whether an actor draws nothing beyond its bounds, thick lines and points left out."""
+    shader = actor.GetShaderProperty()
+    moved = shader.HasVertexShaderCode() or any(s == 'Vertex' for s, _ in replacements(shader))
+    return actor.GetMapper().GetClassName() in _MAPPERS and not moved
 
 
 def _set_glow(actor, strength):

@@ -164,8 +164,10 @@ class Blur:
     @property
     def reach(self) -> int:
         """Texels of `source` beyond which a texel has no part in the result."""
-        kernel = self.key[2] if self._chain == 'gaussian' else 4
-        return (kernel + 4) * 2 ** len(self._levels)
+        # Of each halving, each doubling, and the way between texels of the result.
+        down, up = (self.key[2], 2) if self._chain == 'gaussian' else (3, 4)
+        last = 2 ** len(self._levels)
+        return down * (last - 1) + up * (last - 2) + 3
 
     def lit(self):
         """Find the light in `source`, where it was drawn: waits for the GPU.

@@ -32,7 +32,7 @@ class Drawer:
         self.doubles = Doubles()
         self._projection = _vtk.vtkMatrix4x4()
 
-    def look(self, view, rect, *, clear=True):
+    def look(self, view, rect, *, clear=True, within=None):
         """Take a view, and a part of the target to draw it in.
 
         Parameters
@@ -43,10 +43,13 @@ class Drawer:
             Left, bottom, width, height in pixels of the target.
         clear : bool
             Clear depth to the far plane.
+        within : tuple of 4 int, optional
+            Left, bottom, width, height outside of which nothing is cleared or drawn; `rect`
+            unless given.
         """
         state = self.window.GetState()
         state.vtkglViewport(*rect)
-        state.vtkglScissor(*rect)
+        state.vtkglScissor(*(within or rect))
         state.SetEnumState(_SCISSOR_TEST, True)
         state.SetEnumState(_BLEND, False)
         state.SetEnumState(_DEPTH_TEST, True)

@@ -250,3 +250,41 @@ def may_see(view, bounds) -> np.ndarray:
     x, y, z, w = np.moveaxis(points @ clip[:, :3].T + clip[:, 3], -1, 0)
     outside = [(side > w).all(-1) for side in (x, -x, y, -y, z)]
     return ~np.any(outside, axis=0)
+
+
+def covered(view, bounds, size) -> tuple[int, int, int, int]:
+    """Return the part of a picture that boxes may cover.
+
+    Parameters
+    ----------
+    view : View
+        Where from.
+    bounds : array_like, shape (n, 6)
+        x, y and z, low and high each, world units.
+    size : tuple of 2 int
+        Width and height of the picture in pixels.
+
+    Returns
+    -------
+    tuple of 4 int
+        Left, bottom, right and top of the pixels, within the picture; all of it where a corner is
+        beside or behind the eye.
+
+    Examples
+    --------
+    >>> from pvibr.maths.views import covered, perspective
+    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
+    >>> covered(view, [[-1, 1, 0, 1, 0, 0]], (100, 100))
+    (40, 50, 60, 60)
+    """
+    points = corners(bounds).reshape(-1, 3)
+    clip = view.clip_from_view @ view.view_from_world
+    x, y, _, w = clip[:, :3] @ points.T + clip[:, 3:]
+    if not (w > 0).all():
+        return 0, 0, int(size[0]), int(size[1])
+    found: list[int] = []
+    for ends in (np.min, np.max):
+        for share, pixels in zip((x / w, y / w), size, strict=True):
+            edge = np.clip((ends(share) + 1) / 2 * pixels, 0, pixels).round(6)
+            found.append(int(np.floor(edge) if ends is np.min else np.ceil(edge)))
+    return found[0], found[1], found[2], found[3]

@@ -222,6 +222,34 @@ def test_only_the_emissive_texture_of_a_material_shines():
     assert not grab(pl)[..., :3].any()
 
 
+STYLES = {
+    'surface': {},
+    'points': {'style': 'points', 'point_size': 30},
+    'gaussian': {'style': 'points_gaussian', 'point_size': 30},
+    'spheres': {'style': 'points', 'point_size': 30, 'render_points_as_spheres': True},
+    'wireframe': {'style': 'wireframe', 'line_width': 20},
+    'tubes': {'style': 'wireframe', 'line_width': 20, 'render_lines_as_tubes': True},
+}
+
+
+@pytest.mark.parametrize('parallel', [True, False])
+@pytest.mark.parametrize('style', STYLES)
+def test_only_where_something_shines_is_anything_drawn(monkeypatch, style, parallel):
+    """And nothing that shines is left out."""
+    pl = dark()
+    shape = pv.Box((-0.3, 0.2, -0.2, 0.3, -0.2, 0.2)).rotate_z(20)
+    actor = pl.add_mesh(shape, color='white', lighting=False, **STYLES[style])
+    actor.position = (0.4, 0.3, 0)
+    actor.scale = (1.2, 0.7, 1.0)
+    pl.camera.parallel_projection = parallel
+    pl.show(auto_close=False)
+    pl.ibr.add(pvibr.Glow(actor, debug='bright', reduction=16))
+    found = grab(pl)
+    monkeypatch.setattr('pvibr.effects.glow._is_within_bounds', lambda actor: False)
+    assert found[..., :3].any()
+    np.testing.assert_array_equal(grab(pl), found)
+
+
 @pytest.mark.parametrize('max_error', [1.0, 1e9])
 def test_instances_shine(max_error):
     """As meshes and as cards."""
