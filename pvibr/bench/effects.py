@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pvibr.bench import effects_bloom, effects_depth_of_field, effects_outline, effects_screen
+from pvibr.bench import (
+    effects_bloom,
+    effects_depth_of_field,
+    effects_outline,
+    effects_screen,
+    effects_together,
+)
 from pvibr.bench.plot import plot_effects
 from pvibr.bench.rows import Row
 from pvibr.bench.runs import run
@@ -58,6 +64,7 @@ def measure(out, *, quick=False) -> list:
     """
     parts = {
         'bloom': _bloom, 'screen': _screen, 'outline': _outline, 'depth of field': _lens,
+        'together': _together,
     }  # fmt: skip
     return run('effects', parts, QUICK if quick else Settings(), plot_effects, out, quick=quick)
 
@@ -70,6 +77,13 @@ def _bloom(settings, results):
         Row('bloom where nothing is bright, over a copy', times['dark'], 'x', 0.3),
     ]
     results.points['copies'] = {'Bloom': times['bloom']}
+    for name, copies in effects_bloom.bloom_stages(settings.screen, settings.rounds).items():
+        results.rows.append(Row(f'bloom: {name}, over a copy', copies, 'x'))
+    points = effects_bloom.bloom_errors(settings.screen, settings.rounds)
+    for point in points:
+        name = f'bloom, {point["name"]}: mean error against a Gaussian of {point["sigma"]:.0f} px'
+        results.rows.append(Row(name, point['error'], '/255', 0.5))
+    results.points['bloom'] = points
 
 
 def _screen(settings, results):
@@ -81,7 +95,10 @@ def _screen(settings, results):
 
 def _outline(settings, results):
     results.rows += effects_outline.silhouettes(settings.screen)
-    results.rows += effects_outline.times(settings.screen, settings.rounds)
+    points = effects_outline.settings(settings.screen, settings.rounds)
+    for point in points:
+        results.rows.append(Row(f'outline, {point["name"]}, over a copy', point['copies'], 'x'))
+    results.points['outline'] = points
 
 
 def _lens(settings, results):
@@ -95,3 +112,10 @@ def _lens(settings, results):
         results.rows.append(Row(f'{name}: PSNR', point['psnr'], 'dB', bar, at_least=True))
         results.rows.append(Row(f'{name}: time', point['ms'], 'ms'))
     results.points['lens'] = found
+
+
+def _together(settings, results):
+    results.rows += effects_together.together(settings.screen, settings.rounds)
+    results.rows += effects_together.python()
+    stages = effects_together.stages(settings.screen, settings.rounds)
+    results.rows += [Row(f'stage of all together: {n}', ms, 'ms') for n, ms in stages.items()]

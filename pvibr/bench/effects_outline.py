@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from pvibr.effect import Effect
 from pvibr.effects.outline import Outline
 from pvibr.gl import Quad
 from pvibr.maths.cameras import as_camera
+from pvibr.outlines import outline
 
 # As fine as a silhouette that is known to a part of a pixel asks for.
 MESHES = {
@@ -55,6 +57,36 @@ def contour(mesh, camera, size) -> np.ndarray:
     beside = np.stack([x + 1.0, y + 0.5], 1)
     y, x = np.nonzero(mask[1:] != mask[:-1])
     return np.concatenate([beside, np.stack([x + 0.5, y + 1.0], 1)]) / _FINE
+
+
+def inner(mesh, camera, size) -> np.ndarray:
+    """Return places along the polylines that :func:`pvibr.outline` gives, inner ones included.
+
+    Parameters
+    ----------
+    mesh : pyvista.PolyData
+        In front of the camera.
+    camera : pyvista.Camera
+        Where from.
+    size : tuple of 2 int
+        Pixels.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 2)
+        Pixels from the upper left corner, at most 0.3 apart.
+    """
+    found, places = outline(mesh, camera, size=size), []
+    uv, _ = as_camera(camera, size).project(np.asarray(found.points, float))
+    xy = np.array([0, size[1]]) + uv * size * [1, -1]
+    lines, i = found.lines, 0
+    while i < len(lines):
+        ids = lines[i + 1 : i + 1 + lines[i]]
+        i += 1 + lines[i]
+        for a, b in pairwise(xy[ids]):
+            n = int(np.linalg.norm(b - a) / 0.3) + 2
+            places.append(a + np.linspace(0, 1, n)[:, None] * (b - a))
+    return np.concatenate(places)
 
 
 def agreement(drawn, places) -> tuple[float, float]:
@@ -127,8 +159,25 @@ class _Copy(Effect):
             self.quad = None
 
 
-def times(size=(1280, 720), repeats=9) -> list[Row]:
-    """Return what outlines cost of a frame, in ms, beside one full-screen copy.
+# By name: what draws which lines. Nothing of luminance is known where a mesh is lit.
+_ONLY = {'ids': False, 'depth': False, 'normal': False, 'luminance': False}
+KINDS: dict[str, dict[str, Any]] = {
+    'ids': _ONLY | {'ids': True},
+    'depth': _ONLY | {'depth': True},
+    'creases': _ONLY | {'normal': True},
+    'luminance': _ONLY | {'luminance': True},
+    'as it comes': {},
+    'with luminance': {'luminance': True},
+    'jump 1': {'jump': 1.0},
+    'jump 16': {'jump': 16.0},
+    'crease 10': {'crease': 10.0},
+    '4 px': {'width': 4.0},
+    '8 px': {'width': 8.0},
+}
+
+
+def settings(size=(1280, 720), repeats=9) -> list[dict]:
+    """Return what kinds of lines cost of a frame, and how far they are from the silhouettes.
 
     Parameters
     ----------
@@ -136,26 +185,46 @@ def times(size=(1280, 720), repeats=9) -> list[Row]:
         Pixels.
     repeats : int
         Frames of each, in turns; the fastest counts.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``ms``, ``copies`` (of the full screen, in the same time) and ``error``: 1 less
+        the harmonic mean of precision and recall, for all silhouettes of a torus.
     """
-    only = {'ids': False, 'depth': False, 'normal': False, 'luminance': True}
-    pl = pv.Plotter(off_screen=True, window_size=size)
+    pl: Any = pv.Plotter(off_screen=True, window_size=size)
     pl.disable_anti_aliasing()
-    pl.add_mesh(MESHES['torus'], smooth_shading=True)
-    effects = {'copy': _Copy(), 'all edges': Outline(), 'luminance': Outline(**only)}
-    effects |= {f'{w} px': Outline(width=w) for w in (4, 8)}
+    pl.set_background('white')
+    pl.add_mesh(MESHES['torus'], color='white', smooth_shading=True)
+    pl.camera_position = VIEW
+    effects: dict[str, Effect] = {'copy': _Copy()}
+    effects |= {name: Outline(**kind) for name, kind in KINDS.items()}
     pl.ibr.add(_Nothing())
     for effect in effects.values():
         pl.ibr.add(effect)
     pl.show(auto_close=False)
-    window: Any = pl.render_window
-    best = dict.fromkeys(['base', *effects], np.inf)
+    places = inner(MESHES['torus'], pl.camera, size)
+    best, drawn = dict.fromkeys(['base', *effects], np.inf), {}
     for _ in range(repeats):
         for name in best:
             for other, effect in effects.items():
                 effect.enabled = other == name
-            start = time.perf_counter()
-            window.Render()
-            window.WaitForCompletion()
-            best[name] = min(best[name], time.perf_counter() - start)
+            best[name] = min(best[name], _seconds(pl.render_window))
+            drawn[name] = pl.screenshot()
     pl.close()
-    return [Row(f'outline: {n}', 1e3 * (best[n] - best['base']), 'ms') for n in effects]
+    copy = best['copy'] - best['base']
+    rows = []
+    for name in KINDS:
+        seconds, lines = best[name] - best['base'], (drawn[name].max(2) < 100)
+        precision, recall = agreement(lines, places) if lines.any() else (0.0, 0.0)
+        error = 1 - 2 * precision * recall / max(precision + recall, 1e-9)
+        rows.append({'name': name, 'ms': 1e3 * seconds, 'copies': seconds / copy, 'error': error})
+    return rows
+
+
+def _seconds(window) -> float:
+    window.Render()  # what was put on is prepared
+    start = time.perf_counter()
+    window.Render()
+    window.WaitForCompletion()
+    return time.perf_counter() - start

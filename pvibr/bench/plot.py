@@ -13,12 +13,27 @@ def two_axes(size, **options):
     **options
         Of matplotlib's ``subplots``.
     """
+    return several_axes(size, 1, 2, **options)
+
+
+def several_axes(size, rows, columns, **options):
+    """Return a figure that needs no screen, and its axes.
+
+    Parameters
+    ----------
+    size : tuple of 2 float
+        Inches.
+    rows, columns : int
+        Of axes.
+    **options
+        Of matplotlib's ``subplots``.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=size, layout='constrained')
     FigureCanvasAgg(figure)
-    return figure, figure.subplots(1, 2, **options)
+    return figure, figure.subplots(rows, columns, **options)
 
 
 def save(figure, name, results, path):
@@ -118,7 +133,7 @@ def _curves(axes, curves, bar):
 
 
 def plot_effects(results, path):
-    """Draw what image effects cost in full-screen copies, and a lens's time against its error.
+    """Draw what image effects cost, and for each with settings its time against its error.
 
     Parameters
     ----------
@@ -127,16 +142,32 @@ def plot_effects(results, path):
     path : pathlib.Path
         PNG file.
     """
-    figure, (cost, lens) = two_axes((13, 5.5))
-    copies = results.points['copies']
-    cost.barh(list(copies), list(copies.values()))
+    figure, axes = several_axes((14, 9), 2, 2)
+    (cost, bloom), (outline, lens) = axes
+    points = results.points
+    cost.barh(list(points['copies']), list(points['copies'].values()))
     cost.axvline(1, color='0.5', ls='--')
     cost.set(xlabel='full-screen copies', title='time of an effect')
-    for radius in sorted({p['radius'] for p in results.points['lens']}):
-        points = [p for p in results.points['lens'] if p['radius'] == radius]
+    _labelled(bloom, [(p['copies'], p['error'], p['name']) for p in points['bloom']])
+    bloom.axhline(0.5, color='0.5', ls='--', label='bar')
+    bloom.set(title='bloom, against a true Gaussian', ylabel='mean error, of 255', yscale='log')
+    _labelled(outline, [(p['copies'], p['error'], p['name']) for p in points['outline']])
+    outline.set(title='outline, against all silhouettes of a torus')
+    outline.set_ylabel('1 - harmonic mean of precision and recall')
+    for one in (bloom, outline):
+        one.set(xlabel='full-screen copies', xlim=(0, None))
+    for radius in sorted({p['radius'] for p in points['lens']}):
+        curve = [p for p in points['lens'] if p['radius'] == radius]
         label = f'lens of radius {radius:g}'
-        lens.plot([p['ms'] for p in points], [p['psnr'] for p in points], 'o-', label=label)
+        lens.plot([p['ms'] for p in curve], [p['psnr'] for p in curve], 'o-', label=label)
     lens.axhline(32, color='0.5', ls='--', label='bar')
     lens.set(xlabel='ms', ylabel='PSNR, dB', title='depth of field, against 256 pinholes')
     lens.legend(fontsize='x-small')
     save(figure, 'effects', results, path)
+
+
+def _labelled(axes, points):
+    axes.plot([p[0] for p in points], [p[1] for p in points], 'o')
+    for x, y, name in points:
+        place = {'xytext': (4, 3), 'textcoords': 'offset points', 'fontsize': 'xx-small'}
+        axes.annotate(name, (x, y), **place)

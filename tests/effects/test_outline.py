@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import pyvista as pv
 from scipy.spatial import cKDTree
 
 import pvibr
-from pvibr.bench.effects_outline import MESHES, agreement, contour
-from pvibr.maths.cameras import as_camera
+from pvibr.bench.effects_outline import MESHES, agreement, contour, inner
 
 SIZE = (320, 240)
 RED = (1.0, 0.0, 0.0)
@@ -38,24 +35,6 @@ def red(image):
     return image[..., 0] - image[..., 1] > 120
 
 
-def contours(mesh, camera, size=SIZE):
-    """Places along the polylines, in pixels from the upper left, at most 0.3 apart."""
-    found = pvibr.outline(mesh, camera, size=size)
-    calibrated = as_camera(camera, size)
-    points, lines = np.asarray(found.points), found.lines
-    places, i = [], 0
-    while i < len(lines):
-        ids = lines[i + 1 : i + 1 + lines[i]]
-        i += 1 + lines[i]
-        uv, _ = calibrated.project(points[ids])
-        xy = uv * size
-        for a, b in pairwise(xy):
-            n = int(np.linalg.norm(b - a) / 0.3) + 2
-            places.append(a + np.linspace(0, 1, n)[:, None] * (b - a))
-    places = np.concatenate(places)
-    return np.stack([places[:, 0], size[1] - places[:, 1]], 1)
-
-
 @pytest.mark.parametrize('name', MESHES)
 def test_it_is_where_the_silhouette_is(name):
     mesh = MESHES[name].triangulate()
@@ -73,7 +52,7 @@ def test_inner_edges_are_where_the_polylines_are(name):
     pl = plotter(mesh)
     pl.ibr.add(pvibr.Outline(width=2, color=RED, normal=False))
     drawn = red(shot(pl))
-    precision, recall = agreement(drawn, contours(mesh, pl.camera))
+    precision, recall = agreement(drawn, inner(mesh, pl.camera, SIZE))
     assert precision >= 0.95
     assert recall >= 0.9
 
@@ -82,7 +61,7 @@ def test_inner_edges_are_where_the_polylines_are(name):
 def test_polylines_are_around_what_is_covered(name):
     mesh = MESHES[name].triangulate()
     pl = plotter(mesh)
-    places = contours(mesh, pl.camera)
+    places = inner(mesh, pl.camera, SIZE)
     off, _ = cKDTree(places).query(contour(mesh, pl.camera, SIZE))
     assert (off <= 0.5).mean() >= 0.98
     every = pvibr.outline(mesh, pl.camera, hidden=True, size=SIZE)
