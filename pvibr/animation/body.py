@@ -12,6 +12,7 @@ from pvibr.animation.frames import Frames
 from pvibr.animation.morphs import Morphs
 from pvibr.animation.normals import normals_at, point_normals
 from pvibr.animation.pose import as_matrices
+from pvibr.animation.skeleton import whole_numbers
 from pvibr.maths import skinning
 
 SKINNINGS = ('linear', 'dual')
@@ -46,7 +47,7 @@ class Skin:
     """
 
     def __init__(self, nodes, inverse_bind, joints, weights):
-        self.nodes = np.array(nodes, dtype=np.int64).reshape(-1)
+        self.nodes = whole_numbers(nodes, 'nodes')
         self.inverse_bind = as_matrices(inverse_bind, 'inverse_bind')
         self.weights = skinning.normalized_weights(weights)
         self.joints = np.array(joints)

@@ -39,7 +39,7 @@ class Skeleton:
     """
 
     def __init__(self, parents, rest, names=None):
-        parents = np.array(parents, dtype=np.int64).reshape(-1)
+        parents = whole_numbers(parents, 'parents')
         n = len(parents)
         self.names = _names(names, n)
         self.parents = parents
@@ -211,6 +211,39 @@ class Skeleton:
             scale = self.rest.scale[joint].tolist()
             msg = f'rest[{joint}] ({self.names[joint]!r}) is singular: its scale is {scale}.'
             raise ValueError(msg)
+
+
+def whole_numbers(values, name):
+    """Return a row of whole numbers.
+
+    Parameters
+    ----------
+    values : array_like of int, shape (n,)
+        The numbers.
+    name : str
+        Their name in an error.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,), int64
+        A copy of them.
+
+    Raises
+    ------
+    ValueError
+        If they are of another shape or type.
+
+    Examples
+    --------
+    >>> from pvibr.animation.skeleton import whole_numbers
+    >>> whole_numbers([-1, 0], 'parents')
+    array([-1,  0])
+    """
+    values = np.asarray(values)
+    if values.ndim != 1 or (len(values) and values.dtype.kind not in 'iu'):
+        msg = f'{name} must be whole numbers (n,), not {values.dtype} of shape {values.shape}.'
+        raise ValueError(msg)
+    return values.astype(np.int64)
 
 
 def _names(names, n):

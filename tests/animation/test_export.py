@@ -12,7 +12,19 @@ import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pvibr import Body, Clip, Figure, Morphs, Pose, PvibrWarning, Skeleton, Skin, Track, read_gltf
+from pvibr import (
+    Body,
+    Clip,
+    Figure,
+    Morphs,
+    Pose,
+    PvibrWarning,
+    Skeleton,
+    Skin,
+    Track,
+    _vtk,
+    read_gltf,
+)
 from pvibr.animation.frames import Frames
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -89,6 +101,28 @@ def test_a_figure_comes_back_in_every_pose(seed, tmp_path_factory):
         assert again.clip(clip.name).duration == pytest.approx(clip.duration, rel=1e-6)
         # Not at a step itself, where rounding decides.
         assert_same(figure, again, clip.name, rng.uniform(-1, 6, 4))
+
+
+def test_vtk_reads_the_same_poses(tmp_path):
+    """By its own reader, which knows four joints per vertex and not eight."""
+    figure = random_figure(np.random.default_rng(5))
+    all_of_it = figure.bodies[0].skin
+    four = all_of_it.joints[:, :4], all_of_it.weights[:, :4]
+    skin = Skin(all_of_it.nodes, all_of_it.inverse_bind, *four)
+    body = Body(figure.bodies[0].mesh, skin=skin)
+    path = [Track(2, 'translation', [0, 1], [[0, 0, 0], [1, 2, 3]])]
+    Figure([body], figure.skeleton, [Clip('move', path)]).save(tmp_path / 'x.glb')
+    reader = _vtk.vtkGLTFReader()
+    reader.SetFileName(str(tmp_path / 'x.glb'))
+    reader.ApplyDeformationsToGeometryOn()
+    reader.UpdateInformation()
+    reader.EnableAnimation(0)
+    reader.SetFrameRate(10)
+    reader.UpdateInformation()
+    reader.UpdateTimeStep(0.5)
+    found = pv.wrap(reader.GetOutputDataObject(0)).combine().points
+    points = Figure([body], figure.skeleton, [Clip('move', path)]).mesh(0.5).points
+    assert np.abs(found - points).max() < 1e-5 * np.ptp(points)
 
 
 def test_key_frames_become_morph_targets(tmp_path):

@@ -85,6 +85,12 @@ def test_rest_must_fit_and_have_an_inverse():
         Skeleton([-1], [np.eye(4)], ['a', 'b'])
 
 
+def test_parents_must_be_whole_numbers():
+    for parents in ([-1.0, 0.5], [[-1, 0]]):
+        with pytest.raises(ValueError, match='parents must be whole numbers'):
+            Skeleton(parents, Pose(np.zeros((2, 3))))
+
+
 def test_small_figures_are_not_singular():
     assert len(Skeleton([-1], Pose([[0, 0, 0]], scale=1e-15))) == 1
 
