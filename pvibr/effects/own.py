@@ -98,9 +98,9 @@ class ImageEffect(Effect):
             self.source = source
             self._declare(settings)
         self._images = {name: Shown(image) for name, image in (images or {}).items()}
-        uniforms = _uniforms(type(self))
-        _check_names([*uniforms, *self._images], self.name)
-        for name, param in uniforms.items():
+        self._uniforms = _uniforms(type(self))
+        _check_names([*self._uniforms, *self._images], self.name)
+        for name, param in self._uniforms.items():
             _check_param(self.name, name, param)
         self._read()
         super().__init__(**settings)
@@ -171,7 +171,7 @@ class ImageEffect(Effect):
     def _values(self) -> dict:
         """Return the settings as uniforms."""
         values = {}
-        for name, param in _uniforms(type(self)).items():
+        for name, param in self._uniforms.items():
             value = getattr(self, name)
             if param.choices is not None and param.kind is str:
                 value = param.choices.index(value)
@@ -184,7 +184,7 @@ class ImageEffect(Effect):
         self._forget()
         entries = sections(shader_source(__file__))
         head = entries['head'] + (entries['surface'] if self.surfaces else '')
-        declared = [f'uniform {_type_of(p)} {n};' for n, p in _uniforms(type(self)).items()]
+        declared = [f'uniform {_type_of(p)} {n};' for n, p in self._uniforms.items()]
         declared += [f'uniform sampler2D {name};' for name in self._images]
         own = '\n'.join(declared)
         code = (
