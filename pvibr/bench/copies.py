@@ -26,9 +26,12 @@ class Stand:
         self.window = window
         self.size = array.shape[1], array.shape[0]
         self.color = Texture(window, filter='linear').upload(array)  # as a frame's picture is
+        self.depth = self.color  # whose red is as good as depth
         self.target = Target(window, *self.size, ('rgba16f',))
         self.drawing = self.target.drawing
-        self.scale, self.whole, self.time, self.view_from_world = 1, self.size, 0.0, np.eye(4)
+        self.scale, self.whole, self.time = 1, self.size, 0.0
+        self.tile = 0.0, 0.0, 1.0, 1.0
+        self.view_from_world = self.clip_from_view = np.eye(4)
         self._ground = Target(window, *self.size)
         self.drawing_over = self._ground.drawing
 

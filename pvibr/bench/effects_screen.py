@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.bench.copies import Stand, in_copies
+from pvibr.effects.own import ImageEffect
 from pvibr.effects.screen import Flash, Iris, NightVision, Picture, Sky, Vignette
 from pvibr.effects.tone_mapping import ToneMapping
 from pvibr.frame import Frame
@@ -54,4 +55,5 @@ def _effects(size) -> dict[str, Any]:
         Sky(),
     )
     found |= {e.name if e.name != 'ToneMapping' else 'ToneMapping auto': e for e in others}
-    return found | {'Picture': Picture(image)}
+    own = ImageEffect(ImageEffect.template, amount=0.5, tint=(1.0, 0.9, 0.7))
+    return found | {'Picture': Picture(image), 'ImageEffect, the template': own}

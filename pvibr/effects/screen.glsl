@@ -14,11 +14,11 @@ void cover(vec3 sheet, float much) {
 
 //@vignette
 uniform vec3 tint;
-uniform vec2 center;
+uniform vec4 away;  // from the middle, in half diagonals: of the lower left corner; to the other
 uniform vec3 ring;  // radius and softness as shares of half the diagonal; intensity
 void main() {
   vec4 c = texture(color, uv);
-  float far = length((place() - center) * size) / (0.5 * length(size));
+  float far = length(away.xy + away.zw * uv);
   float dark = ring.z * smoothstep(ring.x, ring.x + ring.y, far);
   gl_FragData[0] = vec4(mix(c.rgb, tint, dark), c.a);
 }
@@ -49,21 +49,26 @@ void main() {
   gl_FragData[0] = vec4(mix(c.rgb, tint * clamp(shine, 0.0, 1.0), tube.z), c.a);
 }
 
-//@iris
-uniform vec3 tint;
-uniform vec2 center;
-uniform vec2 reach;  // of the opening's inner circle; width of its edge; both in pixels
-uniform int shaped;
+// What is open: how far p, in pixels from the middle, is within an opening whose inner circle has
+// the radius r.
+//@disk
+float inside(vec2 p, float r) { return r - length(p); }
+
+//@shape
 uniform sampler2D shape;  // distance to its edge, inside > 0; 1 is the radius of its inner circle
 uniform vec4 scale;  // of that circle: the middle, and the radius along both sides
+float inside(vec2 p, float r) {
+  return textureLod(shape, scale.xy + scale.zw * p / max(r, 1e-3), 0.0).r * r;
+}
+
+//@iris
+uniform vec3 tint;
+uniform vec4 away;  // from the middle, in pixels: of the lower left corner; from there to the other
+uniform vec2 reach;  // of the opening's inner circle; one over the width of its edge; in pixels
 void main() {
-  vec2 p = (place() - center) * size;
-  float inside = reach.x - length(p);
-  if (shaped == 1) {
-    inside = textureLod(shape, scale.xy + scale.zw * p / max(reach.x, 1e-3), 0.0).r * reach.x;
-  }
-  float open = clamp((inside - 0.5 * reach.y) / reach.y + 0.5, 0.0, 1.0);
-  cover(tint, 1.0 - open);
+  float deep = inside(away.xy + away.zw * uv, reach.x) * reach.y;
+  if (deep >= 1.0) discard;
+  gl_FragData[0] = vec4(tint, 1.0 - max(deep, 0.0));
 }
 
 //@image

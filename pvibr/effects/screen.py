@@ -127,7 +127,8 @@ class Vignette(_Screen):
 
     def _uniforms(self, frame, size):
         ring = (self.radius, self.softness, self.intensity)
-        return {'tint': self.color, 'center': self.center, 'ring': ring}
+        away = _away(frame, self.center) / (0.5 * np.hypot(*size))
+        return {'tint': self.color, 'away': away, 'ring': ring}
 
 
 class Flash(_Screen):
@@ -267,7 +268,6 @@ class Iris(_Screen):
     0.25
     """
 
-    parts = ('iris',)
     covers = True
 
     opening = Param(
@@ -286,6 +286,9 @@ class Iris(_Screen):
         self._distances: Texture | None = None
         super().__init__(**settings)
 
+    def _entries(self):
+        return 'disk' if self._shape is None else 'shape', 'iris'
+
     def needed(self, frame) -> bool | str:
         """Tell whether it covers anything.
 
@@ -300,10 +303,8 @@ class Iris(_Screen):
         soft = max(self.softness * size[1], 1.0)
         away = np.maximum(self.center, 1 - np.array(self.center)) * size
         reach = self.opening * (np.hypot(*away) + soft)
-        found = {'tint': self.color, 'center': self.center, 'reach': (reach, soft), 'shaped': 0}
-        if self._shape is not None:
-            found |= {'shaped': 1, 'scale': self._shape[1]}
-        return found
+        found = {'tint': self.color, 'away': _away(frame, self.center), 'reach': (reach, 1 / soft)}
+        return found if self._shape is None else found | {'scale': self._shape[1]}
 
     def _textures(self, frame):
         if self._shape is None:
@@ -576,6 +577,12 @@ class Sky(_Behind):
         if self._image is None:
             return {}
         return {'panorama': self._image.texture(frame.window, frame.time)}
+
+
+def _away(frame, center):
+    """Return where what is drawn begins, as seen from a place, and its size; in pixels."""
+    low, high = np.array(frame.tile).reshape(2, 2) * frame.whole
+    return np.array([*(low - np.array(center) * frame.whole), *(high - low)])
 
 
 def _fitted(place, fit, image, size):

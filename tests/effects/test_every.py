@@ -277,3 +277,34 @@ def test_beside_what_a_plotter_enables(pl, company):
     assert all(r.state == 'ran' for r in pl.ibr.report().rows), pl.ibr.report()
     pl.ibr.clear()
     assert off(shot(pl), before).max() <= 1
+
+
+def camera_above():
+    camera = pv.Camera()
+    camera.position, camera.focal_point, camera.up = (0, -1, 4), (0, 0, 0), (0, 1, 0)
+    return camera
+
+
+IN_THE_SCENE = {
+    'maps': lambda pl: pl.ibr.add(pvibr.Shadows()),
+    'volumes': lambda pl: pl.ibr.add(pvibr.Shadows(method='volume')),
+    'projector': lambda pl: pl.ibr.add(pvibr.Projector(SMOOTH, camera_above())),
+    'instances': lambda pl: pl.ibr.add_instances(
+        pv.Sphere(radius=0.1), np.random.default_rng(0).uniform(-1, 1, (40, 3)), color='red'
+    ),
+}
+
+
+@pytest.mark.parametrize('name', IN_THE_SCENE)
+def test_effects_in_the_scene_in_tiles(name):
+    found = []
+    for size, scale in ((SIZE, 2), ((2 * SIZE[0], 2 * SIZE[1]), None)):
+        pl = scene(pv.Plotter(window_size=size, lighting='none'))
+        pl.add_mesh(pv.Plane(center=(0, 0, -0.6), i_size=4, j_size=4), color='white')
+        pl.add_light(pv.Light(position=(2, -2, 6), light_type='scene light'))
+        IN_THE_SCENE[name](pl)
+        pl.show(auto_close=False)
+        found.append(shot(pl, scale=scale))
+    differ = off(*found)
+    assert differ.mean() < 0.1
+    assert (differ > 8).mean() < 0.002
