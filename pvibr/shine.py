@@ -147,5 +147,8 @@ class Shine(Effect):
 
 def _sight(frame):
     """Return what a whole picture and its tiles have in common."""
+    left, bottom, right, top = frame.tile
     whole = tuple(round(side / frame.scale) for side in frame.whole)
-    return frame.view_from_world.tobytes(), whole, frame.time
+    across = frame.clip_from_view[0, 0] * (right - left)
+    up = frame.clip_from_view[1, 1] * (top - bottom)
+    return frame.view_from_world.tobytes(), f'{across:.6g} {up:.6g}', whole, frame.time

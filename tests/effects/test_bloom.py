@@ -33,7 +33,9 @@ class FakePicture:
         self.target = Target(window, *self.size, ('rgba32f',))
         self.drawing = self.target.drawing
         self.window = window
-        self.scale, self.whole, self.time, self.view_from_world = 1, self.size, 0.0, np.eye(4)
+        self.scale, self.whole, self.time = 1, self.size, 0.0
+        self.tile = 0.0, 0.0, 1.0, 1.0
+        self.view_from_world = self.clip_from_view = np.eye(4)
 
     def ground(self, *, ends_at_one=False):
         return None

@@ -94,6 +94,18 @@ LIGHTS = {
 }
 
 
+@pytest.mark.parametrize('zoom', [1.0, 1.5])
+def test_large_screenshots_after_zooming(zoom):
+    """The light of another angle is that of another picture."""
+    pl, actors = lamps()
+    pl.ibr.add(pvibr.Glow(actors[1], debug='bright'))
+    grab(pl)
+    pl.camera.view_angle /= zoom
+    large = pl.screenshot(scale=2, return_img=True).astype(float)
+    small = grab(pl)[::-1, :, :3]
+    assert np.abs(large.reshape(192, 2, 320, 2, 3).mean(axis=(1, 3)) - small).mean() < 2
+
+
 @pytest.mark.parametrize('known', [True, False])
 @pytest.mark.parametrize('name', LIGHTS)
 def test_large_screenshots_are_as_small_ones(name, known):
