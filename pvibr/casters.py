@@ -293,7 +293,8 @@ class Casters:
         Visible props that are drawn as they are.
     things : list of pvibr.Effect
         Things in the pipeline that choose what they draw for each view, such as instances: they
-        have ``prepare``, ``finish``, ``bounds``, ``stamp()``, ``actors()`` and ``drawn()``.
+        have ``prepare``, ``finish``, ``bounds``, ``stamp()``, ``actors()`` and ``drawn()``; those
+        whose shadows volumes can throw have ``solids()``, actors with what they draw as meshes.
     frame : pvibr.frame.Frame, optional
         In whose picture points and lines have their width.
     """

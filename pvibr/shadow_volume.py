@@ -110,8 +110,10 @@ class ShadowVolumes:
         """Return (actor, table of edges, world from model) of what throws shadows."""
         old, self._tables = self._tables, {}  # what is gone is forgotten
         found = []
-        for actor in casters.actors:
-            key, data = _source(actor)
+        solids = [t.solids() if hasattr(t, 'solids') else [None] for t in casters.things]
+        actors = [*casters.actors, *(a for group in solids for a in group)]
+        for actor in actors:
+            key, data = (None, None) if actor is None else _source(actor)
             if key is None:
                 continue
             world, flat = _world_from_model(actor), None
@@ -122,7 +124,7 @@ class ShadowVolumes:
                 self._tables[key] = old[key] if key in old else _table(data, flat)
             if len(self._tables[key].triangles):
                 found.append((actor, self._tables[key], world))
-        self._without = len(casters.actors) + len(casters.things) - len(found)
+        self._without = len(actors) - len(found)
         return found
 
     # -- drawing --------------------------------------------------------------------------------

@@ -155,6 +155,13 @@ class FigureActor(FigurePlayer):
         """Return the actors that are visible."""
         return [a for a in self.actors() if a.GetVisibility()]
 
+    def solids(self) -> list:
+        """Return actors whose mappers have what is shown as meshes, posed when they are asked."""
+        if not self._is_shown():
+            return []
+        still = [b.actor for b in self._bodies if not isinstance(b, PosedBody)]
+        return [*still, *self._stand_ins]
+
     def stamp(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
         return self._changes, self._revision, self._is_shown()

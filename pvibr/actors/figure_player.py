@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ class Moment:
         bounds = figure.bounds(world if still else pose, skinning)
         return cls(pose, world, np.asarray(bounds, float))
 
-    @property
+    @cached_property
     def origin(self) -> np.ndarray:
         """What positions on the GPU are relative to, shape (3,)."""
         return self.bounds.reshape(3, 2).mean(1)

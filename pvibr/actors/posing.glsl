@@ -15,6 +15,7 @@ uniform sampler2D ibr_rest_normals;
 uniform vec2 ibr_sides;               // texels of a row, rows of a pose
 uniform int ibr_poses;                // poses that are drawn together, one above another
 uniform sampler2D ibr_state;          // what makes the poses: joints, then shapes
+uniform int ibr_state_first;          // first row of the mesh
 uniform int ibr_state_rows;           // rows of a pose
 uniform int ibr_state_width;
 #if GROUPS
@@ -54,7 +55,7 @@ void main()
   ivec2 texel = ivec2(uv * ibr_sides * vec2(1.0, ibr_poses));
   int pose = texel.y / ibr_size.y;
   texel.y -= pose * ibr_size.y;
-  ibr_pose = pose * ibr_state_rows;
+  ibr_pose = ibr_state_first + pose * ibr_state_rows;
   vec3 p = texelFetch(ibr_rest, texel, 0).xyz;
   vec3 n = texelFetch(ibr_rest_normals, texel, 0).xyz;
 #if SHAPES

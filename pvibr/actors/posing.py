@@ -112,6 +112,7 @@ class Posing:
                 f'at most {limit * WIDTH} fit here.'
             )
             raise ValueError(msg)
+        self._state = Texture(window)
         self._casts = [_Cast(window, m, poses, how) for m in moulds]
         self.target = Target(
             window, WIDTH, self.rows[-1], ('rgba32f', 'rgba32f'), filter='nearest'
@@ -120,7 +121,7 @@ class Posing:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self.target.nbytes + sum(c.nbytes for c in self._casts)
+        return self.target.nbytes + self._state.nbytes + sum(c.nbytes for c in self._casts)
 
     @property
     def textures(self) -> dict[str, Texture]:
@@ -137,14 +138,31 @@ class Posing:
         bulge : float
             Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
         """
-        for cast, poses in zip(self._casts, places, strict=True):
-            cast.load(poses)
+        self._load([c.numbers(poses) for c, poses in zip(self._casts, places, strict=True)])
         state = self.window.GetState()
         with self.target.drawing():
             for cast, first, end in zip(self._casts, self.rows, self.rows[1:], strict=False):
                 state.vtkglViewport(0, first, WIDTH, end - first)
                 state.vtkglScissor(0, first, WIDTH, end - first)
-                cast.draw(bulge)
+                cast.draw(bulge, self._state)
+
+    def _load(self, numbers):
+        """Put what makes the poses on the GPU, in one image: an upload costs its call."""
+        most = max((len(n) for poses in numbers for n in poses), default=0)
+        width = min(max(most, 1), _STATE_WIDTH)
+        blocks: list[np.ndarray] = []
+        for cast, poses in zip(self._casts, numbers, strict=True):
+            rows = max(-(-max(len(n) for n in poses) // width), 1)
+            block = np.zeros((len(poses), rows * width, 4), np.float32)
+            for row, found in zip(block, poses, strict=True):
+                row[: len(found)] = found
+            cast.uniforms |= {
+                'ibr_state_first': sum(len(b) for b in blocks),
+                'ibr_state_rows': rows,
+                'ibr_state_width': width,
+            }
+            blocks.append(block.reshape(-1, width, 4))
+        self._state.upload(np.concatenate(blocks))
 
     def download(self, mould, pose=0):
         """Return what the pass wrote.
@@ -173,6 +191,7 @@ class Posing:
         """Free the GPU's memory; the context must be alive."""
         for cast in self._casts:
             cast.release()
+        self._state.release()
         self.target.release()
 
 
@@ -186,7 +205,6 @@ class _Cast:
         self.textures = {
             'ibr_rest': _table(window, mould.points - self.origin),
             'ibr_rest_normals': _table(window, mould.normals),
-            'ibr_state': Texture(window),
         }
         groups = 0
         if mould.joints is not None:
@@ -207,20 +225,12 @@ class _Cast:
         stored = 0 if self.store is None else self.store.nbytes
         return sum(t.nbytes for t in self.textures.values()) + stored
 
-    def load(self, places):
-        """Take over what makes the poses."""
+    def numbers(self, places):
+        """Return what makes each pose, as rows of four: joints, then shapes."""
         palettes = [self._palette(place) for place in places]
-        numbers = [np.concatenate(p) for p in zip(palettes, self._shapes(places), strict=True)]
-        most = max(len(n) for n in numbers)
-        width = min(max(most, 1), _STATE_WIDTH)
-        rows = max(-(-most // width), 1)
-        state = np.zeros((len(places), rows * width, 4), np.float32)
-        for row, found in zip(state, numbers, strict=True):
-            row[: len(found)] = found
-        self.textures['ibr_state'].upload(state.reshape(-1, width, 4))
-        self.uniforms |= {
-            'ibr_state_rows': rows, 'ibr_state_width': width, 'ibr_palette': len(palettes[0])
-        }  # fmt: skip
+        self.uniforms['ibr_palette'] = len(palettes[0])
+        shapes = self._shapes(places)
+        return [np.concatenate(pair) for pair in zip(palettes, shapes, strict=True)]
 
     def _palette(self, place):
         """Return the joints as rows of four, from rest to posed, each about its origin."""
@@ -249,8 +259,8 @@ class _Cast:
             out.append(rows)
         return out
 
-    def draw(self, bulge):
-        textures = dict(self.textures)
+    def draw(self, bulge, state):
+        textures = self.textures | {'ibr_state': state}
         if self.store is not None:
             textures |= self.store.textures
         self.quad.draw(self.uniforms | {'ibr_bulge': float(bulge)}, textures)

@@ -9,7 +9,7 @@ from pvibr.gl.feature import replacements
 
 _SURFACE = 2  # VTK_SURFACE
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper')
-_ASSIGNED = re.compile(r'\bgl_Position\b[.\w]*\s*[-+*/]?=(?!=)')
+_ASSIGNED = re.compile(r'\bgl_Position\b[.\w]*\s*[-+*/]?=(?!=)|#define vertexMC\b')
 
 
 class Doubles:

@@ -78,6 +78,7 @@ def test_picture_is_that_of_the_posed_mesh(look):
 
 EFFECTS = {
     'pcf': lambda actors: pvibr.Shadows(resolution=1024),
+    'volume': lambda actors: pvibr.Shadows(method='volume'),
     'msm': lambda actors: pvibr.Shadows(resolution=1024, method='msm'),
     'outline': lambda actors: pvibr.Outline(),
     'glow': lambda actors: pvibr.Glow(actors),
@@ -110,6 +111,33 @@ def test_buffers_are_those_of_the_posed_mesh(name):
         found.append(np.nan_to_num(pl.ibr.buffer(name), posinf=0.0))
     assert np.abs(found[0] - found[1]).max() < 1e-3
     assert len(np.unique(found[0])) >= 3
+
+
+def test_a_moving_figure_throws_a_moving_shadow():
+    """Maps and volumes notice a new pose; a still one draws nothing anew."""
+    figure = worm(clips=[bending()])
+    for method in ('pcf', 'volume'):
+        pl = plotter(lighting='none')
+        pl.add_light(pv.Light(position=(6, -6, 8), light_type='scene light'))
+        pl.add_mesh(pv.Plane(center=(0, 0, -2.5), i_size=12, j_size=12), color='white')
+        pl.ibr.add_figure(figure)
+        shadows = pl.ibr.add(pvibr.Shadows(method=method, resolution=512))
+        drawn = []
+        for time in (0.0, 0.0, 1.0, 1.0):
+            pl.ibr.time = time
+            shot(pl)
+            drawn.append(shadows.report()['views drawn' if method == 'pcf' else 'masks drawn'])
+        assert drawn[0] == drawn[1] < drawn[2] == drawn[3]
+        pl.close()
+
+
+def test_depth_is_never_that_of_the_rest_pose():
+    """What draws depth alone must not take an actor's mesh for what it shows."""
+    from pvibr.gl.doubles import Doubles
+
+    pl = plotter()
+    actor = pl.ibr.add_figure(worm()).actors()[0]
+    assert Doubles().of(actor) is actor
 
 
 # -- time ------------------------------------------------------------------------------------
