@@ -36,7 +36,13 @@ class Stand:
         self.drawing_over = self._ground.drawing
 
     def ground(self, *, ends_at_one=False):
-        """Return what light is blended on, as for the last effect of a frame."""
+        """Return what light is blended with, as for the last effect of a frame.
+
+        Parameters
+        ----------
+        ends_at_one : bool
+            As of :meth:`pvibr.gl.picture.Picture.ground`; its 8 bits do.
+        """
         return self._ground
 
     def release(self):
