@@ -104,30 +104,36 @@ void main() {
 //@behind
 uniform vec3 low;  // the background that was there: below, above
 uniform vec3 high;
-// The scene was drawn on black: what shows through it is added, and alpha stays.
-vec4 behind(vec4 k) {
-  vec4 c = texture(color, uv);
+// The scene c was drawn on black: what shows through it is added, and alpha stays.
+vec4 behind(vec4 c, vec4 k) {
   return vec4(c.rgb + (1.0 - c.a) * mix(mix(low, high, place().y), k.rgb, k.a), c.a);
 }
 
 //@backdrop
-void main() { gl_FragData[0] = behind(picture()); }
+void main() { gl_FragData[0] = behind(texture(color, uv), picture()); }
 
-//@sky
-uniform mat3 sky_from_clip;  // of (x, y, 1) in what is drawn now: to a direction, z up
+// Colours of a direction, z up; how far it rises, -1 to 1.
+//@gradient
 uniform vec3 top;
 uniform vec3 horizon;
 uniform vec3 bottom;
-uniform vec2 amount;  // opacity, strength
-uniform int painted;
+vec3 sky(vec3 to, float rise) { return mix(horizon, rise > 0.0 ? top : bottom, abs(rise)); }
+
+//@panorama
 uniform sampler2D panorama;
+vec3 sky(vec3 to, float rise) {
+  vec2 at = vec2(0.5 - atan(to.y, to.x) / 6.2831853, 0.5 + 0.5 * rise);
+  return textureLod(panorama, at, 0.0).rgb;
+}
+
+//@sky
+uniform mat3 sky_from_clip;  // of (x, y, 1) in what is drawn now: to a direction
+uniform vec2 amount;  // opacity, strength
 void main() {
+  vec4 c = texture(color, uv);
+  gl_FragData[0] = c;
+  if (c.a >= 1.0) return;
   vec3 to = normalize(sky_from_clip * vec3(2.0 * uv - 1.0, 1.0));
   float rise = asin(clamp(to.z, -1.0, 1.0)) / 1.5707963;
-  vec3 k = mix(horizon, rise > 0.0 ? top : bottom, abs(rise));
-  if (painted == 1) {
-    vec2 at = vec2(0.5 - atan(to.y, to.x) / 6.2831853, 0.5 + 0.5 * rise);
-    k = textureLod(panorama, at, 0.0).rgb;
-  }
-  gl_FragData[0] = behind(vec4(amount.y * k, amount.x));
+  gl_FragData[0] = behind(c, vec4(amount.y * sky(to, rise), amount.x));
 }

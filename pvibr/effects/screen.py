@@ -515,8 +515,6 @@ class Sky(_Behind):
     >>> pl.show()
     """
 
-    parts = ('behind', 'sky')
-
     up = Param((0.0, 0.0, 1.0), 'Where up is in the world.')
     turn = Param(0.0, 'How far it is turned about up.', unit='degrees')
     strength = Param(
@@ -532,6 +530,9 @@ class Sky(_Behind):
     def __init__(self, panorama=None, **settings):
         self._image = None if panorama is None else Shown(panorama, repeat=True)
         super().__init__(**settings)
+
+    def _entries(self):
+        return 'behind', 'gradient' if self._image is None else 'panorama', 'sky'
 
     def needed(self, frame) -> bool | str:
         """Tell whether it can be seen.
@@ -570,7 +571,6 @@ class Sky(_Behind):
             'horizon': self.horizon,
             'bottom': self.bottom,
             'amount': (self.opacity, self.strength),
-            'painted': int(self._image is not None),
         }
 
     def _textures(self, frame):
