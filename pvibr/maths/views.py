@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -280,11 +281,12 @@ def covered(view, bounds, size) -> tuple[int, int, int, int]:
     points = corners(bounds).reshape(-1, 3)
     clip = view.clip_from_view @ view.view_from_world
     x, y, _, w = clip[:, :3] @ points.T + clip[:, 3:]
-    if not (w > 0).all():
+    if w.min() <= 0:
         return 0, 0, int(size[0]), int(size[1])
-    found: list[int] = []
-    for ends in (np.min, np.max):
-        for share, pixels in zip((x / w, y / w), size, strict=True):
-            edge = np.clip((ends(share) + 1) / 2 * pixels, 0, pixels).round(6)
-            found.append(int(np.floor(edge) if ends is np.min else np.ceil(edge)))
-    return found[0], found[1], found[2], found[3]
+    x, y = (x / w + 1) * (size[0] / 2), (y / w + 1) * (size[1] / 2)
+    left, bottom = (math.floor(round(float(edge.min()), 6)) for edge in (x, y))
+    right, top = (math.ceil(round(float(edge.max()), 6)) for edge in (x, y))
+    return (
+        min(max(left, 0), size[0]), min(max(bottom, 0), size[1]),
+        min(max(right, 0), size[0]), min(max(top, 0), size[1]),
+    )  # fmt: skip
