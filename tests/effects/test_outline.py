@@ -8,7 +8,9 @@ import pyvista as pv
 from scipy.spatial import cKDTree
 
 import pvibr
+from pvibr import buffers
 from pvibr.bench.effects_outline import MESHES, agreement, contour, inner
+from pvibr.gl import scene_pass
 
 SIZE = (320, 240)
 RED = (1.0, 0.0, 0.0)
@@ -214,3 +216,79 @@ def test_added_again_and_debug():
     edges = shot(pl)
     assert (edges.max(2) == 255).sum() < 0.05 * edges[..., 0].size
     assert not edges[..., 2].any()
+
+
+@pytest.mark.parametrize('scale', [2, 3])
+def test_large_screenshots_have_the_same_lines(scale):
+    pl = plotter(MESHES['ball'], ambient=1.0, diffuse=0.0)
+    pl.ibr.add(pvibr.Outline(color=RED, width=4))
+    small = shot(pl)
+    large = pl.screenshot(scale=scale).astype(int)
+    assert large.shape[:2] == (scale * SIZE[1], scale * SIZE[0])
+    ink = [red(image).sum() for image in (small, large)]
+    assert ink[1] / ink[0] == pytest.approx(scale**2, rel=0.1)
+    mean = large.reshape(SIZE[1], scale, SIZE[0], scale, 3).mean((1, 3))
+    assert np.abs(mean - small).max(2).mean() < 1
+
+
+def test_lines_cross_the_seams_of_tiles():
+    pl = plotter(lighting=False)
+    pl.add_mesh(pv.Plane(i_size=1.2, j_size=1.2), lighting=False, color='white')
+    pl.view_xy()
+    pl.enable_parallel_projection()
+    pl.camera.parallel_scale = 1.0
+    pl.ibr.add(pvibr.Outline(width=6, color=RED))
+    shot(pl)
+    image = red(pl.screenshot(scale=2))
+    # The seams are the middle row and column; there the square's sides are as wide as elsewhere.
+    assert image[240].sum() == image[239].sum() == image[200].sum() == 24
+    assert image[:, 320].sum() == image[:, 319].sum() == image[:, 280].sum() == 24
+
+
+ENABLED = {
+    'msaa': lambda pl: pl.enable_anti_aliasing('msaa', multi_samples=4),
+    'ssaa': lambda pl: pl.enable_anti_aliasing('ssaa'),
+    'fxaa': lambda pl: pl.renderer.SetUseFXAA(True),
+    'eye dome': lambda pl: pl.enable_eye_dome_lighting(),
+    'occlusion': lambda pl: pl.enable_ssao(),
+    'peeling': lambda pl: pl.enable_depth_peeling(),
+    'gradient': lambda pl: pl.set_background('gray', top='white'),
+}
+
+
+@pytest.mark.parametrize('chosen', [False, True])
+@pytest.mark.parametrize('name', ENABLED)
+def test_beside_what_plotters_enable(name, chosen):
+    mesh = MESHES['torus'].triangulate()
+    pl = plotter()
+    actor = pl.add_mesh(mesh, color='white')
+    pl.add_mesh(pv.Sphere(radius=0.1, center=(0, 0, 0.5)), opacity=0.4)
+    ENABLED[name](pl)
+    pl.ibr.add(pvibr.Outline(actors=actor if chosen else None, color=RED, normal=False))
+    shot(pl)
+    pl.render()
+    found = agreement(red(pl.screenshot().astype(int)), inner(mesh, pl.camera, SIZE))
+    assert min(found) >= 0.9
+
+
+def test_outlines_and_buffers_share_one_drawing(monkeypatch):
+    pl = plotter()
+    ball = pl.add_mesh(pv.Sphere())
+    outlines = [pvibr.Outline(), pvibr.Outline(actors=ball, width=4), pvibr.Outline(normal=False)]
+    for outline in outlines:
+        pl.ibr.add(outline)
+    drawn = []
+    monkeypatch.setattr(buffers.Drawn, 'draw', lambda *_: drawn.append('again'))
+    attach = scene_pass.ScenePass.attach_surfaces
+    monkeypatch.setattr(
+        scene_pass.ScenePass, 'attach_surfaces', lambda *a: drawn.append('with') or attach(*a)
+    )
+    pl.show(auto_close=False)
+    drawn.clear()
+    pl.render()
+    assert drawn == ['with']
+    for outline in outlines:
+        outline.ids = outline.depth = outline.normal = False
+        outline.luminance = True
+    pl.render()
+    assert drawn == ['with']
