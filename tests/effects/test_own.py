@@ -208,3 +208,28 @@ def test_bad_arguments(tmp_path):
         ImageEffect(body('return vec4(0.0);'), word='x')
     with pytest.raises(TypeError, match='five'):
         ImageEffect(body('return vec4(0.0);'), five=(1, 2, 3, 4, 5))
+
+
+ENABLED = {
+    'ssaa': lambda pl: pl.enable_anti_aliasing('ssaa'),
+    'msaa': lambda pl: pl.enable_anti_aliasing('msaa'),
+    'ssao': lambda pl: pl.enable_ssao(),
+    'peeling': lambda pl: pl.enable_depth_peeling(),
+    'gradient': lambda pl: pl.set_background('black', top='white'),
+    'nothing': lambda pl: None,
+}
+
+
+@pytest.mark.parametrize('high', [False, True])
+@pytest.mark.parametrize('name', ENABLED)
+def test_normals_beside_what_a_plotter_enables(pl, name, high):
+    normal = pl.ibr.buffer('normal')
+    ENABLED[name](pl)
+    text = 'return vec4(0.5 + 0.5 * normal_at(uv), 1.0);'
+    pl.ibr.add(ImageEffect(body(text), high_range=high))
+    shot(pl)
+    differ = np.abs(shot(pl) - 255 * (0.5 + 0.5 * normal)).max(axis=2)
+    assert (differ > 3).mean() < 0.02  # along edges, where there are several samples
+    assert np.median(differ) <= 1
+    large = shot(pl, scale=2).reshape(SIZE[1], 2, SIZE[0], 2, 3).mean(axis=(1, 3))
+    assert (np.abs(large - shot(pl)).max(axis=2) > 12).mean() < 0.12  # at edges
