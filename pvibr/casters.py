@@ -283,6 +283,17 @@ def _set_number(actor, name, value):
     actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf(name, float(value))
 
 
+def depths_of(thing) -> list:
+    """Return the actors that draw the depth of what a thing shows.
+
+    Parameters
+    ----------
+    thing : pvibr.Effect
+        Prepared for the view.
+    """
+    return getattr(thing, 'depths', thing.drawn)()
+
+
 @dataclass
 class Casters:
     """What is drawn in a view from somewhere else.
@@ -294,7 +305,8 @@ class Casters:
     things : list of pvibr.Effect
         Things in the pipeline that choose what they draw for each view, such as instances: they
         have ``prepare``, ``finish``, ``bounds``, ``stamp()``, ``actors()`` and ``drawn()``; those
-        whose shadows volumes can throw have ``solids()``, actors with what they draw as meshes.
+        whose shadows volumes can throw have ``solids()``, actors with what they draw as meshes,
+        and those with a cheaper way to draw depth alone have ``depths()``, actors that do.
     frame : pvibr.frame.Frame, optional
         In whose picture points and lines have their width.
     """

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.casters import SPHERES, address, sized
+from pvibr.casters import SPHERES, address, depths_of, sized
 from pvibr.gl import Target, texture_limit
 from pvibr.gl.feature import Feature
 
@@ -157,7 +157,7 @@ class DepthView:
         with sized(casters.actors, frame, seen, bulge):
             self.drawer.draw_depth(casters.actors, faces=faces)
         for thing in casters.things:
-            self.drawer.draw(thing.drawn())
+            self.drawer.draw(depths_of(thing))
             thing.finish(seen)
 
     def _dress(self, actors):

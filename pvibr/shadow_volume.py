@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pvibr import _vtk
-from pvibr.casters import address, sized
+from pvibr.casters import address, depths_of, sized
 from pvibr.gl import shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
@@ -136,7 +136,7 @@ class ShadowVolumes:
         with sized(shown.actors, frame, frame, bulge):
             self.drawer.draw_depth(shown.actors)
         for thing in shown.things:
-            self.drawer.draw(thing.drawn())
+            self.drawer.draw(depths_of(thing))
 
     def _draw_masks(self, view, lights, meshes, shown):
         boxes = np.array([actor.GetBounds() for actor, *_ in meshes], float).reshape(-1, 6)

@@ -155,6 +155,10 @@ class FigureActor(FigurePlayer):
         """Return the actors that are visible."""
         return [a for a in self.actors() if a.GetVisibility()]
 
+    def depths(self) -> list:
+        """Return actors that draw the depth of what is shown, and maybe nothing else."""
+        return [b.depth_actor() for b in self._bodies if b.actor.GetVisibility()]
+
     def solids(self) -> list:
         """Return actors whose mappers have what is shown as meshes, posed when they are asked."""
         if not self._is_shown():
@@ -310,8 +314,8 @@ class FigureActor(FigurePlayer):
         self._release_posing()
         window = None if self.pipeline is None else self.pipeline.window
         if window is not None:
-            for actor in self.actors():
-                actor.ReleaseGraphicsResources(window)
+            for body in self._bodies:
+                body.release(window)
 
     def report(self) -> dict:
         """Return bytes on the GPU, and what was posed so far."""

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
+from pvibr import _vtk
 from pvibr.actors.parts import as_parts, dressed
 from pvibr.actors.posing import SAMPLERS, Mould, Place, posed_feature
+from pvibr.gl.doubles import is_cut_out
 
 #: How far a box is made larger than what is seen to be needed, so that it seldom changes.
 _ROOM = 0.25
+_SURFACE = 2  # VTK_SURFACE
 _KINDS = ('positions', 'normals')
 
 
@@ -112,10 +115,22 @@ class RigidBody:
         Its joint, -1 for none.
     """
 
-    mould = None
-
     def __init__(self, part, node):
         self.part, self.actor, self.node = part, part.actor, node
+
+    def depth_actor(self):
+        """Return what draws its depth."""
+        return self.actor
+
+    def release(self, window):
+        """Free what its actor holds on the GPU.
+
+        Parameters
+        ----------
+        window : vtkRenderWindow
+            Whose context is current.
+        """
+        self.actor.ReleaseGraphicsResources(window)
 
     def move(self, user, moment):
         """Take the place that a moment gives it.
@@ -168,6 +183,7 @@ class PosedBody:
         self.box = np.array([1.0, -1.0] * 3)
         self.mesh = _with_spares(part.mesh, order, self.mould.points - self.mould.origin)
         self.actor = self._actor(part)
+        self._double = self._depth_double()
 
     def _mould(self, shapes):
         order = shapes.order
@@ -190,6 +206,44 @@ class PosedBody:
         posed_feature().attach(actor)
         return actor
 
+    def _depth_double(self):
+        """Return an actor that draws its depth by a shader that does nothing else."""
+        mapper = _vtk.vtkPolyDataMapper()
+        mapper.SetInputDataObject(self.mesh)
+        mapper.ScalarVisibilityOff()
+        mapper.SetVBOShiftScaleMethod(mapper.DISABLE_SHIFT_SCALE)
+        double = pv.Actor()
+        double.SetMapper(mapper)
+        double.GetProperty().LightingOff()
+        posed_feature().attach(double)
+        return double
+
+    def depth_actor(self):
+        """Return what draws its depth alone, where colours do not say where there is any.
+
+        Software drivers run the whole fragment shader where there is no colour to write.
+        """
+        actor = self.actor
+        if actor.GetProperty().GetRepresentation() != _SURFACE or is_cut_out(actor):
+            return actor
+        if actor.HasTranslucentPolygonalGeometry() or self.part.alpha_cutoff is not None:
+            return actor
+        ours, theirs = self._double.GetProperty(), actor.GetProperty()
+        ours.SetBackfaceCulling(theirs.GetBackfaceCulling())
+        ours.SetFrontfaceCulling(theirs.GetFrontfaceCulling())
+        return self._double
+
+    def release(self, window):
+        """Free what its actors hold on the GPU.
+
+        Parameters
+        ----------
+        window : vtkRenderWindow
+            Whose context is current.
+        """
+        for actor in (self.actor, self._double):
+            actor.ReleaseGraphicsResources(window)
+
     def aim(self, row, units):
         """Tell the shader where its vertices are.
 
@@ -200,10 +254,11 @@ class PosedBody:
         units : dict of str to int
             Texture units of the samplers.
         """
-        uniforms = self.actor.GetShaderProperty().GetVertexCustomUniforms()
-        uniforms.SetUniformi('ibr_posed_row', row)
-        for name in SAMPLERS:
-            uniforms.SetUniformi(name, units[name])
+        for actor in (self.actor, self._double):
+            uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+            uniforms.SetUniformi('ibr_posed_row', row)
+            for name in SAMPLERS:
+                uniforms.SetUniformi(name, units[name])
 
     def place(self, moment) -> Place:
         """Return what makes its pose.
@@ -233,7 +288,7 @@ class PosedBody:
         matrix = np.eye(4)
         matrix[:3, 3] = moment.origin if skinned else self.mould.origin
         matrix = node @ matrix
-        self.actor.user_matrix = user @ matrix
+        self.actor.user_matrix = self._double.user_matrix = user @ matrix
         self._hold(moved_bounds(np.linalg.inv(matrix), moment.bounds))
 
     def _hold(self, bounds):
