@@ -2,7 +2,7 @@
 A mirror and a monitor
 ======================
 
-What other cameras see, worn as textures: a flat mirror, and a monitor that looks from the side.
+What other cameras see: a flat mirror, a monitor that looks from the side, an inset from above.
 """
 
 import numpy as np
@@ -46,7 +46,14 @@ live = pl.ibr.add(pvibr.LiveTexture(camera, size=(480, 360)))
 pl.add_mesh(upright(1.3, 1.6, 2.0, 1.5), color='white', lighting=False).texture = live.texture
 
 # %%
-# 4. Both are drawn again only when what they show changes.
+# 4. A live texture is an image too, wherever one is taken: here as an inset over the picture.
+above = pv.Camera()
+above.position, above.focal_point, above.up = (0, 0.3, 9), (0, 0.3, 0), (0, 1, 0)
+plan = pl.ibr.add(pvibr.LiveTexture(above, size=(240, 180)))
+pl.ibr.add(pvibr.Picture(plan, place=(0.02, 0.66, 0.26, 0.98)))
+
+# %%
+# 5. All are drawn again only when what they show changes.
 pl.camera_position = [(0.4, -6.5, 2.4), (0.4, 0.6, 0.6), (0, 0, 1)]
 pl.show(auto_close=False)
 print(pl.ibr.report())
