@@ -8,6 +8,7 @@ import weakref
 
 import pyvista as pv
 
+from pvibr.clock import Clock
 from pvibr.errors import ClosedError, PvibrWarning
 from pvibr.pipeline import Pipeline
 from pvibr.report import Report
@@ -38,6 +39,7 @@ class IBRComponent:
         self._plotter = plotter
         self._pipelines: list[Pipeline] = []
         self._time = 0.0
+        self._clock = Clock(plotter, self._show_time)
         self._numbered: list = []
         self._closed = False
 
@@ -71,9 +73,63 @@ class IBRComponent:
         if not abs(float(seconds)) < float('inf'):
             msg = f'time = {seconds!r}: must be a finite number of seconds'
             raise ValueError(msg)
-        self._time = float(seconds)
+        self._show_time(float(seconds))
+        self._clock.set(self._time)
+
+    def _show_time(self, seconds):
+        self._time = seconds
         for pipeline in self._pipelines:
-            pipeline.time = self._time
+            pipeline.time = seconds
+
+    def play(self, speed=1.0, loop=None, *, fps=None):
+        """Let the time go on by itself, in windows, notebooks and movies.
+
+        A window's time is that of the wall. So is that of a notebook whose pictures come from the
+        server (``jupyter_backend='server'`` or ``'trame'``). While a movie is open, each
+        ``plotter.write_frame()`` moves the time on by one frame's share of a second. Off screen
+        nothing else does: set `time` there.
+
+        Parameters
+        ----------
+        speed : float
+            Seconds in a second of those who look; backward below 0.
+        loop : float, optional
+            Seconds after which it begins again where it began.
+        fps : float, optional
+            Frames of a movie in a second; by default those that the movie was opened with.
+
+        Raises
+        ------
+        ValueError
+            Where a number is not allowed.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+        >>> pl.ibr.play(speed=0.5)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     pl.open_gif(pathlib.Path(folder) / 'ball.gif', fps=10)
+        ...     for _ in range(4):
+        ...         pl.write_frame()
+        ...     pl.close()
+        >>> pl.ibr.time
+        0.2
+        """
+        self._check_open()
+        self._clock.start(self._time, speed=speed, loop=loop, fps=fps)
+
+    def stop(self):
+        """Let the time stand still, at what it is now."""
+        self._clock.stop()
+
+    @property
+    def playing(self) -> bool:
+        """Whether the time goes on by itself."""
+        return self._clock.running
 
     def add(self, effect):
         """Put an effect or a thing into the active subplot.
@@ -419,11 +475,13 @@ class IBRComponent:
     def close(self):
         """Release everything; a plotter does so by itself. Calling it again is fine."""
         self._closed = True
+        self._clock.stop()
         self._numbered = []
         while self._pipelines:
             self._pipelines.pop().release()
 
     def _on_deleted(self, *_):
+        self._clock.stop()
         self._closed = True  # too late to release: asking a dying window for its context crashes
 
     def __enter__(self):

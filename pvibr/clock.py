@@ -1,0 +1,222 @@
+"""What moves the time: the timer of a window, a notebook's loop, or the frames of a movie."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import math
+from time import perf_counter
+
+#: Milliseconds between two looks at the clock.
+PERIOD = 16
+
+
+class Clock:
+    """Moves a time while a plotter is looked at or filmed.
+
+    In windows and notebooks seconds are those of the wall. A movie that is open decides instead:
+    each frame that is written is one frame's time later than the one before. Off screen nothing
+    else moves the time, so that pictures are the same wherever they are made.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+        What draws; anything with ``render()`` and either ``render_window`` or ``renderer``.
+    tell : callable
+        Takes the new time in seconds.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> times = []
+    >>> clock = Clock(pl, times.append)
+    >>> clock.start(0.0, speed=2.0, fps=10)
+    >>> clock.write(lambda: None)
+    >>> clock.write(lambda: None)
+    >>> times
+    [0.2, 0.4]
+    >>> clock.stop()
+    >>> pl.close()
+    """
+
+    def __init__(self, plotter, tell):
+        self._plotter, self._tell = plotter, tell
+        self._ticks: _Timer | _Loop | None = None
+        self._films = False
+        self.running = False
+
+    def start(self, time, *, speed=1.0, loop=None, fps=None):
+        """Let the time go on from some moment.
+
+        Parameters
+        ----------
+        time : float
+            The moment, seconds.
+        speed : float
+            Seconds in a second of those who look; backward below 0.
+        loop : float, optional
+            Seconds after which it begins again at this moment.
+        fps : float, optional
+            Frames of a movie in a second; by default those that the movie was opened with.
+
+        Raises
+        ------
+        ValueError
+            Where a number is not allowed.
+        """
+        speed = float(speed)
+        if not math.isfinite(speed):
+            msg = f'speed = {speed}: must be a finite number; 0 stands still'
+            raise ValueError(msg)
+        _check_positive('loop', loop, 'seconds')
+        _check_positive('fps', fps, 'frames a second')
+        self.stop()
+        self._speed, self._loop, self._fps = speed, loop, fps
+        self._origin = float(time)
+        self.set(time)
+        self.running = True
+        self._ticks = _ticks(self._plotter, self._tick)
+        self._watch_movie()
+
+    def set(self, time):
+        """Go on from another moment.
+
+        Parameters
+        ----------
+        time : float
+            Seconds.
+        """
+        self._base = self._shown = float(time)
+        self._since: float | None = None
+        self._frames = 0
+
+    def stop(self):
+        """Stay at this moment. Calling it again is fine."""
+        self.running = False
+        ticks, self._ticks = self._ticks, None
+        if ticks is not None:
+            ticks.stop()
+        if self._films:
+            self._films = False
+            self._plotter.__dict__.pop('write_frame', None)
+
+    def write(self, frame):
+        """Write a frame of a movie, after which it is later.
+
+        Parameters
+        ----------
+        frame : callable
+            Writes it.
+
+        Raises
+        ------
+        ValueError
+            Where nobody says how many frames a second has.
+        """
+        fps = self._fps or _fps_of(getattr(self._plotter, 'mwriter', None))
+        frame()
+        self._frames += 1
+        self._go(self._frames / fps)
+
+    def _watch_movie(self):
+        write = getattr(self._plotter, 'write_frame', None)
+        if write is None:
+            return
+
+        # VTK and PyVista have no event for it.
+        @functools.wraps(write)
+        def write_frame():
+            self.write(write)
+
+        self._plotter.write_frame = write_frame
+        self._films = True
+
+    def _tick(self):
+        """Take the time of the wall, which began with the first tick: windows open late."""
+        if getattr(self._plotter, 'mwriter', None) is not None:
+            return
+        now = perf_counter()
+        if self._since is None:
+            self._since = now
+        if self._go(now - self._since):
+            self._plotter.render()
+
+    def _go(self, seconds) -> bool:
+        """Take the time that is so many seconds later; tell whether it is another one."""
+        time = self._base + self._speed * seconds
+        if self._loop is not None:
+            time = self._origin + (time - self._origin) % self._loop
+        if time == self._shown:
+            return False
+        self._shown = time
+        self._tell(time)
+        return True
+
+
+class _Timer:
+    """Ticks of a window's interactor."""
+
+    def __init__(self, interactor, tick):
+        self._interactor = interactor
+        self._observer = interactor.AddObserver('TimerEvent', lambda *_: tick())
+        self._timer = interactor.CreateRepeatingTimer(PERIOD)
+
+    def stop(self):
+        self._interactor.RemoveObserver(self._observer)
+        self._interactor.DestroyTimer(self._timer)
+
+
+class _Loop:
+    """Ticks of the loop in which a notebook and its server run."""
+
+    def __init__(self, loop, tick):
+        self._loop, self._tick = loop, tick
+        self._wait()
+
+    def _wait(self):
+        self._next = self._loop.call_later(PERIOD / 1e3, self._run)
+
+    def _run(self):
+        self._wait()
+        try:
+            self._tick()
+        except Exception:
+            self.stop()
+            raise
+
+    def stop(self):
+        self._next.cancel()
+
+
+def _ticks(plotter, tick):
+    """Return what ticks where a plotter is looked at; None off screen."""
+    if getattr(plotter, 'notebook', False):
+        try:
+            return _Loop(asyncio.get_running_loop(), tick)
+        except RuntimeError:  # nothing runs
+            return None
+    renderer = plotter.renderer
+    window = renderer.GetRenderWindow()
+    interactor = None if window is None else window.GetInteractor()
+    if interactor is None or getattr(plotter, 'off_screen', window.GetOffScreenRendering()):
+        return None
+    return _Timer(interactor, tick)
+
+
+def _fps_of(writer):
+    """Return the frames a second that a writer of imageio was opened with."""
+    given = dict(getattr(getattr(writer, 'request', None), 'kwargs', {}))
+    given |= getattr(writer, 'write_args', {})
+    if given.get('fps'):
+        return float(given['fps'])
+    if given.get('duration'):
+        return 1e3 / float(given['duration'])
+    msg = 'the movie does not say how many frames a second has: give play(fps=...)'
+    raise ValueError(msg)
+
+
+def _check_positive(name, value, unit):
+    if value is not None and not 0 < float(value) < math.inf:
+        msg = f'{name} = {value!r}: must be {unit}, above 0'
+        raise ValueError(msg)

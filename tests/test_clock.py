@@ -1,0 +1,203 @@
+import asyncio
+from types import SimpleNamespace
+
+import pytest
+import pyvista as pv
+
+from pvibr import ClosedError, Effect, _vtk, attach
+from pvibr.clock import Clock
+
+
+class Count(Effect):
+    """Keep the times of the frames."""
+
+    def __init__(self):
+        super().__init__()
+        self.times = []
+
+    def prepare(self, frame):
+        self.times.append(frame.time)
+
+
+@pytest.fixture
+def wall(monkeypatch):
+    """A clock on the wall that goes when it is told to."""
+    now = SimpleNamespace(seconds=100.0)
+    monkeypatch.setattr('pvibr.clock.perf_counter', lambda: now.seconds)
+    return now
+
+
+@pytest.fixture
+def window():
+    """A window whose timer ticks when it is told to."""
+    ui = pytest.importorskip('vtkmodules.vtkRenderingUI')
+    made = _vtk.vtkRenderWindow()
+    made.SetSize(32, 24)
+    renderer = _vtk.vtkRenderer()
+    made.AddRenderer(renderer)
+    interactor = ui.vtkGenericRenderWindowInteractor()
+    interactor.SetRenderWindow(made)
+    timers = []
+    interactor.AddObserver('CreateTimerEvent', lambda *_: timers.append('on'))
+    interactor.AddObserver('DestroyTimerEvent', lambda *_: timers.append('off'))
+    with attach(renderer) as ibr:
+        ibr._plotter.off_screen = False  # here windows may have no screen
+        yield SimpleNamespace(ibr=ibr, tick=lambda: interactor.InvokeEvent('TimerEvent'),
+                              timers=timers, window=made)  # fmt: skip
+
+
+def test_a_window_shows_the_time_of_the_wall(window, wall):
+    seen = window.ibr.add(Count())
+    window.ibr.time = 5.0
+    window.ibr.play(speed=2.0)
+    assert window.ibr.playing
+    for wall.seconds in (200.0, 200.5, 201.0):  # the first tick is when it opens
+        window.tick()
+    assert seen.times == [6.0, 7.0]
+    window.ibr.stop()
+    window.tick()
+    assert not window.ibr.playing
+    assert window.ibr.time == 7.0
+    assert window.timers == ['on', 'off']
+
+
+def test_a_time_that_is_set_is_where_it_goes_on(window, wall):
+    window.ibr.play()
+    for wall.seconds in (1.0, 3.0):
+        window.tick()
+    assert window.ibr.time == 2.0
+    window.ibr.time = 50.0
+    for wall.seconds in (4.0, 4.5):
+        window.tick()
+    assert window.ibr.time == 50.5
+
+
+def test_nothing_is_drawn_when_the_time_stands(window, wall):
+    seen = window.ibr.add(Count())
+    window.ibr.play(speed=0.0)
+    for wall.seconds in (1.0, 2.0):
+        window.tick()
+    assert seen.times == []
+
+
+@pytest.mark.parametrize(('speed', 'expected'), [(1.0, [2.5, 2.25]), (-1.0, [2.5, 2.75])])
+def test_a_loop_begins_again(window, wall, speed, expected):
+    window.ibr.time = 2.0
+    window.ibr.play(speed, loop=1.0)
+    wall.seconds = 0.0
+    window.tick()
+    for wall.seconds, time in zip((10.5, 11.25), expected, strict=True):
+        window.tick()
+        assert window.ibr.time == time
+
+
+def test_closing_ends_it(window, wall):
+    window.ibr.play()
+    window.ibr.close()
+    assert window.timers == ['on', 'off']
+    assert not window.ibr.playing
+    wall.seconds += 1
+    window.tick()
+    assert window.ibr.time == 0.0
+
+
+def test_playing_again_replaces_it(window, wall):
+    window.ibr.play()
+    window.ibr.play(speed=3.0)
+    assert window.timers == ['on', 'off', 'on']
+    for wall.seconds in (0.0, 1.0):
+        window.tick()
+    assert window.ibr.time == 3.0
+
+
+def test_off_screen_only_frames_of_a_movie_move_it(tmp_path, wall):
+    pl = pv.Plotter(off_screen=True, window_size=(32, 32))
+    seen = pl.ibr.add(Count())
+    pl.ibr.time = 1.0
+    pl.ibr.play(speed=2.0)
+    pl.show(auto_close=False)
+    wall.seconds += 10
+    pl.screenshot(return_img=True)
+    assert set(seen.times) == {1.0}
+    pl.open_gif(tmp_path / 'a.gif', fps=4)
+    for _ in range(3):
+        pl.write_frame()
+    assert sorted(set(seen.times)) == [1.0, 1.5, 2.0]
+    assert pl.ibr.time == 2.5
+    pl.ibr.stop()
+    pl.write_frame()
+    assert pl.ibr.time == 2.5
+    assert 'write_frame' not in vars(pl)
+    pl.close()
+
+
+def test_a_movie_decides_in_a_window_as_well(window, wall):
+    """Frames are one apart, however long they take."""
+    plotter = SimpleNamespace(
+        renderer=window.ibr._plotter.renderer, mwriter=SimpleNamespace(write_args={'fps': 10})
+    )
+    times = []
+    clock = Clock(plotter, times.append)
+    clock.start(0.0)
+    for wall.seconds in (1.0, 2.0):
+        window.tick()
+    assert times == []
+    for _ in range(30):
+        clock.write(lambda: None)
+    assert times[-1] == 3.0  # not thirty times a rounded tenth
+    clock.stop()
+
+
+def test_movies_know_their_frames_a_second(tmp_path):
+    pytest.importorskip('imageio_ffmpeg')
+    pl = pv.Plotter(off_screen=True, window_size=(32, 32))
+    pl.ibr.play()
+    pl.open_movie(tmp_path / 'a.mp4', framerate=25)
+    pl.write_frame()
+    assert pl.ibr.time == 1 / 25
+    pl.close()
+    with pytest.raises(ClosedError):
+        pl.ibr.play()
+
+
+def test_a_movie_that_does_not_say_is_asked_about():
+    plotter = SimpleNamespace(renderer=_vtk.vtkRenderer(), mwriter=object())
+    clock = Clock(plotter, print)
+    clock.start(0.0)
+    with pytest.raises(ValueError, match='fps'):
+        clock.write(lambda: None)
+
+
+def test_a_notebook_ticks_in_its_loop():
+    drawn, times = [], []
+
+    async def notebook():
+        plotter = SimpleNamespace(notebook=True, render=lambda: drawn.append(times[-1]))
+        clock = Clock(plotter, times.append)
+        clock.start(0.0)
+        while len(drawn) < 3:
+            await asyncio.sleep(0.01)
+        clock.stop()
+        await asyncio.sleep(0.1)
+
+    asyncio.run(notebook())
+    assert drawn == times
+    assert len(times) == 3
+    assert times == sorted(set(times))
+
+
+def test_a_notebook_without_a_loop_only_films():
+    clock = Clock(SimpleNamespace(notebook=True, mwriter=SimpleNamespace(write_args={'fps': 2})),
+                  print)  # fmt: skip
+    clock.start(0.0)
+    assert clock.running
+
+
+@pytest.mark.parametrize(
+    'wrong', [{'speed': float('nan')}, {'loop': 0}, {'loop': -1}, {'fps': 0}, {'fps': 'inf'}]
+)
+def test_numbers_that_are_not_allowed(wrong):
+    pl = pv.Plotter(off_screen=True)
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        pl.ibr.play(**wrong)
+    assert not pl.ibr.playing
