@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from pvibr.animation.clip import Clip, Track
+from pvibr.animation.clip import Clip
+from pvibr.animation.export_tracks import lasting, one_hot, weights_track
 from pvibr.animation.glb_writer import GlbWriter
 from pvibr.errors import PvibrWarning
 from pvibr.maths.tones import to_light
@@ -61,6 +62,7 @@ class _FigureWriter:
         self._left_out = {}
         self._skins = {}
         self._textures = {}
+        self._hung = set()  # further nodes that hang on a joint
 
     def document(self):
         figure = self._figure
@@ -102,7 +104,7 @@ class _FigureWriter:
             host = self._glb.add('nodes', {'name': body.name or f'body{len(nodes)}'})
             if body.node >= 0 and body.skin is None:
                 nodes[body.node].setdefault('children', []).append(host)
-                nodes[host]['child'] = True
+                self._hung.add(host)
         nodes[host]['mesh'] = mesh
         if body.skin is not None:
             nodes[host]['skin'] = self._skin(body.skin)
@@ -115,32 +117,29 @@ class _FigureWriter:
                 nodes[parent].setdefault('children', []).append(joint)
         more = range(len(parents), len(nodes))
         roots = [int(i) for i in np.flatnonzero(parents < 0)]
-        roots += [i for i in more if not nodes[i].pop('child', False)]
-        scene = {'name': self._figure.name} if self._figure.name else {}
-        self._glb.document['scene'] = self._glb.add(
-            'scenes', scene | ({'nodes': roots} if roots else {})
-        )
+        roots += [i for i in more if i not in self._hung]
+        scene = {'nodes': roots} if roots else {}
+        if self._figure.name:
+            scene['name'] = self._figure.name
+        self._glb.document['scene'] = self._glb.add('scenes', scene)
         if not nodes:
             del self._glb.document['nodes']
 
     def _skin(self, skin):
         if skin not in self._skins:
             matrices = np.swapaxes(skin.inverse_bind, 1, 2).reshape(-1, 16)  # column by column
-            joints = [int(node) for node in skin.nodes]
             bind = self._glb.accessor(matrices)
-            self._skins[skin] = self._glb.add(
-                'skins', {'joints': joints, 'inverseBindMatrices': bind}
-            )
+            thing = {'joints': skin.nodes.tolist(), 'inverseBindMatrices': bind}
+            self._skins[skin] = self._glb.add('skins', thing)
         return self._skins[skin]
 
     def _mesh(self, body):
         """Add a body's mesh; None if it has no polygon."""
-        triangles = body.mesh.triangulate()
-        faces = triangles.regular_faces
+        faces = body.mesh.triangulate().regular_faces
         if not len(faces):
             self._left_out['bodies without polygons'] = None
             return None
-        points, normals = self._first_frame(body)
+        points, normals = _neutral(body)
         add = self._glb.accessor
         attributes = {'POSITION': add(points, limits=True)}
         if normals.any():
@@ -160,14 +159,6 @@ class _FigureWriter:
             primitive['targets'] = targets
             mesh |= {'weights': weights, 'extras': {'targetNames': names}}
         return self._glb.add('meshes', mesh)
-
-    @staticmethod
-    def _first_frame(body):
-        if body.frames is None:
-            return body.points, body.normals
-        return np.asarray(body.frames.positions[0], float), np.asarray(
-            body.frames.normals[0], float
-        )
 
     def _colors(self, body):
         if body.look.get('scalars') is None:
@@ -203,29 +194,36 @@ class _FigureWriter:
         what = {'POSITION': 'positions'} | ({'NORMAL': 'normals'} if has_normals else {})
         targets, weights, names = [], [], []
         if body.frames is not None:
-            shapes, first = {'POSITION': body.frames.positions, 'NORMAL': body.frames.normals}, {}
-            for key in what:
-                first[key] = np.asarray(shapes[key][0], float)
-            for i in range(1, len(body.frames.times)):
-                targets.append(
-                    {key: self._delta(slice(None), shapes[key][i] - first[key]) for key in what}
-                )
-                names.append(f'frame{i}')
-            weights += _one_hot(body.frames)[0].tolist()
-        if body.morphs is None:
-            return targets, weights, names
-        for name in ('tangents', 'colors'):
-            if body.morphs.has(name):
-                self._left_out[f'{name} of morph targets'] = None
-        n = len(body.points)
-        for i in range(len(body.morphs)):
-            target = {}
-            for key, name in what.items():
-                if key == 'POSITION' or body.morphs.has(name):
-                    where, values = body.morphs.target(name, i) or _NOTHING
-                    target[key] = self._delta(where, values, n)
-            targets.append(target)
-        return targets, weights + body.morphs.weights.tolist(), names + list(body.morphs.names)
+            targets = self._frame_targets(body, what)
+            weights = one_hot(body.frames)[0].tolist()
+            names = [f'frame{i + 1}' for i in range(len(targets))]
+        if body.morphs is not None:
+            targets += [self._target(body, what, i) for i in range(len(body.morphs))]
+            weights += body.morphs.weights.tolist()
+            names += body.morphs.names
+            for name in ('tangents', 'colors'):
+                if body.morphs.has(name):
+                    self._left_out[f'{name} of morph targets'] = None
+        return targets, weights, names
+
+    def _frame_targets(self, body, what):
+        frames = body.frames
+        first = dict(zip(what, _neutral(body), strict=False))
+        return [
+            {
+                key: self._delta(slice(None), getattr(frames, name)[i] - first[key])
+                for key, name in what.items()
+            }
+            for i in range(1, len(frames.times))
+        ]
+
+    def _target(self, body, what, i):
+        target = {}
+        for key, name in what.items():
+            if key == 'POSITION' or body.morphs.has(name):
+                where, values = body.morphs.target(name, i) or _NOTHING
+                target[key] = self._delta(where, values, len(body.points))
+        return target
 
     def _delta(self, where, values, n=0):
         if isinstance(where, slice):
@@ -237,7 +235,7 @@ class _FigureWriter:
 
     def _animation(self, clip, hosts):
         channels, samplers = [], []
-        for node, path, track in self._channels(_lasting(clip, len(self._figure.skeleton)), hosts):
+        for node, path, track in self._channels(lasting(clip), hosts):
             sampler = {
                 'input': self._glb.accessor(track.times, limits=True),
                 'output': self._glb.accessor(_output(track)),
@@ -260,7 +258,7 @@ class _FigureWriter:
                 found[track.node, track.path] = (int(track.node), track.path, track)
         first = 0
         for body, host in zip(self._figure.bodies, hosts, strict=True):
-            track = _weights_of(clip, first, body)
+            track = weights_track(clip, first, body)
             first += body.n_targets
             if track is not None and host is not None:
                 found[host, 'weights'] = (host, 'weights', track)
@@ -300,6 +298,14 @@ class _FigureWriter:
         return self._textures[id(texture)]
 
 
+def _neutral(body):
+    """Return points and normals that morph targets are added to."""
+    if body.frames is None:
+        return body.points, body.normals
+    shapes = body.frames.positions, body.frames.normals
+    return tuple(np.asarray(shape[0], dtype=np.float64) for shape in shapes)
+
+
 def _translucent(texture):
     return texture is not None and texture.to_array().shape[-1] in (2, 4)
 
@@ -312,106 +318,3 @@ def _unit(vectors):
 def _output(track):
     values = np.roll(track.values, -1, -1) if track.path == 'rotation' else track.values
     return values.reshape(-1) if track.path == 'weights' else values.reshape(-1, track.width)
-
-
-def _one_hot(frames):
-    """Return the weights of all frames but the first, at each frame's time."""
-    return np.eye(len(frames.times))[:, 1:]
-
-
-def _lasting(clip, n_joints):
-    """Return a clip whose last key is at its end, since glTF knows no other duration."""
-    last = max((track.times[-1] for track in clip.tracks), default=0.0)
-    if clip.duration < last:
-        msg = (
-            f'clip {clip.name!r} ends at {clip.duration} s, before its last key at {last} s, '
-            'which glTF cannot say: cut its tracks first.'
-        )
-        raise ValueError(msg)
-    if clip.duration == last or not clip.tracks:
-        return clip
-    first, *others = clip.tracks
-    return Clip(clip.name, [_held(first, clip.duration), *others])
-
-
-def _held(track, time):
-    """Return a track with one more key that holds the last value."""
-    values = track.values.copy()
-    end = values[-1:].copy()
-    if track.interpolation == 'cubic':
-        values[-1, 2], end[0, 0] = 0, 0  # nothing moves between the two keys
-    times = np.append(track.times, time)
-    values = np.concatenate([values, end])
-    return Track(track.node, track.path, times, values, track.interpolation)
-
-
-def _weights_of(clip, first, body):
-    """Return the weights of a body's frames and targets as one track; None if they rest."""
-    tracks = []
-    if body.frames is not None:
-        tracks.append((0, _frame_track(clip, body.frames)))
-    n_frames = 0 if body.frames is None else len(body.frames.times) - 1
-    for track in clip.tracks:
-        if (
-            track.path == 'weights'
-            and track.node < first + body.n_targets
-            and track.node + track.width > first
-        ):
-            tracks.append((n_frames + track.node - first, track))
-    if not tracks:
-        return None
-    rest = (
-        np.zeros(n_frames)
-        if body.morphs is None
-        else np.concatenate([np.zeros(n_frames), body.morphs.weights])
-    )
-    return _together(clip, tracks, rest)
-
-
-def _frame_track(clip, frames):
-    if frames.states is not None:
-        msg = 'key frames that states choose are no clip: make linear ones of Figure.series first.'
-        raise ValueError(msg)
-    if frames.interpolation not in ('linear', 'step') or frames.period is not None:
-        kind = frames.interpolation if frames.period is None else f'period of {frames.period} s'
-        msg = (
-            f'key frames of {kind} are no morph targets of glTF: make linear ones of '
-            'Figure.series first.'
-        )
-        raise ValueError(msg)
-    times, values = frames.times, _one_hot(frames)
-    keep = times <= clip.duration
-    if not keep.all():
-        rows, shares = frames.at(clip.duration)
-        end = (np.eye(len(times))[rows] * shares[:, None]).sum(0)[1:]
-        times, values = np.append(times[keep], clip.duration), np.vstack([values[keep], end])
-        times, index = np.unique(times, return_index=True)
-        values = values[index]
-    return Track(0, 'weights', times, values, frames.interpolation)
-
-
-def _together(clip, tracks, rest):
-    """Return one track of all weights from tracks of some of them."""
-    one = tracks[0][1]
-    same = all(
-        track.interpolation == one.interpolation and np.array_equal(track.times, one.times)
-        for _, track in tracks
-    )
-    if not same:
-        msg = (
-            f'clip {clip.name!r} drives the weights of one mesh by tracks with different keys, '
-            'which glTF cannot say: give one track for all.'
-        )
-        raise ValueError(msg)
-    shape = (
-        (len(one.times), 3, len(rest))
-        if one.interpolation == 'cubic'
-        else (len(one.times), len(rest))
-    )
-    values = np.zeros(shape)
-    values[(slice(None), 1) if one.interpolation == 'cubic' else slice(None)] = rest
-    for start, track in tracks:
-        columns = np.arange(start, start + track.width)
-        inside = (columns >= 0) & (columns < len(rest))
-        values[..., columns[inside]] = track.values[..., inside]
-    return Track(0, 'weights', one.times, values, one.interpolation)

@@ -286,7 +286,7 @@ class Figure(Model):
         clip : str, int or Clip, optional
             What is played; default the first clip, or rest.
         loop : bool
-            Begin again after the end.
+            Begin again at the end, where time 0 is; otherwise the end stays.
 
         Returns
         -------
@@ -333,7 +333,7 @@ class Figure(Model):
         skinning : {'linear', 'dual'}
             How joints are blended.
         loop : bool
-            Begin again after the end.
+            Begin again at the end, where time 0 is; otherwise the end stays.
 
         Returns
         -------

@@ -137,6 +137,28 @@ def test_key_frames_become_morph_targets(tmp_path):
     assert_same(short, written(short, tmp_path), 'short', [0.1, 0.7, 1.2, 1.4])
 
 
+def test_several_tracks_of_weights_become_one(tmp_path):
+    rng = np.random.default_rng(0)
+    body = Body(strip(np.eye(3)), morphs=Morphs(rng.normal(size=(3, 3, 3)), weights=[1, 2, 3]))
+    tracks = [Track(i, 'weights', [0, 1], rng.normal(size=(2, 1))) for i in (2, 0)]
+    figure = Figure([body], clips=[Clip('x', tracks, duration=2.0)])
+    again = written(figure, tmp_path)
+    for time in (0.2, 0.8, 1.7):
+        points = again.mesh(time).points
+        assert np.allclose(points, figure.mesh(time).points, atol=1e-5)
+
+
+def test_a_track_may_drive_several_bodies(tmp_path):
+    rng = np.random.default_rng(0)
+    bodies = [
+        Body(strip(np.eye(3)), morphs=Morphs(rng.normal(size=(n, 3, 3))), name=str(n))
+        for n in (1, 3, 2)
+    ]
+    track = Track(0, 'weights', [0, 1], rng.normal(size=(2, 5)))
+    figure = Figure(bodies, clips=[Clip('x', [track])])
+    assert_same(figure, written(figure, tmp_path), 'x', [0.1, 0.6])
+
+
 def test_a_series_comes_back(tmp_path):
     figure = Figure.from_series([pv.Sphere(radius=r) for r in (1, 2, 3)])
     again = written(figure, tmp_path)

@@ -1,0 +1,165 @@
+"""Clips as glTF can say them: keys to the end, one track for all weights of a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.animation.clip import Clip, Track
+
+
+def one_hot(frames):
+    """Return the weights of all key frames but the first, at each frame's time.
+
+    Parameters
+    ----------
+    frames : Frames
+        Key frames.
+
+    Returns
+    -------
+    numpy.ndarray, shape (f, f - 1), float64
+        A row per time.
+
+    Examples
+    --------
+    >>> from pvibr.animation.export_tracks import one_hot
+    >>> from pvibr.animation.frames import Frames
+    >>> one_hot(Frames([0, 1], [[[0, 0, 0.0]], [[0, 0, 1.0]]])).tolist()
+    [[0.0], [1.0]]
+    """
+    return np.eye(len(frames.times))[:, 1:]
+
+
+def lasting(clip):
+    """Return a clip whose last keys are at its end, since glTF knows no other duration.
+
+    Parameters
+    ----------
+    clip : Clip
+        A clip.
+
+    Returns
+    -------
+    Clip
+        The same movement.
+
+    Raises
+    ------
+    ValueError
+        If it ends before its last key.
+
+    Examples
+    --------
+    >>> from pvibr import Clip, Track
+    >>> from pvibr.animation.export_tracks import lasting
+    >>> lasting(Clip('x', [Track(0, 'weights', [0], [[1]])], 2.0)).tracks[0].times.tolist()
+    [0.0, 2.0]
+    """
+    last = max((track.times[-1] for track in clip.tracks), default=0.0)
+    if clip.duration < last:
+        msg = (
+            f'clip {clip.name!r} ends at {clip.duration} s, before its last key at {last} s, '
+            'which glTF cannot say: cut its tracks first.'
+        )
+        raise ValueError(msg)
+    if clip.duration == last:
+        return clip
+    return Clip(clip.name, [_held(track, clip.duration) for track in clip.tracks], clip.duration)
+
+
+def weights_track(clip, first, body):
+    """Return the weights of a body's frames and morph targets as one track.
+
+    Parameters
+    ----------
+    clip : Clip
+        The clip.
+    first : int
+        First column of the body's weights.
+    body : Body
+        The body.
+
+    Returns
+    -------
+    Track or None
+        A column per frame but the first, then one per target; ``None`` if all rest.
+
+    Raises
+    ------
+    ValueError
+        If frames or tracks are of a kind that glTF lacks.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr import Body, Clip
+    >>> from pvibr.animation.export_tracks import weights_track
+    >>> weights_track(Clip('x', []), 0, Body(pv.Sphere())) is None
+    True
+    """
+    tracks, rest = [], np.zeros(0)
+    if body.frames is not None:
+        tracks.append((0, _frame_track(clip, body.frames)))
+        rest = np.zeros(len(body.frames.times) - 1)
+    for track in clip.tracks:
+        start = track.node - first  # among the body's own targets
+        if track.path == 'weights' and -track.width < start < body.n_targets:
+            own = track.values[..., max(-start, 0) : body.n_targets - start]
+            part = Track(0, 'weights', track.times, own, track.interpolation)
+            tracks.append((len(rest) + max(start, 0), part))
+    if body.morphs is not None:
+        rest = np.concatenate([rest, body.morphs.weights])
+    return _together(clip, tracks, rest) if tracks else None
+
+
+def _held(track, time):
+    """Return a track with one more key that holds the last value."""
+    values = track.values.copy()
+    end = values[-1:].copy()
+    if track.interpolation == 'cubic':
+        values[-1, 2], end[0, 0] = 0, 0  # nothing moves between the two keys
+    times = np.append(track.times, time)
+    values = np.concatenate([values, end])
+    return Track(track.node, track.path, times, values, track.interpolation)
+
+
+def _frame_track(clip, frames):
+    if frames.states is not None:
+        msg = 'key frames that states choose are no clip: make linear ones of Figure.series first.'
+        raise ValueError(msg)
+    if frames.interpolation not in ('linear', 'step') or frames.period is not None:
+        kind = frames.interpolation if frames.period is None else f'period of {frames.period} s'
+        msg = (
+            f'key frames of {kind} are no morph targets of glTF: make linear ones of '
+            'Figure.series first.'
+        )
+        raise ValueError(msg)
+    times, values = frames.times, one_hot(frames)
+    keep = times <= clip.duration
+    if not keep.all():
+        rows, shares = frames.at(clip.duration)
+        end = (np.eye(len(times))[rows] * shares[:, None]).sum(0)[1:]
+        times, values = np.append(times[keep], clip.duration), np.vstack([values[keep], end])
+        times, index = np.unique(times, return_index=True)
+        values = values[index]
+    return Track(0, 'weights', times, values, frames.interpolation)
+
+
+def _together(clip, tracks, rest):
+    """Return one track of all weights from tracks of some of them."""
+    one = tracks[0][1]
+    same = all(
+        track.interpolation == one.interpolation and np.array_equal(track.times, one.times)
+        for _, track in tracks
+    )
+    if not same:
+        msg = (
+            f'clip {clip.name!r} drives the weights of one mesh by tracks with different keys, '
+            'which glTF cannot say: give one track for all.'
+        )
+        raise ValueError(msg)
+    values = np.zeros((*one.values.shape[:-1], len(rest)))
+    values[(slice(None), 1) if one.interpolation == 'cubic' else slice(None)] = rest
+    for start, track in tracks:
+        values[..., start : start + track.width] = track.values
+    return Track(0, 'weights', one.times, values, one.interpolation)
