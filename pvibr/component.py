@@ -208,8 +208,8 @@ class IBRComponent:
 
         Parameters
         ----------
-        figure : pvibr.Figure
-            Meshes, skeleton and clips.
+        figure : pvibr.Figure, path, trimesh.Scene, mesh, or a series of meshes
+            Meshes, skeleton and clips; a ``.glb`` file; meshes that differ in their points only.
         name : str, optional
             What the plotter and reports call it; what had the name before is replaced.
         clip : str, int or Clip, optional
@@ -259,8 +259,10 @@ class IBRComponent:
         >>> pl.close()
         """
         from pvibr.actors.figure_actor import FigureActor
+        from pvibr.animation.given import as_figure
 
         self._check_open()
+        figure = as_figure(figure)
         kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
         made = FigureActor(figure, name=name, clip=clip, skinning=skinning, **kwargs)
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)

@@ -1,0 +1,76 @@
+"""What may be given for a figure: files, scenes, series and single meshes."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+import pyvista as pv
+
+from pvibr.actors.foreign import as_dataset, is_trimesh
+from pvibr.animation.body import Body
+from pvibr.animation.figure import Figure
+from pvibr.animation.sources import series_of
+
+
+def as_figure(thing):
+    """Return a figure of whatever can be one.
+
+    Parameters
+    ----------
+    thing : Figure, Body, path, trimesh.Scene, mesh, or a series of meshes
+        A path ends in ``.glb`` or ``.gltf``, or is that of a series. A series is a list, a
+        MultiBlock or a reader, see :meth:`pvibr.Figure.from_series`.
+
+    Returns
+    -------
+    Figure
+        The figure; the same where it is one.
+
+    Raises
+    ------
+    TypeError
+        Where it is none of these.
+    ValueError, FileNotFoundError
+        Where it cannot be read.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from pvibr.animation.given import as_figure
+    >>> as_figure([pv.Sphere(radius=r) for r in (1, 2)]).clips[0].duration
+    1.0
+    """
+    if isinstance(thing, Figure):
+        return thing
+    if isinstance(thing, (str, PathLike)):
+        return _of_file(thing)
+    if isinstance(thing, (list, tuple, pv.MultiBlock)) or hasattr(thing, 'set_active_time_value'):
+        return Figure.from_series(thing)
+    if is_trimesh(thing, 'Scene'):
+        return Figure.from_scene(thing)
+    return Figure([_as_body(thing)])
+
+
+def _of_file(path):
+    if Path(path).suffix.lower() in ('.glb', '.gltf'):
+        from pvibr.animation.gltf import read_gltf
+
+        return read_gltf(path)
+    return Figure.from_series(path)
+
+
+def _as_body(thing):
+    if isinstance(thing, Body):
+        return thing
+    if is_trimesh(thing, 'Trimesh'):
+        mesh, look = as_dataset(thing)
+        return Body(mesh, look=look)
+    if isinstance(thing, pv.DataSet):
+        (surface,), _ = series_of([thing])
+        return Body(surface)
+    msg = (
+        f'figure is a {type(thing).__name__}: must be a pvibr.Figure, a .glb or .gltf file, a '
+        'trimesh.Scene, a mesh, or a list of meshes that are a series'
+    )
+    raise TypeError(msg)
