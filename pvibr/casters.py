@@ -291,7 +291,7 @@ def depths_of(thing) -> list:
     thing : pvibr.Effect
         Prepared for the view.
     """
-    return getattr(thing, 'depths', thing.drawn)()
+    return thing.depths() if hasattr(thing, 'depths') else thing.drawn()
 
 
 @dataclass
