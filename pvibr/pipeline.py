@@ -13,6 +13,7 @@ from pvibr.effects import ORDER
 from pvibr.errors import ClosedError, PvibrWarning
 from pvibr.frame import Frame
 from pvibr.gl.annotations import Annotations
+from pvibr.gl.fused import Fused
 from pvibr.gl.picture import Picture
 from pvibr.gl.scene_pass import ScenePass
 from pvibr.report import Report, Row
@@ -378,6 +379,7 @@ class _Stage:
         self._annotations: Annotations | None = None
         self._picture: Picture | None = None
         self._scene: Any = None
+        self._fused: Fused | None = None
 
     @property
     def nbytes(self) -> int:
@@ -422,14 +424,15 @@ class _Stage:
             if old is not None:
                 old.release()
             window, (origin, size) = self.renderer.GetRenderWindow(), place
-            self._picture = Picture(window, origin, size, high_range)
+            self._fused = self._fused or Fused(window)
+            self._picture = Picture(window, origin, size, self._fused, high_range)
         return self._picture
 
     def release(self):
-        for owner in (self._picture, self._scene):
+        for owner in (self._picture, self._scene, self._fused):
             if owner is not None:
                 owner.release()
-        self._picture = self._scene = None
+        self._picture = self._scene = self._fused = None
 
 
 def _place(entry):

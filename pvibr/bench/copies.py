@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from pvibr.gl import Quad, Target, Texture
+from pvibr.gl.fused import Fused
 
 _COPY = 'uniform sampler2D color; void main() { gl_FragData[0] = texture(color, uv); }'
 
@@ -34,6 +35,17 @@ class Stand:
         self.view_from_world = self.clip_from_view = np.eye(4)
         self._ground = Target(window, *self.size)
         self.drawing_over = self._ground.drawing
+        self._fused = Fused(window)
+
+    def apply(self, point):
+        """Draw a program at once.
+
+        Parameters
+        ----------
+        point : pvibr.gl.fused.Pointwise
+            The program.
+        """
+        self._fused.draw(self, [point])
 
     def ground(self, *, ends_at_one=False):
         """Return what light is blended with, as for the last effect of a frame.
@@ -47,6 +59,7 @@ class Stand:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
+        self._fused.release()
         self.color.release()
         self.target.release()
         self._ground.release()

@@ -8,14 +8,18 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from pvibr.effect import Effect
-from pvibr.gl import Quad, Texture, shader_source, uniform_matrix
+from pvibr.gl import Texture, shader_source, uniform_matrix
 from pvibr.gl.feature import sections
+from pvibr.gl.fused import Pointwise
 from pvibr.params import Param
 from pvibr.pictures import Shown, as_rgba
 
 _BLACK = (0.0, 0.0, 0.0)
 _MODES = ('over', 'add', 'multiply', 'screen')
 _UNSEEN = 1 / 512  # what covers less than that changes no byte
+
+
+_TEXTS = sections(shader_source(__file__))
 
 
 class _Screen(Effect):
@@ -26,8 +30,6 @@ class _Screen(Effect):
     #: Whether it covers the picture, and is blended with it in place.
     covers = False
 
-    _quad: Quad | None = None
-    _made: tuple = ()
     _image: Any = None
 
     def render(self, frame, picture):
@@ -40,32 +42,17 @@ class _Screen(Effect):
         picture : pvibr.gl.picture.Picture
             Its pixels.
         """
-        quad, size = self._program(frame.window), frame.whole
+        size = frame.whole
         uniforms = {'tile': frame.tile, 'size': size, **self._uniforms(frame, size)}
-        textures = self._textures(frame)
-        if self._covers():
-            with picture.drawing_over():
-                quad.draw(uniforms, textures, blend='over')
-        else:
-            textures['color'] = picture.color
-            with picture.drawing():
-                quad.draw(uniforms, textures)
+        code = ''.join(_TEXTS[name] for name in ('common', *self._entries()))
+        name, textures = f'screen {self.name}', self._textures(frame)
+        picture.apply(Pointwise(name, code, uniforms, textures, self._covers()))
 
     def _covers(self) -> bool:
         return self.covers
 
     def _entries(self) -> tuple[str, ...]:
         return self.parts
-
-    def _program(self, window) -> Quad:
-        entries = self._entries()
-        if self._quad is None or self._made != entries:
-            if self._quad is not None:
-                self._quad.release()
-            text = sections(shader_source(__file__))
-            code = ''.join(text[name] for name in ('common', *entries))
-            self._quad, self._made = Quad(window, code, f'screen {self.name}'), entries
-        return self._quad
 
     def _uniforms(self, frame, size) -> dict:
         return {}
@@ -75,11 +62,8 @@ class _Screen(Effect):
 
     def release(self):
         """Free what it holds on the GPU and close films; the context is current."""
-        if self._quad is not None:
-            self._quad.release()
         if self._image is not None:
             self._image.release()
-        self._quad = None
 
     def report(self) -> dict:
         """Return the bytes on the GPU."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 
+from pvibr.gl.fused import Pointwise
 from pvibr.gl.scene_pass import like_window
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture
@@ -22,6 +23,8 @@ class Picture:
         The window whose context holds it.
     origin, size : tuple of 2 int
         The subplot's place in the window, in pixels.
+    fused : pvibr.gl.fused.Fused
+        Draws what is applied.
     high_range : bool
         Whether colours may be above 1.
 
@@ -33,18 +36,21 @@ class Picture:
         Depth from 0 (near plane) to 1 (far plane), of the scene as drawn.
     """
 
-    def __init__(self, window, origin, size, high_range=False):
+    def __init__(self, window, origin, size, fused, high_range=False):
         self.window, self.origin, self.size = window, origin, size
         self.high_range = high_range
         self._source = like_window(window, size, 'rgba32f' if high_range else 'rgba8')
         self._targets: list[Target] = []
         self._drawn: Target | None = None
+        self._fused = fused
+        self._pending: list[Pointwise] = []
         #: Whether no effect comes after the one that draws now.
         self.last = False
 
     @property
     def color(self) -> Texture:
         """The picture so far."""
+        self._draw_pending()
         return (self._source if self._drawn is None else self._drawn).colors[0]
 
     @property
@@ -65,15 +71,31 @@ class Picture:
         framebuffer : vtkOpenGLFramebufferObject, optional
             As large as the window; the window's own by default.
         """
-        self._drawn = None
+        self._drawn, self._pending = None, []
         framebuffer = framebuffer or self.window.GetRenderFramebuffer()
         # Two blits: where the driver refuses one of depth, colours come all the same.
         for bits in (_COLOR, _DEPTH):
             self._blit(framebuffer, self._source.object, bits, self._place(), (0, 0, *self.size))
 
+    def apply(self, point):
+        """Change every pixel by itself; programs that follow each other are drawn as one.
+
+        Parameters
+        ----------
+        point : pvibr.gl.fused.Pointwise
+            The program; it is drawn before anything else is done with the picture.
+        """
+        self._pending.append(point)
+
+    def _draw_pending(self):
+        pending, self._pending = self._pending, []
+        if pending:
+            self._fused.draw(self, pending)
+
     @contextmanager
     def drawing(self):
         """Draw the new picture; it becomes `color` afterwards, unless an error ends it."""
+        self._draw_pending()
         free = [t for t in self._targets if t is not self._drawn]
         if not free:
             kind = 'rgba32f' if self.high_range else 'rgba16f'
@@ -86,6 +108,7 @@ class Picture:
     @contextmanager
     def drawing_over(self):
         """Draw onto the picture so far, which is not to be read meanwhile."""
+        self._draw_pending()
         if self._drawn is None:
             self._drawn = self._source
         with self._drawn.drawing():
@@ -105,6 +128,7 @@ class Picture:
             None where it must be drawn anew, by `drawing`: what the window gave has 8 bits, so
             it is blended with by the last effect alone.
         """
+        self._draw_pending()
         if self._drawn is None and (self.high_range or self.last):
             self._drawn = self._source
         if ends_at_one and self.color.is_float:
@@ -113,6 +137,7 @@ class Picture:
 
     def present(self):
         """Put the picture into the window; nothing where it has it already."""
+        self._draw_pending()
         window = self.window.GetRenderFramebuffer()
         place, whole = self._place(), (0, 0, *self.size)
         if self.high_range:
@@ -144,4 +169,4 @@ class Picture:
         for target in self._targets:
             target.release()
         self._source.release()
-        self._targets, self._drawn = [], None
+        self._targets, self._drawn, self._pending = [], None, []

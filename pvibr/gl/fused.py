@@ -1,0 +1,157 @@
+"""Programs that change every pixel by itself, drawn as one."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, NamedTuple
+
+from pvibr.gl.quad import Quad
+
+_COMMENT = re.compile(r'//[^\n]*')
+_COLOR = re.compile(r'^\s*uniform\s+sampler2D\s+color\s*;', re.M)
+_UNIFORM = re.compile(r'^\s*uniform\s+\w+\s+(\w+)\s*;', re.M)
+_CONSTANT = re.compile(r'^\s*const\s+\w+\s+(\w+)\s*=', re.M)
+_FUNCTION = re.compile(r'^(?:void|bool|u?int|float|[biu]?vec[234]|mat[234])\s+(\w+)\s*\(', re.M)
+_MOST_TEXTURES = 8  # in one program; a driver has 16 at least
+_MOST_PROGRAMS = 16  # kept
+_STEP = """  ibr_found = vec4(0.0);
+  main_{k}();
+  ibr_color = ibr_found;
+"""
+# Where all is covered it does not matter what is below, not even NaN.
+_STEP_OVER = """  ibr_found = vec4(0.0);
+  main_{k}();
+  ibr_found.rgb = ibr_found.a < 1.0 ? mix(ibr_color.rgb, ibr_found.rgb, ibr_found.a)
+    : ibr_found.rgb;
+  ibr_color = vec4(ibr_found.rgb, ibr_found.a + ibr_color.a * (1.0 - ibr_found.a));
+"""
+
+
+class Pointwise(NamedTuple):
+    """A program that changes every pixel by itself.
+
+    Attributes
+    ----------
+    name : str
+        What errors call it.
+    text : str
+        GLSL with ``main``: it has ``uv``, reads the sampler ``color`` as ``texture(color, uv)``
+        alone, or not at all, and writes ``gl_FragData[0]`` or discards.
+    uniforms, textures : dict
+        See :meth:`pvibr.gl.Quad.draw`; without ``color``.
+    over : bool
+        Whether what it writes covers the picture, by its alpha, and is not the new colour.
+    """
+
+    name: str
+    text: str
+    uniforms: dict
+    textures: dict
+    over: bool = False
+
+
+class Fused:
+    """Draws such programs, one after the other, in as few passes as there can be.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        The window whose context holds them.
+    """
+
+    def __init__(self, window):
+        self.window = window
+        self._programs: dict[tuple, Quad] = {}
+
+    def draw(self, picture, points):
+        """Draw programs on a picture.
+
+        Parameters
+        ----------
+        picture : pvibr.gl.picture.Picture
+            What they change.
+        points : list of Pointwise
+            In their order.
+        """
+        most: list[Pointwise] = []
+        for point in points:
+            if sum(len(p.textures) for p in [*most, point]) > _MOST_TEXTURES and most:
+                self._draw(picture, most)
+                most = []
+            most.append(point)
+        self._draw(picture, most)
+
+    def _draw(self, picture, points):
+        if len(points) == 1:
+            self._draw_one(picture, points[0])
+            return
+        uniforms: dict[str, Any] = {}
+        textures = {'color': picture.color}
+        for k, point in enumerate(points):
+            uniforms |= {f'{name}_{k}': value for name, value in point.uniforms.items()}
+            textures |= {f'{name}_{k}': texture for name, texture in point.textures.items()}
+        key = tuple((point.text, point.over) for point in points)
+        with picture.drawing():
+            self._program(key, points).draw(uniforms, textures)
+
+    def _draw_one(self, picture, point):
+        quad = self._program((point.text,), [point])
+        if point.over:
+            with picture.drawing_over():
+                quad.draw(point.uniforms, point.textures, 'over')
+        else:
+            textures: dict[str, Any] = {**point.textures, 'color': picture.color}
+            with picture.drawing():
+                quad.draw(point.uniforms, textures)
+
+    def _program(self, key, points) -> Quad:
+        if key not in self._programs:
+            if len(self._programs) == _MOST_PROGRAMS:
+                self._programs.pop(next(iter(self._programs))).release()
+            text = points[0].text if len(points) == 1 else fuse(points)
+            self._programs[key] = Quad(self.window, text, ' + '.join(p.name for p in points))
+        return self._programs[key]
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        for quad in self._programs.values():
+            quad.release()
+        self._programs = {}
+
+
+def fuse(points) -> str:
+    """Return the text of one program that does what several do one after the other.
+
+    Parameters
+    ----------
+    points : list of Pointwise
+        In their order.
+
+    Returns
+    -------
+    str
+        GLSL; uniforms of the k-th have ``_k`` behind their names.
+
+    Examples
+    --------
+    >>> from pvibr.gl.fused import Pointwise, fuse
+    >>> half = 'uniform float f; void main() { gl_FragData[0] = f * texture(color, uv); }'
+    >>> 'ibr_found = f_1 * ibr_color' in fuse([Pointwise('half', half, {}, {})] * 2)
+    True
+    """
+    texts, steps = [], []
+    for k, point in enumerate(points):
+        text = _COLOR.sub('', _COMMENT.sub('', point.text))
+        text = text.replace('texture(color, uv)', 'ibr_color').replace('discard', 'return')
+        text = text.replace('gl_FragData[0]', 'ibr_found')
+        declared = (kind.findall(text) for kind in (_UNIFORM, _CONSTANT, _FUNCTION))
+        names = {'main'}.union(*declared)
+        texts.append(re.sub(rf'\b({"|".join(sorted(names))})\b', rf'\1_{k}', text))
+        steps.append((_STEP_OVER if point.over else _STEP).format(k=k))
+    return (
+        'uniform sampler2D color;\nvec4 ibr_color, ibr_found;\n'
+        + '\n'.join(texts)
+        + 'void main()\n{\n  ibr_color = texture(color, uv);\n'
+        + ''.join(steps)
+        + '  gl_FragData[0] = ibr_color;\n}\n'
+    )

@@ -1,0 +1,81 @@
+"""Programs drawn as one do what they do one after the other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import pvibr
+from pvibr.gl import fused
+
+
+def plotter(**options):
+    pl = pv.Plotter(window_size=(120, 90), **options)
+    pl.disable_anti_aliasing()
+    pl.add_mesh(pv.Sphere(), color='tan')
+    image = np.random.default_rng(0).integers(0, 256, (20, 30, 4), np.uint8)
+    for effect in (
+        pvibr.Picture(image, opacity=0.6), pvibr.Picture(image, mode='multiply'),
+        pvibr.NightVision(intensity=0.6), pvibr.Vignette(), pvibr.Flash(at=-0.1),
+        pvibr.Iris(opening=0.6),
+    ):  # fmt: skip
+        pl.ibr.add(effect)
+    return pl
+
+
+def pictures(pl):
+    pl.show(auto_close=False)
+    return pl.screenshot().astype(int), pl.screenshot(transparent_background=True).astype(int)
+
+
+@pytest.mark.parametrize('high', [False, True])
+def test_as_one_and_one_after_the_other(high, monkeypatch):
+    pl = plotter()
+    if high:
+        pl.ibr.add(pvibr.ToneMapping())
+    drawn = []
+    draw = fused.Fused._draw
+    monkeypatch.setattr(
+        fused.Fused, '_draw', lambda s, c, p: drawn.append(len(p)) or draw(s, c, p)
+    )
+    together = pictures(pl)
+    assert set(drawn) == {6}
+    monkeypatch.undo()
+    monkeypatch.setattr(
+        fused.Fused, 'draw', lambda s, c, points: [s._draw(c, [p]) for p in points]
+    )
+    for one, other in zip(together, pictures(pl), strict=True):
+        assert np.abs(one - other).max() <= 1
+    assert together[0].std() > 10
+
+
+def test_what_has_many_textures_is_drawn_in_parts(monkeypatch):
+    pl = plotter()
+    images = np.random.default_rng(1).integers(0, 256, (9, 8, 8, 4), np.uint8)
+    for image in images:
+        pl.ibr.add(pvibr.Picture(image, opacity=0.3))
+    drawn = []
+    draw = fused.Fused._draw
+    monkeypatch.setattr(
+        fused.Fused, '_draw', lambda s, c, p: drawn.append(len(p)) or draw(s, c, p)
+    )
+    pl.show(auto_close=False)
+    assert max(drawn) < 15
+    assert len(drawn) > 1
+
+
+def test_names_do_not_meet():
+    text = """// main is said here
+uniform sampler2D color;
+uniform vec2 size;
+const float size_of = 1.0;
+float much(vec2 at) { return size_of * length(at * size); }
+void main() { if (much(uv) < 0.5) discard; gl_FragData[0] = texture(color, uv); }
+"""
+    found = fused.fuse([fused.Pointwise('a', text, {}, {}), fused.Pointwise('b', text, {}, {})])
+    for name in ('size', 'size_of', 'much', 'main'):
+        assert f'{name}_0' in found
+        assert f'{name}_1' in found
+    assert found.count('uniform sampler2D color') == 1
+    assert 'discard' not in found
