@@ -236,6 +236,20 @@ def effects(*, out: _Folder = Path('out'), quick: bool = False) -> None:
     _measure('effects', out, quick)
 
 
+@bench.command
+def figures(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+    """Measure figures that move: against float64, numpy and VTK's own reader of glTF.
+
+    Parameters
+    ----------
+    out
+        Folder for the table (JSON) and the plot (PNG).
+    quick
+        Measure a few points only, to see that the bench runs.
+    """
+    _measure('figures', out, quick)
+
+
 def _measure(name, out, quick):
     from pvibr.bench import main
 

@@ -171,3 +171,30 @@ def _labelled(axes, points):
     for x, y, name in points:
         place = {'xytext': (4, 3), 'textcoords': 'offset points', 'fontsize': 'xx-small'}
         axes.annotate(name, (x, y), **place)
+
+
+def plot_figures(results, path):
+    """Draw what a new pose costs by vertices, and the time of reaching against its error.
+
+    Parameters
+    ----------
+    results : Results
+        With its points.
+    path : pathlib.Path
+        PNG file.
+    """
+    figure, (poses, reaching) = two_axes((13, 5.5))
+    points = results.points['poses']
+    for way in (name for name in points[0] if name != 'vertices'):
+        poses.plot([p['vertices'] for p in points], [p[way] for p in points], 'o-', label=way)
+    poses.set(xscale='log', yscale='log', xlabel='vertices', title='posing and upload')
+    poses.set_ylabel('ms that a frame of a new pose takes longer')
+    poses.legend(fontsize='x-small')
+    for method, found in results.points['reaching'].items():
+        reaching.plot(found['ms'], found['error'], 'o', ms=3, label=method)
+    reaching.axhline(1e-3, color='0.5', ls='--', label='bar')
+    reaching.axvline(2, color='0.5', ls='--')
+    reaching.set(xscale='log', yscale='log', xlabel='ms', ylabel='error over reach')
+    reaching.set_title('chains of 30 joints with limits')
+    reaching.legend(fontsize='x-small')
+    save(figure, 'figures', results, path)

@@ -1,0 +1,85 @@
+"""``pvibr bench figures``: what moves, against float64, numpy and VTK's own reader of glTF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pvibr.bench import figures_errors, figures_solvers, figures_times
+from pvibr.bench.plot import plot_figures
+from pvibr.bench.runs import run
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How much is measured.
+
+    Attributes
+    ----------
+    screen : tuple of 2 int
+        Pixels of what is timed.
+    rounds : int
+        How often; the least counts.
+    small : tuple of 2 int
+        Vertices along and around the figures that are compared with float64.
+    offsets : tuple of float
+        Of their coordinates.
+    times : int
+        Of each clip.
+    models : int or None
+        Real models; None is all.
+    figures : tuple of tuple of 2 int
+        Vertices around and along the figures that are timed, the largest last.
+    joints : int
+        Of these.
+    face : tuple of 2 int
+        Vertices around and along what has morph targets.
+    targets : int
+        How many.
+    chains : int
+        That reach.
+    """
+
+    screen: tuple[int, int] = (1280, 720)
+    rounds: int = 20
+    small: tuple[int, int] = (60, 40)
+    offsets: tuple[float, ...] = (0.0, 1e6)
+    times: int = 10
+    models: int | None = None
+    figures: tuple[tuple[int, int], ...] = ((25, 40), (80, 125), (250, 400))
+    joints: int = 64
+    face: tuple[int, int] = (200, 250)
+    targets: int = 256
+    chains: int = 100
+
+
+QUICK = Settings(
+    (320, 180), 1, (20, 12), (1e6,), 2, 2, figures=((20, 30), (40, 50)), joints=8, face=(20, 30),
+    targets=16, chains=3,
+)  # fmt: skip
+
+
+def measure(out, *, quick=False) -> list:
+    """Run every part, print and write the table and the plot, and return the rows.
+
+    Parameters
+    ----------
+    out : pathlib.Path
+        Folder.
+    quick : bool
+        Whether only a few points are measured.
+
+    Returns
+    -------
+    list of Row
+        What was measured.
+    """
+    parts = {
+        'posed on the GPU': figures_errors.posed,
+        'models': figures_errors.models,
+        'twists': figures_errors.twists,
+        'new poses': figures_times.poses,
+        'morph targets': figures_times.morphs,
+        'inverse kinematics': figures_solvers.reaching,
+        'pose space': figures_solvers.correcting,
+    }
+    return run('figures', parts, QUICK if quick else Settings(), plot_figures, out, quick=quick)

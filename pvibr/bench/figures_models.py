@@ -1,0 +1,150 @@
+"""Figures of any size for the bench: a tube on a chain of joints, and what else deforms it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import pvibr
+from pvibr.animation.body import Body
+from pvibr.animation.clip import Clip, Track
+from pvibr.animation.figure import Figure
+from pvibr.animation.frames import Frames
+from pvibr.animation.morphs import Morphs
+from pvibr.animation.pose import Pose
+from pvibr.maths.quaternions import from_axis_angle
+
+LENGTH, RADIUS = 8.0, 0.6
+#: Duration of the clip, seconds.
+SECONDS = 2.0
+#: Real models, where they are.
+DATA = Path(pvibr.__file__).parents[2] / 'shared' / 'data'
+
+
+def tube(rings, around, joints, *, offset=0.0, morphs=None, look=None, every=1) -> Figure:
+    """Return a tube along z on a chain of joints that sways and twists, with four weights each.
+
+    Parameters
+    ----------
+    rings, around : int
+        Vertices along it and around it.
+    joints : int
+        In the chain.
+    offset : float
+        Added to all coordinates.
+    morphs : Morphs, optional
+        Of ``rings * around`` vertices.
+    look : dict, optional
+        Keywords of ``add_mesh``.
+    every : int
+        Of how many triangles one is kept; all vertices are.
+
+    Returns
+    -------
+    Figure
+        With a clip of :data:`SECONDS` seconds.
+
+    Examples
+    --------
+    >>> from pvibr.bench.figures_models import tube
+    >>> tube(20, 10, 4)
+    Figure(1 bodies, 4 joints, clips: 'sway')
+    """
+    points, faces = _grid(rings, around)
+    bone = LENGTH / joints
+    rest = np.zeros((joints, 3))
+    rest[1:, 2] = bone
+    rest[0] = offset
+    apart = np.abs(points[:, 2:] - bone * np.arange(joints)) / bone
+    nearest = np.argsort(apart, axis=1, kind='stable')[:, : min(4, joints)]
+    weights = np.exp(-(np.take_along_axis(apart, nearest, 1) ** 2))
+    return Figure.from_arrays(
+        points + offset, faces[::every], nearest, weights, np.arange(joints) - 1, Pose(rest),
+        normals=points * [1 / RADIUS, 1 / RADIUS, 0], morphs=morphs, look=look,
+        clips=[swaying(joints)],
+    )  # fmt: skip
+
+
+def swaying(joints) -> Clip:
+    """Return a clip in which a chain bends by a right angle in all, and twists.
+
+    Parameters
+    ----------
+    joints : int
+        In the chain.
+
+    Returns
+    -------
+    Clip
+        Of :data:`SECONDS` seconds, the same at its end.
+    """
+    bend = np.pi / 2 / joints
+    turns = from_axis_angle([[1.0, 0, 0.4]] * 3, [-bend, bend, -bend])
+    times = np.array([0, SECONDS / 2, SECONDS])
+    return Clip('sway', [Track(joint, 'rotation', times, turns) for joint in range(joints)])
+
+
+def targets(n, points, seed=0) -> Morphs:
+    """Return morph targets that move every vertex, with normals.
+
+    Parameters
+    ----------
+    n : int
+        How many.
+    points : int
+        Vertices.
+    seed : int
+        Of the random differences.
+
+    Returns
+    -------
+    Morphs
+        All of weight 0.
+    """
+    rng = np.random.default_rng(seed)
+    moves = [0.02 * rng.normal(size=(points, 3)).astype(np.float32) for _ in range(n)]
+    return Morphs(moves, normals=moves)
+
+
+def swelling(rings, around, *, offset=0.0, frames=5) -> Figure:
+    """Return a tube of key frames that swells and shears.
+
+    Parameters
+    ----------
+    rings, around : int
+        Vertices along it and around it.
+    offset : float
+        Added to all coordinates.
+    frames : int
+        Key frames, one every half a second.
+
+    Returns
+    -------
+    Figure
+        With a clip of its own length.
+    """
+    points, faces = _grid(rings, around)
+    shapes = []
+    for share in np.linspace(0, 1, frames):
+        shape = points * [1 + share, 1 - 0.5 * share, 1]
+        shape[:, 0] += share * np.sin(points[:, 2])
+        shapes.append(shape + offset)
+    still = Figure.from_arrays(shapes[0], faces)
+    times = 0.5 * np.arange(frames)
+    body = Body(still.bodies[0].mesh, frames=Frames(times, np.stack(shapes), None, 'linear'))
+    return Figure([body], clips=[Clip('swell', [], times[-1])])
+
+
+def _grid(rings, around):
+    """Return points (rings * around, 3) of a tube along z, and its triangles."""
+    angle = np.linspace(0, 2 * np.pi, around, endpoint=False)
+    circle = np.stack([RADIUS * np.cos(angle), RADIUS * np.sin(angle)], 1)
+    height = np.linspace(0, LENGTH, rings)
+    points = np.concatenate(
+        [np.tile(circle, (rings, 1)), np.repeat(height, around)[:, None]], axis=1
+    )
+    low = np.arange(around) + around * np.arange(rings - 1)[:, None]
+    next_ = (np.arange(around) + 1) % around + around * np.arange(rings - 1)[:, None]
+    faces = np.stack([low, next_, next_ + around, low, next_ + around, low + around], -1)
+    return points, faces.reshape(-1, 3)
