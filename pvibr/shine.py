@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from pvibr import _vtk
+from pvibr.casters import address
 from pvibr.effect import Effect
 from pvibr.gl.blur import CHAINS, Blur, Light
 from pvibr.params import Param
@@ -14,8 +16,8 @@ class Shine(Effect):
     """Light, blurred on ever smaller images, on a picture.
 
     A screenshot larger than the window is drawn in tiles; their light is that of the last frame,
-    which saw the whole of it. Where the camera or the time changed since, each tile has no light
-    but its own, and seams may be seen: call ``plotter.render()`` first.
+    which saw the whole of it. Where the camera, the scene or the time changed since, each tile has
+    no light but its own, and seams may be seen: call ``plotter.render()`` first.
 
     A subclass has ``_draw_source(frame, picture, target, side)``, which draws the light in
     squares of `side` pixels, and ``_forget()``, which frees what that takes.
@@ -50,6 +52,11 @@ class Shine(Effect):
     _window: Any = None
     _light: Light | None = None
     _seen: tuple = ()
+    _asked = -1, False
+
+    def __init__(self, **settings):
+        self._drawn_at = _vtk.vtkTimeStamp()
+        super().__init__(**settings)
 
     def needed(self, frame):
         """Tell whether a frame needs it.
@@ -77,7 +84,8 @@ class Shine(Effect):
             tile = frame.scale, (left * frame.whole[0], bottom * frame.whole[1])
         else:
             self._light = self._spread_light(frame, picture)
-            self._seen = _sight(frame) if frame.scale == 1 else ()
+            self._seen = self._sight(frame) if frame.scale == 1 else ()
+            self._drawn_at.Modified()
         if self._light is not None:
             self._blur.blend(
                 picture, self._light, tile=tile,
@@ -87,7 +95,33 @@ class Shine(Effect):
 
     def _is_part(self, frame):
         """Tell whether a frame is a tile of a picture whose light is known."""
-        return frame.scale > 1 and self._blur is not None and self._seen == _sight(frame)
+        if frame.scale == 1:
+            return False
+        if self._asked[0] != frame.index:  # once: hooks must not differ in what they take it for
+            same = self._seen == self._sight(frame)
+            self._asked = (
+                frame.index,
+                same and not _changed(frame.renderer, self._things, self._drawn_at),
+            )
+        return self._asked[1]
+
+    @property
+    def _things(self):
+        return self.pipeline.things if self.pipeline else ()
+
+    def _sight(self, frame):
+        """Return what a whole picture and its tiles have in common."""
+        left, bottom, right, top = frame.tile
+        across = frame.clip_from_view[0, 0] * (right - left)
+        up = frame.clip_from_view[1, 1] * (top - bottom)
+        return (
+            frame.view_from_world.tobytes(),
+            f'{across:.6g} {up:.6g}',
+            tuple(round(side / frame.scale) for side in frame.whole),
+            frame.time,
+            self._revision,
+            [thing.stamp() for thing in self._things],
+        )
 
     def _spread_light(self, frame, picture):
         """Return the light of a picture, None where there is none."""
@@ -145,10 +179,12 @@ class Shine(Effect):
         return details if self._light else details | {'skipped': 'there is no light to spread'}
 
 
-def _sight(frame):
-    """Return what a whole picture and its tiles have in common."""
-    left, bottom, right, top = frame.tile
-    whole = tuple(round(side / frame.scale) for side in frame.whole)
-    across = frame.clip_from_view[0, 0] * (right - left)
-    up = frame.clip_from_view[1, 1] * (top - bottom)
-    return frame.view_from_world.tobytes(), f'{across:.6g} {up:.6g}', whole, frame.time
+def _changed(renderer, things, when) -> bool:
+    """Tell whether anything in a scene changed since, what things choose for a camera left out."""
+    chosen = {address(prop) for t in things for prop in (*t.props, *t.actors())}
+    since = when.GetMTime()
+    return any(light.GetMTime() > since for light in renderer.GetLights()) or any(
+        prop.GetRedrawMTime() > since
+        for prop in renderer.GetViewProps()
+        if prop.IsA('vtkProp3D') and address(prop) not in chosen
+    )

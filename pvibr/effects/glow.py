@@ -110,6 +110,7 @@ class Glow(Shine):
         if values.shape not in ((), (count,)) or not (np.isfinite(values) & (values >= 0)).all():
             msg = f'strengths = {strengths!r}: must be a number from 0, or {count} of them'
             raise ValueError(msg)
+        self._seen = ()  # light of other strengths
         self._strengths = tuple(np.broadcast_to(values, count).tolist())
 
     def needed(self, frame):

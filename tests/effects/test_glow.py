@@ -94,16 +94,56 @@ LIGHTS = {
 }
 
 
-@pytest.mark.parametrize('zoom', [1.0, 1.5])
-def test_large_screenshots_after_zooming(zoom):
-    """The light of another angle is that of another picture."""
-    pl, actors = lamps()
-    pl.ibr.add(pvibr.Glow(actors[1], debug='bright'))
-    grab(pl)
-    pl.camera.view_angle /= zoom
+def change(pl, what, actor, glow):
+    if what == 'zoom':
+        pl.camera.view_angle /= 1.5
+    elif what == 'place':
+        actor.position = (-0.6, 0.2, 0)
+    elif what == 'color':
+        actor.prop.color = 'blue'
+    elif what == 'points':
+        actor.mapper.dataset.points[:, 0] -= 0.3
+        actor.mapper.dataset.Modified()
+    elif what == 'strength':
+        glow.strengths = 0.2
+    elif what == 'setting':
+        glow.spread = 1.0
+
+
+def large_screenshot(pl, glow):
+    """Return it, and the scales of frames whose light was made anew."""
+    scales, made = [], glow._spread_light
+    glow._spread_light = lambda frame, picture: scales.append(frame.scale) or made(frame, picture)
     large = pl.screenshot(scale=2, return_img=True).astype(float)
+    del glow._spread_light
+    return large, scales
+
+
+@pytest.mark.parametrize('what', ['', 'zoom', 'place', 'color', 'points', 'strength', 'setting'])
+def test_large_screenshots_show_what_changed_since_the_last_frame(what):
+    pl, (left, actor) = lamps()
+    left.visibility = False
+    actor.mapper.scalar_visibility = False
+    glow = pl.ibr.add(pvibr.Glow(actor, debug='blur'))
+    pl.ibr.add(pvibr.Shadows())
+    grab(pl)
+    change(pl, what, actor, glow)
+    large, scales = large_screenshot(pl, glow)
+    assert (2 in scales) == (what != '')
     small = grab(pl)[::-1, :, :3]
-    assert np.abs(large.reshape(192, 2, 320, 2, 3).mean(axis=(1, 3)) - small).mean() < 2
+    difference = np.abs(large.reshape(192, 2, 320, 2, 3).mean(axis=(1, 3)) - small)
+    assert difference.mean() < 1
+
+
+def test_large_screenshots_know_the_light_of_instances():
+    pl = dark((320, 192))
+    balls = pl.ibr.add_instances(pv.Sphere(radius=0.1), np.eye(3), color='white')
+    pl.show(auto_close=False)
+    glow = pl.ibr.add(pvibr.Glow(balls))
+    grab(pl)
+    assert 2 not in large_screenshot(pl, glow)[1]
+    balls.poses = np.eye(3) / 2
+    assert 2 in large_screenshot(pl, glow)[1]
 
 
 @pytest.mark.parametrize('known', [True, False])
