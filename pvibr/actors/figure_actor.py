@@ -66,6 +66,7 @@ class FigureActor(FigurePlayer):
     #: Frames that are drawn to pick need the pose too.
     picks = True
     _posing: Any = None
+    _visible: bool | None = None
     _failure: Exception | None = None
     #: What was shown in the last frame, and its bounds.
     _framed: tuple = (-1, (1.0, -1.0) * 3)
@@ -101,7 +102,8 @@ class FigureActor(FigurePlayer):
         if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
             msg = f'user_matrix has shape {matrix.shape}: must be finite and (4, 4)'
             raise ValueError(msg)
-        self._matrix, self._known = matrix, ()
+        self._matrix = matrix
+        self._show_anew()
 
     @property
     def bounds(self) -> tuple[float, ...]:
@@ -163,8 +165,12 @@ class FigureActor(FigurePlayer):
         """Return actors whose mappers have what is shown as meshes, posed when they are asked."""
         if not self._is_shown():
             return []
-        still = [b.actor for b in self._bodies if not isinstance(b, PosedBody)]
-        return [*still, *self._stand_ins]
+        instead = {b.index: actor for b, actor in zip(self._posed, self._stand_ins, strict=True)}
+        return [instead.get(i, self._bodies[i].actor) for i in self._seen()]
+
+    def _seen(self) -> list[int]:
+        """Return the numbers of the bodies that are not hidden."""
+        return [i for i, b in enumerate(self._bodies) if b.actor.GetVisibility()]
 
     def stamp(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
@@ -203,8 +209,8 @@ class FigureActor(FigurePlayer):
         self._put_stand_ins(self.pickable and self._is_shown())
 
     def _put_stand_ins(self, there):
-        for actor in self._stand_ins:
-            actor.SetVisibility(bool(there))
+        for actor, body in zip(self._stand_ins, self._posed, strict=True):
+            actor.SetVisibility(bool(there and body.actor.GetVisibility()))
 
     def _on_start(self, _renderer, _event):
         self._put_stand_ins(False)
@@ -255,14 +261,20 @@ class FigureActor(FigurePlayer):
         if failure is not None:
             raise failure
         shown = self._is_shown()
-        for actor in self._drawing():
-            actor.SetVisibility(shown)
+        self._set_visible(shown)
         return shown or 'not visible'
 
     def rest(self):
         """Draw nothing: its vertices are nowhere without it."""
-        for actor in self.actors():
-            actor.VisibilityOff()
+        self._set_visible(False)
+        self._put_stand_ins(False)
+
+    def _set_visible(self, shown):
+        """Show all bodies or none; in between, users may hide some."""
+        if shown != self._visible:
+            self._visible = shown
+            for actor in self._drawing():
+                actor.SetVisibility(shown)
 
     def prepare(self, frame):
         """Pose it, where its pose changed, and have its shaders find their vertices.
@@ -363,7 +375,9 @@ class FigureActor(FigurePlayer):
         """
         if not self.pickable or self.pipeline is None or not self._is_shown():
             return None
-        return nearest_hit(self.posed_meshes(), *pixel_ray(self.pipeline.renderer, x, y))
+        meshes = self.posed_meshes()
+        seen = {i: meshes[i] for i in self._seen()}
+        return nearest_hit(seen, *pixel_ray(self.pipeline.renderer, x, y))
 
     def owns(self, actor) -> bool:
         """Tell whether an actor that a picker found shows it.

@@ -41,8 +41,8 @@ def nearest_hit(meshes, start, direction):
 
     Parameters
     ----------
-    meshes : sequence of pyvista.PolyData
-        Triangles of each body, world units.
+    meshes : dict of int to pyvista.PolyData
+        Body to its triangles, world units.
     start, direction : numpy.ndarray, shape (3,)
         The ray; the direction is of length 1.
 
@@ -51,7 +51,7 @@ def nearest_hit(meshes, start, direction):
     FigureHit or None
         The nearest hit.
     """
-    hits = [_meet(i, mesh, start, direction) for i, mesh in enumerate(meshes)]
+    hits = [_meet(i, mesh, start, direction) for i, mesh in meshes.items()]
     return min((h for h in hits if h is not None), key=lambda h: h.distance, default=None)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -119,7 +120,7 @@ class FigurePlayer(Effect):
         if driver is None:
             self._fixed = self.pose
         self._driver = driver
-        self._known = ()
+        self._show_anew()
 
     def play(self, clip=None, *, speed=1.0, loop=True, fade=0.0, start=None):
         """Play a clip.
@@ -191,7 +192,8 @@ class FigurePlayer(Effect):
         if shape:
             msg = f'pose holds {shape} poses; one is shown'
             raise ValueError(msg)
-        self._driver, self._fixed, self._known = None, pose, ()
+        self._driver, self._fixed = None, pose
+        self._show_anew()
 
     def _with_weights(self, pose):
         """Return a pose with morph weights: those at rest where it has none."""
@@ -216,7 +218,21 @@ class FigurePlayer(Effect):
             if weights.shape != wanted or not np.isfinite(weights).all():
                 msg = f'weights = {weights!r}: must be finite numbers of shape {wanted}, or None'
                 raise ValueError(msg)
-        self._weights, self._known = weights, ()
+        self._weights = weights
+        self._show_anew()
+
+    def follow(self):
+        """Take the pose of now, so that bounds are right before it is drawn.
+
+        What fails is told by the next frame.
+        """
+        if self.pipeline is not None:
+            with suppress(Exception):
+                self._now_shown()
+
+    def _show_anew(self):
+        self._known = ()
+        self.follow()
 
     def _now_shown(self) -> Moment:
         """Return what is shown at the time that it is now."""

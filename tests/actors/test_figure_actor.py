@@ -412,6 +412,24 @@ def test_hidden_figures_are_not_posed():
     assert differing(shot(pl), empty) == 0
 
 
+def test_one_body_can_be_hidden():
+    both = Figure([worm().bodies[0], Body(pv.Cube(center=(0, 1.5, 0)))], worm().skeleton)
+    pl = plotter()
+    actor = pl.ibr.add_figure(both, color='tan')
+    whole = shot(pl)
+    actor.actors()[0].visibility = False
+    without = shot(pl)
+    assert differing(whole, without) > 100
+    assert len(actor.drawn()) == 1
+    assert [a is actor.actors()[1] for a in actor.solids()] == [True]
+    pl.renderer.SetWorldPoint(0, 0, 0.5, 1)
+    pl.renderer.WorldToDisplay()
+    hit = pl.ibr.pick(*pl.renderer.GetDisplayPoint()[:2])
+    assert hit is None or hit.body == 1
+    actor.actors()[0].visibility = True
+    assert differing(whole, shot(pl)) == 0
+
+
 def test_skinning_can_be_changed():
     figure = worm()
     pl = plotter()
