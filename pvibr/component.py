@@ -80,6 +80,9 @@ class IBRComponent:
         self._time = seconds
         for pipeline in self._pipelines:
             pipeline.time = seconds
+            for thing in pipeline.things:
+                if hasattr(thing, 'follow'):
+                    thing.follow()
 
     def play(self, speed=1.0, loop=None, *, fps=None):
         """Let the time go on by itself, in windows, notebooks and movies.
@@ -483,7 +486,6 @@ class IBRComponent:
             self._pipelines.pop().release()
 
     def _on_deleted(self, *_):
-        self._clock.stop()
         self._closed = True  # too late to release: asking a dying window for its context crashes
 
     def __enter__(self):

@@ -1,0 +1,104 @@
+"""What people do with figures first."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from pvibr import Play
+from pvibr.animation.pose import Pose
+from tests.actors.figures import bend, bending, worm
+
+
+def leaving():
+    """A figure whose clip takes it far from where it is at first."""
+    figure = worm(clips=[bending()])
+    return figure, bend(figure, 0.3, move=8.0)
+
+
+def camera_of(fill):
+    pl = pv.Plotter(window_size=(60, 60))
+    fill(pl)
+    pl.show(auto_close=False)
+    found = np.array([*pl.camera.position, *pl.camera.focal_point])
+    pl.close()
+    return found
+
+
+def by_pose(actor, figure, pose):
+    actor.pose = pose
+
+
+def by_matrices(actor, figure, pose):
+    actor.pose = figure.world(pose)
+
+
+def by_driver(actor, figure, pose):
+    actor.driver = type('Always', (), {'sample': lambda self, time: pose})()
+
+
+def by_user_matrix(actor, figure, pose):
+    actor.pose = bend(figure, 0.3)
+    actor.user_matrix = pv.Transform().translate(8.0, 8.0, 8.0).matrix
+
+
+@pytest.mark.parametrize('give', [by_pose, by_matrices, by_driver, by_user_matrix])
+def test_the_first_camera_sees_what_is_shown(give):
+    figure, pose = leaving()
+    meshes = camera_of(lambda pl: pl.add_mesh(figure.mesh(pose=pose)))
+    figures = camera_of(lambda pl: give(pl.ibr.add_figure(figure), figure, pose))
+    # Bounds of joints are those of a box that holds the mesh.
+    np.testing.assert_allclose(figures[3:], meshes[3:], atol=0.6)
+
+
+def test_the_first_camera_sees_the_figure_at_its_time():
+    growing = [pv.Sphere(radius=0.1), pv.Sphere(radius=0.1, center=(9, 0, 0))]
+
+    def fill(pl):
+        pl.ibr.add_figure(growing)
+        pl.ibr.time = 0.75
+
+    assert camera_of(fill)[3] == pytest.approx(6.75)
+
+
+def test_play_without_a_clip_plays_the_first():
+    figure, _ = leaving()
+    pl = pv.Plotter(window_size=(60, 60))
+    actor = pl.ibr.add_figure(figure)
+    actor.pose = figure.rest
+    actor.play()
+    pl.ibr.time = 0.7
+    expected = Play(figure).sample(0.7)
+    assert isinstance(actor.pose, Pose)
+    np.testing.assert_allclose(actor.pose.rotation, expected.rotation)
+    pl.close()
+
+
+def test_closing_while_it_plays(tmp_path):
+    figure, _ = leaving()
+    pl = pv.Plotter(window_size=(60, 60))
+    actor = pl.ibr.add_figure(figure, name='worm')
+    pl.ibr.play()
+    pl.open_gif(tmp_path / 'worm.gif', fps=5)
+    for _ in range(3):
+        pl.write_frame()
+    assert actor.posed == 3
+    pl.close()
+    assert not pl.ibr.playing
+
+
+def test_one_figure_in_two_subplots_and_back_again():
+    figure, _ = leaving()
+    pl = pv.Plotter(shape=(1, 2), window_size=(120, 60))
+    left = pl.ibr.add_figure(figure, name='worm')
+    pl.subplot(0, 1)
+    right = pl.ibr.add_figure(figure, name='worm')
+    assert [r.actors['worm'] for r in pl.renderers] == [left.actor, right.actor]
+    pl.remove_actor('worm')
+    pl.show(auto_close=False)
+    assert pl.ibr.effects == ()
+    pl.ibr.add(right)
+    pl.render()
+    assert right.posed == 1
+    pl.close()
