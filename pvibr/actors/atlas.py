@@ -77,6 +77,8 @@ class Atlas:
     half: bool = False
     errors: dict = field(default_factory=dict)
     seconds: float = 0.0
+    #: Whether it has pictures of several phases of a movement, see :mod:`pvibr.actors.phases`.
+    phased = False
 
     @classmethod
     def blank(cls, points) -> Atlas:
@@ -112,7 +114,7 @@ class Atlas:
             Level 0 at the left, half its size and so on stacked at the right: each level's tiles
             are averages of their own texels alone, which a driver's mip levels do not promise.
         """
-        return [_pyramid(p, self.tile) for p in (self.geometry, self.albedo)]
+        return [pyramid(p, self.tile) for p in (self.geometry, self.albedo)]
 
     def to_arrays(self) -> dict:
         """Return everything as named arrays, for a file."""
@@ -239,7 +241,21 @@ class Atlas:
         return octahedral.view_directions(self.views, self.half)
 
 
-def _pyramid(picture, tile):
+def pyramid(picture, tile) -> np.ndarray:
+    """Return a picture with all smaller levels of detail beside it.
+
+    Parameters
+    ----------
+    picture : numpy.ndarray, shape (side, side, 4), uint8
+        Tiles side by side.
+    tile : int
+        Texels along a side of a tile.
+
+    Returns
+    -------
+    numpy.ndarray, shape (side, 3 * side / 2, 4), uint8
+        See :meth:`Atlas.textures`.
+    """
     side = len(picture)
     out = np.zeros((side, side * 3 // 2, 4), np.uint8)
     out[:, :side] = picture

@@ -120,18 +120,11 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
             tile //= 2  # the smaller levels lie beside the largest
         while views * tile * supersample > limit and supersample > 1:
             supersample //= 2
-        baker = _Baker(window, parts, center, radius, (views, tile, supersample))
+        baker = Baker(window, parts, center, radius, (views, tile, supersample))
         try:
-            rows = octahedral.view_directions(views, half)
-            strips = []
-            for k, directions in enumerate(rows):
-                strips.append(baker.row(directions))
-                fill_depth(strips[-1][0], tile)  # a row at a time stays in the cache
-                if progress is not None:
-                    progress((k + 1) / views)
+            geometry, albedo = baker.pictures(half, progress)
         finally:
             baker.release()
-    geometry, albedo = (np.concatenate(s) for s in zip(*strips, strict=True))
     box = np.stack([points.min(0), points.max(0)]).astype(float)
     return Atlas(
         geometry,
@@ -146,8 +139,22 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
     )
 
 
-class _Baker:
-    """Draws one row of views at a time."""
+class Baker:
+    """Draws views of parts; the points of their meshes may change between pictures.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        Whose context is current.
+    parts : sequence of Part
+        What is drawn.
+    center : numpy.ndarray, shape (3,)
+        Of the sphere that holds them.
+    radius : float
+        Of the sphere.
+    grid : tuple of 3 int
+        Views along a side, texels along a side of a tile, samples along a side of a texel.
+    """
 
     def __init__(self, window, parts, center, radius, grid):
         self.window, self.center, self.radius = window, center, radius
@@ -176,7 +183,25 @@ class _Baker:
         self.camera.SetExplicitProjectionTransformMatrix(matrix)
         self.camera.UseExplicitProjectionTransformMatrixOn()
 
-    def row(self, directions):
+    def pictures(self, half, progress=None):
+        """Return geometry and albedo of all views, (views * tile, views * tile, 4) uint8 each.
+
+        Parameters
+        ----------
+        half : bool
+            Only views from above.
+        progress : callable, optional
+            Called with the fraction done, 0 to 1.
+        """
+        strips = []
+        for k, directions in enumerate(octahedral.view_directions(self.views, half)):
+            strips.append(self._row(directions))
+            fill_depth(strips[-1][0], self.tile)  # a row at a time stays in the cache
+            if progress is not None:
+                progress((k + 1) / self.views)
+        return [np.concatenate(s) for s in zip(*strips, strict=True)]
+
+    def _row(self, directions):
         """Return geometry and albedo, (tile, views * tile, 4) uint8 each, of one row of views."""
         side = self.tile * self.scale
         state = self.window.GetState()
@@ -205,6 +230,7 @@ class _Baker:
             actor.RenderOpaqueGeometry(self.renderer)
 
     def release(self):
+        """Free the GPU's memory; the context must be alive."""
         for actor in self.actors:
             actor.ReleaseGraphicsResources(self.window)
         for thing in (self.raster, self.strip, self.reduce):

@@ -66,33 +66,43 @@ class Program:
     least: float = 0.0
     largest: float = float('inf')
 
-    def defines(self) -> str:
-        """Return the preprocessor lines of the program."""
+    def defines(self, phased=False) -> str:
+        """Return the preprocessor lines of the program.
+
+        Parameters
+        ----------
+        phased : bool
+            Whether each instance shows a phase of a movement.
+        """
         values = {
             'VIEWS_BLENDED': self.views,
             'STEPS': self.steps,
             'CORNERS': self.corners,
             'WRITE_DEPTH': int(self.depth),
             'SPLAT': int(self.splat),
+            'PHASES': int(phased),
         }
         return DITHER + ''.join(f'#define {k} {v}\n' for k, v in values.items())
 
-    def feature(self, shiny=True) -> Feature:
+    def feature(self, shiny=True, phased=False) -> Feature:
         """Return the shader text of the program by VTK's tags.
 
         Parameters
         ----------
         shiny : bool
             Whether the material has highlights; without, their power is not computed.
+        phased : bool
+            Whether each instance shows a phase of a movement.
         """
         part = sections(shader_source(__file__))
+        defines = self.defines(phased)
         vertex = {
-            'VTK::PositionVC::Dec': self.defines() + part['vertex.declare'],
+            'VTK::PositionVC::Dec': defines + part['vertex.declare'],
             'VTK::PositionVC::Impl': part['vertex.position'],
         }
         depth = part['fragment.depth'] if self.depth else ''
         fragment = {
-            'VTK::PositionVC::Dec': self.defines() + part['fragment.declare'],
+            'VTK::PositionVC::Dec': defines + part['fragment.declare'],
             'VTK::PositionVC::Impl': part['fragment.sample'],
             'VTK::Depth::Impl': depth + '//VTK::Depth::Impl\n',
             'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
@@ -337,6 +347,10 @@ class Cards:
         self.textures['ibr_poses'] = Texture(window).upload(pack(rows, _POSE_WIDTH, 4))
         self.textures['ibr_looks'] = Texture(window).upload(np.zeros((1, 1, 4), np.uint8))
         self.uniforms['ibr_texels'] = 1 if rows.ndim == 2 else 3
+        if self.atlas.phased:
+            self.textures['ibr_bins'] = Texture(window).upload(self.atlas.bins)
+            self.textures['ibr_moves'] = Texture(window)
+            self.uniforms['ibr_pages'] = self.atlas.pages
 
     def look(self, looks):
         """Put per-instance colours on the GPU.
@@ -349,6 +363,17 @@ class Cards:
         self.uniforms['ibr_has_looks'] = int(looks is not None)
         if looks is not None and self.window is not None:
             self.textures['ibr_looks'].upload(pack(looks, _ROW, 4))
+
+    def move(self, moves):
+        """Put on the GPU how instances of a phased atlas move.
+
+        Parameters
+        ----------
+        moves : numpy.ndarray, shape (n, 4), float32
+            Rounds at time 0, rounds a second, row of the atlas's bins, 1 where it goes round and
+            0 where it stays at the end.
+        """
+        self.textures['ibr_moves'].upload(pack(moves, _ROW, 4))
 
     def view(self, frame):
         """Take over the camera of a frame.
@@ -413,7 +438,7 @@ class _Layer:
     def __init__(self, cards, program, prop, draws, bounds):
         self.cards, self.program = cards, program
         shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
-        self.feature = program.feature(shiny)
+        self.feature = program.feature(shiny, cards.atlas.phased)
         self.blocks: Texture | None = None
         self.sizes = (0.0, 0.0, 1.0, 1.0)
         self.dithered, self.unit = False, cards.unit

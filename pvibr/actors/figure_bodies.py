@@ -142,7 +142,17 @@ class RigidBody:
         moment : Moment
             What is shown.
         """
-        self.actor.user_matrix = user @ _node(moment, self.node)
+        self.actor.user_matrix = user @ self.local(moment)
+
+    def local(self, moment) -> np.ndarray:
+        """Return the matrix that takes its mesh to the figure, shape (4, 4).
+
+        Parameters
+        ----------
+        moment : Moment
+            What is shown.
+        """
+        return _node(moment, self.node)
 
 
 class PosedBody:
@@ -283,13 +293,28 @@ class PosedBody:
         moment : Moment
             What is shown.
         """
+        self.actor.user_matrix = self._double.user_matrix = user @ self.local(moment)
+
+    def local(self, moment) -> np.ndarray:
+        """Return the matrix that takes posed vertices to the figure, and have its box hold them.
+
+        Parameters
+        ----------
+        moment : Moment
+            What is shown.
+
+        Returns
+        -------
+        numpy.ndarray, shape (4, 4)
+            Figure from what the posing pass wrote.
+        """
         skinned = self.body.skin is not None
-        node = np.eye(4) if skinned else _node(moment, self.body.node)
         matrix = np.eye(4)
         matrix[:3, 3] = moment.origin if skinned else self.mould.origin
-        matrix = node @ matrix
-        self.actor.user_matrix = self._double.user_matrix = user @ matrix
+        if not skinned:
+            matrix = _node(moment, self.body.node) @ matrix
         self._hold(moved_bounds(np.linalg.inv(matrix), moment.bounds))
+        return matrix
 
     def _hold(self, bounds):
         """Have the mapper's box hold bounds: VTK draws nothing whose box is out of view."""

@@ -21,7 +21,15 @@ from pvibr.effect import Effect
 from pvibr.errors import PvibrWarning
 from pvibr.params import Param
 
-_TABLE_OPTIONS = ('n_colors', 'nan_color', 'below_color', 'above_color', 'log_scale')
+_TABLE_OPTIONS = (
+    'cmap',
+    'clim',
+    'n_colors',
+    'nan_color',
+    'below_color',
+    'above_color',
+    'log_scale',
+)
 
 
 class Instances(Effect):
@@ -96,33 +104,42 @@ class Instances(Effect):
         meshes, poses, index = _scene(mesh, poses, index)
         poses = as_poses(poses)
         index = _checked_index(index, len(poses), len(meshes))
-        self._blend = _checked_blend(blend)
-        options = {k: mesh_kwargs.pop(k) for k in _TABLE_OPTIONS if k in mesh_kwargs}
-        own = scalars is not None and not isinstance(scalars, str)
-        if own:
-            mesh_looks = {}
-            look.color_table(look.as_scalars(scalars, len(poses)), cmap, clim, **options)
-        else:
-            mesh_looks = {'scalars': scalars, 'cmap': cmap, 'clim': clim, **options}
-        mesh_looks |= {'opacity': opacity, **mesh_kwargs}
-        given = {k: v for k, v in mesh_looks.items() if v is not None}
-        if colors is not None:
-            look.as_colors(colors, len(poses))
-        parts = as_meshes(meshes, theme=theme, **given)
+        mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
+        asked = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
+        parts = as_meshes(meshes, theme=theme, **asked)
         used = np.unique(index)
-        self._models = {
+        models = {
             int(k): make_model(parts[k], half=_checked_views(views), cache=cache,
                                progress=progress)
             for k in used
         }  # fmt: skip
+        self._begin(poses, index, models, pickable)
+        self._paint(scalars, colors)
+
+    def _ask(self, count, scalars, colors, blend, asked) -> dict:
+        """Check what is asked of single instances; return what is asked of the mesh."""
+        self._blend = _checked_blend(blend)
+        self._table_options = {k: asked[k] for k in _TABLE_OPTIONS if k in asked}
+        if colors is not None:
+            look.as_colors(colors, count)
+        if scalars is not None and not isinstance(scalars, str):
+            look.color_table(look.as_scalars(scalars, count), **self._table_options)
+            asked = {k: v for k, v in asked.items() if k not in _TABLE_OPTIONS}
+        else:
+            asked = {'scalars': scalars, **asked}
+        return {k: v for k, v in asked.items() if v is not None}
+
+    def _begin(self, poses, index, models, pickable):
+        self._models = models
         self._binder = Binder()
         self._failure: str | None = None
         self._anchor = anchor()
         self.pickable = pickable
         self._scalars = self._colors = self._visible = self.table = None
-        self._table_options = {'cmap': cmap, 'clim': clim, **options}
         self._set_poses(poses, index)
-        if own:
+
+    def _paint(self, scalars, colors):
+        if scalars is not None and not isinstance(scalars, str):
             self.scalars = scalars
         elif colors is not None:
             self.colors = colors
@@ -148,6 +165,10 @@ class Instances(Effect):
         if len(poses) != len(self._poses):
             msg = f'poses has {len(poses)} rows; it must keep its {len(self._poses)} instances'
             raise ValueError(msg)
+        self._rebuild(poses)
+
+    def _rebuild(self, poses):
+        """Make everything anew that depends on poses and models."""
         pipeline = self.pipeline
         if pipeline is not None:
             pipeline._make_current()
@@ -165,11 +186,14 @@ class Instances(Effect):
         ids = {k: np.flatnonzero(index == k) for k in self._models}
         unit, draws = unit_of(len(poses)), slab_counts(len(poses), len(ids))
         for k, model in self._models.items():
-            self._kinds.append(Kind(model, ids[k], poses, self._binder, unit, draws))
+            self._kinds.append(self._kind(model, ids[k], poses, self._binder, unit, draws))
         self._uploaded = False
         self._touch()
         self._bounds = _union([k.bounds for k in self._kinds])
         set_bounds(self._anchor, self._bounds)
+
+    def _kind(self, *args):
+        return Kind(*args)
 
     @property
     def bounds(self) -> tuple[float, ...]:

@@ -102,7 +102,7 @@ class Kind:
         self.ids = ids[order].astype(np.int32)
         self.radii = radii[order].astype(np.float32)
         self.blocks = Blocks.of(centers[order], radii[order], unit)
-        self.pools = [MeshPool(level) for level in self.levels]
+        self.pools = self._pools()
         prop = _card_property(self.levels[0].parts)
         self.cards = Cards(self.atlas, len(ids), self.unit, draws, self.bounds, prop, binder)
         self.looks: np.ndarray | None = None
@@ -112,6 +112,19 @@ class Kind:
 
     def __len__(self):
         return len(self.ids)
+
+    def _pools(self) -> list:
+        return [MeshPool(level) for level in self.levels]
+
+    def parts(self, slot) -> list:
+        """Return the meshes that a ray at an instance meets, as Parts in model coordinates.
+
+        Parameters
+        ----------
+        slot : int
+            A place in the order of this kind.
+        """
+        return self.levels[0].parts
 
     def _spheres(self, ids):
         """Return centres and radii of the bounding spheres of instances, world units."""

@@ -102,11 +102,15 @@ class MeshPool:
         new = []
         for i in wanted - self.lent.keys():
             if not self.free:
-                self.free.append([_copy(p) for p in self.level.parts])
+                self.free.append(self._made())
                 new += self.free[-1]
             self.lent[i] = self.free.pop()
             self._put(self.lent[i], matrix_of(i), look_of(i))
         return new
+
+    def _made(self) -> list:
+        """Return new actors that show one instance."""
+        return [lendable(p, p.actor.GetMapper()) for p in self.level.parts]
 
     def fade(self, shares):
         """Draw some instances in a share of their pixels; cards have the others.
@@ -166,8 +170,22 @@ class MeshPool:
         return [a for group in [*self.lent.values(), *self.free] for a in group]
 
 
-def _copy(part):
-    actor = dressed(part, part.actor.GetMapper())
+def lendable(part, mapper):
+    """Return a new actor that shows a part as an instance: with its share of pixels and its look.
+
+    Parameters
+    ----------
+    part : Part
+        What looks so.
+    mapper : vtkMapper
+        What it draws.
+
+    Returns
+    -------
+    pyvista.Actor
+        With a matrix of its own.
+    """
+    actor = dressed(part, mapper)
     actor.SetUserMatrix(_vtk.vtkMatrix4x4())
     shader = actor.GetShaderProperty()
     texts = {'//VTK::TCoord::Impl': DITHER + _LOOK, '//VTK::Color::Impl': _COLOR}

@@ -115,7 +115,7 @@ def _meet(kind, slot, start, direction):
     reach = np.linalg.norm(origin - kind.atlas.center) + 2 * kind.atlas.radius
     end = origin + toward / np.linalg.norm(toward) * reach
     best = None
-    for part in kind.levels[0].parts:
+    for part in kind.parts(slot):
         point = _line_mesh(part, origin, end)
         if point is not None:
             world = matrix[:3, :3] @ point + matrix[:3, 3]
