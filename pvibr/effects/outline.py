@@ -20,8 +20,8 @@ class Outline(Effect):
     """Lines where objects end, surfaces jump in depth, have creases, or luminance changes.
 
     Numbers, depth and normals are those of opaque surfaces, instances among them; translucent
-    props and volumes have lines by luminance alone. A large screenshot is drawn in tiles, and
-    lines do not cross their seams.
+    props and volumes have lines by luminance alone. A large screenshot is drawn in tiles; a line
+    along one of their seams is cut there.
 
     Parameters
     ----------
