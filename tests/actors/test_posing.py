@@ -8,6 +8,7 @@ import pyvista as pv
 
 from pvibr import Body, Figure, Morphs
 from pvibr.actors import shapes as shapes_module
+from pvibr.animation.frames import Frames
 from tests.actors.figures import bend, growing, morphs, skeleton, skin, tube, worm
 
 
@@ -88,10 +89,22 @@ def test_sparse_morphs():
     check(figure, figure.rest.replaced(weights=[2.0, 1.0]))
 
 
-@pytest.mark.parametrize('interpolation', ['step', 'linear', 'cubic'])
+@pytest.mark.parametrize('interpolation', ['step', 'linear', 'quadratic', 'cubic'])
 @pytest.mark.parametrize('time', [0.0, 1.0, 2.7])
 def test_key_frames(interpolation, time):
     check(growing(interpolation=interpolation), time=time)
+
+
+@pytest.mark.parametrize('how', ['linear', 'dual'])
+def test_key_frames_morphs_and_joints_in_their_order(how):
+    mesh, bones = tube(), skeleton()
+    points = np.asarray(mesh.points, float)
+    positions = np.stack([points, points * [1.3, 0.8, 1.0], points - [0, 0, 0.2]])
+    frames = Frames([0.0, 1.0, 2.0], positions)
+    body = Body(mesh, skin=skin(mesh, bones), morphs=morphs(mesh.n_points), frames=frames)
+    figure = Figure([body], bones)
+    pose = bend(figure, 0.3, weights=[0.3, 0.0, -0.6])
+    check(figure, pose.replaced(time=1.3), how)
 
 
 def test_correctives():
