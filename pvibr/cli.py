@@ -1,4 +1,4 @@
-"""The command line: ``pvibr doctor``, ``demo``, ``view``, ``bake``, ``bench``.
+"""The command line: ``pvibr doctor``, ``demo``, ``view``, ``play``, ``bake``, ``bench``.
 
 The bodies are imported when their command runs, so that ``pvibr --help`` is instant and
 ``pvibr doctor`` works where the rest cannot. What goes wrong is one line on standard error and
@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 from cyclopts.types import ExistingFile
@@ -29,7 +29,21 @@ def _positive(type_: type, value: float | None) -> None:
         raise ValueError(msg)
 
 
+def _finite(type_: type, value: float | None) -> None:
+    if value is not None and not math.isfinite(value):
+        msg = 'Must be a finite number.'
+        raise ValueError(msg)
+
+
+def _moving(type_: type, value: float) -> None:
+    if not (value and math.isfinite(value)):
+        msg = 'Must be a finite number other than 0.'
+        raise ValueError(msg)
+
+
 _Positive = Parameter(validator=_positive)
+_Moment = Annotated[float, Parameter(validator=_finite)]
+_Speed = Annotated[float, Parameter(validator=_moving)]
 _Count = Annotated[int, _Positive]
 _Pixels = Annotated[float, _Positive]
 _Folder = Annotated[Path, Parameter(name=['--out', '-o'])]
@@ -154,6 +168,63 @@ def view(
         columns=names,
         scale=scale,
         window=window,
+    )
+
+
+@app.command
+def play(
+    file: ExistingFile,
+    *,
+    clip: str | None = None,
+    movie: Path | None = None,
+    frame: _Moment | None = None,
+    out: _Out = None,
+    fps: Annotated[float, _Positive] = 30.0,
+    size: str = '1280x720',
+    speed: _Speed = 1.0,
+    seconds: Annotated[float | None, _Positive] = None,
+    skinning: Literal['linear', 'dual'] = 'linear',
+) -> None:
+    """Play a file that moves: in a window, or as a movie or a picture.
+
+    Parameters
+    ----------
+    file
+        glTF (GLB), or a series of meshes that PyVista reads.
+    clip
+        Name or number of the clip; the first one by default.
+    movie
+        Movie (MP4, GIF, ...) to write instead of opening a window.
+    frame
+        Draw one picture, of this second.
+    out
+        PNG file for that picture; FILE.png by default.
+    fps
+        Frames of the movie in a second.
+    size
+        Width and height of the picture in pixels.
+    speed
+        Seconds of the clip in a second; below 0 it runs backward.
+    seconds
+        How long the movie is; once through the clip by default.
+    skinning
+        How joints are blended.
+    """
+    pixels = _size(size)
+    from pvibr.play import main
+
+    _require_gl(window=movie is None and frame is None and out is None)
+    main(
+        file,
+        clip=clip,
+        movie=movie,
+        frame=frame,
+        out=out,
+        fps=fps,
+        size=pixels,
+        speed=speed,
+        seconds=seconds,
+        skinning=skinning,
     )
 
 

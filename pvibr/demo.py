@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import time
 from dataclasses import asdict, dataclass, field
@@ -16,7 +15,7 @@ from rich.table import Table
 
 from pvibr.bench.peers import LOD_REDUCTION, PART, glyph_seconds
 from pvibr.maths.image_error import flip, psnr, silhouette_iou
-from pvibr.montage import compose, error_colors, save
+from pvibr.montage import compose, error_colors, require_ffmpeg, save
 from pvibr.offscreen import (
     SAMPLES,
     SKY,
@@ -94,7 +93,7 @@ def main(
     >>> main(count=50, out=folder)  # doctest: +SKIP
     """
     if movie is not None:
-        _require_ffmpeg()
+        require_ffmpeg()
     scene = landscape(count)
     if window:
         _walk(scene, max_error, frames or MOVIE_FRAMES, size)
@@ -293,11 +292,3 @@ def _scenery(scene, max_error, size, *, off_screen):
     _plant(plotter, scene, max_error)
     plotter.camera_position = scene.path(1)[0]
     return plotter
-
-
-def _require_ffmpeg():
-    try:
-        importlib.import_module('imageio_ffmpeg')
-    except ImportError as error:
-        msg = "--movie needs imageio-ffmpeg: run pip install 'pvibr[movie]'"
-        raise ImportError(msg) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -107,3 +108,18 @@ def _captioned(picture, text):
     font = ImageFont.load_default(size=height * 0.66)
     ImageDraw.Draw(line).text((4, 3), text, fill='black', font=font)
     return np.concatenate([np.asarray(line), as_bytes(picture)])
+
+
+def require_ffmpeg():
+    """Check that movies can be written.
+
+    Raises
+    ------
+    ImportError
+        If what writes them is not installed; it says how to install it.
+    """
+    try:
+        importlib.import_module('imageio_ffmpeg')
+    except ImportError as error:
+        msg = "--movie needs imageio-ffmpeg: run pip install 'pvibr[movie]'"
+        raise ImportError(msg) from error

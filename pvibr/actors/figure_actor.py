@@ -68,7 +68,7 @@ class FigureActor(FigurePlayer):
     _posing: Any = None
     _visible: bool | None = None
     _failure: Exception | None = None
-    #: What was shown in the last frame, and its bounds.
+    #: What was shown in the last frame, or when it was added, and its bounds.
     _framed: tuple = (-1, (1.0, -1.0) * 3)
 
     def __init__(
@@ -190,6 +190,7 @@ class FigureActor(FigurePlayer):
         super().attach(pipeline)
         renderer = pipeline.renderer
         self._now_shown()
+        self._framed = self._changes, self._anchor.GetBounds()
         if hasattr(renderer, 'add_actor'):
             name = self._name or f'Figure({self._anchor.GetAddressAsString("")})'
             renderer.add_actor(

@@ -62,6 +62,19 @@ def test_the_first_camera_sees_the_figure_at_its_time():
     assert camera_of(fill)[3] == pytest.approx(6.75)
 
 
+def test_the_first_frame_is_not_cut():
+    """The camera was put before a figure where it was when it was added."""
+    far = [pv.Sphere(radius=0.1), pv.Sphere(radius=0.1, center=(0, 0, -9))]
+    pl = pv.Plotter(window_size=(60, 60))
+    pl.ibr.add_figure(far, color='red')
+    pl.camera_position = [(0, 0, 2), (0, 0, 0), (0, 1, 0)]
+    pl.reset_camera_clipping_range()
+    pl.ibr.time = 0.75
+    picture = pl.screenshot(return_img=True).astype(int)
+    assert (picture != picture[0, 0]).any()
+    pl.close()
+
+
 def test_play_without_a_clip_plays_the_first():
     figure, _ = leaving()
     pl = pv.Plotter(window_size=(60, 60))
