@@ -1,0 +1,214 @@
+"""Which way cards face: rotations toward an eye, and the eye recovered from a view matrix."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pvibr.maths.quaternions import to_matrices
+
+#: Whether a card has a place of its own, turns about an axis, turns about its point, or lies in
+#: the view plane.
+FACINGS = ('world', 'cylindrical', 'spherical', 'screen')
+TOWARDS = ('point', 'plane')
+#: Sine of the angle between axis and view below which the axis says nothing about left and right.
+ALIGNED = 1e-4
+
+
+class Eye(NamedTuple):
+    """A camera's place and axes, world space.
+
+    Attributes
+    ----------
+    position : numpy.ndarray, shape (3,)
+        World units.
+    right, up, direction : numpy.ndarray, shape (3,)
+        Unit vectors; `direction` is looked along.
+    """
+
+    position: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    direction: np.ndarray
+
+
+def eye_of(view_from_world) -> Eye:
+    """Return the camera of a view matrix [R t]: its position is -R^T t, its up R^T y.
+
+    Parameters
+    ----------
+    view_from_world : array_like, shape (4, 4)
+        A rotation and a translation; the eye looks along -z of view space.
+
+    Returns
+    -------
+    Eye
+        float64.
+
+    Raises
+    ------
+    ValueError
+        Where the upper left 3x3 is no rotation.
+
+    Examples
+    --------
+    >>> from pvibr.maths.facing import eye_of
+    >>> from pvibr.maths.views import look_along
+    >>> eye = eye_of(look_along([1, 2, 3], [0, 1, 0], [0, 0, 1]))
+    >>> eye.position.tolist(), eye.direction.tolist(), eye.up.tolist()
+    ([1.0, 2.0, 3.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
+    """
+    view = np.asarray(view_from_world, float)
+    R, t = view[:3, :3], view[:3, 3]
+    if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-6) or np.linalg.det(R) < 0:
+        msg = f'view_from_world has the upper left part {R.tolist()}; it must be a rotation'
+        raise ValueError(msg)
+    return Eye(-R.T @ t, R[0], R[1], -R[2])
+
+
+def cards(
+    points, view_from_world, facing='spherical', *, axis=None, towards='point', orientation=None,
+    rotation=0.0, parallel=False,
+):  # fmt: skip
+    """Return the axes of cards: right, up, and the normal toward the eye.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        World units.
+    view_from_world : array_like, shape (4, 4)
+        See :func:`eye_of`.
+    facing : {'spherical', 'cylindrical', 'screen', 'world'}
+        Turned to the eye wholly; about `axis` only; parallel to the screen, whatever it is turned
+        to; or not at all.
+    axis : array_like, shape (3,) or (n, 3), optional
+        What is up on a card: of cylindrical ones they turn about it, z by default; spherical ones
+        have the camera's up by default.
+    towards : {'point', 'plane'}
+        Whether cards turn to the eye's place, or to its plane and so all alike.
+    orientation : array_like, shape (4,) or (n, 4), optional
+        Quaternions (w, x, y, z) of ``'world'`` cards: right from x, up from y, normal from z.
+    rotation : array_like, shape () or (n,)
+        Radians counter-clockwise, as seen from the normal's side.
+    parallel : bool
+        Whether the projection is parallel: then every place has the plane's direction.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 3, 3)
+        Columns right, up, normal: a rotation each, world space.
+
+    Raises
+    ------
+    ValueError
+        Where a name is unknown, or `axis` or `orientation` has no length.
+
+    Notes
+    -----
+    Where the eye is on a card's axis that says nothing of left and right; the camera's right does.
+    A cylindrical card is seen edge-on there.
+
+    Examples
+    --------
+    >>> from pvibr.maths.facing import cards
+    >>> from pvibr.maths.views import look_along
+    >>> view = look_along([0, -5, 5], [0, 1, -1], [0, 0, 1])
+    >>> cards([[0, 0, 0]], view, 'cylindrical')[0].T.round(3).tolist()
+    [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
+    """
+    _check('facing', facing, FACINGS)
+    _check('towards', towards, TOWARDS)
+    points = np.asarray(points, float).reshape(-1, 3)
+    eye = eye_of(view_from_world)
+    if facing == 'world':
+        axes = _turned(orientation, len(points))
+    elif facing == 'screen':
+        axes = np.tile(np.stack([eye.right, eye.up, -eye.direction], 1), (len(points), 1, 1))
+    else:
+        toward = _toward(points, eye, towards == 'plane' or parallel)
+        if axis is None:
+            axis = eye.up if facing == 'spherical' else (0.0, 0.0, 1.0)
+        axes = _upright(toward, as_units('axis', axis), eye.right, facing == 'cylindrical')
+    return _rolled(axes, rotation)
+
+
+def _check(name, value, allowed):
+    if value not in allowed:
+        msg = f'{name} is {value!r}; it must be one of {", ".join(map(repr, allowed))}'
+        raise ValueError(msg)
+
+
+def as_units(name, vectors) -> np.ndarray:
+    """Return vectors with length 1.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    vectors : array_like, shape (..., k)
+        Of any length but 0.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., k)
+        float64.
+
+    Raises
+    ------
+    ValueError
+        Where one has no length or is not finite.
+
+    Examples
+    --------
+    >>> from pvibr.maths.facing import as_units
+    >>> as_units('axis', [0, 0, 1e-200]).tolist()
+    [0.0, 0.0, 1.0]
+    """
+    given = np.asarray(vectors, float)
+    largest = np.abs(given).max(-1, keepdims=True)
+    bad = ~(np.isfinite(largest) & (largest > 0))
+    if bad.any():
+        row = given.reshape(-1, given.shape[-1])[np.flatnonzero(bad)[0]]
+        msg = f'{name} is {row.tolist()}; it must be finite and have a length'
+        raise ValueError(msg)
+    scaled = given / largest
+    return scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)
+
+
+def _toward(points, eye, plane):
+    """Return unit vectors to the eye."""
+    ahead = np.tile(-eye.direction, (len(points), 1))
+    if plane:
+        return ahead
+    away = eye.position - points
+    lengths = np.linalg.norm(away, axis=1, keepdims=True)
+    return np.where(lengths > 0, away / np.where(lengths > 0, lengths, 1), ahead)
+
+
+def _upright(toward, axis, camera_right, about_axis):
+    """Return axes of cards whose up is as near to an axis as can be, or is the axis."""
+    axis = np.broadcast_to(axis, toward.shape)
+    right = np.cross(axis, toward)
+    sine = np.linalg.norm(right, axis=1, keepdims=True)
+    kept = axis if about_axis else toward
+    spare = camera_right - kept * (kept @ camera_right)[:, None]
+    right = np.where(sine > ALIGNED, right, spare)
+    right = right / np.linalg.norm(right, axis=1, keepdims=True)
+    up, normal = (axis, np.cross(right, axis)) if about_axis else (np.cross(toward, right), toward)
+    return np.stack([right, up, normal], 2)
+
+
+def _turned(orientation, count):
+    if orientation is None:
+        orientation = (1.0, 0.0, 0.0, 0.0)
+    quaternions = as_units('orientation', orientation).reshape(-1, 4)
+    return np.broadcast_to(to_matrices(quaternions), (count, 3, 3))
+
+
+def _rolled(axes, rotation):
+    """Return axes turned about their normal."""
+    angle = np.broadcast_to(np.asarray(rotation, float), (len(axes),))[:, None]
+    right, up, normal = np.moveaxis(axes, 2, 0)
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * right + s * up, c * up - s * right, normal], 2)
