@@ -75,20 +75,24 @@ class _Numbers:
         self._worn: dict = {}
         self._set: list = []
 
-    def put(self, actors, number):
-        """Give actors a number, until `clear`."""
+    def put(self, numbers):
+        """Give actors numbers, pairs of both, until `clear`."""
         lights = [light.GetSwitch() for light in self.renderer.GetLights()]
-        for actor in actors:
+        for actor, number in numbers:
             key = address(actor)
             worn = self._worn.get(key)
-            if worn is None or worn[1] != (actor.GetMTime(), _data_time(actor), lights):
-                lit = _is_lit(actor, any(lights))
-                (_UNLIT if lit else _LIT).detach(actor)
-                (_LIT if lit else _UNLIT).attach(actor)
-            uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
-            uniforms.SetUniformf('ibr_id', float(number))
-            self._set.append(uniforms)
-            self._worn[key] = actor, (actor.GetMTime(), _data_time(actor), lights)
+            if worn is None or worn.stamp != (actor.GetMTime(), *_data_time(worn.mapper), lights):
+                worn = self._worn[key] = self._dressed(actor, lights)
+            worn.uniforms.SetUniformf('ibr_id', float(number))
+            self._set.append(worn.uniforms)
+
+    def _dressed(self, actor, lights):
+        lit = _is_lit(actor, any(lights))
+        (_UNLIT if lit else _LIT).detach(actor)
+        (_LIT if lit else _UNLIT).attach(actor)
+        mapper, shader = actor.GetMapper(), actor.GetShaderProperty()
+        stamp = actor.GetMTime(), *_data_time(mapper), lights
+        return _Worn(actor, mapper, shader.GetFragmentCustomUniforms(), stamp)
 
     def clear(self):
         """Take the numbers away: VTK's own passes have second colours of their own."""
@@ -98,15 +102,23 @@ class _Numbers:
 
     def release(self):
         self.clear()
-        for actor, _ in self._worn.values():
-            _LIT.detach(actor)
-            _UNLIT.detach(actor)
+        for worn in self._worn.values():
+            _LIT.detach(worn.actor)
+            _UNLIT.detach(worn.actor)
         self._worn = {}
 
 
-def _data_time(actor):
-    """Return when an actor's data, or which they are, changed."""
-    mapper = actor.GetMapper()
+class _Worn(NamedTuple):
+    """An actor that can be numbered, and what it was when its program was chosen."""
+
+    actor: Any
+    mapper: Any
+    uniforms: Any
+    stamp: tuple
+
+
+def _data_time(mapper):
+    """Return when a mapper's data, or which they are, changed."""
     data = mapper.GetInputDataObject(0, 0)
     return mapper.GetMTime(), data.GetMTime() if data is not None else 0
 
@@ -190,7 +202,7 @@ class Drawn:
         return self._target
 
     def _draw(self, actors, number):
-        self._numbers.put(actors, number)
+        self._numbers.put((actor, number) for actor in actors)
         self._drawer.draw(actors)
         self._numbers.clear()
 
@@ -220,11 +232,14 @@ class _Shared:
         actors, things = self._surfaces.chosen(None, things)
         if not self._is_free(scene, actors, things):
             return
-        for number, actor in enumerate(actors.values(), 1):
-            if actor.GetVisibility() and not actor.HasTranslucentPolygonalGeometry():
-                self._numbers.put([actor], number)
+        numbers = [
+            (actor, number)
+            for number, actor in enumerate(actors.values(), 1)
+            if actor.GetVisibility() and not actor.HasTranslucentPolygonalGeometry()
+        ]
         for number, thing in enumerate(things, len(actors) + 1):
-            self._numbers.put(thing.drawn(), number)
+            numbers += [(actor, number) for actor in thing.drawn()]
+        self._numbers.put(numbers)
         self._numbered = [*actors.values(), *things]
         self._texture = scene.attach_surfaces(frame)
 

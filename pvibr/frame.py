@@ -160,6 +160,8 @@ def _pixels(renderer):
 
 def _tile(renderer):
     """Return which shares of a subplot are drawn."""
+    if tuple(renderer.GetRenderWindow().GetTileScale()) == (1, 1):
+        return 0.0, 0.0, 1.0, 1.0
     tile, view = renderer.GetRenderWindow().GetTileViewport(), renderer.GetViewport()
     found = []
     for i in range(4):
@@ -170,11 +172,10 @@ def _tile(renderer):
 
 
 def _matrix(vtk_matrix) -> np.ndarray:
-    elements = [[vtk_matrix.GetElement(i, j) for j in range(4)] for i in range(4)]
-    return _frozen(elements)
+    return _frozen(vtk_matrix.GetData(), (4, 4))
 
 
-def _frozen(values) -> np.ndarray:
-    array = np.array(values, np.float64)
+def _frozen(values, shape=(3,)) -> np.ndarray:
+    array = np.array(values, np.float64).reshape(shape)
     array.flags.writeable = False
     return array

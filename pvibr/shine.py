@@ -84,7 +84,7 @@ class Shine(Effect):
             tile = frame.scale, (left * frame.whole[0], bottom * frame.whole[1])
         else:
             self._light = self._spread_light(frame, picture)
-            self._seen = self._sight(frame) if frame.scale == 1 else ()
+            self._seen = (frame, *self._marks()) if frame.scale == 1 else ()
             self._drawn_at.Modified()
         if self._light is not None:
             self._blur.blend(
@@ -98,7 +98,9 @@ class Shine(Effect):
         if frame.scale == 1:
             return False
         if self._asked[0] != frame.index:  # once: hooks must not differ in what they take it for
-            same = self._seen == self._sight(frame)
+            same = bool(self._seen) and (
+                self._seen[1:] == self._marks() and _sight(self._seen[0]) == _sight(frame)
+            )
             self._asked = (
                 frame.index,
                 same and not _changed(frame.renderer, self._things, self._drawn_at),
@@ -109,19 +111,9 @@ class Shine(Effect):
     def _things(self):
         return self.pipeline.things if self.pipeline else ()
 
-    def _sight(self, frame):
-        """Return what a whole picture and its tiles have in common."""
-        left, bottom, right, top = frame.tile
-        across = frame.clip_from_view[0, 0] * (right - left)
-        up = frame.clip_from_view[1, 1] * (top - bottom)
-        return (
-            frame.view_from_world.tobytes(),
-            f'{across:.6g} {up:.6g}',
-            tuple(round(side / frame.scale) for side in frame.whole),
-            frame.time,
-            self._revision,
-            [thing.stamp() for thing in self._things],
-        )
+    def _marks(self):
+        """Return what changes with the settings and with what things draw."""
+        return self._revision, [thing.stamp() for thing in self._things]
 
     def _spread_light(self, frame, picture):
         """Return the light of a picture, None where there is none."""
@@ -177,6 +169,19 @@ class Shine(Effect):
             return {'bytes': 0}
         details = {'bytes': self._blur.nbytes}
         return details if self._light else details | {'skipped': 'there is no light to spread'}
+
+
+def _sight(frame):
+    """Return what a frame of a whole picture and those of its tiles have in common."""
+    left, bottom, right, top = frame.tile
+    across = frame.clip_from_view[0, 0] * (right - left)
+    up = frame.clip_from_view[1, 1] * (top - bottom)
+    return (
+        frame.view_from_world.tobytes(),
+        f'{across:.6g} {up:.6g}',
+        tuple(round(side / frame.scale) for side in frame.whole),
+        frame.time,
+    )
 
 
 def _changed(renderer, things, when) -> bool:

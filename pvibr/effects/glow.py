@@ -87,6 +87,7 @@ class Glow(Shine):
     )  # fmt: skip
 
     _gpu: Any = None
+    _lit: tuple | list = ()
 
     def __init__(self, actors, strengths=1.0, **settings):
         super().__init__(**settings)
@@ -121,7 +122,8 @@ class Glow(Shine):
         frame : pvibr.frame.Frame
             The frame about to be drawn.
         """
-        if not self._shining(frame.renderer):
+        self._lit = self._shining(frame.renderer)
+        if not self._lit:
             return 'none of its actors is in the subplot, visible and of any strength'
         return super().needed(frame)
 
@@ -159,7 +161,7 @@ class Glow(Shine):
         if self._gpu is None:
             self._gpu = _Gpu(frame.renderer, frame.size)
         feature = {'color': _COLOR, 'alpha': _ALPHA, 'emissive': _EMISSIVE}[self.source]
-        self._gpu.draw(frame, self._shining(frame.renderer), feature)
+        self._gpu.draw(frame, self._lit, feature)
 
     def rest(self):
         """Draw the actors as they are: frames are drawn without it now."""
@@ -219,6 +221,7 @@ class Afterglow(Glow):
             The frame about to be drawn.
         """
         # Trails outlast what made them.
+        self._lit = self._shining(frame.renderer)
         return self.intensity > 0 or 'intensity is 0'
 
     def cut(self):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -111,7 +112,8 @@ class Vignette(_Screen):
 
     def _uniforms(self, frame, size):
         ring = (self.radius, self.softness, self.intensity)
-        away = _away(frame, self.center) / (0.5 * np.hypot(*size))
+        half = 0.5 * math.hypot(*size)
+        away = tuple(edge / half for edge in _away(frame, self.center))
         return {'tint': self.color, 'away': away, 'ring': ring}
 
 
@@ -285,8 +287,8 @@ class Iris(_Screen):
 
     def _uniforms(self, frame, size):
         soft = max(self.softness * size[1], 1.0)
-        away = np.maximum(self.center, 1 - np.array(self.center)) * size
-        reach = self.opening * (np.hypot(*away) + soft)
+        away = (max(c, 1 - c) * n for c, n in zip(self.center, size, strict=True))
+        reach = self.opening * (math.hypot(*away) + soft)
         found = {'tint': self.color, 'away': _away(frame, self.center), 'reach': (reach, 1 / soft)}
         return found if self._shape is None else found | {'scale': self._shape[1]}
 
@@ -565,8 +567,13 @@ class Sky(_Behind):
 
 def _away(frame, center):
     """Return where what is drawn begins, as seen from a place, and its size; in pixels."""
-    low, high = np.array(frame.tile).reshape(2, 2) * frame.whole
-    return np.array([*(low - np.array(center) * frame.whole), *(high - low)])
+    (left, bottom, right, top), (width, height) = frame.tile, frame.whole
+    return (
+        (left - center[0]) * width,
+        (bottom - center[1]) * height,
+        (right - left) * width,
+        (top - bottom) * height,
+    )
 
 
 def _fitted(place, fit, image, size):

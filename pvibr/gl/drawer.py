@@ -64,9 +64,9 @@ class Drawer:
         # An explicit matrix, since otherwise VTK uses the aspect ratio of the window.
         camera = self.inner.GetActiveCamera()
         position, focus, up = view.camera()
-        camera.SetPosition(*position)
-        camera.SetFocalPoint(*focus)
-        camera.SetViewUp(*up)
+        camera.SetPosition(position.tolist())
+        camera.SetFocalPoint(focus.tolist())
+        camera.SetViewUp(up.tolist())
         camera.SetClippingRange(view.near, view.far)
         camera.SetParallelProjection(view.parallel)
         self._projection.DeepCopy(view.clip_from_view.ravel().tolist())

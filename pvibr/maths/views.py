@@ -13,6 +13,8 @@ from pvibr.maths import octahedral
 TEXTURE_FROM_CLIP = np.array(
     [[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1.0]]
 )
+# Which of the six bounds of a box its corners have.
+_CORNERS = np.array([[2 * k + ((i >> k) & 1) for k in range(3)] for i in range(8)])
 # Along x, y and z, both ways, with an upward direction each.
 _FACES = [(s * np.eye(3)[k], np.eye(3)[(k + 1) % 3]) for k in range(3) for s in (1.0, -1.0)]
 
@@ -193,9 +195,7 @@ def corners(bounds) -> np.ndarray:
     >>> corners([[0, 1, 0, 1, 0, 1]]).shape
     (1, 8, 3)
     """
-    b = np.asarray(bounds, float).reshape(-1, 3, 2)
-    pick = np.array([[(i >> k) & 1 for k in range(3)] for i in range(8)])
-    return np.stack([b[:, k, pick[:, k]] for k in range(3)], axis=-1)
+    return np.asarray(bounds, float).reshape(-1, 6)[:, _CORNERS]
 
 
 def box_distance(point, bounds) -> float:
@@ -283,10 +283,9 @@ def covered(view, bounds, size) -> tuple[int, int, int, int]:
     x, y, _, w = clip[:, :3] @ points.T + clip[:, 3:]
     if w.min() <= 0:
         return 0, 0, int(size[0]), int(size[1])
-    x, y = (x / w + 1) * (size[0] / 2), (y / w + 1) * (size[1] / 2)
-    left, bottom = (math.floor(round(float(edge.min()), 6)) for edge in (x, y))
-    right, top = (math.ceil(round(float(edge.max()), 6)) for edge in (x, y))
-    return (
-        min(max(left, 0), size[0]), min(max(bottom, 0), size[1]),
-        min(max(right, 0), size[0]), min(max(top, 0), size[1]),
-    )  # fmt: skip
+    left, right, bottom, top = (
+        min(max(whole(round(float(edge) * side / 2, 6)), 0), side)
+        for shares, side in ((x / w + 1, size[0]), (y / w + 1, size[1]))
+        for whole, edge in ((math.floor, shares.min()), (math.ceil, shares.max()))
+    )
+    return left, bottom, right, top
