@@ -40,6 +40,13 @@ def poses(settings, results):
             Row(f'{name}, {way}: posing and upload', share[way], 'ms'),
             Row(f'{name}, {way}: with its frame', frame[way], 'ms'),
         ]
+    results.rows.append(
+        Row(
+            f'{name}, float64 reference: posing',
+            reference_time(rings, around, settings.joints, settings.rounds),
+            'ms',
+        )
+    )
     for times, what, bars in ((share, '', (10, None)), (frame, ', with the frame', (None, 3))):
         for way, bar in zip(('numpy', 'vtkGLTFReader'), bars, strict=True):
             ratio = times[way] / times['pvibr']
@@ -66,6 +73,30 @@ def pose_times(rings, around, joints, screen, rounds) -> dict:
     figure = figures_models.tube(rings, around, joints, look=LOOK, every=_FEW)
     found = _in_turns(figure, screen, rounds)
     return {way: moved - still for way, (moved, still) in found.items()}
+
+
+def reference_time(rings, around, joints, rounds) -> float:
+    """Time the float64 reference.
+
+    Parameters
+    ----------
+    rings, around, joints : int
+        Of the tube.
+    rounds : int
+        How often; the least counts.
+
+    Returns
+    -------
+    float
+        Milliseconds of a new pose, without any upload.
+    """
+    figure = figures_models.tube(rings, around, joints)
+    pose, least = figure.sample(0.4), np.inf
+    for _ in range(rounds):
+        start = time.perf_counter()
+        figure.posed(0, pose)
+        least = min(least, time.perf_counter() - start)
+    return 1e3 * least
 
 
 def frame_times(rings, around, joints, screen, rounds) -> dict:
