@@ -134,7 +134,8 @@ class Clock:
 
     def _tick(self):
         """Take the time of the wall, which began with the first tick: windows open late."""
-        if getattr(self._plotter, 'mwriter', None) is not None:
+        writer = getattr(self._plotter, 'mwriter', None)
+        if writer is not None and not getattr(writer, 'closed', False):
             return
         now = perf_counter()
         if self._since is None:

@@ -148,6 +148,23 @@ def test_a_movie_decides_in_a_window_as_well(window, wall):
     clock.stop()
 
 
+def test_a_movie_that_is_closed_decides_no_more(window, wall):
+    writer = SimpleNamespace(closed=True, write_args={'fps': 10})
+    plotter = SimpleNamespace(
+        renderer=window.ibr._plotter.renderer,
+        mwriter=writer,
+        render=lambda: None,
+        off_screen=False,
+    )
+    times = []
+    clock = Clock(plotter, times.append)
+    clock.start(0.0)
+    for writer.closed, wall.seconds in ((True, 1.0), (True, 2.0), (False, 3.0)):
+        window.tick()
+    assert times == [1.0]
+    clock.stop()
+
+
 def test_movies_know_their_frames_a_second(tmp_path):
     pytest.importorskip('imageio_ffmpeg')
     pl = pv.Plotter(off_screen=True, window_size=(32, 32))
