@@ -78,6 +78,24 @@ class MipTexture(Texture):
         for large, small in zip(self._levels, self._levels[1:], strict=False):
             copy(large, small)
 
+    def put_level(self, k, array):
+        """Put an array in the place of a smaller level.
+
+        Parameters
+        ----------
+        k : int
+            Which; 0 is the texture itself.
+        array : numpy.ndarray, shape (height >> k, width >> k, 4), uint8
+            Row 0 is v = 0.
+        """
+        self._levels = self._levels or self._made_levels()
+        height, width = array.shape[:2]
+        texture = Texture(self.window).upload(array)
+        source = _Level(self.window, texture.object, 0, width, height)
+        copy(source, self._levels[k])
+        source.object.ReleaseGraphicsResources(self.window)
+        texture.release()
+
     def _made_levels(self):
         width, height = self.size
         count = int(np.log2(max(width, height))) + 1

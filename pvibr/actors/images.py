@@ -1,0 +1,266 @@
+"""Images packed into one texture, with smaller levels in which cut-outs keep what they cover."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pvibr.gl import MipTexture, texture_limit
+from pvibr.pictures import as_rgba, is_live
+
+#: Texels along a side that a sheet may have: what drivers of the last ten years take.
+LARGEST = 16_384
+_WASTE = 4.0  # texels of padding and images together, over those of images
+_STEEPEST = 8.0  # alpha of a smaller level is raised by this factor at most
+
+
+class Sheet:
+    """Images side by side in one texture.
+
+    Each has a cell of its own whose sides are a power of two times whole numbers, so that no
+    texel of a smaller level mixes two images. Colours are premultiplied by alpha: averages of
+    them, levels and filters included, know no colour of what is not there.
+
+    Parameters
+    ----------
+    images : sequence of numpy.ndarray, shape (h, w, 4), uint8
+        Row 0 at the top; any sizes.
+    cutout : float, optional
+        The alpha from which a texel is drawn: smaller levels keep the share of such texels.
+        Without, they keep the mean of alpha.
+
+    Attributes
+    ----------
+    rects : numpy.ndarray, shape (n, 4), float32
+        Left, bottom, right, top of each image, texels of the largest level.
+    levels : list of numpy.ndarray, shape (h, w, 4), uint8
+        The largest first, row 0 at the bottom.
+
+    Raises
+    ------
+    ValueError
+        Where the images do not fit into one texture.
+
+    Notes
+    -----
+    The share is kept as Castano does ("Computing Alpha Mipmaps", 2010): alpha is scaled per level
+    such that as many texels pass the test; here image by image, by the quantile of its alpha.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.actors.images import Sheet
+    >>> sheet = Sheet([np.full((4, 4, 4), 255, np.uint8), np.zeros((2, 6, 4), np.uint8)])
+    >>> sheet.rects.tolist()
+    [[0.0, 4.0, 4.0, 8.0], [0.0, 0.0, 6.0, 2.0]]
+    """
+
+    def __init__(self, images, cutout=None):
+        self.sizes = np.array([(i.shape[1], i.shape[0]) for i in images])
+        step = _step(self.sizes)
+        cells = -(-self.sizes // step) * step
+        corners, (width, height) = shelves(cells, LARGEST)
+        self.rects = np.concatenate([corners, corners + self.sizes], 1).astype(np.float32)
+        full = np.zeros((height, width, 4), np.float32)
+        for image, (x, y), (w, h) in zip(images, corners, cells, strict=True):
+            padding = ((0, h - image.shape[0]), (0, w - image.shape[1]), (0, 0))
+            full[y : y + h, x : x + w] = np.pad(image[::-1], padding, mode='edge')
+        full[..., :3] *= full[..., 3:] / 255
+        self.levels = [np.rint(full).astype(np.uint8)]
+        for k in range(1, int(step).bit_length()):
+            full = _halved(full)
+            level = full if cutout is None else self._kept(full, k, 255 * cutout)
+            self.levels.append(np.rint(level).astype(np.uint8))
+
+    def _kept(self, full, k, cut):
+        """Return a level whose images have as many texels above the cut as in the largest."""
+        out = full.copy()
+        for rect in self.rects.astype(int):
+            here, there = _window(rect, 0), _window(rect, k)
+            share = (self.levels[0][here][..., 3] >= cut).mean()
+            alpha = full[there][..., 3]
+            if not 0 < share < 1:
+                continue
+            passing = int(np.rint(share * alpha.size))
+            least = np.sort(alpha, axis=None)[-max(passing, 1)]
+            # Where none should pass, all stay just below the cut.
+            factor = cut / max(least, 1e-3) * (1.001 if passing else 0.98)
+            scale = np.clip(factor, 1 / _STEEPEST, _STEEPEST)
+            out[there] *= np.minimum(scale, 255 / np.maximum(alpha, 1e-3))[..., None]
+        return out
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all levels."""
+        return sum(level.nbytes for level in self.levels)
+
+    def upload(self, window) -> tuple[MipTexture, int]:
+        """Put the levels on the GPU.
+
+        Parameters
+        ----------
+        window : vtkOpenGLRenderWindow
+            Its context is current.
+
+        Returns
+        -------
+        texture : MipTexture
+            Sampled by ``textureLod``.
+        skipped : int
+            Largest levels that were left out, since the driver takes no texture so large.
+
+        Raises
+        ------
+        ValueError
+            Where even the smallest level is too large.
+        """
+        limit = texture_limit(window)
+        fits = [k for k, level in enumerate(self.levels) if max(level.shape[:2]) <= limit]
+        if not fits:
+            height, width = self.levels[-1].shape[:2]
+            msg = f'images need {width} x {height} texels at least; the driver takes {limit}'
+            raise ValueError(msg)
+        first = fits[0]
+        texture = MipTexture(window).upload(self.levels[first])
+        for k, level in enumerate(self.levels[first + 1 :], 1):
+            texture.put_level(k, level)
+        return texture, first
+
+
+def _step(sizes) -> int:
+    """Return the power of two that cells are multiples of: 2**k keeps k smaller levels apart."""
+    step = 1 << (int(sizes.max()).bit_length() - 1)
+    area = sizes.prod(1).sum()
+    while step > 1 and (-(-sizes // step) * step).prod(1).sum() > _WASTE * area:
+        step //= 2
+    return step
+
+
+def shelves(sizes, limit):
+    """Place boxes in rows, the tallest first.
+
+    Parameters
+    ----------
+    sizes : numpy.ndarray, shape (n, 2), int
+        Width and height of each.
+    limit : int
+        Largest side of what holds them.
+
+    Returns
+    -------
+    corners : numpy.ndarray, shape (n, 2), int
+        Left and bottom of each.
+    size : tuple of 2 int
+        Width and height of what holds them.
+
+    Raises
+    ------
+    ValueError
+        Where they do not fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.actors.images import shelves
+    >>> corners, size = shelves(np.array([[2, 1], [2, 2], [2, 2]]), 16)
+    >>> corners.tolist(), size
+    ([[0, 2], [0, 0], [2, 0]], (4, 3))
+    """
+    wanted = int(np.ceil(np.sqrt(sizes.prod(1).sum())))
+    width = min(max(wanted, int(sizes[:, 0].max())), limit)
+    corners = np.zeros((len(sizes), 2), int)
+    x = y = shelf = right = 0
+    for i in np.lexsort((-sizes[:, 0], -sizes[:, 1])):
+        w, h = sizes[i]
+        if x and x + w > width:
+            x, y, shelf = 0, y + shelf, 0
+        corners[i] = x, y
+        x, shelf = x + w, max(shelf, h)
+        right = max(right, x)
+    size = int(right), int(y + shelf)
+    if max(size) > limit:
+        msg = (
+            f'images need a texture of {size[0]} x {size[1]} texels together; one may have '
+            f'{limit} x {limit}: give fewer or smaller ones, or several sets'
+        )
+        raise ValueError(msg)
+    return corners, size
+
+
+def _window(rect, k):
+    """Return the slices of an image in a level."""
+    left, bottom, right, top = rect
+    rows = slice(bottom >> k, max(-(-top >> k), (bottom >> k) + 1))
+    return rows, slice(left >> k, max(-(-right >> k), (left >> k) + 1))
+
+
+def _halved(a):
+    return 0.25 * (a[::2, ::2] + a[1::2, ::2] + a[::2, 1::2] + a[1::2, 1::2])
+
+
+def as_images(image, frames=None) -> list:
+    """Return one image or several as arrays.
+
+    Parameters
+    ----------
+    image : path, array, pyvista.Texture, or a list of these
+        As :func:`pvibr.pictures.as_rgba` takes them; (n, h, w, c) is a list.
+    frames : tuple of 2 int, optional
+        Columns and rows of a sheet of frames, which is cut up, from the upper left on by rows.
+
+    Returns
+    -------
+    list of numpy.ndarray, shape (h, w, 4), uint8
+        Row 0 at the top.
+
+    Raises
+    ------
+    ValueError
+        Where one is no image, or frames do not divide it.
+    FileNotFoundError
+        Where there is no such file.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.actors.images import as_images
+    >>> [i.shape for i in as_images(np.zeros((4, 8)), frames=(2, 1))]
+    [(4, 4, 4), (4, 4, 4)]
+    """
+    images = (
+        image if isinstance(image, list | tuple) or getattr(image, 'ndim', 0) == 4 else [image]
+    )
+    if any(is_live(i) for i in images):
+        msg = 'image is a list with a live texture; give that alone'
+        raise ValueError(msg)
+    if not len(images):
+        msg = 'image is an empty list; it must have at least one'
+        raise ValueError(msg)
+    found = [_numbered(i, one, len(images)) for i, one in enumerate(images)]
+    return found if frames is None else [f for i in found for f in _cut_up(i, frames)]
+
+
+def _numbered(i, image, count):
+    try:
+        return as_rgba(image)
+    except ValueError as error:
+        if count == 1 or isinstance(image, str | Path):
+            raise
+        msg = f'image[{i}]: {error}'
+        raise ValueError(msg) from error
+
+
+def _cut_up(image, frames):
+    height, width = image.shape[:2]
+    good = np.shape(frames) == (2,) and all(isinstance(f, int | np.integer) for f in frames)
+    if not good or min(frames) < 1 or width % frames[0] or height % frames[1]:
+        msg = (
+            f'frames = {frames!r}: it must be columns and rows that divide the image of '
+            f'{width} x {height} pixels'
+        )
+        raise ValueError(msg)
+    columns, rows = frames
+    w, h = width // columns, height // rows
+    cells = image.reshape(rows, h, columns, w, 4).swapaxes(1, 2)
+    return [np.ascontiguousarray(c) for c in cells.reshape(-1, h, w, 4)]
