@@ -83,6 +83,12 @@ uniform int samples;
 
 float before(float c) { return smoothstep(0.25, 0.75, -c); }
 
+// How many looks a circle takes: about two for each texel in it, and eight.
+int looks_in(float radius)
+{
+  return radius > 0.25 ? min(samples, 8 + int(6.0 * radius * radius)) : 0;
+}
+
 void main()
 {
   ivec2 most = textureSize(circle, 0) - 1;
@@ -91,7 +97,6 @@ void main()
   float c = texelFetch(circle, at, 0).r;
   float wide = texelFetch(tiles, at / 8, 0).r;
   bool hides = c < -0.25;
-  float count = float(samples);
   // Neighbours look along another turn of the spiral: four of them, mixed, are one of four times
   // as many looks.
   float turn = 0.6 * float((at.x & 1) + 2 * (at.y & 1));
@@ -102,32 +107,29 @@ void main()
   float radius = hides ? wide : max(c, 0.0);
   vec4 same = hides ? vec4(0.0) : own * 1e-3, front = vec4(0.0);
   float weight = hides ? 0.0 : 1e-3, cover = 0.0;
-  if (radius > 0.25)
+  // Loops without a turn, and not branches: what is in those some drivers do for everybody.
+  int looks = looks_in(radius);
+  vec2 ray = start;
+  float count = float(max(looks, 1)), area = radius * radius / count;
+  for (int i = 0; i < looks; i++)
   {
-    vec2 ray = start;
-    float area = radius * radius / count;
-    for (int i = 0; i < samples; i++)
-    {
-      float r = radius * sqrt((float(i) + 0.5) / count);
-      ivec2 to = clamp(at + ivec2(floor(ray * r + 0.5)), ivec2(0), most);
-      ray = golden * ray;
-      float theirs = texelFetch(circle, to, 0).r;
-      float w = 1.0 - before(theirs);
-      if (w <= 0.0) continue;
-      vec4 look = texelFetch(color, to, 0);
-      if (hides)  // hidden from the lens's middle: the nearest that is seen stands for it
-        w /= 1.0 + r * r;
-      else if (theirs < c - max(0.5, 0.15 * c))
-      {
-        float spread = max(theirs, 0.5);
-        float over = w * area / (spread * spread) * clamp(theirs - r + 0.5, 0.0, 1.0);
-        front += over * look;
-        cover += over;
-        continue;
-      }
-      same += w * look;
-      weight += w;
-    }
+    float r = radius * sqrt((float(i) + 0.5) / count);
+    ivec2 to = clamp(at + ivec2(floor(ray * r + 0.5)), ivec2(0), most);
+    ray = golden * ray;
+    float theirs = texelFetch(circle, to, 0).r;
+    float w = 1.0 - before(theirs);
+    vec4 look = texelFetch(color, to, 0);
+    // Hidden from the lens's middle: the nearest that is seen stands for it.
+    float near_by = hides ? w / (1.0 + r * r) : w;
+    float spread = max(theirs, 0.5);
+    float over = w * area / (spread * spread) * clamp(theirs - r + 0.5, 0.0, 1.0);
+    bool is_front = !hides && theirs < c - max(0.5, 0.15 * c);
+    over = is_front ? over : 0.0;
+    near_by = is_front ? 0.0 : near_by;
+    front += over * look;
+    cover += over;
+    same += near_by * look;
+    weight += near_by;
   }
   vec4 behind = weight > 0.0 ? same / weight : own;
   if (cover > 0.0) behind = mix(behind, front / cover, min(cover, 1.0));
@@ -135,27 +137,24 @@ void main()
   // -- before: each spreads over its circle, and covers ------------------------------------------
   vec4 near = vec4(0.0);
   float covered = 0.0;
-  if (wide > 0.25)
+  looks = looks_in(wide);
+  count = float(max(looks, 1));
+  wide += 0.5;  // circles end softly
+  ray = start;
+  area = wide * wide / count;
+  for (int i = 0; i < looks; i++)
   {
-    wide += 0.5;  // circles end softly
-    vec2 ray = start;
-    float area = wide * wide / count;
-    for (int i = 0; i < samples; i++)
-    {
-      float r = wide * sqrt((float(i) + 0.5) / count);
-      ivec2 to = clamp(at + ivec2(floor(ray * r + 0.5)), ivec2(0), most);
-      ray = golden * ray;
-      float theirs = texelFetch(circle, to, 0).r;
-      float w = before(theirs);
-      if (w <= 0.0) continue;
-      float spread = max(-theirs, 0.5);
-      w *= area / (spread * spread) * clamp(spread - r + 0.5, 0.0, 1.0);
-      near += w * texelFetch(color, to, 0);
-      covered += w;
-    }
-    if (weight <= 0.0 && covered > 0.0)  // nothing behind it is seen from anywhere near
-      behind = near / covered;
+    float r = wide * sqrt((float(i) + 0.5) / count);
+    ivec2 to = clamp(at + ivec2(floor(ray * r + 0.5)), ivec2(0), most);
+    ray = golden * ray;
+    float theirs = texelFetch(circle, to, 0).r;
+    float spread = max(-theirs, 0.5);
+    float w = before(theirs) * area / (spread * spread) * clamp(spread - r + 0.5, 0.0, 1.0);
+    near += w * texelFetch(color, to, 0);
+    covered += w;
   }
+  if (weight <= 0.0 && covered > 0.0)  // nothing behind it is seen from anywhere near
+    behind = near / covered;
   float scale = covered > 1.0 ? 1.0 / covered : 1.0;
   gl_FragData[0] = behind;
   gl_FragData[1] = near * scale;
@@ -171,13 +170,15 @@ uniform sampler2D cover;
 uniform vec3 lens;
 uniform int stage;         // 0 all, 1 circles, 2 what is before the plane in focus, 3 what is behind
 
-vec4 upsampled(vec2 at, float c)
+// Of a loop, which has no turn where nothing is blurred: see gather.
+vec4 upsampled(vec2 at, float c, bool wanted)
 {
   ivec2 low = ivec2(floor(at)), most = textureSize(circle, 0) - 1;
   vec2 part = at - vec2(low);
   vec4 sum = vec4(0.0);
   float weight = 0.0;
-  for (int i = 0; i < 4; i++)
+  int looks = wanted ? 4 : 0;
+  for (int i = 0; i < looks; i++)
   {
     ivec2 k = ivec2(i & 1, i >> 1);
     ivec2 to = clamp(low + k, ivec2(0), most);
@@ -200,12 +201,8 @@ void main()
   vec2 half_uv = place * 0.5 / vec2(textureSize(circle, 0));
   float covered = texture(cover, half_uv).r;
   float blurred = smoothstep(0.25, 0.75, abs(c));
-  vec4 found = sharp;
-  if (blurred > 0.0)
-  {
-    vec4 soft = upsampled(place * 0.5 - 0.5, c);
-    found = blurred < 1.0 ? mix(sharp, soft, blurred) : soft;
-  }
+  vec4 soft = upsampled(place * 0.5 - 0.5, c, blurred > 0.0), found = sharp;
+  if (blurred > 0.0) found = blurred < 1.0 ? mix(sharp, soft, blurred) : soft;
   if (stage == 3) covered = 0.0;
   if (covered > 0.002)
     found = found * (1.0 - covered) + texture(near, half_uv);

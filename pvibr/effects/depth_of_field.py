@@ -65,7 +65,10 @@ class DepthOfField(Effect):
         0.05, 'Largest radius of a circle as a share of the height of the picture: looks that are '
         'too far apart make large circles coarse.', range='(0, 0.5]',
     )  # fmt: skip
-    samples = Param(48, 'Looks around each pixel: more is smoother and slower.', range='[8, 512]')
+    samples = Param(
+        48, 'Most looks around each pixel, in large circles: more is smoother and slower.',
+        range='[8, 512]',
+    )  # fmt: skip
     high_range = Param(False, 'See colours above 1, which multisampling does not go with.')
     debug = Param(
         '', 'Show the circles (red before, green behind the plane in focus) or one layer.',
