@@ -2,58 +2,59 @@
 A rag doll
 ==========
 
-Whatever simulates bodies can drive a figure: it hands over a matrix per joint. Here this is a
-little physics; MuJoCo, PyBullet or OpenSim do it in the same way.
+A simulator says where its bodies are, and a figure follows. Here a doll falls down some steps.
 """
 
+import mujoco  # pip install 'pvibr[simulate]'
 import numpy as np
 import pyvista as pv
 
 import pvibr
-from pvibr.maths import quaternions
 
 # %%
-# 1. Places on the body, of a pair the left one first; a capsule for the bone between two of them.
-pairs = [[0.2, 1.45], [0.5, 1.4], [0.8, 1.3], [0.12, 0.95], [0.16, 0.5], [0.18, 0.1]]
-middle = [[0, 0, z] for z in (1.0, 1.5, 1.7, 1.85)]
-rest = np.array(middle + [[side * x, 0, z] for x, z in pairs for side in (1, -1)])
-limbs = [[i, i + 2] for i in (4, 5, 6, 7, 10, 11, 12, 13)]
-start, end = np.array([[0, 1], [2, 3], *limbs]).T
-long = np.linalg.norm(rest[end] - rest[start], axis=1)
-radii = [0.17, 0.13, 0.07, 0.07, 0.06, 0.06, 0.09, 0.09, 0.07, 0.07]
-bodies = [
-    pvibr.Body(pv.Capsule(center=(d / 2, 0, 0), radius=r, cylinder_length=d), node=i)
-    for i, (r, d) in enumerate(zip(radii, long, strict=True))
-]
-free = pvibr.Skeleton([-1] * len(bodies), pvibr.Pose(rest[start]))
-doll = pvibr.Figure(bodies, free)
+# 1. Eight steps, and a doll of capsules that hang on each other by ball joints.
+LIMB = """<body pos="{}"><joint type="ball" range="0 {}" damping="1"/>
+    <geom type="capsule" fromto="0 0 0 {}" size="{}"/>{}</body>"""
+doll = LIMB.format('0 0 .6', 40, '0 0 .15', 0.17, '')
+for y in (1, -1):
+    hand = LIMB.format(f'0 {0.4 * y} 0', 80, f'0 {0.4 * y} 0', 0.07, '')
+    foot = LIMB.format('0 0 -.55', 80, '0 0 -.5', 0.09, '')
+    doll += LIMB.format(f'0 {0.25 * y} .35', 80, f'0 {0.35 * y} 0', 0.09, hand)
+    doll += LIMB.format(f'0 {0.2 * y} -.2', 60, '0 0 -.5', 0.12, foot)
+trunk = '<freejoint/><geom type="capsule" fromto="0 0 -.1 0 0 .35" size=".2"/>'
+steps = [f'<geom type="box" pos="{k} 0 {-k / 2 - 5}" size=".5 3 5"/>' for k in range(8)]
+world = f'{"".join(steps)}<body pos="-.3 0 1.4">{trunk}{doll}</body>'
+model = mujoco.MjModel.from_xml_string(f'<mujoco><worldbody>{world}</worldbody></mujoco>')
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+
 
 # %%
-# 2. Places keep moving and fall, the ground brakes, and sticks between places keep their lengths.
-trunk = [0, 1, 2, 3, 4, 5, 10, 11]
-a, b = np.array(limbs + [[a, b] for a in trunk for b in trunk if a < b]).T
-length, many = np.linalg.norm(rest[b] - rest[a], axis=1), np.bincount(np.r_[a, b])[:, None]
-places, step, moments = rest + np.array([0, 0, 0.9]), 1 / 240, []
-before = places - step * (np.cross([0.3, 3, 0.4], rest - rest[0]) + np.array([2.5, 0, 2]))
-for _ in range(600):
-    places, before = 2 * places - before - [0, 0, 9.81 * step**2], places
-    for _ in range(20):
-        gap = places[b] - places[a]
-        gap *= (1 - length / np.linalg.norm(gap, axis=1))[:, None]
-        np.add.at(places, a, gap / many[a])
-        np.add.at(places, b, -gap / many[b])
-    places[:, 2] = np.maximum(places[:, 2], 0.1)
-    before[:, :2] += 0.3 * (places - before)[:, :2] * (places[:, 2:] == 0.1)
-    turns = quaternions.between([1, 0, 0], places[end] - places[start])
-    moments.append(pvibr.Pose(places[start], turns).matrices())  # figure-from-joint
+# 2. Its skin: a surface around all capsules. Vertices follow those that are near.
+def pulls(points):
+    (radius, half), axis = model.geom_size[8:, :2].T, data.geom_xmat[8:, 2::3]
+    away = np.asarray(points)[:, None] - data.geom_xpos[8:]
+    along = np.clip((away * axis).sum(-1), -half, half)[..., None] * axis
+    pull = np.exp(30 * (radius - np.linalg.norm(away - along, axis=-1)))
+    return pull * (pull > 0.02 * pull.max(1, keepdims=True))
+
+
+space = pv.ImageData(dimensions=(27, 90, 98), spacing=(0.03,) * 3, origin=(-0.7, -1.33, 0))
+skin = space.contour([1.0], scalars=pulls(space.points).sum(1)).smooth_taubin()
+joints = {'parents': model.body_parentid[1:] - 1, 'weights': pulls(skin.points)}
+joints['rest'] = pvibr.Pose(model.body_pos[1:], model.body_quat[1:])
+figure = pvibr.Figure.from_arrays(skin.points, skin.regular_faces, **joints)
 
 # %%
-# 3. The doll where it lies, and moments of its fall as meshes.
-pl = pv.Plotter(window_size=(960, 540))
-for i, color in ((0, 'tan'), (100, 'sandybrown'), (200, 'coral')):
-    pl.add_mesh(pv.merge(doll.mesh(pose=moments[i])), color=color, smooth_shading=True)
-pl.ibr.add_figure(doll, color='firebrick', smooth_shading=True).pose = moments[-1]
-pl.add_mesh(pv.Plane(center=(2.5, 0, 0), i_size=9, j_size=4), color='whitesmoke')
-pl.camera_position = [(2.4, -8, 3), (2.4, 0, 1.2), (0, 0, 1)]
-pl.show(auto_close=False)
-pl.close()
+# 3. It falls. Every 0.4 seconds a figure stays where the doll is.
+data.qvel[:6] = [4.5, 0, 1, 0, 4, 0.5]
+pl = pv.Plotter(window_size=(1200, 600))
+for color in ('salmon', 'gold', 'yellowgreen', 'lightseagreen', 'skyblue', 'orchid'):
+    poses = np.tile(np.eye(4), (model.nbody - 1, 1, 1))
+    poses[:, :3] = np.dstack([data.xmat[1:].reshape(-1, 3, 3), data.xpos[1:]])
+    pl.ibr.add_figure(figure, color=color, smooth_shading=True).pose = poses
+    mujoco.mj_step(model, data, nstep=200)
+boxes = [pv.Box((k - 0.5, k + 0.5, -3, 3, -5, -k / 2)) for k in range(8)]
+pl.add_mesh(pv.merge(boxes), color='linen')
+pl.camera_position = [(8, -14, 6), (3, 0, -0.8), (0, 0, 1)]
+pl.show()

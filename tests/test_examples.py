@@ -9,6 +9,8 @@ import pyvista as pv
 
 FOLDER = Path(__file__).parents[1] / 'examples'
 SMALL = {'COUNT': 120, 'TRIANGLES': 29_000, 'VIEWS': 8, 'SIZE': 120}
+#: Extras that not everyone has.
+EXTRAS = {'mujoco': 'simulate'}
 EXAMPLES = sorted(FOLDER.glob('*.py'))
 
 
@@ -26,7 +28,12 @@ def run(path):
     """Return the names that an example leaves, and the pictures of its plotters."""
     tree = _Smaller().visit(ast.parse(path.read_text()))
     names = {'__name__': '__main__', '__file__': str(path)}
-    exec(compile(tree, path, 'exec'), names)
+    try:
+        exec(compile(tree, path, 'exec'), names)
+    except ModuleNotFoundError as error:
+        if error.name not in EXTRAS:
+            raise
+        pytest.skip(f"needs {error.name}: pip install 'pvibr[{EXTRAS[error.name]}]'")
     return names
 
 
