@@ -204,15 +204,17 @@ class IBRComponent:
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
     def add_figure(
-        self, figure, *, name=None, clip=None, skinning='linear', show_scalar_bar=None,
-        scalar_bar_args=None, reset_camera=None, render=False, **kwargs,
+        self, figure, poses=None, *, name=None, clip=None, skinning='linear',
+        show_scalar_bar=None, scalar_bar_args=None, reset_camera=None, render=False, **kwargs,
     ):  # fmt: skip
-        """Draw a figure that moves: its clips, or whatever drives it, posed on the GPU.
+        """Draw a figure that moves, or a crowd of them, posed on the GPU.
 
         Parameters
         ----------
         figure : pvibr.Figure, path, trimesh.Scene, mesh, or a series of meshes
             Meshes, skeleton and clips; a ``.glb`` file; meshes that differ in their points only.
+        poses : array_like, shape (n, 3) or (n, 4, 4), optional
+            Where each one of a crowd is: points or matrices, world units.
         name : str, optional
             What the plotter and reports call it; what had the name before is replaced.
         clip : str, int or Clip, optional
@@ -229,12 +231,13 @@ class IBRComponent:
             Draw at once.
         **kwargs
             See :class:`pvibr.FigureActor`: ``pickable``, ``bulge``, and whatever ``add_mesh``
-            takes, which wins over the looks of the figure's bodies.
+            takes, which wins over the looks of the figure's bodies. With `poses` see
+            :class:`pvibr.Crowd`: ``times``, ``clips``, ``speeds``, ``colors``, ``max_error``.
 
         Returns
         -------
-        pvibr.FigureActor
-            What plays clips and takes poses.
+        pvibr.FigureActor or pvibr.Crowd
+            What plays clips and takes poses; a crowd where there are `poses`.
 
         Raises
         ------
@@ -261,13 +264,119 @@ class IBRComponent:
         (0.0, 0.0, 1.0)
         >>> pl.close()
         """
+        from pvibr.actors.crowd import Crowd
         from pvibr.actors.figure_actor import FigureActor
         from pvibr.animation.given import as_figure
 
         self._check_open()
         figure = as_figure(figure)
+        kwargs |= {'name': name, 'skinning': skinning}
         kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
-        made = FigureActor(figure, name=name, clip=clip, skinning=skinning, **kwargs)
+        if poses is None:
+            made = FigureActor(figure, clip=clip, **kwargs)
+        else:
+            kwargs.setdefault('clips', clip)
+            made = Crowd(figure, poses, **kwargs)
+        return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
+
+    def add_impostor(self, actors, *, name=None, render=False, **settings):
+        """Draw actors as images of themselves, taken again only when the error asks for it.
+
+        Parameters
+        ----------
+        actors : vtkActor or sequence of vtkActor
+            In the active subplot, as :meth:`pyvista.Plotter.add_mesh` returns them.
+        name : str, optional
+            What reports call it; what had the name before is replaced.
+        render : bool, optional
+            Draw at once.
+        **settings
+            See :class:`pvibr.Impostor`: ``max_error``, ``budget_ms``, ``depth``,
+            ``hierarchical``, ``memory``, ``views``.
+
+        Returns
+        -------
+        pvibr.Impostor
+            The actors stay what they are; its settings can be changed.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where an argument is not allowed; then nothing is added.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> heavy = pl.add_mesh(pv.Sphere(theta_resolution=300, phi_resolution=300))
+        >>> impostor = pl.ibr.add_impostor(heavy, max_error=0.5)
+        >>> impostor.max_error
+        0.5
+        >>> pl.close()
+        """
+        from pvibr.actors.impostor import Impostor
+
+        self._check_open()
+        made = Impostor(actors, name=name, **settings)
+        return self._add_thing(made, name, None, None, None, render)
+
+    def add_billboards(
+        self, points, image, *, name=None, show_scalar_bar=None, scalar_bar_args=None,
+        reset_camera=None, render=False, **kwargs,
+    ):  # fmt: skip
+        """Draw an image at each point, turned toward the eye, all in one draw.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3), or dataset
+            World units.
+        image : path, array, pyvista.Texture, pvibr.LiveTexture, or a list of the first three
+            What is shown; several are packed into one texture.
+        name : str, optional
+            What the plotter and reports call it; what had the name before is replaced.
+        show_scalar_bar : bool, optional
+            As in :meth:`pyvista.Plotter.add_mesh`; by default as the theme has it.
+        scalar_bar_args : dict, optional
+            As in :meth:`pyvista.Plotter.add_mesh`.
+        reset_camera : bool, optional
+            Whether the camera moves to show everything; default where it was never moved.
+        render : bool, optional
+            Draw at once.
+        **kwargs
+            See :class:`pvibr.Billboards`: ``size``, ``facing``, ``axis``, ``towards``,
+            ``rotation``, ``index``, ``frames``, ``fps``, ``cutout``, ``size_unit``, ``anchor``,
+            ``colors``, ``scalars``, ``cmap``, ``clim``, ``opacity``, ``lighting``.
+
+        Returns
+        -------
+        pvibr.Billboards
+            The billboards; their settings can be changed.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where an argument is not allowed; then nothing is added.
+        FileNotFoundError
+            Where there is no such image.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> dots = pl.ibr.add_billboards([[0, 0, 0], [1, 0, 0]], np.ones((8, 8)), size=0.5)
+        >>> len(dots)
+        2
+        >>> pl.close()
+        """
+        from pvibr.actors.billboards import Billboards
+
+        self._check_open()
+        made = Billboards(points, image, name=name, **kwargs)
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
     def _add_thing(self, thing, name, bar, bar_args, reset_camera, render):

@@ -1,0 +1,532 @@
+"""Impostors on the fly: actors drawn as images of themselves for as long as these serve."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from pvibr.actors.impostor_cards import ImpostorCards
+from pvibr.actors.impostor_costs import Costs
+from pvibr.actors.impostor_images import FINEST, Eyes, Images
+from pvibr.actors.impostor_sources import Materials, Source
+from pvibr.actors.impostor_tree import Tree
+from pvibr.casters import address
+from pvibr.effect import Effect
+from pvibr.maths.impostors import Card, displacement, fit_cards
+from pvibr.maths.views import View, may_see
+from pvibr.params import Param
+
+#: Distance of the eye in radii within which there is no image.
+NEAREST = 1.5
+#: Side of an image in texels above which there is none.
+LARGEST = 1024
+# An image is taken from where the eye will be when it is wrong by this share of what is allowed,
+# going on as it did, and no more frames ahead than these.
+_AHEAD, _FARTHEST = 0.85, 60.0
+
+
+class Impostor(Effect):
+    """Actors that are drawn as images of themselves, taken again only when they must be.
+
+    An image lies on a card through the middle of its actor, across the line of sight from where it
+    was taken, and keeps the depth of what it shows. It serves for as long as no point of the
+    actor's box is shown further than `max_error` from where it is. Light is not in it: that is
+    computed in every frame. The actors stay what they are to all others: they can be picked,
+    moved, hidden and removed.
+
+    Parameters
+    ----------
+    actors : vtkActor or sequence of vtkActor
+        In the subplot that this is added to.
+    name : str, optional
+        What reports call it.
+    **settings
+        See the class's Params.
+
+    Raises
+    ------
+    TypeError
+        Where an actor is none.
+    ValueError
+        Where there is none, one is given twice, or a setting is out of range.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> ball = pl.add_mesh(pv.Sphere(theta_resolution=300, phi_resolution=300))
+    >>> impostor = pl.ibr.add_impostor(ball)
+    >>> pl.show(auto_close=False)
+    >>> impostor.report()['images']
+    1
+    >>> pl.close()
+    """
+
+    max_error = Param(
+        1.0, 'How far from where it is anything may be shown.', range='(0, inf)', unit='px'
+    )
+    budget_ms = Param(
+        None, 'What may be drawn again in a frame, the worst first; None for all that is wrong.',
+        range='[0, inf)', unit='ms', kind=float,
+    )  # fmt: skip
+    depth = Param(True, 'Whether images have depth, so that they meet others as their actors do.')
+    hierarchical = Param(False, 'Whether actors beside each other may share an image.')
+    memory = Param(2**28, 'What the images may take.', range='[65536, inf)', unit='bytes')
+    views = Param(2, 'Images kept of an actor.', range='[1, 16]')
+
+    def __init__(self, actors, *, name=None, **settings):
+        self.name = name
+        found = [actors] if hasattr(actors, 'GetMapper') else list(actors)
+        for actor in found:
+            if not (hasattr(actor, 'IsA') and actor.IsA('vtkActor')):
+                msg = f'actors holds {actor!r}: each must be an actor, as add_mesh returns it'
+                raise TypeError(msg)
+        if not found or len({address(a) for a in found}) < len(found):
+            msg = f'actors has {len(found)}: must be one or more, each of them once'
+            raise ValueError(msg)
+        super().__init__(**settings)
+        self._materials = Materials()
+        self._sources = [Source(actor, self._materials) for actor in found]
+        self._times = [-1] * len(found)
+        self._cards = ImpostorCards()
+        self._costs = Costs()
+        self._tree: Any = None
+        self._images: Any = None
+        self._props_time = -1
+        self._version = 0
+        self._hidden: list[int] = []
+        self._frame: Any = None
+        self._elsewhere: list | None = None
+        self._told: dict = {}
+        self._drawn_frames = self._frames = 0
+        self._want = 0
+        self.rendered = 0
+
+    # -- what it is to others --------------------------------------------------------------------
+
+    @property
+    def props(self) -> tuple:
+        """The actors that it stands for; with the last of them it goes."""
+        return tuple(source.actor for source in self._sources)
+
+    def actors(self) -> list:
+        """Return the actor of all cards, and those that it stands for."""
+        return [self._cards.actor, *self.props]
+
+    def drawn(self) -> list:
+        """Return what draws it in the frame that it was prepared for."""
+        if self._elsewhere is not None:
+            return self._elsewhere
+        hidden = set(self._hidden)
+        real = [s.actor for i, s in enumerate(self._sources) if i not in hidden and s.shown]
+        return [self._cards.actor, *real] if self._cards.actor.GetVisibility() else real
+
+    def solids(self) -> list:
+        """Return the actors whose meshes throw its shadows."""
+        hidden = set(self._hidden)
+        return [s.actor for i, s in enumerate(self._sources) if i in hidden or s.shown]
+
+    def stamp(self) -> tuple:
+        """Return what changes whenever what is drawn does, the camera left out."""
+        if self._frame is None and not self._hidden:
+            self._sync()
+        return self._version, self._revision
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """World bounds of all actors that are visible."""
+        found = [s.actor.GetBounds() for s in self._sources if s.shown or self._hidden]
+        boxes = np.array([b for b in found if b and b[0] <= b[1]]).reshape(-1, 6)
+        if not len(boxes):
+            return (1.0, -1.0) * 3
+        ends = np.stack([boxes[:, ::2].min(0), boxes[:, 1::2].max(0)], 1)
+        return tuple(ends.ravel().tolist())
+
+    def scalar_mapper(self):
+        """Return None: the actors have their own scalar bars."""
+        return
+
+    # -- the life of an effect -------------------------------------------------------------------
+
+    def attach(self, pipeline):
+        """Put the cards into the scene.
+
+        Parameters
+        ----------
+        pipeline : pvibr.pipeline.Pipeline
+            Where it was added.
+
+        Raises
+        ------
+        ValueError
+            Where an actor is not in the subplot, or has an impostor there.
+        """
+        renderer = pipeline.renderer
+        mine = {address(a) for a in self.props}
+        for actor in self.props:
+            if not renderer.HasViewProp(actor):
+                msg = f'actors: {actor!r} is not in this subplot; add it there first'
+                raise ValueError(msg)
+        for other in pipeline.effects:
+            if isinstance(other, Impostor) and mine & {address(a) for a in other.props}:
+                msg = f'actors: {other.name} stands for some of them already; remove it first'
+                raise ValueError(msg)
+        super().attach(pipeline)
+        renderer.AddViewProp(self._cards.actor)
+
+    def detach(self):
+        """Take the cards out of the scene."""
+        self._unhide()
+        self.pipeline.renderer.RemoveViewProp(self._cards.actor)
+        super().detach()
+
+    def remove(self):
+        """Take it out of its plotter; the actors stay, as meshes."""
+        if self.pipeline is not None:
+            self.pipeline.remove(self)
+
+    def rest(self):
+        """Show the actors themselves."""
+        self._unhide()
+        self._cards.hide()
+        self._frame = None
+
+    def prepare(self, frame):
+        """Choose what is drawn as an image, and draw the images that no longer serve.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
+        if _is_elsewhere(frame):
+            self._elsewhere = self._seen_from(frame)
+            return
+        self._elsewhere = None
+        if frame is self._frame:
+            return
+        self._unhide()
+        self._sync()
+        try:
+            self._prepare(frame)
+        except Exception:
+            self.rest()
+            raise
+        self._frame = frame
+
+    def _prepare(self, frame):
+        if self._cards.failure:
+            raise RuntimeError(self._cards.failure)
+        if self._tree is None or (len(self._tree) > self._tree.leaves) != self._is_deep():
+            self._build()
+        self._fit()
+        if self._images.views != self.views:
+            self._images.release()
+            self._images = Images(len(self._tree), self.views)
+        eyes = Eyes(frame)
+        self._costs.move(frame)
+        nodes, why = self._cut(eyes)
+        shown = self._draw_images(frame, eyes, nodes, why)
+        self._show(frame, eyes, shown, why)
+        self._frames += 1
+
+    def finish(self, frame):
+        """Give everyone their actors back.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame that was drawn.
+        """
+        if _is_elsewhere(frame) or frame is not self._frame:
+            return
+        self._cards.hide()
+        self._unhide()
+        self._frame = None
+
+    # -- what the actors are now -----------------------------------------------------------------
+
+    def _sync(self):
+        self._forget_removed()
+        changed = []
+        for i, source in enumerate(self._sources):
+            time = source.time()
+            if time != self._times[i]:
+                self._times[i] = time
+                source.update()
+                changed.append(i)
+        if not changed:
+            return
+        self._version += 1
+        for i in changed:
+            # To bring an actor's data up to date may change it.
+            self._times[i] = self._sources[i].time()
+        if self._tree is not None:
+            self._costs.changed(changed)
+            if self._images is not None:
+                self._images.drop_objects(self._tree.above(changed))
+            self._boxes = None
+
+    def _forget_removed(self):
+        time = self.pipeline.renderer.GetViewProps().GetMTime()
+        if time == self._props_time:
+            return
+        self._props_time = time
+        present = {address(p) for p in self.pipeline.renderer.GetViewProps()}
+        kept = [i for i, s in enumerate(self._sources) if address(s.actor) in present]
+        if len(kept) == len(self._sources):
+            return
+        for i in set(range(len(self._sources))) - set(kept):
+            self._sources[i].release(self.pipeline.window)
+        self._sources = [self._sources[i] for i in kept]
+        self._times = [self._times[i] for i in kept]
+        self._version += 1
+        self._forget_tree()
+
+    def _is_deep(self) -> bool:
+        return bool(self.hierarchical and len(self._sources) > 1)
+
+    def _forget_tree(self):
+        if self._images is not None:
+            self._images.release()
+        self._tree = self._images = None
+
+    def _build(self):
+        self._forget_tree()
+        centers = np.array([s.center for s in self._sources]).reshape(-1, 3)
+        self._tree = Tree(centers, self._is_deep())
+        self._images = Images(len(self._tree), self.views)
+        self._costs.count(len(self._sources))
+        self._boxes = None
+
+    _boxes: Any = None
+
+    def _fit(self):
+        """Fit the boxes of the tree to the actors, where these changed."""
+        if self._boxes is not None:
+            return
+        sources = self._sources
+        self._fits = np.array([not s.why for s in sources])
+        self._wanted = np.array([s.shown for s in sources])
+        center = np.array([s.center for s in sources])
+        half = np.array([s.half for s in sources])
+        reach = np.abs(half).sum(1)
+        live = (self._fits & self._wanted)[:, None]
+        low = np.where(live, center - reach, np.inf)
+        high = np.where(live, center + reach, -np.inf)
+        tree, n = self._tree, len(sources)
+        low, high = tree.gather(low, np.minimum), tree.gather(high, np.maximum)
+        self._live = tree.gather(live[:, 0], np.logical_or)
+        ends = np.where(self._live[:, None, None], np.stack([low, high], 2), 0.0)
+        self._boxes = ends.reshape(-1, 6)
+        self._center, size = ends.mean(2), (ends[:, :, 1] - ends[:, :, 0]) / 2
+        self._half = size[:, :, None] * np.eye(3)
+        self._center[:n], self._half[:n] = center, half
+        self._radius = np.linalg.norm(size, axis=1)
+        self._radius[:n] = [s.radius for s in sources]
+        if self._live.any():
+            self._cards.fit(
+                n, self._boxes[self._live][-1] if len(tree) > n else _around(ends[self._live])
+            )
+
+    # -- what is drawn how -----------------------------------------------------------------------
+
+    def _cut(self, eyes):
+        """Return the nodes that may be images, and for each actor why it is none, where so."""
+        tree, n = self._tree, len(self._sources)
+        why = np.full(n, '', object)
+        for i, source in enumerate(self._sources):
+            if not self._wanted[i]:
+                why[i] = 'hidden'
+            elif source.why:
+                why[i] = source.why
+        here = self._live.copy()
+        here[self._live] = may_see(_view_of(eyes.frame), self._boxes[self._live])
+        why[self._live[:n] & ~here[:n]] = 'out of view'
+        away = eyes.away(self._center)
+        ahead = (away > NEAREST * self._radius) | eyes.parallel
+        scale = eyes.pixels(self._center, self._radius) / away
+        pixels = 2 * self._radius * scale
+        seconds = tree.gather(self._costs.meshes(self._sources) * self._live[:n], np.add)
+        busy = tree.gather(self._costs.busy, np.maximum)
+        rate = self._costs.speed * self._radius * scale / away if not eyes.parallel else 0.0
+        own = self._costs.images(seconds, rate / self.max_error, busy, pixels)
+        usable = ahead & (pixels * 1.2 / self.max_error < min(LARGEST, self._side()))
+        cost = np.where(usable, own, np.inf)
+        # A mesh is an actor's other choice, and the only one of those that are near.
+        near = ~usable[:n]
+        dear = cost[:n] > seconds[:n]
+        cost[:n] = np.minimum(cost[:n], seconds[:n])
+        nodes = tree.cheapest(cost, here)
+        leaves = nodes[nodes < n]
+        why[leaves[near[leaves]]] = 'near'
+        why[leaves[dear[leaves] & ~near[leaves]]] = 'cheaper as a mesh'
+        keep = (nodes >= n) | ~(near | dear)[np.minimum(nodes, n - 1)]
+        return nodes[keep], why
+
+    def _side(self):
+        """Return the side of the largest pool that the memory allows."""
+        pool = self._images.pool
+        return LARGEST if pool is None else pool.largest
+
+    def _draw_images(self, frame, eyes, nodes, why):
+        """Draw what no longer serves; return images to be shown and their nodes, (k, 2)."""
+        images = self._images
+        view, moved, coarse = images.errors(nodes, eyes)
+        worst = np.maximum(moved, coarse)
+        wrong = ~(worst <= self.max_error) | (coarse * FINEST < min(self.max_error, 1.0))
+        images.used[view[~wrong]] = frame.index
+        queue = np.flatnonzero(wrong)
+        queue = queue[np.argsort(-worst[queue], kind='stable')]
+        if len(queue):
+            new = self._take(frame, eyes, nodes[queue])
+            view[queue] = np.where(new >= 0, new, view[queue])
+            made = new >= 0
+            _, moved[queue[made]], coarse[queue[made]] = images.errors(nodes[queue[made]], eyes)
+            worst = np.maximum(moved, coarse)
+        # Others' tiles may have been taken meanwhile.
+        gone = (view < 0) | ~images.alive[view]
+        for node in nodes[gone]:
+            why[self._tree.below(node)] = 'no room' if self._want else 'no time'
+        images.used[view[~gone]] = frame.index
+        self._told['error_px'] = float(worst[~gone].max(initial=0.0))
+        return np.stack([view[~gone], nodes[~gone]], 1)
+
+    def _take(self, frame, eyes, nodes):
+        """Draw images of nodes within the budget; return their indices, -1 for those left."""
+        images, found = self._images, np.full(len(nodes), -1)
+        card = self._cards_of(nodes, eyes)
+        sizes = images.sizes(card, eyes, self.max_error)
+        if self._want and images.pool is not None and images.pool.may_grow:
+            images.close_pool()
+        area = int((sizes.max(1).clip(8, LARGEST) ** 2).sum())
+        images.open(frame, max(area, self._want), self.memory)
+        self._want = 0
+        left = np.inf if self.budget_ms is None else self.budget_ms / 1e3
+        drawn = 0
+        with images.pool.target.drawing():
+            for k, node in enumerate(nodes.tolist()):
+                below = [self._sources[i] for i in self._tree.below(node) if self._live[i]]
+                if drawn and self._costs.expected(below) > left:
+                    break
+                index = images.room(node, sizes[k].max(), frame.index)
+                if index is None:
+                    self._want = max(2 * area, 2 * images.pool.side**2)
+                    continue
+                with self._costs.timed(frame.window, below) as spent:
+                    images.draw(index, card, k, sizes[k], below, parallel=eyes.parallel)
+                images.used[index], found[k] = frame.index, index
+                left -= spent.seconds
+                drawn += 1
+        images.drawer.done()
+        frame.renderer.UpdateLightsGeometryToFollowCamera()
+        self.rendered += drawn
+        self._drawn_frames += drawn > 0
+        return found
+
+    def _cards_of(self, nodes, eyes):
+        """Return cards for new images, as far ahead on the way as the error allows."""
+        boxes = self._center[nodes], self._half[nodes], self._radius[nodes]
+        card = fit_cards(*boxes, eyes.eye, eyes.up, eyes.toward)
+        step = self._costs.step
+        if eyes.parallel or not step.any():
+            return card
+        scale = eyes.pixels(card.center, card.depth)
+        limit = self.max_error / scale
+        # A card from one step ahead tells how many there may be.
+        slope = displacement(fit_cards(*boxes, eyes.eye + step, eyes.up), eyes.eye)
+        steps = np.minimum(_AHEAD * limit / np.maximum(slope, 1e-12), _FARTHEST)
+        ahead = eyes.eye + steps[:, None] * step
+        far = np.linalg.norm(ahead - boxes[0], axis=1) > NEAREST * boxes[2]
+        guess = fit_cards(*boxes, np.where(far[:, None], ahead, eyes.eye), eyes.up)
+        serves = far & (displacement(guess, eyes.eye) <= 0.95 * limit)
+        return Card(
+            *(
+                np.where(serves.reshape(-1, *[1] * (a.ndim - 1)), a, b)
+                for a, b in zip(guess, card, strict=True)
+            )
+        )
+
+    def _show(self, frame, eyes, shown, why):
+        self._cards.wear(depth=self.depth, materials=self._materials)
+        if len(shown):
+            rows = self._images.rows(frame, shown[:, 0])
+            self._cards.show(frame, rows, self._images.pool)
+            self._costs.measure(frame, self._cards, self._images.drawer, self._areas(eyes, shown))
+        else:
+            self._cards.hide()
+        real = np.array([bool(w) and w != 'out of view' for w in why])
+        self._hidden = np.flatnonzero(~real & self._wanted).tolist()
+        for i in self._hidden:
+            self._sources[i].actor.VisibilityOff()
+        self._told['shown'] = len(shown)
+        self._told['meshes'] = dict(Counter(w for w in why if w and w not in ('hidden',)))
+
+    def _areas(self, eyes, shown):
+        """Return the pixels that cards cover, about."""
+        scale = eyes.pixels(self._center, self._radius) / eyes.away(self._center)
+        return float(((2 * self._radius * scale)[shown[:, 1]] ** 2).sum()) * 0.6
+
+    def _unhide(self):
+        for i in self._hidden:
+            self._sources[i].actor.VisibilityOn()
+            self._times[i] = self._sources[i].time()
+        self._hidden = []
+
+    def _seen_from(self, frame):
+        """Return the actors that may be seen in a frame of another camera, as they are."""
+        hidden = set(self._hidden)
+        if self._frame is None:
+            self._sync()
+        found = [s.actor for i, s in enumerate(self._sources) if i in hidden or s.shown]
+        boxes = [a.GetBounds() for a in found]
+        keep = [bool(b) and b[0] <= b[1] for b in boxes]
+        found = [a for a, k in zip(found, keep, strict=True) if k]
+        if not found:
+            return []
+        seen = may_see(_view_of(frame), [b for b, k in zip(boxes, keep, strict=True) if k])
+        return [a for a, s in zip(found, seen, strict=True) if s]
+
+    # -- memory ----------------------------------------------------------------------------------
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        self._unhide()
+        window = None if self.pipeline is None else self.pipeline.window
+        self._cards.release(window)
+        self._forget_tree()
+        for source in self._sources:
+            source.release(window)
+        self._times = [-1] * len(self._sources)
+        self._frame = self._elsewhere = None
+
+    def report(self) -> dict:
+        """Return what is drawn how, the largest error shown, and how often images were drawn."""
+        images = self._images
+        held = 0 if images is None else images.nbytes + self._cards.nbytes
+        return {
+            'bytes': held,
+            'images': 0 if images is None else int(images.alive.sum()),
+            'rendered': self.rendered,
+            'frames_with_rendering': self._drawn_frames / max(self._frames, 1),
+            **self._told,
+        }
+
+
+def _around(ends) -> np.ndarray:
+    return np.stack([ends[:, :, 0].min(0), ends[:, :, 1].max(0)], 1).ravel()
+
+
+def _view_of(frame) -> View:
+    return View(frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel)
+
+
+def _is_elsewhere(frame) -> bool:
+    """Tell whether a frame is not that of the renderer's own camera."""
+    if frame.casting:
+        return True
+    matrix = frame.renderer.GetActiveCamera().GetModelViewTransformMatrix()
+    own = np.array([matrix.GetElement(i, j) for i in range(3) for j in range(4)])
+    return not np.array_equal(own, frame.view_from_world[:3].ravel())

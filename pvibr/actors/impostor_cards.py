@@ -1,0 +1,208 @@
+"""Impostors on the GPU: one draw of many cards that share a pool of tiles."""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr import _vtk
+from pvibr.actors.cards import DULL, card_mesh
+from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
+from pvibr.gl.feature import Feature, sections
+
+_ROW, _TEXELS = 128, 5  # cards of a row of the table, texels of a card
+
+
+def card_feature(*, depth, shiny, several) -> Feature:
+    """Return the shader text of cards by VTK's tags.
+
+    Parameters
+    ----------
+    depth : bool
+        Whether each fragment has the depth of what it shows.
+    shiny : bool
+        Whether any material has highlights; without, their power is not computed.
+    several : bool
+        Whether there are several materials.
+    """
+    part = sections(shader_source(__file__, 'impostor'))
+    light = '//VTK::Light::Impl\n'
+    return Feature(
+        f'impostor_{int(depth)}{int(shiny)}{int(several)}',
+        {
+            'VTK::PositionVC::Dec': part['vertex.declare'],
+            'VTK::PositionVC::Impl': part['vertex.position'],
+        },
+        {
+            'VTK::PositionVC::Dec': f'#define MATERIALS {int(several)}\n'
+            + part['fragment.declare'],
+            'VTK::PositionVC::Impl': part['fragment.sample'],
+            'VTK::Depth::Impl': (part['fragment.depth'] if depth else '') + '//VTK::Depth::Impl\n',
+            'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
+            'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
+            'VTK::Light::Impl': light if shiny else DULL[0] + light + DULL[1],
+        },
+    )
+
+
+class ImpostorCards:
+    """The actor that draws all cards.
+
+    Attributes
+    ----------
+    actor : pyvista.Actor
+        Visible only within frames.
+    failure : str or None
+        What went wrong with the shaders.
+    """
+
+    def __init__(self):
+        self.actor = pv.Actor()
+        self.mapper = _vtk.vtkPolyDataMapper()
+        self.mapper.ScalarVisibilityOff()
+        self.actor.SetMapper(self.mapper)
+        self.actor.PickableOff()
+        self.actor.UseBoundsOff()
+        self.actor.VisibilityOff()
+        self.failure: str | None = None
+        self._observer = self.mapper.AddObserver('UpdateShaderEvent', self._updater())
+        self._feature: Any = None
+        self._room, self._bounds = 0, np.array([1.0, -1.0] * 3)
+        self._table: Any = None
+        self._matter: Any = None
+        self._known = 0
+        self._checked = False
+        self._bound: list = []
+        self._textures: dict = {}
+        self._uniforms: dict = {}
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU, without the pool."""
+        return sum(t.nbytes for t in (self._table, self._matter) if t is not None)
+
+    def fit(self, count, bounds):
+        """Have room for cards within bounds.
+
+        Parameters
+        ----------
+        count : int
+            Cards at most.
+        bounds : array_like of 6 float
+            World units: VTK leaves out actors whose bounds are out of view.
+        """
+        low, high = (
+            np.minimum(bounds[::2], self._bounds[::2]),
+            np.maximum(bounds[1::2], self._bounds[1::2]),
+        )
+        kept = self._bounds
+        if self._room:
+            inside = (bounds[::2] >= kept[::2]).all() and (bounds[1::2] <= kept[1::2]).all()
+            if count <= self._room and inside:
+                return
+        else:
+            low, high = bounds[::2], bounds[1::2]
+        self._room = max(self._room, count)
+        self._bounds = np.stack([low, high], 1).ravel()
+        self.mapper.SetInputData(card_mesh(self._room, 4, self._bounds))
+
+    def wear(self, *, depth, materials):
+        """Have the shader that is asked for, and its materials.
+
+        Parameters
+        ----------
+        depth : bool
+            Whether each fragment has the depth of what it shows.
+        materials : Materials
+            Those that tiles have numbers of.
+        """
+        feature = card_feature(depth=depth, shiny=materials.shiny, several=len(materials) > 1)
+        if self._feature is None or feature.name != self._feature.name:
+            if self._feature is not None:
+                self._feature.detach(self.actor)
+            feature.attach(self.actor)
+            self._feature, self._checked = feature, False
+        if self._matter is not None and len(materials) != self._known:
+            self._matter.upload(materials.table())
+        self._known = len(materials)
+        self._materials = materials
+
+    def show(self, frame, rows, pool):
+        """Draw cards in a frame.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        rows : numpy.ndarray, shape (n, 5, 4)
+            Of each card, in view space: corner and the distance of the image's eye; right side
+            and near; upper side and far; that eye, or the direction of sight, and whether it is
+            one; corner in the pool and sides, in texels.
+        pool : TilePool
+            With the images.
+        """
+        if self._table is None:
+            self._table = Texture(frame.window)
+            self._matter = Texture(frame.window).upload(self._materials.table())
+        height = max(1, -(-len(rows) // _ROW))
+        table = np.zeros((height * _ROW, _TEXELS, 4), np.float32)
+        table[: len(rows)] = rows
+        self._table.upload(table.reshape(height, _ROW * _TEXELS, 4))
+        clip, view = frame.clip_from_view, frame.view_from_world
+        self._textures = {**pool.textures, 'ibr_cards': self._table, 'ibr_materials': self._matter}
+        self._uniforms = {
+            'ibr_count': len(rows),
+            'ibr_clip_from_eye': uniform_matrix(clip),
+            'ibr_eye_from_world': uniform_matrix(view[:3, :3]),
+            'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
+        }
+        self.actor.SetVisibility(bool(len(rows)))
+
+    def hide(self):
+        """Draw nothing, and give the texture units back."""
+        self.actor.VisibilityOff()
+        for texture in self._bound:
+            texture.deactivate()
+        self._bound = []
+
+    def _updater(self):
+        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
+        cards = weakref.ref(self)
+
+        @_vtk.calldata_type(_vtk.VTK_OBJECT)
+        def update(_mapper, _event, program):
+            alive = cards()
+            if alive is not None:
+                alive._update(program)
+
+        return update
+
+    def _update(self, program):
+        if not self._bound:
+            self._units = {name: t.activate() for name, t in self._textures.items()}
+            self._bound = list(self._textures.values())
+        set_uniforms(program, self._units)
+        set_uniforms(program, self._uniforms)
+        if not self._checked:
+            self._checked = True
+            if not self._feature.landed(program):
+                self.failure = f'the shader text {self._feature.name} did not land'
+
+    def release(self, window):
+        """Free the GPU's memory; the context must be alive.
+
+        Parameters
+        ----------
+        window : vtkOpenGLRenderWindow
+            Whose context is current; None where there is none.
+        """
+        self.hide()
+        if window is not None:
+            self.actor.ReleaseGraphicsResources(window)
+        for texture in (self._table, self._matter):
+            if texture is not None:
+                texture.release()
+        self._table = self._matter = None

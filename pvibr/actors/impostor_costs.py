@@ -1,0 +1,188 @@
+"""What images and meshes take to be drawn, as measured on the machine that draws them."""
+
+from __future__ import annotations
+
+import time
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from pvibr.gl import Target
+from pvibr.maths.views import View
+
+#: Before anything was measured, seconds: of a mesh, of each of its cells, of a pixel of a card.
+ACTOR, CELL, PIXEL = 5e-5, 7e-8, 3e-8
+#: Seconds that an image takes beside its mesh, and a card beside its pixels.
+_IMAGE, _CARD = 1.5e-4, 2e-6
+_TRIES = 3
+
+
+class Costs:
+    """Times of meshes and of cards, and how the eye and the actors move.
+
+    Attributes
+    ----------
+    speed : float
+        World units a frame that the eye moves.
+    step : numpy.ndarray, shape (3,)
+        Where to; 0 unless it goes on as it did.
+    busy : numpy.ndarray
+        Of each actor, the share of frames in which it changed.
+    pixel : float
+        Seconds of a pixel of a card.
+    """
+
+    def __init__(self):
+        self.speed, self.pixel, self.busy = 0.0, PIXEL, np.zeros(0)
+        self.step = self._last = np.zeros(3)
+        self._eye: Any = None
+        self._ratio = [1.0]
+        self._measured = False
+
+    def count(self, actors):
+        """Have so many actors.
+
+        Parameters
+        ----------
+        actors : int
+            How many.
+        """
+        self.busy = np.zeros(actors)
+
+    def changed(self, actors):
+        """Take note of actors that changed since the last frame.
+
+        Parameters
+        ----------
+        actors : list of int
+            Which.
+        """
+        self.busy[actors] = np.minimum(self.busy[actors] + 0.3, 1.0)
+
+    def move(self, frame):
+        """Take note of where the eye is.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        """
+        if self._eye is not None:
+            step = frame.eye - self._eye
+            size, before = np.linalg.norm(step), np.linalg.norm(self._last)
+            goes_on = step @ self._last > 0.8 * size * before and size < 3 * before
+            self.step = step if goes_on else np.zeros(3)
+            self._last = step
+            self.speed = 0.7 * self.speed + 0.3 * float(size)
+        self._eye = frame.eye
+        self.busy *= 0.9
+
+    def meshes(self, sources) -> np.ndarray:
+        """Return the seconds of the mesh of each actor.
+
+        Parameters
+        ----------
+        sources : sequence of Source
+            The actors.
+        """
+        return np.array([self._of(s) for s in sources])
+
+    def _of(self, source):
+        if source.seconds < np.inf:
+            return source.seconds
+        return (ACTOR + CELL * source.cells) * self._ratio[0]
+
+    def expected(self, sources) -> float:
+        """Return the seconds that an image of some actors takes.
+
+        Parameters
+        ----------
+        sources : sequence of Source
+            What is seen.
+        """
+        return _IMAGE + sum(map(self._of, sources))
+
+    def images(self, seconds, rate, busy, pixels) -> np.ndarray:
+        """Return the seconds of a frame that images take, with their share of being drawn again.
+
+        Parameters
+        ----------
+        seconds : numpy.ndarray
+            Of the meshes.
+        rate, busy : numpy.ndarray
+            Shares of frames in which the eye moves too far, and in which an actor changes.
+        pixels : numpy.ndarray
+            Diameters on the screen.
+        """
+        often = np.minimum(rate + busy, 1.0)
+        return often * (seconds + _IMAGE) + _CARD + self.pixel * 0.6 * pixels**2
+
+    @contextmanager
+    def timed(self, window, sources):
+        """Measure what the meshes of some actors take.
+
+        Parameters
+        ----------
+        window : vtkRenderWindow
+            Whose context is current.
+        sources : sequence of Source
+            What is drawn; a single one keeps the time.
+
+        Yields
+        ------
+        types.SimpleNamespace
+            ``seconds``, afterwards.
+        """
+        known = len(sources) != 1 or sources[0].tries >= _TRIES
+        spent = SimpleNamespace(seconds=self.expected(sources))
+        if not known:
+            window.WaitForCompletion()
+        start = time.perf_counter()
+        yield spent
+        if known:
+            return
+        window.WaitForCompletion()
+        spent.seconds = time.perf_counter() - start
+        source = sources[0]
+        source.tries += 1
+        if source.tries > 1:  # the first draw uploads the mesh and builds its shader
+            source.seconds = min(source.seconds, max(spent.seconds - _IMAGE, 1e-6))
+            guess = ACTOR + CELL * source.cells
+            self._ratio[0] += 0.2 * (source.seconds / guess - self._ratio[0])
+
+    def measure(self, frame, cards, drawer, area):
+        """Measure once what a pixel of a card takes.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        cards : ImpostorCards
+            Ready to be drawn.
+        drawer : pvibr.gl.drawer.Drawer
+            Draws them.
+        area : float
+            Pixels that they cover, about.
+        """
+        if self._measured or area < 2000:
+            return
+        self._measured = True
+        width, height = frame.size
+        target = Target(frame.window, width, height, ('rgba8',), depth=True)
+        view = View(
+            frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
+        )
+        times = []
+        for _ in range(_TRIES):
+            frame.window.WaitForCompletion()
+            start = time.perf_counter()
+            with target.drawing(clear=(0, 0, 0, 0)):
+                drawer.look(view, (0, 0, *frame.size))
+                drawer.draw([cards.actor])
+            frame.window.WaitForCompletion()
+            times.append(time.perf_counter() - start)
+        drawer.done()
+        target.release()
+        self.pixel = min(times) / area

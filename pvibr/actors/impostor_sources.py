@@ -1,0 +1,259 @@
+"""The actors that impostors stand for: when they changed, and doubles that draw their surface."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pvibr import _vtk
+from pvibr.gl.feature import replacements
+
+_SURFACE, _PBR = 2, 3  # VTK_SURFACE, VTK_PBR
+_MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper', 'vtkPolyDataMapper')
+# What is kept is the colour before light, which VTK then multiplies by the texture, and the normal
+# after VTK's own flips for surfaces with two sides; without light, the colour as it is.
+_UNLIT = """//VTK::Light::Impl
+  fragOutput0 = vec4(diffuseColor, 1.0);
+  vec3 ibr_normal = ibr_world_from_view * normalVCVSOutput;
+"""
+_PLAIN = """//VTK::Light::Impl
+  vec3 ibr_normal = vec3(0.0);
+"""
+_OUTPUT = """  if (gl_FragData[0].a < 0.5) discard;
+  gl_FragData[0].a = 1.0;
+  gl_FragData[1] = vec4(ibr_normal * 0.5 + 0.5, ibr_material / 255.0);
+//VTK::DepthPeeling::Impl
+"""
+
+
+class Materials:
+    """What light makes of surfaces, numbered: ambient, diffuse, specular, power and its colour."""
+
+    most = 256
+
+    def __init__(self):
+        self._numbers: dict[tuple, int] = {}
+
+    def number(self, prop) -> int | None:
+        """Return the number of a property's material, None where there are too many.
+
+        Parameters
+        ----------
+        prop : vtkProperty
+            Of an actor.
+        """
+        key = (
+            prop.GetAmbient(), prop.GetDiffuse(), prop.GetSpecular(), prop.GetSpecularPower(),
+            *prop.GetSpecularColor(), 0.0,
+        )  # fmt: skip
+        if key not in self._numbers and len(self._numbers) == self.most:
+            return None
+        return self._numbers.setdefault(key, len(self._numbers))
+
+    def __len__(self):
+        return len(self._numbers)
+
+    @property
+    def shiny(self) -> bool:
+        """Whether any has highlights."""
+        return any(key[2] > 0 for key in self._numbers)
+
+    def table(self) -> np.ndarray:
+        """Return them as a picture, shape (2, 256, 4), float32."""
+        table = np.zeros((2, self.most, 4), np.float32)
+        for key, number in self._numbers.items():
+            table[:, number] = np.reshape(key, (2, 4))
+        return table
+
+
+class Source:
+    """One actor, and its double.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        In a renderer.
+    materials : Materials
+        Taken further.
+
+    Attributes
+    ----------
+    why : str
+        Why it cannot be an image, empty where it can.
+    center, half, radius
+        Middle, half edges (rows) and radius about the middle of its box, world units.
+    seconds : float
+        What its surface takes to be drawn, as measured; inf before.
+    """
+
+    def __init__(self, actor, materials):
+        self.actor, self.materials = actor, materials
+        self.why, self.seconds = 'not drawn yet', np.inf
+        self.center, self.half, self.radius = np.zeros(3), np.zeros((3, 3)), 0.0
+        self.cells = self.tries = 0
+        self._double: Any = None
+        self._times: tuple = ()
+        self._shape: tuple = ()
+        self._length = 0.0
+        self._clocks: tuple = (actor.GetMTime,)
+        self._pipeline: Any = None
+
+    def time(self) -> int:
+        """Return when the actor, its material, texture, mapper or data changed last."""
+        if self._pipeline is not None:
+            self._pipeline.Update()
+        # One counter gives out all of VTK's times. An actor's is that of its material as well.
+        return max([clock() for clock in self._clocks])
+
+    @property
+    def shown(self) -> bool:
+        """Whether the user has it visible."""
+        return bool(self.actor.GetVisibility())
+
+    def update(self):
+        """Take over what the actor is now: whether it serves, and its box."""
+        self.why = _unfit(self.actor)
+        self._watch()
+        if self.why:
+            return
+        data = self.actor.GetMapper().GetInput()
+        self._measure(data)
+        matrix = self.actor.GetMatrix()
+        rows = [[matrix.GetElement(i, j) for j in range(4)] for i in range(3)]
+        world = np.array(rows)
+        bounds = np.reshape(self.actor.GetMapper().GetBounds(), (3, 2))
+        self.center = world[:, :3] @ bounds.mean(1) + world[:, 3]
+        self.half = np.diag(np.diff(bounds, axis=1)[:, 0] / 2) @ world[:, :3].T
+        self.radius = float(self._length * np.linalg.norm(world[:, :3], 2))
+        if self.radius == 0.0:
+            self.why = 'a point'
+        self._dress(data)
+
+    def _watch(self):
+        mapper, clocks = self.actor.GetMapper(), [self.actor.GetMTime]
+        self._pipeline = None
+        if mapper is not None:
+            clocks.append(mapper.GetMTime)
+            if mapper.GetNumberOfInputPorts() and mapper.GetNumberOfInputConnections(0):
+                clocks.append(mapper.GetInputDataObject(0, 0).GetMTime)
+                source = mapper.GetInputAlgorithm()
+                self._pipeline = None if source.IsA('vtkTrivialProducer') else source
+        self._clocks = tuple(clocks)
+
+    def _measure(self, data):
+        shape = data, data.GetMTime()
+        if shape == self._shape:
+            return
+        self._shape, self.cells, self.seconds = shape, data.GetNumberOfCells(), np.inf
+        self.tries = 0
+        bounds = np.reshape(self.actor.GetMapper().GetBounds(), (3, 2))
+        points = data.GetPoints() if data.IsA('vtkPointSet') else None
+        if points is None:
+            self._length = float(np.linalg.norm(np.diff(bounds)) / 2)
+            return
+        away = _vtk.vtk_to_numpy(points.GetData()) - bounds.mean(1)
+        self._length = float(np.sqrt(np.einsum('ni,ni->n', away, away).max()))
+
+    def _dress(self, data):
+        """Give the double the actor's looks."""
+        actor = self.actor
+        lit = bool(actor.GetProperty().GetLighting())
+        mapper, prop = actor.GetMapper(), actor.GetProperty()
+        times = mapper, mapper.GetMTime(), prop, prop.GetMTime()
+        number = self.materials.number(actor.GetProperty())
+        if number is None:
+            self.why = f'more than {self.materials.most} materials'
+            return
+        if self._double is None:
+            self._double = _vtk.vtkActor()
+        double = self._double
+        double.SetUserMatrix(actor.GetMatrix())
+        double.SetTexture(actor.GetTexture())
+        if times == self._times and double.GetMapper().GetInput() is data:
+            return
+        self._times = times
+        double.SetMapper(_copied(actor.GetMapper(), data))
+        prop = double.GetProperty()
+        prop.DeepCopy(actor.GetProperty())
+        prop.SetInterpolation(min(prop.GetInterpolation(), 2))
+        prop.SetAmbient(0.0)
+        prop.SetDiffuse(1.0)
+        prop.SetSpecular(0.0)
+        shader = double.GetShaderProperty()
+        shader.ClearAllFragmentShaderReplacements()
+        texts = (('Light', _UNLIT if lit else _PLAIN), ('DepthPeeling', _OUTPUT))
+        for tag, text in texts:
+            shader.AddFragmentShaderReplacement(f'//VTK::{tag}::Impl', True, text, False)
+        shader.GetFragmentCustomUniforms().SetUniformf('ibr_material', float(number))
+
+    def draw(self, renderer, world_from_view):
+        """Draw its surface: colour and coverage, normal and material.
+
+        Parameters
+        ----------
+        renderer : vtkRenderer
+            With the view.
+        world_from_view : list of 9 float
+            By columns, as GL reads it.
+        """
+        uniforms = self._double.GetShaderProperty().GetFragmentCustomUniforms()
+        uniforms.SetUniformMatrix3x3('ibr_world_from_view', world_from_view)
+        self._double.RenderOpaqueGeometry(renderer)
+
+    def release(self, window):
+        """Free the GPU's memory; the context must be alive.
+
+        Parameters
+        ----------
+        window : vtkOpenGLRenderWindow
+            Whose context is current; None where there is none.
+        """
+        if self._double is not None and window is not None:
+            self._double.SetTexture(None)  # the actor's own
+            self._double.ReleaseGraphicsResources(window)
+        self._double, self._times = None, ()
+
+
+def _copied(mapper, data):
+    copy = _vtk.vtkPolyDataMapper() if data.IsA('vtkPolyData') else _vtk.vtkDataSetMapper()
+    copy.ShallowCopy(mapper)
+    copy.SetInputDataObject(data)
+    return copy
+
+
+def _data(mapper):
+    """Return what a mapper draws, up to date."""
+    if mapper.GetNumberOfInputConnections(0):
+        mapper.GetInputAlgorithm().Update()
+    return mapper.GetInput()
+
+
+def _unfit(actor) -> str:
+    """Return why an image cannot stand for an actor, or nothing."""
+    mapper, prop = actor.GetMapper(), actor.GetProperty()
+    if mapper is None or mapper.GetClassName() not in _MAPPERS:
+        return 'a mapper of another kind'
+    data = _data(mapper) if mapper.GetNumberOfInputConnections(0) else None
+    if data is None or not data.IsA('vtkDataSet') or not data.GetNumberOfCells():
+        return 'empty'
+    if prop.GetRepresentation() != _SURFACE or prop.GetEdgeVisibility():
+        return 'points or lines'
+    if data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines():
+        return 'points or lines'
+    if actor.HasTranslucentPolygonalGeometry():
+        return 'translucent'
+    if prop.GetInterpolation() == _PBR or actor.GetBackfaceProperty() is not None:
+        return 'a material of another kind'
+    if _has_shaders(actor.GetShaderProperty()):
+        return 'shaders of its own'
+    if not np.isfinite(mapper.GetBounds()).all():
+        return 'bounds that are not finite'
+    return ''
+
+
+def _has_shaders(shader) -> bool:
+    if shader.HasVertexShaderCode() or shader.HasFragmentShaderCode():
+        return True
+    texts = replacements(shader).items()
+    return any(stage != 'Fragment' or '// pvibr:' not in text for (stage, _), text in texts)

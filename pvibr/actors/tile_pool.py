@@ -1,0 +1,132 @@
+"""Square tiles, sides powers of two, in one render target that many images share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pvibr.gl import Target, texture_limit
+
+#: What a texel holds: colour and coverage, normal and material, depth.
+FORMATS = ('rgba8', 'rgba8')
+TEXEL_BYTES = 12
+
+
+class Tiles:
+    """Which squares of a larger one are taken, by halves of halves (a buddy system).
+
+    Parameters
+    ----------
+    side : int
+        Of the whole, a power of two.
+    least : int, optional
+        Side of the smallest tile, a power of two.
+
+    Examples
+    --------
+    >>> from pvibr.actors.tile_pool import Tiles
+    >>> tiles = Tiles(64)
+    >>> tiles.take(32), tiles.take(16), tiles.take(64)
+    ((0, 0), (0, 32), None)
+    """
+
+    def __init__(self, side, least=8):
+        self.side, self.least = side, least
+        self._free: dict[int, set] = {side: {(0, 0)}}
+
+    def fits(self, size) -> int:
+        """Return the side of the tile that holds an image.
+
+        Parameters
+        ----------
+        size : int
+            The image's longer side.
+        """
+        return max(self.least, 1 << (int(size) - 1).bit_length())
+
+    def take(self, side) -> tuple[int, int] | None:
+        """Return the corner of a free tile that is taken now, None where there is none.
+
+        Parameters
+        ----------
+        side : int
+            A power of two.
+        """
+        larger = side
+        while not self._free.get(larger):
+            larger *= 2
+            if larger > self.side:
+                return None
+        x, y = min(self._free[larger])
+        self._free[larger].remove((x, y))
+        while larger > side:
+            larger //= 2
+            rest = {(x + larger, y), (x, y + larger), (x + larger, y + larger)}
+            self._free.setdefault(larger, set()).update(rest)
+        return x, y
+
+    def give(self, corner, side):
+        """Give a tile back.
+
+        Parameters
+        ----------
+        corner : tuple of 2 int
+            As :meth:`take` returned it.
+        side : int
+            As it was asked for.
+        """
+        while side < self.side:
+            x, y = (c // (2 * side) * 2 * side for c in corner)
+            buddies = {(x + i * side, y + j * side) for i in (0, 1) for j in (0, 1)} - {corner}
+            free = self._free.setdefault(side, set())
+            if not buddies <= free:
+                break
+            free -= buddies
+            corner, side = (x, y), 2 * side
+        self._free.setdefault(side, set()).add(corner)
+
+
+class TilePool:
+    """Tiles on the GPU, as many as the memory allows.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        Whose context is current.
+    area : int
+        Texels that are needed now.
+    memory : int
+        Bytes that it may take.
+    """
+
+    def __init__(self, window, area, memory):
+        self.largest = _power_below(min((memory / TEXEL_BYTES) ** 0.5, texture_limit(window)))
+        side = 256
+        while side < self.largest and side * side < 2 * area:
+            side *= 2
+        self.side = min(side, self.largest)
+        self.tiles = Tiles(self.side)
+        self.target: Any = Target(window, self.side, self.side, FORMATS, depth=True)
+
+    @property
+    def may_grow(self) -> bool:
+        """Whether the memory allows a larger one."""
+        return self.side < self.largest
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return self.target.nbytes
+
+    @property
+    def textures(self) -> dict:
+        """By the names of their samplers."""
+        colors = dict(zip(('ibr_albedo', 'ibr_shape'), self.target.colors, strict=True))
+        return colors | {'ibr_depth': self.target.depth}
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self.target.release()
+
+
+def _power_below(number) -> int:
+    return max(8, 1 << (int(number).bit_length() - 1))

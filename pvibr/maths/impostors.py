@@ -1,0 +1,237 @@
+"""How far an image of an object, drawn on a card, is from the object itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pvibr.maths.views import View
+
+# The middle of a card and its corners, as shares of its sides.
+_SHARES = np.array([[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+class Card(NamedTuple):
+    """The plane through the middles of objects that faces the eye, and what they cover of it.
+
+    Fields have the shape (n, ...); directions and places are float64, world units.
+
+    Attributes
+    ----------
+    center : numpy.ndarray, shape (n, 3)
+        Middle of the object, on the card.
+    eye : numpy.ndarray, shape (n, 3)
+        From which it was seen, less `center`; of a parallel view, the unit vector toward it.
+    axes : numpy.ndarray, shape (n, 3, 3)
+        Rows right, up and toward the eye; orthonormal.
+    low, high : numpy.ndarray, shape (n, 2)
+        The rectangle along right and up, from `center`.
+    away : numpy.ndarray, shape (n,)
+        Distance of the eye from the card; 1 in a parallel view.
+    depth : numpy.ndarray, shape (n,)
+        How far the object reaches out of the card, to either side.
+    """
+
+    center: np.ndarray
+    eye: np.ndarray
+    axes: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    away: np.ndarray
+    depth: np.ndarray
+
+    def rows(self, index) -> Card:
+        """Return some of them.
+
+        Parameters
+        ----------
+        index : array_like of int or bool
+            Which.
+        """
+        return Card(*(field[index] for field in self))
+
+
+def box_corners(center, half) -> np.ndarray:
+    """Return the corners of boxes of any orientation.
+
+    Parameters
+    ----------
+    center : array_like, shape (n, 3)
+        World units.
+    half : array_like, shape (n, 3, 3)
+        Rows are half the edges.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 8, 3)
+        World units.
+    """
+    signs = np.array([[(i >> k & 1) * 2.0 - 1.0 for k in range(3)] for i in range(8)])
+    return np.asarray(center, float)[:, None] + signs @ np.asarray(half, float)
+
+
+def fit_cards(center, half, radius, eye, up, toward=None) -> Card:
+    """Lay a card through the middle of each box, across the line of sight (Schaufler 1995).
+
+    Parameters
+    ----------
+    center : numpy.ndarray, shape (n, 3)
+        World units.
+    half : numpy.ndarray, shape (n, 3, 3)
+        Rows are half the edges of the box.
+    radius : numpy.ndarray, shape (n,)
+        Of a sphere about the middle that holds the object.
+    eye : array_like, shape (3,)
+        World units, outside of all boxes.
+    up : array_like, shape (3,)
+        The camera's upward direction.
+    toward : array_like, shape (3,), optional
+        Of a parallel view: the unit vector toward the eye.
+
+    Returns
+    -------
+    Card
+        With the smallest rectangles that hold the boxes as the eye sees them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.impostors import fit_cards
+    >>> card = fit_cards(np.zeros((1, 3)), np.eye(3)[None], np.ones(1), [0, 0, 3], [0, 1, 0])
+    >>> card.high[0].tolist(), float(card.depth[0])
+    ([1.5, 1.5], 1.0)
+    """
+    out = (
+        np.asarray(eye, float) - center
+        if toward is None
+        else np.broadcast_to(toward, center.shape)
+    )
+    away = np.linalg.norm(out, axis=1)
+    back = out / away[:, None]
+    axes = _facing(back, np.asarray(up, float))
+    corners = box_corners(np.zeros_like(center), half)
+    x, y, z = np.einsum('nij,nkj->ink', axes, corners)
+    if toward is None:
+        scale = away[:, None] / (away[:, None] - z)
+        x, y = x * scale, y * scale
+    else:
+        away = np.ones_like(away)
+    sides = np.stack([x, y], -1)
+    depth = np.minimum(np.abs(z).max(1), radius)
+    return Card(center, out, axes, sides.min(1), sides.max(1), away, depth)
+
+
+def _facing(back, up):
+    """Return right, up and back, (n, 3, 3), upward as far as that goes."""
+    other = np.eye(3)[np.argmin(np.abs(back), axis=1)]
+    steep = np.abs(back @ up) > 0.999 * np.linalg.norm(up)
+    right = np.cross(np.where(steep[:, None], other, up), back)
+    right /= np.linalg.norm(right, axis=1)[:, None]
+    return np.stack([right, np.cross(back, right), back], axis=1)
+
+
+def card_view(card, k, pad, *, parallel=False) -> View:
+    """Return the view in which the image of a card is drawn.
+
+    Parameters
+    ----------
+    card : Card
+        Of several objects.
+    k : int
+        Which.
+    pad : array_like, shape (2,)
+        What is seen beyond the rectangle, at either side, in world units on the card.
+    parallel : bool, optional
+        Whether the card is that of a parallel view.
+
+    Returns
+    -------
+    View
+        Whose picture is the rectangle, and whose depth is that of the object.
+    """
+    axes, low, high = card.axes[k], card.low[k] - pad, card.high[k] + pad
+    reach = 1.001 * card.depth[k]
+    away = 3.0 * reach if parallel else card.away[k]
+    near, far = away - reach, away + reach
+    world, clip = np.eye(4), np.zeros((4, 4))
+    world[:3, :3] = axes
+    world[:3, 3] = -axes @ (card.center[k] + away * axes[2])
+    if parallel:
+        clip[[0, 1], [0, 1]], clip[[0, 1], [3, 3]] = 2 / (high - low), -(high + low) / (high - low)
+        clip[2, 2:] = -2 / (far - near), -(far + near) / (far - near)
+        clip[3, 3] = 1.0
+    else:
+        clip[[0, 1], [0, 1]] = 2 * away / (high - low)
+        clip[[0, 1], [2, 2]] = (high + low) / (high - low)
+        clip[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
+        clip[3, 2] = -1.0
+    return View(world, clip, float(near), float(far), parallel)
+
+
+def displacement(card, eye, toward=None) -> np.ndarray:
+    """Return how far a card may show the surface from where the eye has it, as an angle.
+
+    It is Schaufler's error of moving sideways and that of moving nearer at once: the angle, at
+    the eye, between a point of the object and its place on the card, at most. That is largest at
+    the near side, in the middle or at the rim.
+
+    Parameters
+    ----------
+    card : Card
+        Of n objects.
+    eye : array_like, shape (3,)
+        Where the eye is now, world units.
+    toward : array_like, shape (3,), optional
+        In a parallel view: the unit vector toward the eye.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,)
+        Radians; world units in a parallel view; inf where the eye is within the object's depth.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.impostors import displacement, fit_cards
+    >>> card = fit_cards(np.zeros((1, 3)), np.eye(3)[None], np.ones(1), [0, 0, 9], [0, 1, 0])
+    >>> displacement(card, [0, 0, 9]).round(6).tolist()
+    [0.0]
+    >>> bool(displacement(card, [1, 0, 9])[0] > np.arctan(1 / 8) - np.arctan(1 / 9))
+    True
+    """
+    places = card.low[:, None] + _SHARES * (card.high - card.low)[:, None]
+    on_card = places @ card.axes[:, :2]
+    if toward is not None:
+        moved = card.depth[:, None] * card.axes[:, 2]
+        return np.linalg.norm(np.cross(moved, toward), axis=1)
+    ray = (card.eye[:, None] - on_card) / card.away[:, None, None]
+    now = np.asarray(eye, float) - card.center
+    seen = on_card - now[:, None]
+    point = seen + card.depth[:, None, None] * ray
+    across = np.linalg.norm(np.cross(seen, point), axis=2)
+    along = np.einsum('nki,nki->nk', seen, point)
+    ahead = np.einsum('ni,ni->n', now, card.axes[:, 2]) > card.depth
+    return np.where(ahead, np.arctan2(across, along).max(1), np.inf)
+
+
+def stretch_of(middle, radius, tangent) -> np.ndarray:
+    """Return how much longer a small angle is on the screen than in its middle.
+
+    Parameters
+    ----------
+    middle : numpy.ndarray, shape (n, 3)
+        Of objects, in view space.
+    radius : numpy.ndarray, shape (n,)
+        Of their spheres.
+    tangent : float
+        Of the angle between the view's axis and the corners of the screen.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,)
+        1 or more.
+    """
+    ahead = np.maximum(-middle[:, 2], 1e-300)
+    slope = (np.linalg.norm(middle[:, :2], axis=1) + radius) / ahead
+    return 1.0 + np.minimum(slope, tangent) ** 2
