@@ -203,6 +203,23 @@ def test_a_notebook_ticks_in_its_loop():
     assert times == sorted(set(times))
 
 
+def test_a_notebook_s_server_gets_each_picture():
+    """What sends pictures to the browser hears of them from ``plotter.render``."""
+    sent = []
+
+    async def notebook():
+        pl = pv.Plotter(notebook=True, off_screen=True, window_size=(32, 32))
+        pl.ibr.play()
+        pl.show(jupyter_backend='none', auto_close=False)
+        pl.add_on_render_callback(lambda pl: sent.append(pl.ibr.time), render_event=False)
+        while len(sent) < 3:
+            await asyncio.sleep(0.01)
+        pl.close()
+
+    asyncio.run(notebook())
+    assert sent == sorted(set(sent))
+
+
 def test_a_notebook_without_a_loop_only_films():
     clock = Clock(SimpleNamespace(notebook=True, mwriter=SimpleNamespace(write_args={'fps': 2})),
                   print)  # fmt: skip
