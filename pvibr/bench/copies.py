@@ -34,7 +34,6 @@ class Stand:
         self.tile = 0.0, 0.0, 1.0, 1.0
         self.view_from_world = self.clip_from_view = np.eye(4)
         self._ground = Target(window, *self.size)
-        self.drawing_over = self._ground.drawing
         self._fused = Fused(window)
 
     def apply(self, point):
@@ -47,13 +46,13 @@ class Stand:
         """
         self._fused.draw(self, [point])
 
-    def ground(self, *, ends_at_one=False):
-        """Return what light is blended with, as for the last effect of a frame.
+    def ground(self, blend):
+        """Return what is blended with, as for the last effect of a frame.
 
         Parameters
         ----------
-        ends_at_one : bool
-            As of :meth:`pvibr.gl.picture.Picture.ground`; its 8 bits do.
+        blend : str
+            See :meth:`pvibr.gl.picture.Picture.ground`.
         """
         return self._ground
 

@@ -47,7 +47,8 @@ class _Screen(Effect):
         uniforms = {'tile': frame.tile, 'size': size, **self._uniforms(frame, size)}
         code = ''.join(_TEXTS[name] for name in ('common', *self._entries()))
         name, textures = f'screen {self.name}', self._textures(frame)
-        picture.apply(Pointwise(name, code, uniforms, textures, self._covers()))
+        blend = 'over' if self._covers() else ''
+        picture.apply(Pointwise(name, code, uniforms, textures, blend))
 
     def _covers(self) -> bool:
         return self.covers

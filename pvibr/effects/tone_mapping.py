@@ -7,11 +7,13 @@ import numpy as np
 from pvibr.effect import Effect
 from pvibr.gl import Quad, Target, shader_source
 from pvibr.gl.feature import sections
+from pvibr.gl.fused import Pointwise
 from pvibr.maths.tones import CURVES, MIDDLE_GREY
 from pvibr.params import Param
 
 #: Side of the target that is measured: 16 looks a texel, and few enough texels to read back.
 _MEASURED = 32
+_TEXTS = sections(shader_source(__file__))
 
 
 class ToneMapping(Effect):
@@ -66,7 +68,7 @@ class ToneMapping(Effect):
     intensity = Param(1.0, 'Share of the mapped picture in what is shown.', range='[0, 1]')
 
     def __init__(self, **settings):
-        self._quads: dict[str, Quad] = {}
+        self._quad: Quad | None = None
         self._measured: Target | None = None
         self._before: tuple[float, float] | None = None
         self._now: tuple[float, float] | None = None
@@ -105,9 +107,10 @@ class ToneMapping(Effect):
             'white': self.white,
             'intensity': self.intensity,
         }
-        head = f'#define CURVE {CURVES.index(self.curve)}\n#define EXPOSED {int(stops != 0)}\n'
-        with picture.drawing():
-            self._quad(frame.window, 'map', head).draw(uniforms, {'color': picture.color})
+        curve, exposed = CURVES.index(self.curve), int(stops != 0)
+        head = f'const int CURVE = {curve};\nconst int EXPOSED = {exposed};\n'
+        text = head + _TEXTS['light'] + _TEXTS['map']
+        picture.apply(Pointwise('tone_mapping map', text, uniforms, {}))
 
     def expose(self, frame, picture) -> float:
         """Return the exposure of a frame; automatic exposure is measured when first asked.
@@ -135,7 +138,7 @@ class ToneMapping(Effect):
             self._measured = Target(window, _MEASURED, _MEASURED, ('rg32f',))
         step = (0.25 / _MEASURED,) * 2
         with self._measured.drawing():
-            self._quad(window, 'measure').draw({'step': step}, {'color': picture.color})
+            self._measuring(window).draw({'step': step}, {'color': picture.color})
         total, count = self._measured.colors[0].download().sum((0, 1), np.float64)
         if count == 0:
             return self._now[1] if self._now else 0.0
@@ -156,19 +159,18 @@ class ToneMapping(Effect):
         """Forget what the exposure was: the next frame is exposed at once, as after a cut."""
         self._before = self._now = self._exposed = None
 
-    def _quad(self, window, name, head=''):
-        if head + name not in self._quads:
-            parts = sections(shader_source(__file__))
-            code = head + parts['light'] + parts[name]
-            self._quads[head + name] = Quad(window, code, f'tone_mapping {name}')
-        return self._quads[head + name]
+    def _measuring(self, window):
+        if self._quad is None:
+            text = _TEXTS['light'] + _TEXTS['measure']
+            self._quad = Quad(window, text, 'tone_mapping measure')
+        return self._quad
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
-        for owner in (*self._quads.values(), self._measured):
+        for owner in (self._quad, self._measured):
             if owner is not None:
                 owner.release()
-        self._quads, self._measured = {}, None
+        self._quad = self._measured = None
         self.reset()
 
     def report(self) -> dict:

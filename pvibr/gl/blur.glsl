@@ -7,7 +7,7 @@
 // five overlapping squares, the middle one as much as the others together; 3 x 3 taps of a tent.
 // Beyond edges images go on as in a mirror: at 0 by the texture's wrap, at the other end, which may
 // be within the last texel, by extent.
-// blend: light and a picture, as a new one. add: light to be blended with a picture.
+// add: light to be blended with a picture.
 // Inputs: image, wide (linear filter, clamped to the edge); places are counted in texels, so that
 // odd sizes keep their scale. PAIRS taps with PLACES (texels from the middle) and WEIGHTS.
 //@halve
@@ -82,26 +82,10 @@ void main()
   }
   gl_FragData[0] = mix(texture(image, uv), sum, share);
 }
-//@blend
-uniform sampler2D color;
+//@add
 uniform sampler2D light;
 uniform vec2 place;    // of a pixel in the light: one over its pixels
 uniform vec2 shift;    // of the picture in the light, in shares of it
-uniform float keep;    // 0: the light alone
-uniform float intensity;
-uniform float screen;  // 1: light fills what is left to white, and does not go beyond
-void main()
-{
-  vec4 c = keep * texelFetch(color, ivec2(gl_FragCoord.xy), 0) + min(uv.x, 0.0);
-  vec3 more = intensity * texture(light, gl_FragCoord.xy * place + shift).rgb;
-  float cover = clamp(max(more.r, max(more.g, more.b)), 0.0, 1.0);
-  more *= 1.0 - screen * clamp(c.rgb, 0.0, 1.0);
-  gl_FragData[0] = vec4(c.rgb + more, c.a + cover * (1.0 - c.a));
-}
-//@add
-uniform sampler2D light;
-uniform vec2 place;
-uniform vec2 shift;
 uniform float intensity;
 void main()
 {

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.gl.feature import sections
+from pvibr.gl.fused import Pointwise
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import Target
 
@@ -17,7 +18,6 @@ from pvibr.gl.target import Target
 _FORMAT = ('rgba32f',)
 _X, _Y = (1.0, 0.0), (0.0, 1.0)
 _ENDLESS = 1e9
-_SCISSOR_TEST = 0x0C11  # GL enum
 # How an image is halved, by a Gaussian along each axis or in one pass of 13 taps, and doubled.
 _PASSES = {'gaussian': ('halve', 'mix'), 'tent': ('down13', 'tent')}
 CHAINS = tuple(_PASSES)
@@ -142,8 +142,8 @@ class Blur:
         size = math.ceil(extent[0]), math.ceil(extent[1])
         text = sections(shader_source(__file__))
         text['halve'] = _constants(kernel) + text['halve']
-        names = (*_PASSES[chain], 'blend', 'add')
-        self._quads = {name: Quad(window, text[name], f'blur {name}') for name in names}
+        self._quads = {n: Quad(window, text[n], f'blur {n}') for n in _PASSES[chain]}
+        self._add = text['add']
         self.source = _target(window, size, (*_FORMAT, 'r8'))
         self._chain = chain
         self._levels = [_Level(window, halves(size, k)) for k in range(levels)]
@@ -227,12 +227,12 @@ class Blur:
             self._quads['down13'].draw({'extent': extent}, {'image': image})
 
     def blend(self, picture, light, *, intensity=1.0, screen=False, alone=False, tile=None):
-        """Draw light on a picture, or a picture with light on it.
+        """Apply light to a picture.
 
         Parameters
         ----------
         picture : pvibr.gl.picture.Picture
-            Read and drawn.
+            What it shines on.
         light : Light
             Of it, or of the picture that it is a tile of.
         intensity : float
@@ -252,18 +252,9 @@ class Blur:
             'shift': [c / n for c, n in zip(corner, texels, strict=True)],
             'intensity': intensity,
         }
-        # Numbers above 1 are not what screen means.
-        ground = None if alone else picture.ground(ends_at_one=screen)
-        if ground is not None:
-            with ground.drawing():
-                _cut(picture, _placed(light.box, scale, corner))
-                how = 'screen' if screen else 'add'
-                self._quads['add'].draw(uniforms, {'light': light.image}, blend=how)
-            return
-        uniforms |= {'keep': float(not alone), 'screen': float(screen)}
-        with picture.drawing():
-            images = {'color': picture.color, 'light': light.image}
-            self._quads['blend'].draw(uniforms, images)
+        how = '' if alone else 'screen' if screen else 'add'
+        box = _placed(light.box, scale, corner)
+        picture.apply(Pointwise('light', self._add, uniforms, {'light': light.image}, how, box))
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
@@ -295,15 +286,6 @@ def _target(window, size, formats=_FORMAT):
 def _placed(box, scale, corner):
     """Return a box in pixels of a tile."""
     return [round(scale * b) - round(corner[i % 2]) for i, b in enumerate(box)]
-
-
-def _cut(picture, box):
-    """Draw nothing outside a box, within a target's drawing."""
-    left, bottom = (max(b, 0) for b in box[:2])
-    right, top = (min(b, n) for b, n in zip(box[2:], picture.size, strict=True))
-    state = picture.window.GetState()
-    state.SetEnumState(_SCISSOR_TEST, True)
-    state.vtkglScissor(left, bottom, max(right - left, 0), max(top - bottom, 0))
 
 
 def _variance(levels, kernel, chain):

@@ -16,15 +16,22 @@ _MOST_TEXTURES = 8  # in one program; a driver has 16 at least
 _MOST_PROGRAMS = 16  # kept
 _STEP = """  ibr_found = vec4(0.0);
   main_{k}();
-  ibr_color = ibr_found;
 """
-# Where all is covered it does not matter what is below, not even NaN.
-_STEP_OVER = """  ibr_found = vec4(0.0);
-  main_{k}();
-  ibr_found.rgb = ibr_found.a < 1.0 ? mix(ibr_color.rgb, ibr_found.rgb, ibr_found.a)
-    : ibr_found.rgb;
-  ibr_color = vec4(ibr_found.rgb, ibr_found.a + ibr_color.a * (1.0 - ibr_found.a));
+_COVER = """  ibr_color = vec4(ibr_found.rgb, ibr_found.a + ibr_color.a * (1.0 - ibr_found.a));
 """
+# How what a program writes meets the picture, as in gl/quad.py.
+_STEPS = {
+    '': _STEP + '  ibr_color = ibr_found;\n',
+    # Where all is covered it does not matter what is below, not even NaN.
+    'over': f"""{_STEP}  ibr_found.rgb = ibr_found.a < 1.0
+    ? mix(ibr_color.rgb, ibr_found.rgb, ibr_found.a) : ibr_found.rgb;
+{_COVER}""",
+    'add': f'{_STEP}  ibr_found.rgb += ibr_color.rgb;\n{_COVER}',
+    'screen': f"""{_STEP}  ibr_found.rgb *= 1.0 - clamp(ibr_color.rgb, 0.0, 1.0);
+  ibr_found.rgb += ibr_color.rgb;
+{_COVER}""",
+}
+_SCISSOR_TEST = 0x0C11  # GL enum
 
 
 class Pointwise(NamedTuple):
@@ -39,15 +46,19 @@ class Pointwise(NamedTuple):
         alone, or not at all, and writes ``gl_FragData[0]`` or discards.
     uniforms, textures : dict
         See :meth:`pvibr.gl.Quad.draw`; without ``color``.
-    over : bool
-        Whether what it writes covers the picture, by its alpha, and is not the new colour.
+    blend : {'', 'over', 'add', 'screen'}
+        How what it writes is blended with the picture, see :meth:`pvibr.gl.Quad.draw`; it is the
+        new colour unless given.
+    box : tuple of 4 int, optional
+        Left, bottom, right and top, in pixels, of all that what is blended changes.
     """
 
     name: str
     text: str
     uniforms: dict
     textures: dict
-    over: bool = False
+    blend: str = ''
+    box: Any = None
 
 
 class Fused:
@@ -61,7 +72,7 @@ class Fused:
 
     def __init__(self, window):
         self.window = window
-        self._programs: dict[tuple, Quad] = {}
+        self._programs: dict[Any, Quad] = {}
 
     def draw(self, picture, points):
         """Draw programs on a picture.
@@ -82,34 +93,38 @@ class Fused:
         self._draw(picture, most)
 
     def _draw(self, picture, points):
-        if len(points) == 1:
-            self._draw_one(picture, points[0])
+        # Light is most often local: each in its box costs less than all of them everywhere.
+        if len(points) == 1 or all(p.blend in ('add', 'screen') for p in points):
+            points = [p for p in points if not self._draw_in_place(picture, p)]
+        if not points:
             return
         uniforms: dict[str, Any] = {}
         textures = {'color': picture.color}
         for k, point in enumerate(points):
             uniforms |= {f'{name}_{k}': value for name, value in point.uniforms.items()}
             textures |= {f'{name}_{k}': texture for name, texture in point.textures.items()}
-        key = tuple((point.text, point.over) for point in points)
+        key = tuple((point.text, point.blend) for point in points)
         with picture.drawing():
             self._program(key, points).draw(uniforms, textures)
 
-    def _draw_one(self, picture, point):
-        quad = self._program((point.text,), [point])
-        if point.over:
-            with picture.drawing_over():
-                quad.draw(point.uniforms, point.textures, 'over')
-        else:
-            textures: dict[str, Any] = {**point.textures, 'color': picture.color}
-            with picture.drawing():
-                quad.draw(point.uniforms, textures)
+    def _draw_in_place(self, picture, point) -> bool:
+        """Blend with what is there, where that can be, and tell whether it could."""
+        ground = picture.ground(point.blend) if point.blend else None
+        if ground is None:
+            return False
+        quad = self._program(point.text, [point], point.text)
+        with ground.drawing():
+            if point.box is not None:
+                _cut(picture, point.box)
+            quad.draw(point.uniforms, point.textures, point.blend)
+        return True
 
-    def _program(self, key, points) -> Quad:
+    def _program(self, key, points, text='') -> Quad:
         if key not in self._programs:
             if len(self._programs) == _MOST_PROGRAMS:
                 self._programs.pop(next(iter(self._programs))).release()
-            text = points[0].text if len(points) == 1 else fuse(points)
-            self._programs[key] = Quad(self.window, text, ' + '.join(p.name for p in points))
+            names = ' + '.join(p.name for p in points)
+            self._programs[key] = Quad(self.window, text or fuse(points), names)
         return self._programs[key]
 
     def release(self):
@@ -117,6 +132,15 @@ class Fused:
         for quad in self._programs.values():
             quad.release()
         self._programs = {}
+
+
+def _cut(picture, box):
+    """Draw nothing outside a box, within a target's drawing."""
+    left, bottom = (max(b, 0) for b in box[:2])
+    right, top = (min(b, n) for b, n in zip(box[2:], picture.size, strict=True))
+    state = picture.window.GetState()
+    state.SetEnumState(_SCISSOR_TEST, True)
+    state.vtkglScissor(left, bottom, max(right - left, 0), max(top - bottom, 0))
 
 
 def fuse(points) -> str:
@@ -147,7 +171,7 @@ def fuse(points) -> str:
         declared = (kind.findall(text) for kind in (_UNIFORM, _CONSTANT, _FUNCTION))
         names = {'main'}.union(*declared)
         texts.append(re.sub(rf'\b({"|".join(sorted(names))})\b', rf'\1_{k}', text))
-        steps.append((_STEP_OVER if point.over else _STEP).format(k=k))
+        steps.append(_STEPS[point.blend].format(k=k))
     return (
         'uniform sampler2D color;\nvec4 ibr_color, ibr_found;\n'
         + '\n'.join(texts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from typing import Any
 
 from pvibr.gl.fused import Pointwise
 from pvibr.gl.scene_pass import like_window
@@ -44,6 +45,7 @@ class Picture:
         self._drawn: Target | None = None
         self._fused = fused
         self._pending: list[Pointwise] = []
+        self._ends = False
         #: Whether no effect comes after the one that draws now.
         self.last = False
 
@@ -71,7 +73,7 @@ class Picture:
         framebuffer : vtkOpenGLFramebufferObject, optional
             As large as the window; the window's own by default.
         """
-        self._drawn, self._pending = None, []
+        self._drawn, self._pending, self._ends = None, [], False
         framebuffer = framebuffer or self.window.GetRenderFramebuffer()
         # Two blits: where the driver refuses one of depth, colours come all the same.
         for bits in (_COLOR, _DEPTH):
@@ -86,6 +88,7 @@ class Picture:
             The program; it is drawn before anything else is done with the picture.
         """
         self._pending.append(point)
+        self._ends = self.last
 
     def _draw_pending(self):
         pending, self._pending = self._pending, []
@@ -109,31 +112,31 @@ class Picture:
     def drawing_over(self):
         """Draw onto the picture so far, which is not to be read meanwhile."""
         self._draw_pending()
-        if self._drawn is None:
-            self._drawn = self._source
-        with self._drawn.drawing():
+        with self.ground('over').drawing():
             yield self
 
-    def ground(self, *, ends_at_one=False) -> Target | None:
-        """Return the picture as a target, for light to be blended with it in place.
+    def ground(self, blend) -> Any:
+        """Return the picture as a target, for what was applied to be blended with it in place.
 
         Parameters
         ----------
-        ends_at_one : bool
-            Whether the blending is right for colours up to 1 alone.
+        blend : {'over', 'add', 'screen'}
+            How.
 
         Returns
         -------
         Target or None
-            None where it must be drawn anew, by `drawing`: what the window gave has 8 bits, so
-            it is blended with by the last effect alone.
+            None where it must be drawn anew, by `drawing`: what the window gave has 8 bits, where
+            light ends at 1, so it is added to by the last effect alone; and above 1, to screen is
+            no blending of GL's.
         """
-        self._draw_pending()
-        if self._drawn is None and (self.high_range or self.last):
-            self._drawn = self._source
-        if ends_at_one and self.color.is_float:
+        found = self._source if self._drawn is None else self._drawn
+        if blend == 'add' and not (found.colors[0].is_float or self._ends):
             return None
-        return self._drawn
+        if blend == 'screen' and (found.colors[0].is_float or not self._ends):
+            return None
+        self._drawn = found
+        return found
 
     def present(self):
         """Put the picture into the window; nothing where it has it already."""

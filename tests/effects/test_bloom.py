@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter
 import pvibr
 from pvibr.bench import effects_bloom
 from pvibr.gl import Target, Texture
+from pvibr.gl.fused import Fused
 from pvibr.gl.offscreen import hidden_window, read_rgba
 
 SIZE = (160, 96)
@@ -37,10 +38,16 @@ class FakePicture:
         self.tile = 0.0, 0.0, 1.0, 1.0
         self.view_from_world = self.clip_from_view = np.eye(4)
 
-    def ground(self, *, ends_at_one=False):
+        self._fused = Fused(window)
+
+    def apply(self, point):
+        self._fused.draw(self, [point])
+
+    def ground(self, blend):
         return None
 
     def release(self):
+        self._fused.release()
         self.color.release()
         self.target.release()
 

@@ -33,14 +33,15 @@ def pictures(pl):
 def test_as_one_and_one_after_the_other(high, monkeypatch):
     pl = plotter()
     if high:
-        pl.ibr.add(pvibr.ToneMapping())
+        pl.ibr.add(pvibr.ToneMapping(curve='aces'))
+        pl.ibr.add(pvibr.Bloom(threshold=0.3))
     drawn = []
     draw = fused.Fused._draw
     monkeypatch.setattr(
         fused.Fused, '_draw', lambda s, c, p: drawn.append(len(p)) or draw(s, c, p)
     )
     together = pictures(pl)
-    assert set(drawn) == {6}
+    assert set(drawn) == {8 if high else 6}
     monkeypatch.undo()
     monkeypatch.setattr(
         fused.Fused, 'draw', lambda s, c, points: [s._draw(c, [p]) for p in points]
