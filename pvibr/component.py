@@ -273,7 +273,7 @@ class IBRComponent:
         kwargs |= {'name': name, 'skinning': skinning}
         kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
         if poses is None:
-            made = FigureActor(figure, clip=clip, **kwargs)
+            made: FigureActor | Crowd = FigureActor(figure, clip=clip, **kwargs)
         else:
             kwargs.setdefault('clips', clip)
             made = Crowd(figure, poses, **kwargs)

@@ -101,6 +101,11 @@ class Atlas:
         return cls(picture, picture.copy(), center, radius, box, views=2, tile=4)
 
     @property
+    def phases(self) -> int:
+        """How many poses it shows: 1, unless it is phased."""
+        return 1
+
+    @property
     def nbytes(self) -> int:
         """Bytes of the pictures on the GPU, their smaller levels included."""
         return (self.geometry.nbytes + self.albedo.nbytes) * 3 // 2

@@ -99,6 +99,8 @@ class Model:
             if limit > limits.mesh
         ]
         head = f'{a.views} x {a.views} views of {a.tile} texels, baked in {a.seconds:.1f} s'
+        if a.phased:
+            head = f'{a.phases} phases of {head}'
         return '; '.join([head, *cards, *meshes])
 
 
@@ -218,7 +220,7 @@ def _baked(levels, progress, **grid):
     start = time.perf_counter()
     light = _bake_level(levels)
     for level in (light, 0):
-        with _bar(progress) as advance:
+        with progress_bar(progress) as advance:
             atlas = bake_parts(_bake_parts(levels[: level + 1]), progress=advance, **grid)
         model = Model(levels, atlas)
         atlas.errors = measure(model)
@@ -274,7 +276,7 @@ def content_key(parts, views, tile, half) -> str:
     """
     values = [VERSION, views, tile, half, SHARES]
     for part in parts:
-        values += [part.alpha_cutoff, *_mesh_values(part.mesh), *_look_values(part.actor)]
+        values += [part.alpha_cutoff, *_mesh_values(part.mesh), *look_values(part.actor)]
     return key_of(*values)
 
 
@@ -287,7 +289,14 @@ def _mesh_values(mesh):
     return arrays
 
 
-def _look_values(actor):
+def look_values(actor) -> list:
+    """Return everything of an actor's look that its pictures depend on.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        The actor.
+    """
     prop, mapper, texture = actor.GetProperty(), actor.GetMapper(), actor.GetTexture()
     values = [list(prop.GetColor()), prop.GetInterpolation(), prop.GetRepresentation()]
     values += [prop.GetBackfaceCulling(), prop.GetFrontfaceCulling(), prop.GetOpacity()]
@@ -313,8 +322,19 @@ def _table_values(table):
 
 
 @contextmanager
-def _bar(wanted):
-    """Yield a function that takes the fraction done; a bar appears after a second of it."""
+def progress_bar(wanted):
+    """Yield a function that takes the fraction done; a bar appears after a second of it.
+
+    Parameters
+    ----------
+    wanted : bool or None
+        None is where standard error is a terminal.
+
+    Yields
+    ------
+    callable or None
+        None where there is no bar.
+    """
     if wanted is None:
         wanted = sys.stderr.isatty()
     if not wanted:

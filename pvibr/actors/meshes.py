@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -71,7 +72,7 @@ class MeshPool:
     def __init__(self, level):
         self.level = level
         self.radius = max(p.mesh.length for p in level.parts) / 2
-        self.lent: dict[int, list] = {}
+        self.lent: dict[int, Any] = {}
         self.free: list = []
         self.multiply = False
         self._faded: set[int] = set()
