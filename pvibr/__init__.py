@@ -19,6 +19,7 @@ _EXPORTS = {
     'Atlas': 'pvibr.actors.atlas',
     'Backdrop': 'pvibr.effects.screen',
     'Billboards': 'pvibr.actors.billboards',
+    'BillboardCloud': 'pvibr.clouds',
     'Bloom': 'pvibr.effects.bloom',
     'Body': 'pvibr.animation.body',
     'Clip': 'pvibr.animation.clip',

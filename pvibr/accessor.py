@@ -41,3 +41,21 @@ class IBRAccessor:
         from pvibr.actors.bake import bake
 
         return bake(self._mesh, **kwargs)
+
+    def billboard_cloud(self, **kwargs):
+        """Return the mesh as a few textured rectangles, each vertex displaced within a bound.
+
+        Parameters
+        ----------
+        **kwargs
+            See :func:`pvibr.clouds.billboard_cloud`; ``epsilon`` is the bound, a share of the
+            diagonal of the bounding box, ``planes`` a number of planes instead.
+
+        Returns
+        -------
+        pvibr.BillboardCloud
+            A mesh with textures that any viewer shows, and how good it is.
+        """
+        from pvibr.clouds import billboard_cloud
+
+        return billboard_cloud(self._mesh, **kwargs)

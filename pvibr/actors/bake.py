@@ -163,7 +163,7 @@ class Baker:
         self.renderer = _vtk.vtkRenderer()
         self.renderer.SetRenderWindow(window)
         self.camera = self.renderer.GetActiveCamera()
-        self.actors = [_bake_actor(p) for p in parts]
+        self.actors = [unlit_actor(p) for p in parts]
         self.raster = Target(window, self.views * side, side, ('rgba8', 'rgba8'), depth=True)
         strip = (self.views * self.tile, self.tile)
         self.strip = Target(window, *strip, ('rgba8', 'rgba8'))
@@ -238,8 +238,23 @@ class Baker:
         self.renderer.SetRenderWindow(None)
 
 
-def _bake_actor(part):
-    """Return a copy of a part's actor that writes its unlit surface."""
+def unlit_actor(part, closed=None):
+    """Return a copy of a part's actor that writes its unlit surface.
+
+    Parameters
+    ----------
+    part : Part
+        What is drawn.
+    closed : bool, optional
+        Whether nobody sees backs; by default this is found out.
+
+    Returns
+    -------
+    vtkActor
+        It writes colour and alpha, and normal and depth; see ``bake.glsl``.
+    """
+    if closed is None:
+        closed = part.alpha_cutoff is None and encloses(part.mesh.points, part.mesh.regular_faces)
     actor = _vtk.vtkActor()
     actor.SetMapper(part.polydata_mapper())
     actor.ForceOpaqueOn()
@@ -252,7 +267,7 @@ def _bake_actor(part):
     prop.SetSpecular(0.0)
     prop.SetOpacity(1.0)
     prop.EdgeVisibilityOff()
-    if part.alpha_cutoff is None and encloses(part.mesh.points, part.mesh.regular_faces):
+    if closed:
         prop.BackfaceCullingOn()  # all hidden: a third of the work
     texture = copy_texture(part.actor.GetTexture())
     if texture is not None:

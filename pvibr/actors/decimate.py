@@ -89,7 +89,7 @@ def _thinned(mesh, faces, labels, pieces, share):
     new = pv.PolyData()
     new.points = points.astype(mesh.points.dtype)
     new.regular_faces = np.searchsorted(ids, kept).astype(np.int64)
-    return _take(mesh, new, ids, np.flatnonzero(keep[labels]))
+    return take_arrays(mesh, new, ids, np.flatnonzero(keep[labels]))
 
 
 def _simplified(mesh, faces, share, *, flat):
@@ -115,7 +115,7 @@ def _simplified(mesh, faces, share, *, flat):
     cells = None
     if mesh.cell_data.keys():
         _, cells = cKDTree(mesh.cell_centers().points).query(new.cell_centers().points)
-    _take(mesh, new, nearest, cells)
+    take_arrays(mesh, new, nearest, cells)
     if flat or new.point_data.active_normals is None:
         # Facets that are too small to be seen become larger: normals that vary hide them. They
         # follow the winding, as facets do, which normals that nobody sees may not.
@@ -151,8 +151,25 @@ def _corners(faces, same):
     return first[faces].T
 
 
-def _take(old, new, points, cells):
-    """Give a mesh the arrays of another at some of its points and cells."""
+def take_arrays(old, new, points, cells):
+    """Give a mesh the arrays of another at some of its points and cells.
+
+    Parameters
+    ----------
+    old : pyvista.PolyData
+        With the arrays.
+    new : pyvista.PolyData
+        What gets them.
+    points : numpy.ndarray of int
+        Of which point of the old mesh each new one is.
+    cells : numpy.ndarray of int or None
+        The same for cells; None leaves out their arrays.
+
+    Returns
+    -------
+    pyvista.PolyData
+        The new mesh.
+    """
     for source, target, ids in (
         (old.point_data, new.point_data, points),
         (old.cell_data, new.cell_data, cells),

@@ -1,0 +1,308 @@
+"""The pictures on the planes of a billboard cloud: laid out flat, drawn at once, packed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+from scipy import ndimage
+
+from pvibr import _vtk
+from pvibr.actors.bake import unlit_actor
+from pvibr.actors.decimate import take_arrays
+from pvibr.actors.parts import Part, dressed
+from pvibr.gl import Target, texture_limit
+from pvibr.gl.offscreen import hidden_window
+from pvibr.maths.image_error import box_reduce
+from pvibr.maths.packing import largest_scale
+
+_MARGIN = 2  # texels around each picture that take its colours
+_SPREAD = 8  # texels that take the colours beside them, for filters that reach over edges
+_TURNS = 45  # rectangles are tried at every second degree
+_BLOCK = 1 << 20  # distances looked at together
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """Where the picture of each plane is, in the world and in the texture.
+
+    Parameters
+    ----------
+    axes : numpy.ndarray, shape (k, 3, 3)
+        Rows: to the right, up, and the normal.
+    low : numpy.ndarray, shape (k, 3)
+        The lower left corner along these axes, world units; the third is the plane's offset.
+    scale : float
+        Texels of a world unit.
+    texels : numpy.ndarray of int, shape (k, 2)
+        Width and height.
+    corners : numpy.ndarray of int, shape (k, 2)
+        The lower left texel.
+    side : int
+        Of the texture.
+    """
+
+    axes: np.ndarray
+    low: np.ndarray
+    scale: float
+    texels: np.ndarray
+    corners: np.ndarray
+    side: int
+
+    def quads(self):
+        """Return the corners of each picture, counter-clockwise: in the world and in the texture.
+
+        Returns
+        -------
+        points : numpy.ndarray, shape (k, 4, 3)
+            World units.
+        coordinates : numpy.ndarray, shape (k, 4, 2)
+            From 0 to 1.
+        """
+        unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+        texel = unit * self.texels[:, None]
+        flat = self.low[:, None].repeat(4, 1)
+        flat[..., :2] += texel / self.scale
+        points = np.einsum('kcd,kde->kce', flat, self.axes)
+        return points, (self.corners[:, None] + texel) / self.side
+
+    def flattened(self, points, plane):
+        """Return points as they lie in the texture, in texels, with their height over it.
+
+        Parameters
+        ----------
+        points : numpy.ndarray, shape (n, ..., 3)
+            World units.
+        plane : numpy.ndarray of int, shape (n,)
+            Of which plane.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n, ..., 3)
+            Texels.
+        """
+        flat = np.einsum('n...d,ned->n...e', points, self.axes[plane])
+        to = np.column_stack([self.corners, np.zeros(len(self.corners))])
+        shape = (len(plane), *[1] * (flat.ndim - 2), 3)
+        return (flat - self.low[plane].reshape(shape)) * self.scale + to[plane].reshape(shape)
+
+
+def arranged(planes, points, faces, side) -> Sheet:
+    """Return the smallest rectangles around what lies on each plane, packed into a square.
+
+    Parameters
+    ----------
+    planes : pvibr.maths.billboard_clouds.Planes
+        With the plane of each triangle.
+    points : numpy.ndarray, shape (n, 3)
+        World units.
+    faces : numpy.ndarray of int, shape (m, 3)
+        Triangles.
+    side : int
+        Texels along a side of the square.
+
+    Returns
+    -------
+    Sheet
+        As fine as fits.
+
+    Raises
+    ------
+    ValueError
+        Where there are too many planes.
+    """
+    order = np.argsort(planes.owner, kind='stable')
+    starts = np.searchsorted(planes.owner[order], np.arange(len(planes) + 1))
+    axes, low, sizes = [], [], []
+    for k in range(len(planes)):
+        ids = np.unique(faces[order[starts[k] : starts[k + 1]]])
+        own, corner, size = _rectangle(points[ids], planes.normals[k])
+        axes.append(own)
+        low.append([*corner, planes.offsets[k]])
+        sizes.append(size)
+    sizes = np.array(sizes)
+    try:
+        scale, texels, corners = largest_scale(sizes, side, _MARGIN)
+    except ValueError as error:
+        msg = f'size is {side}; {len(planes)} billboards need more texels. Raise size or epsilon.'
+        raise ValueError(msg) from error
+    low = np.array(low)
+    low[:, :2] -= (texels / scale - sizes) / 2
+    return Sheet(np.array(axes), low, scale, texels, corners, side)
+
+
+def _rectangle(points, normal):
+    """Return axes, lower corner and size of a small rectangle around points on a plane."""
+    u = np.cross(np.eye(3)[np.abs(normal).argmin()], normal)
+    u /= np.linalg.norm(u)
+    flat = points @ np.stack([u, np.cross(normal, u)]).T
+    angle = np.arange(_TURNS) * (np.pi / 2 / _TURNS)
+    cos, sin = np.cos(angle), np.sin(angle)
+    wide = flat[:, :1] * cos + flat[:, 1:] * sin
+    high = flat[:, 1:] * cos - flat[:, :1] * sin
+    best = int(np.argmin(np.ptp(wide, axis=0) * np.ptp(high, axis=0)))
+    if np.ptp(wide[:, best]) < np.ptp(high[:, best]):  # shelves like what lies flat
+        wide, high, cos, sin = high, -wide, -sin, cos
+    right = cos[best] * u + sin[best] * np.cross(normal, u)
+    pair = np.stack([wide[:, best], high[:, best]], 1)
+    return np.stack([right, np.cross(normal, right), normal]), pair.min(0), np.ptp(pair, axis=0)
+
+
+def draw(parts, origin, planes, sheet, reach, supersample):
+    """Draw all that is near to each plane onto it.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        Whose triangles, one part after the other, the planes were found for.
+    origin : numpy.ndarray, shape (3,)
+        From where planes and sheet count, world units.
+    planes : pvibr.maths.billboard_clouds.Planes
+        The planes.
+    sheet : Sheet
+        Where their pictures are.
+    reach : numpy.ndarray, shape (k,)
+        How far from each plane a triangle may be, world units.
+    supersample : int
+        Samples along a side of a texel, less where the driver has no such textures.
+
+    Returns
+    -------
+    color : numpy.ndarray, shape (side, side, 4), uint8
+        Alpha is 0 or 255; top row first.
+    normal : numpy.ndarray, shape (side, side, 3), uint8
+        Tangent space: red to the right, green up; top row first.
+    """
+    flat = []
+    first = 0
+    for part in parts:
+        owner = planes.owner[first : first + part.mesh.n_cells]
+        flat.append(_laid_out(part, origin, planes, owner, sheet, reach))
+        first += part.mesh.n_cells
+    color, normal = _drawn(flat, sheet.side, supersample)
+    coverage = color[..., 3]
+    solid = _solid(coverage, sheet)
+    weight = np.maximum(coverage, 1e-6)[..., None]
+    shown = np.dstack([_spread(color[..., :3] / weight, coverage > 0), solid])
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal = np.where(length > 1e-6, normal / np.maximum(length, 1e-6), [0.0, 0.0, 1.0])
+    normal = _spread(normal, coverage > 0) * 0.5 + 0.5
+    return tuple(np.ascontiguousarray(np.rint(255 * a.clip(0, 1))[::-1].astype(np.uint8))
+                 for a in (shown, normal))  # fmt: skip
+
+
+def _laid_out(part, origin, planes, owner, sheet, reach):
+    """Return a part whose triangles lie where they are drawn, some on more than one plane."""
+    mesh = part.mesh
+    points, faces = np.asarray(mesh.points, float) - origin, np.asarray(mesh.regular_faces)
+    face, plane = _pairs(points[faces], planes, owner, sheet, reach)
+    ids = faces[face].ravel()
+    new = pv.PolyData()
+    new.points = sheet.flattened(points[faces[face]], plane).reshape(-1, 3).astype(np.float32)
+    new.regular_faces = np.arange(len(ids)).reshape(-1, 3)
+    take_arrays(mesh, new, ids, face)
+    for data, of in ((new.point_data, plane.repeat(3)), (new.cell_data, plane)):
+        if data.active_normals is not None:
+            turned = np.einsum('ned,nd->ne', sheet.axes[of], np.asarray(data.active_normals))
+            data.active_normals = turned.astype(np.float32)
+    mapper = part.polydata_mapper()
+    mapper.SetInputDataObject(new)
+    return Part(dressed(part, mapper), new, part.alpha_cutoff)
+
+
+def _pairs(corners, planes, owner, sheet, reach):
+    """Return triangles and planes: each its own, and all else that lies near within a picture."""
+    found = []
+    block = max(1, _BLOCK // len(planes))
+    for start in range(0, len(corners), block):
+        some = corners[start : start + block]
+        away = np.abs(planes.distances(some)).max(1)
+        mine = owner[start : start + block]
+        face, plane = np.nonzero(away <= reach)
+        texel = sheet.flattened(some[face], plane)[..., :2] - sheet.corners[plane][:, None]
+        inside = ((texel >= 0) & (texel <= sheet.texels[plane][:, None])).all((1, 2))
+        other = inside & (plane != mine[face])
+        found.append((np.concatenate([np.arange(len(some)), face[other]]) + start,
+                      np.concatenate([mine, plane[other]])))  # fmt: skip
+    face, plane = (np.concatenate(a) for a in zip(*found, strict=True))
+    return face, plane
+
+
+def _drawn(parts, side, supersample):
+    """Return colours times coverage with coverage, and normals times coverage; bottom row first."""
+    with hidden_window() as (window, _):
+        while side * supersample > texture_limit(window) and supersample > 1:
+            supersample //= 2
+        wide = side * supersample
+        renderer = _vtk.vtkRenderer()
+        renderer.SetRenderWindow(window)
+        actors = [_actor(part) for part in parts]
+        target = Target(window, wide, wide, ('rgba8', 'rgba8'), depth=True)
+        _look_down(renderer.GetActiveCamera(), parts, side)
+        renderer.UpdateLightsGeometryToFollowCamera()
+        renderer.UpdateLights()
+        state = window.GetState()
+        with target.drawing(clear=(0, 0, 0, 0)):
+            state.SetEnumState(0x0BE2, False)  # GL_BLEND
+            state.SetEnumState(0x0B71, True)  # GL_DEPTH_TEST
+            state.vtkglViewport(0, 0, wide, wide)
+            state.vtkglScissor(0, 0, wide, wide)
+            for actor in actors:
+                actor.RenderOpaqueGeometry(renderer)
+        color, normal = (_reduced(c.download(), supersample) for c in target.colors)
+        for actor in actors:
+            actor.ReleaseGraphicsResources(window)
+        target.release()
+        renderer.SetRenderWindow(None)
+    return color, normal[..., :3] * 2 - color[..., 3:]
+
+
+def _actor(part):
+    actor = unlit_actor(part, closed=False)
+    uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+    uniforms.SetUniformMatrix3x3('ibr_object_from_view', np.eye(3).ravel().tolist())
+    return actor
+
+
+def _look_down(camera, parts, side):
+    high = max(float(np.abs(part.mesh.points[:, 2]).max()) for part in parts) + 1
+    matrix = _vtk.vtkMatrix4x4()
+    matrix.DeepCopy(
+        [2 / side, 0, 0, -1, 0, 2 / side, 0, -1, 0, 0, -1 / high, -1, 0, 0, 0, 1]
+    )  # what is 2 * high away is far
+    camera.ParallelProjectionOn()
+    camera.SetPosition(0, 0, high)
+    camera.SetFocalPoint(0, 0, 0)
+    camera.SetViewUp(0, 1, 0)
+    camera.SetExplicitProjectionTransformMatrix(matrix)
+    camera.UseExplicitProjectionTransformMatrixOn()
+
+
+def _reduced(pixels, factor):
+    """Average squares of samples, some rows at a time; 0 to 1."""
+    step = 64 * factor
+    rows = [box_reduce(pixels[k : k + step], factor) for k in range(0, len(pixels), step)]
+    return np.concatenate(rows) / 255
+
+
+def _solid(coverage, sheet):
+    """Return which texels are drawn: of each picture as many as its parts cover together."""
+    solid = np.zeros(coverage.shape)
+    for (x, y), (w, h) in zip(sheet.corners, sheet.texels, strict=True):
+        own = coverage[y : y + h, x : x + w]
+        count = int(np.ceil(own.sum()))
+        least = max(np.sort(own, axis=None)[-count], 1e-3) if count else 2.0
+        solid[y : y + h, x : x + w] = own >= least
+    return solid
+
+
+def _spread(image, known):
+    """Give texels beside what is drawn the nearest colour."""
+    if not known.any():
+        return image
+    away, near = ndimage.distance_transform_edt(~known, return_indices=True)
+    beside = (away <= _SPREAD) & ~known
+    image = np.where(known[..., None], image, 0.0 if image.min() >= 0 else [0.0, 0.0, 1.0])
+    image[beside] = image[near[0][beside], near[1][beside]]
+    return image

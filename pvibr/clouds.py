@@ -1,0 +1,261 @@
+"""Billboard clouds: a mesh as a few textured rectangles, each vertex displaced within a bound."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.actors.parts import as_parts
+from pvibr.cloud_texture import arranged, draw
+from pvibr.maths.billboard_clouds import Planes, greedy_planes, kmeans_planes
+
+
+@dataclass(frozen=True, eq=False)
+class BillboardCloud:
+    """What a mesh became: rectangles with a texture, and how good they are.
+
+    Attributes
+    ----------
+    mesh : pyvista.PolyData
+        A quadrilateral for each plane, with texture coordinates, normals and tangents of its
+        points, and the number of its ``'plane'``.
+    texture : pyvista.Texture
+        Colours before light; alpha is 0 or 255.
+    normal_texture : pyvista.Texture
+        Normals in tangent space: red along the tangent, green up, blue out of the plane.
+    planes : pvibr.maths.billboard_clouds.Planes
+        The planes, and the one that each triangle is on.
+    epsilon : float or None
+        How far a vertex might be displaced at most, world units; None where the number of planes
+        was given.
+    displacement : float
+        How far the farthest one is.
+    fill : float
+        Share of the rectangles' texels that are drawn.
+    packing : float
+        Share of the texture that the rectangles take.
+    seconds : float
+        That it took.
+    """
+
+    mesh: pv.PolyData
+    texture: pv.Texture
+    normal_texture: pv.Texture
+    planes: Planes
+    epsilon: float | None
+    displacement: float
+    fill: float
+    packing: float
+    seconds: float
+
+    def __repr__(self):
+        width, height = self.texture.dimensions[:2]
+        bound = '' if self.epsilon is None else f' of {self.epsilon:.4g}'
+        return (
+            f'BillboardCloud: {len(self.planes)} planes for {len(self.planes.owner)} triangles, '
+            f'displaced by {self.displacement:.4g}{bound}; texture {width} x {height}, '
+            f'{self.fill:.0%} of the rectangles drawn, {self.seconds:.1f} s'
+        )
+
+    def add_to(self, plotter, *, lighting=True, **kwargs):
+        """Show it as a plotter shows any mesh.
+
+        Parameters
+        ----------
+        plotter : pyvista.Plotter
+            Where to.
+        lighting : bool, optional
+            Light it by the normals of its texture, which VTK does for physically based surfaces;
+            else the colours are shown as they are.
+        **kwargs
+            As :meth:`pyvista.Plotter.add_mesh`.
+
+        Returns
+        -------
+        pyvista.Actor
+            What was added.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> actor = pv.Cube().ibr.billboard_cloud(epsilon=0.02, size=64).add_to(pl)
+        >>> actor.mapper.dataset.n_cells
+        6
+        """
+        if not lighting:
+            return plotter.add_mesh(self.mesh, texture=self.texture, lighting=False, **kwargs)
+        look: dict[str, Any] = {'pbr': True, 'metallic': 0.0, 'roughness': 1.0} | kwargs
+        actor = plotter.add_mesh(self.mesh, **look)
+        color = self.texture.copy()
+        color.SetUseSRGBColorSpace(True)  # what VTK asks of the colour of such a surface
+        actor.prop.SetBaseColorTexture(color)
+        actor.prop.SetNormalTexture(self.normal_texture)
+        return actor
+
+    def save(self, path):
+        """Write it for other programs.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that ends in ``.glb``, or in ``.obj``: then ``.mtl``, ``.png`` and
+            ``_normals.png`` are written beside it.
+
+        Returns
+        -------
+        list of pathlib.Path
+            What was written.
+
+        Raises
+        ------
+        ValueError
+            Where the name ends otherwise.
+        """
+        from pvibr.cloud_files import write_glb, write_obj
+
+        path = Path(path).expanduser()
+        writers = {'.glb': write_glb, '.obj': write_obj}
+        if path.suffix.lower() not in writers:
+            msg = f'path is {str(path)!r}; billboard clouds are written as .glb or .obj.'
+            raise ValueError(msg)
+        return writers[path.suffix.lower()](self, path)
+
+
+def billboard_cloud(
+    mesh, *, epsilon=0.02, planes=None, size=1024, supersample=4, seed=0, **looks
+) -> BillboardCloud:
+    """Return a mesh as few textured rectangles that any viewer shows.
+
+    Every triangle is projected onto a plane that all of its corners are near to. Good for what
+    is small on the screen or far away, above all for what other simplification cannot do, such
+    as trees.
+
+    Parameters
+    ----------
+    mesh : dataset, MultiBlock, actor, trimesh object, path or sequence of Part
+        What is simplified.
+    epsilon : float, optional
+        How far a vertex may be displaced at most, as a share of the diagonal of the bounding box.
+        Fewer planes with more.
+    planes : int, optional
+        How many planes at most, instead: they are placed by k-means, and how far vertices are
+        displaced is only told.
+    size : int, optional
+        Texels along a side of the texture, 16 to 8192.
+    supersample : int, optional
+        Samples along a side of a texel: 1, 2, 4 or 8.
+    seed : int, optional
+        Of the first planes of k-means.
+    **looks
+        As in :meth:`pyvista.Plotter.add_mesh`; ``alpha_cutoff`` for textures with holes.
+
+    Returns
+    -------
+    BillboardCloud
+        Mesh, textures, and what is known about them.
+
+    Raises
+    ------
+    ValueError
+        Where a number is out of its range, the mesh has no area, or size is too small for so
+        many planes.
+
+    Notes
+    -----
+    Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification",
+    SIGGRAPH 2003. What lies near to a plane is drawn onto it even where another plane has it too:
+    that closes gaps between them.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> cloud = pv.Cube().ibr.billboard_cloud(epsilon=0.02, size=64)
+    >>> len(cloud.planes), cloud.displacement <= cloud.epsilon
+    (6, True)
+    """
+    _check(epsilon, planes, size, supersample)
+    start = time.perf_counter()
+    parts = as_parts(mesh, **looks)
+    points, faces = _joined(parts)
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if not diagonal > 0:
+        msg = 'mesh has no size: all of its points are in one place.'
+        raise ValueError(msg)
+    # Near its own origin: far from the world's, little would be left of a small number.
+    origin = points.mean(0)
+    local = points - origin
+    bound = None if planes is not None else epsilon * diagonal
+    found = (
+        kmeans_planes(local, faces, planes, seed=seed)
+        if bound is None
+        else greedy_planes(local, faces, bound)
+    )
+    found = _outward(found, local, faces)
+    away = found.displacements(local, faces).max(1)
+    reach = np.full(len(found), bound)
+    if bound is None:
+        reach = np.zeros(len(found))
+        np.maximum.at(reach, found.owner, away)
+    sheet = arranged(found, local, faces, int(size))
+    color, normal = draw(parts, origin, found, sheet, reach, supersample)
+    area = int(sheet.texels.prod(1).sum())
+    quads = _mesh(sheet, origin)
+    return BillboardCloud(
+        quads, pv.Texture(color), pv.Texture(normal),
+        Planes(found.normals, found.offsets + found.normals @ origin, found.owner),
+        bound, float(away.max()), float((color[..., 3] > 0).sum() / area),
+        area / size**2, time.perf_counter() - start,
+    )  # fmt: skip
+
+
+def _check(epsilon, planes, size, supersample):
+    if planes is None and not (np.isreal(epsilon) and 1e-4 <= epsilon <= 1):
+        msg = f'epsilon is {epsilon!r}; it must be a share of the diagonal from 0.0001 to 1.'
+        raise ValueError(msg)
+    if planes is not None and not (np.isreal(planes) and int(planes) == planes >= 1):
+        msg = f'planes is {planes!r}; it must be a whole number from 1, or None.'
+        raise ValueError(msg)
+    if not (np.isreal(size) and int(size) == size and 16 <= size <= 8192):
+        msg = f'size is {size!r}; it must be a whole number from 16 to 8192.'
+        raise ValueError(msg)
+    if supersample not in (1, 2, 4, 8):
+        msg = f'supersample is {supersample!r}; it must be 1, 2, 4 or 8.'
+        raise ValueError(msg)
+
+
+def _joined(parts):
+    """Return points and triangles of all parts, one part after the other."""
+    first = np.cumsum([0, *(part.mesh.n_points for part in parts)])
+    points = np.concatenate([np.asarray(part.mesh.points, float) for part in parts])
+    faces = [np.asarray(p.mesh.regular_faces) + k for p, k in zip(parts, first, strict=False)]
+    return points, np.concatenate(faces)
+
+
+def _outward(planes, points, faces):
+    """Turn normals to the side that most of the area looks to: it is that which is drawn."""
+    a, b, c = points[faces].transpose(1, 0, 2)
+    area = np.cross(b - a, c - a)
+    side = np.bincount(planes.owner, (area * planes.normals[planes.owner]).sum(1), len(planes))
+    sign = np.where(side < 0, -1.0, 1.0)
+    return Planes(planes.normals * sign[:, None], planes.offsets * sign, planes.owner)
+
+
+def _mesh(sheet, origin):
+    points, coordinates = sheet.quads()
+    count = len(points)
+    mesh = pv.PolyData()
+    mesh.points = (points + origin).reshape(-1, 3)
+    mesh.regular_faces = np.arange(4 * count).reshape(-1, 4)
+    mesh.active_texture_coordinates = coordinates.reshape(-1, 2).astype(np.float32)
+    mesh.point_data.active_normals = sheet.axes[:, 2].repeat(4, 0).astype(np.float32)
+    mesh.point_data['Tangents'] = sheet.axes[:, 0].repeat(4, 0).astype(np.float32)
+    mesh.GetPointData().SetTangents(mesh.GetPointData().GetArray('Tangents'))
+    mesh.cell_data['plane'] = np.arange(count)
+    mesh.set_active_scalars(None)
+    return mesh

@@ -1,0 +1,511 @@
+"""Few planes that come close to all triangles of a mesh: billboard clouds.
+
+Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification", SIGGRAPH
+2003: each triangle votes for the planes that all of its corners are near to, and the plane with
+the most votes is taken until no triangle is left. Votes of the taken ones are subtracted, so
+that each triangle is looked at twice. A plane is a unit normal n and an offset r: n . x = r.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_CHUNK = 1 << 20  # numbers in an array of a block: what stays in the cache is fastest
+_MISSING = 4.0  # votes against a plane by what it just misses, over votes for it
+_FLAT = 1e-2  # of its area: what a triangle counts that stands on a plane
+_SMALL = 1e-9  # of epsilon: what rounding may add to a distance
+_ROUNDS = 3  # of finding the best plane for each triangle and the best fit of each plane
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """Planes, and the one that each triangle is projected onto.
+
+    Parameters
+    ----------
+    normals : numpy.ndarray, shape (k, 3)
+        Unit vectors.
+    offsets : numpy.ndarray, shape (k,)
+        Of the planes along their normals, world units.
+    owner : numpy.ndarray of int, shape (m,)
+        The plane of each triangle.
+    """
+
+    normals: np.ndarray
+    offsets: np.ndarray
+    owner: np.ndarray
+
+    def __len__(self):
+        return len(self.offsets)
+
+    def distances(self, points) -> np.ndarray:
+        """Return how far points are from each plane, with the sign of the side.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., 3)
+            World units.
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., k)
+            World units.
+        """
+        return np.asarray(points, float) @ self.normals.T - self.offsets
+
+    def displacements(self, points, faces) -> np.ndarray:
+        """Return how far each corner moves when its triangle is projected.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            World units.
+        faces : array_like of int, shape (m, 3)
+            Triangles.
+
+        Returns
+        -------
+        numpy.ndarray, shape (m, 3)
+            World units.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pvibr.maths.billboard_clouds import Planes
+        >>> planes = Planes(np.array([[0, 0, 1.0]]), np.array([0.5]), np.array([0]))
+        >>> planes.displacements([[0, 0, 0], [1, 0, 0], [0, 1, 1]], [[0, 1, 2]])
+        array([[0.5, 0.5, 0.5]])
+        """
+        corners = np.asarray(points, float)[np.asarray(faces)]
+        along = np.einsum('mcd,md->mc', corners, self.normals[self.owner])
+        return np.abs(along - self.offsets[self.owner][:, None])
+
+
+def greedy_planes(points, faces, epsilon) -> Planes:
+    """Return few planes such that each corner of each triangle is within a distance of its own.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        World units.
+    faces : array_like of int, shape (m, 3)
+        Triangles.
+    epsilon : float
+        The distance, world units.
+
+    Returns
+    -------
+    Planes
+        With :meth:`Planes.displacements` of `epsilon` or less.
+
+    Raises
+    ------
+    ValueError
+        Where epsilon is not positive, or there is no triangle.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.billboard_clouds import greedy_planes
+    >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.01]])
+    >>> len(greedy_planes(points, [[0, 1, 2], [1, 3, 2]], 0.02))
+    1
+    """
+    points, faces = _checked(points, faces)
+    if not (np.isfinite(epsilon) and epsilon > 0):
+        msg = f'epsilon is {epsilon!r}; it must be a finite length above 0.'
+        raise ValueError(msg)
+    low, high = points.min(0), points.max(0)
+    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 or 1.0
+    surface = _Surface((points - center) / radius, faces)
+    bound = float(epsilon) / radius * (1 - _SMALL)
+    normals, offsets = _Greedy(surface, bound).planes()
+    normals, offsets, owner = _polished(surface, normals, offsets, bound)
+    return Planes(normals, offsets * radius + normals @ center, owner)
+
+
+def kmeans_planes(points, faces, count, *, rounds=15, seed=0) -> Planes:
+    """Return a number of planes that are near to all triangles on average.
+
+    Lloyd's algorithm: triangles go to the plane that is nearest in place and direction, planes to
+    the best fit of their triangles.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        World units.
+    faces : array_like of int, shape (m, 3)
+        Triangles.
+    count : int
+        How many planes at most.
+    rounds : int, optional
+        Of the algorithm.
+    seed : int, optional
+        Of the choice of the first planes.
+
+    Returns
+    -------
+    Planes
+        Those that have triangles.
+
+    Raises
+    ------
+    ValueError
+        Where count is below 1, or there is no triangle.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.billboard_clouds import kmeans_planes
+    >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> len(kmeans_planes(points, [[0, 1, 2], [0, 1, 3]], 2))
+    2
+    """
+    points, faces = _checked(points, faces)
+    if not (int(count) == count and count >= 1):
+        msg = f'planes is {count!r}; it must be a whole number from 1.'
+        raise ValueError(msg)
+    low, high = points.min(0), points.max(0)
+    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 or 1.0
+    surface = _Surface((points - center) / radius, faces)
+    # As thick as the slabs that so many planes could cut a ball into.
+    scale = 1.0 / np.sqrt(count)
+    normals, offsets = _scattered(surface, int(count), scale, np.random.default_rng(seed))
+    for _ in range(rounds):
+        owner, _ = _assigned(surface, normals, offsets, scale, np.inf)
+        normals, offsets = _fitted(surface, normals, offsets, owner, np.inf)
+    normals, offsets, owner = _used(normals, offsets, owner)
+    return Planes(normals, offsets * radius + normals @ center, owner)
+
+
+def _checked(points, faces):
+    points, faces = np.asarray(points, float), np.asarray(faces, int)
+    if not len(faces):
+        msg = 'the mesh has no triangle.'
+        raise ValueError(msg)
+    return points, faces
+
+
+class _Surface:
+    """Triangles in units of the mesh's radius, its middle at the origin."""
+
+    def __init__(self, points, faces):
+        self.faces = faces
+        self.points = points
+        self.corners = points[faces]
+        a, b, c = self.corners.transpose(1, 0, 2)
+        across = np.cross(b - a, c - a)
+        length = np.linalg.norm(across, axis=1)
+        self.normals = across / np.where(length > 0, length, 1)[:, None]
+        # What has no area is projected as everything else is, but never worth much.
+        total = length.sum() or 1.0
+        self.areas = length / total + 1e-9 / len(faces)
+        self.middles = self.corners.mean(1)
+
+    def __len__(self):
+        return len(self.faces)
+
+    def groups(self, size):
+        """Return the group of each triangle and one of each: small ones, close and alike."""
+        cell = np.floor(self.middles / size)
+        looks = np.rint(2 * self.normals)
+        small = np.ptp(self.corners, axis=1).max(1) < size
+        alone = np.where(small, 0, 1 + np.arange(len(self)))
+        keys = np.column_stack([cell, looks, alone]).astype(int)
+        _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        return group.reshape(-1), first
+
+    def away(self, normal, offset):
+        """Return how far the farthest corner of each triangle is from a plane."""
+        return np.abs(self.points @ normal - offset)[self.faces].max(1)
+
+    def own_plane(self, face):
+        """Return the plane of a triangle: also of one that is but a line or a point."""
+        a, b, c = self.corners[face]
+        _, _, axes = np.linalg.svd(np.stack([b - a, c - a, c - b]))
+        return axes[2], float(axes[2] @ (a + b + c)) / 3
+
+
+class _Votes:
+    """Votes of triangles for planes of some directions, as differences from offset to offset."""
+
+    def __init__(self, directions, bound, low, width, count):
+        self.directions, self.bound = directions, bound
+        self.low, self.width, self.count = low, width, count
+        self._steps = np.zeros((len(directions), count + 1))
+        self._zero = int(np.clip(np.ceil(-low / width), 0, count))
+
+    def add(self, surface, faces, areas):
+        """Add the votes of some triangles; areas below zero take them back."""
+        block = max(1, _CHUNK // len(self.directions))
+        for start in range(0, len(faces), block):
+            part = faces[start : start + block]
+            corners = surface.corners[part].reshape(-1, 3)
+            along = (corners @ self.directions.T).reshape(len(part), 3, -1)
+            facing = np.abs(surface.normals[part] @ self.directions.T)
+            weight = areas[start : start + block, None] * np.maximum(facing, _FLAT)
+            self._add(along.max(1) - self.bound, along.min(1) + self.bound, weight)
+
+    def _add(self, low, high, weight):
+        first, last = self._bin(low, np.ceil), self._bin(high, np.floor) + 1
+        valid = last > first
+        row = np.broadcast_to(np.arange(len(self.directions)), first.shape)[valid]
+        weight, first, last = weight[valid], first[valid], last[valid]
+        self._range(row, first, last, weight)
+        # A plane that leaves something just outside of it, where nothing else will come, is bad.
+        before = self._bin(low[valid] - self.bound, np.ceil)
+        outside = np.maximum(before, self._zero), np.maximum(first, self._zero)
+        self._range(row, *outside, -_MISSING * weight)
+        beyond = self._bin(high[valid] + self.bound, np.floor) + 1
+        outside = np.minimum(last, self._zero), np.minimum(beyond, self._zero)
+        self._range(row, *outside, -_MISSING * weight)
+
+    def _bin(self, value, rounded):
+        bins = rounded((value - self.low) / self.width)
+        return np.clip(bins, -1, self.count).astype(np.intp)
+
+    def _range(self, row, first, last, weight):
+        size, wide = self._steps.size, self._steps.shape[1]
+        for at, amount in ((first, weight), (last, -weight)):
+            place = row * wide + np.clip(at, 0, self.count)
+            self._steps += np.bincount(place, amount, size).reshape(self._steps.shape)
+
+    def best(self):
+        """Return normal and offset of the plane with the most votes, and how many."""
+        votes = np.cumsum(self._steps, axis=1)[:, :-1]
+        row, column = np.unravel_index(np.argmax(votes), votes.shape)
+        found = self.low + self.width * column
+        return self.directions[row], float(found), float(votes[row, column])
+
+
+class _Greedy:
+    """The plane with the most votes again and again, until every triangle has one."""
+
+    def __init__(self, surface, bound):
+        self.surface, self.bound = surface, bound
+        # Refining finds what lies between; a patch that is curved is as thick as it is wide.
+        self.step = float(np.clip(3.5 * bound, 0.1, 0.25))
+        directions = np.concatenate([_hemisphere(self.step), _main_normals(surface)])
+        width = bound / 2
+        count = int(np.ceil((2 + 4 * bound) / width)) + 1
+        self.votes = _Votes(directions, bound, -(count - 1) / 2 * width, width, count)
+        self.left = np.ones(len(surface), bool)
+        # One triangle votes for those around it that are much smaller than a slab is thick.
+        self.group, self.speaker = surface.groups(bound)
+        self.weight = np.bincount(self.group, surface.areas)
+
+    def planes(self):
+        normals, offsets = [], []
+        self.votes.add(self.surface, self.speaker, self.weight)
+        while self.left.any():
+            normal, offset, near = self._next()
+            normals.append(normal)
+            offsets.append(offset)
+            self.left &= ~near
+            self._take(near)
+        return np.array(normals), np.array(offsets)
+
+    def _take(self, near):
+        group = self.group[near]
+        taken = np.bincount(group, self.surface.areas[near], len(self.weight))
+        some = np.unique(group)
+        self.votes.add(self.surface, self.speaker[some], -taken[some])
+        left = np.bincount(self.group[self.left], self.surface.areas[self.left])
+        self.weight[:] = 0
+        self.weight[: len(left)] = left
+
+    def _next(self):
+        """Return a plane and the triangles that it takes: one or more."""
+        normal, offset, votes = self.votes.best()
+        if votes > 0:
+            normal, offset = self._refined(normal, offset)
+            near = self._near(normal, offset)
+            if near.any():
+                return normal, offset, near
+        largest = int(np.argmax(np.where(self.left, self.surface.areas, -1.0)))
+        own = self.surface.own_plane(largest)
+        normal, offset = self._refined(*own)
+        near = self._near(normal, offset)
+        if not near[largest]:
+            normal, offset = own
+            near = self._near(normal, offset)
+            near[largest] = True
+        return normal, offset, near
+
+    def _near(self, normal, offset):
+        return self.left & (self.surface.away(normal, offset) <= self.bound)
+
+    def _refined(self, normal, offset):
+        step = self.step / 2
+        for _ in range(3):
+            groups = self._around(normal, offset, step)
+            if not len(groups):
+                break
+            width = self.bound / 8
+            span = 2 * self.bound + step
+            count = int(2 * span / width) + 1
+            votes = _Votes(_turned(normal, step), self.bound, offset - span, width, count)
+            votes.add(self.surface, self.speaker[groups], self.weight[groups])
+            better = votes.best()
+            if better[2] > 0:
+                normal, offset = better[:2]
+            step /= 2.5
+        return normal, offset
+
+    def _around(self, normal, offset, step):
+        """Return groups that may vote for planes that are turned by a step or two."""
+        away = np.abs(self.surface.middles[self.speaker] @ normal - offset)
+        reach = 2 * self.bound + 1.5 * step
+        return np.flatnonzero((self.weight > 0) & (away <= reach))
+
+
+def _hemisphere(step):
+    """Return unit vectors of half a sphere, about an angle apart."""
+    count = int(np.ceil(2 * np.pi / step**2))
+    z = (np.arange(count) + 0.5) / count
+    angle = np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    across = np.sqrt(1 - z * z)
+    return np.column_stack([across * np.cos(angle), across * np.sin(angle), z])
+
+
+def _main_normals(surface, count=64):
+    """Return the directions in which most of the area looks: those of walls, exactly."""
+    normals = surface.normals * np.where(_first_sign(surface.normals) < 0, -1, 1)[:, None]
+    _, which = np.unique(np.rint(normals * 50).astype(int), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    sums = np.stack([np.bincount(which, surface.areas * normals[:, k]) for k in range(3)], 1)
+    lengths = np.linalg.norm(sums, axis=1)
+    most = np.argsort(-lengths)[:count]
+    most = most[lengths[most] > 0]
+    return sums[most] / lengths[most, None]
+
+
+def _first_sign(vectors):
+    """Return the sign of the largest component, the same for all near a vector."""
+    largest = np.abs(vectors).argmax(1)
+    return np.take_along_axis(vectors, largest[:, None], 1)[:, 0]
+
+
+def _turned(normal, step):
+    """Return a normal and others around it, (25, 3)."""
+    u = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    u /= np.linalg.norm(u)
+    v = np.cross(normal, u)
+    turns = step / 2 * np.arange(-2, 3)
+    a, b = np.meshgrid(turns, turns)
+    found = normal + a.reshape(-1, 1) * u + b.reshape(-1, 1) * v
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def _polished(surface, normals, offsets, bound):
+    """Return better and fewer planes, and the plane of each triangle, all within the bound."""
+    normals, offsets = _needed(surface, normals, offsets, bound)
+    for _ in range(_ROUNDS):
+        owner, _ = _assigned(surface, normals, offsets, bound, bound)
+        normals, offsets = _fitted(surface, normals, offsets, owner, bound)
+    normals, offsets = _needed(surface, normals, offsets, bound)
+    owner, _ = _assigned(surface, normals, offsets, bound, bound)
+    return _used(normals, offsets, owner)
+
+
+def _needed(surface, normals, offsets, bound):
+    """Return the planes without those whose triangles all have another; the smallest go first."""
+    near = np.empty((len(surface), len(offsets)), bool)
+    for rows, away, _ in _blocks(surface, normals, offsets):
+        near[rows] = away.max(1) <= bound
+    times = near.sum(1)
+    keep = np.ones(len(offsets), bool)
+    for plane in np.argsort(surface.areas @ near):
+        mine = near[:, plane]
+        if (times[mine] > 1).all():
+            keep[plane] = False
+            times -= mine
+    return normals[keep], offsets[keep]
+
+
+def _assigned(surface, normals, offsets, scale, bound):
+    """Return the plane of each triangle that moves and foreshortens it least, and how much."""
+    owner, cost = np.zeros(len(surface), int), np.zeros(len(surface))
+    for rows, away, facing in _blocks(surface, normals, offsets):
+        price = (away**2).mean(1) / scale**2 + (1 - facing)
+        far = away.max(1)
+        # Those that rounding left without a plane take the nearest.
+        price = np.where(far <= bound, price, 1e6 * (1 + far / scale))
+        owner[rows] = price.argmin(1)
+        cost[rows] = price.min(1)
+    return owner, cost
+
+
+def _blocks(surface, normals, offsets):
+    """Yield rows, distances (m, 3, k) and cosines (m, k) of triangles, some at a time."""
+    block = max(1, _CHUNK // len(offsets))
+    for start in range(0, len(surface), block):
+        rows = slice(start, start + block)
+        corners = surface.corners[rows]
+        away = np.abs(corners.reshape(-1, 3) @ normals.T - offsets)
+        facing = np.abs(surface.normals[rows] @ normals.T)
+        yield rows, away.reshape(len(corners), 3, -1), facing
+
+
+def _fitted(surface, normals, offsets, owner, bound):
+    """Return planes through the middle of their triangles, turned as far as the bound allows."""
+    weight = surface.areas
+    count = len(offsets)
+    total = np.maximum(np.bincount(owner, weight, count), 1e-300)
+    mean = np.stack(
+        [np.bincount(owner, weight * surface.middles[:, k], count) for k in range(3)], 1
+    )
+    mean /= total[:, None]
+    local = surface.corners - mean[owner][:, None]
+    spread = np.empty((count, 3, 3))
+    for i in range(3):
+        for j in range(3):
+            product = (local[..., i] * local[..., j]).sum(1)
+            spread[:, i, j] = np.bincount(owner, weight * product, count)
+    _, axes = np.linalg.eigh(spread / total[:, None, None])
+    best = axes[..., 0]
+    best = best * np.where((best * normals).sum(1) < 0, -1, 1)[:, None]
+    used = np.bincount(owner, minlength=count) > 0
+    found, where = normals.copy(), offsets.copy()
+    todo = used.copy()
+    for share in (1.0, 0.5, 0.25, 0.0):
+        trial = share * best + (1 - share) * normals
+        trial /= np.maximum(np.linalg.norm(trial, axis=1, keepdims=True), 1e-300)
+        low, high = _extent(surface, trial, owner)
+        middle = np.clip(
+            (trial * mean).sum(1), high - bound, np.maximum(low + bound, high - bound)
+        )
+        good = todo & (high - low <= 2 * bound)
+        found[good], where[good] = trial[good], middle[good]
+        todo &= ~good
+    return found, where
+
+
+def _extent(surface, normals, owner):
+    """Return the least and the largest offset of the corners of each plane's triangles."""
+    along = np.einsum('mcd,md->mc', surface.corners, normals[owner])
+    low, high = np.full(len(normals), np.inf), np.full(len(normals), -np.inf)
+    np.minimum.at(low, owner, along.min(1))
+    np.maximum.at(high, owner, along.max(1))
+    return low, high
+
+
+def _scattered(surface, count, scale, rng):
+    """Return planes of triangles, each far from those before, as k-means++ chooses them."""
+    cost = np.ones(len(surface))
+    normals, offsets = np.empty((count, 3)), np.empty(count)
+    for k in range(count):
+        chance = surface.areas * cost
+        face = rng.choice(len(surface), p=chance / chance.sum())
+        normals[k], offsets[k] = surface.own_plane(face)
+        _, price = _assigned(surface, normals[k : k + 1], offsets[k : k + 1], scale, np.inf)
+        cost = price if k == 0 else np.minimum(cost, price)
+        cost = np.maximum(cost, 1e-12)
+    return normals, offsets
+
+
+def _used(normals, offsets, owner):
+    used, owner = np.unique(owner, return_inverse=True)
+    return normals[used], offsets[used], owner.reshape(-1)
