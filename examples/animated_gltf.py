@@ -55,6 +55,6 @@ pl.open_gif(movie, fps=10)
 pl.ibr.play()
 for _ in range(5):
     pl.write_frame()
-pl.show(auto_close=False)
-pl.close()
+pl.mwriter.close()  # from here on a window goes on by itself
+pl.show()
 folder.cleanup()

@@ -115,6 +115,8 @@ class Clock:
             Where nobody says how many frames a second has.
         """
         fps = self._fps or _fps_of(getattr(self._plotter, 'mwriter', None))
+        if self._since is not None:  # the wall decided until now
+            self.set(self._shown)
         frame()
         self._frames += 1
         self._go(self._frames / fps)
@@ -137,6 +139,8 @@ class Clock:
         writer = getattr(self._plotter, 'mwriter', None)
         if writer is not None and not getattr(writer, 'closed', False):
             return
+        if self._frames:  # a movie decided until now
+            self.set(self._shown)
         now = perf_counter()
         if self._since is None:
             self._since = now

@@ -1,6 +1,7 @@
 import asyncio
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import pyvista as pv
 
@@ -148,7 +149,7 @@ def test_a_movie_decides_in_a_window_as_well(window, wall):
     clock.stop()
 
 
-def test_a_movie_that_is_closed_decides_no_more(window, wall):
+def test_wall_and_movie_go_on_where_the_other_ends(window, wall):
     writer = SimpleNamespace(closed=True, write_args={'fps': 10})
     plotter = SimpleNamespace(
         renderer=window.ibr._plotter.renderer,
@@ -159,9 +160,16 @@ def test_a_movie_that_is_closed_decides_no_more(window, wall):
     times = []
     clock = Clock(plotter, times.append)
     clock.start(0.0)
-    for writer.closed, wall.seconds in ((True, 1.0), (True, 2.0), (False, 3.0)):
+    for wall.seconds in (1.0, 3.0):
         window.tick()
-    assert times == [1.0]
+    writer.closed = False
+    for wall.seconds in (10.0, 20.0):
+        window.tick()
+        clock.write(lambda: None)
+    writer.closed = True
+    for wall.seconds in (30.0, 30.5):
+        window.tick()
+    np.testing.assert_allclose(times, [2.0, 2.1, 2.2, 2.7])
     clock.stop()
 
 
