@@ -6,29 +6,32 @@
 // ACM Transactions on Graphics 27(4), 2008. The twin in float64 is Figure.posed.
 // Spaces: rest = the mesh's, less the middle of its points; posed = the figure's, less an origin
 // near the pose, so that floats of 32 bits keep their digits wherever the figure is.
+// Texels are looked up at their middles, unfiltered: software drivers have less to do for that than
+// for texelFetch.
 // Defines: GROUPS, joints a vertex has, divided by 4 (0 without a skin); DUAL, SHAPES and WRAP (the
 // state of a pose has several rows) 0 or 1; WIDTH, vertices of a row.
 
 //@pose
 uniform sampler2D ibr_rest;           // rest positions
 uniform sampler2D ibr_rest_normals;
-uniform vec2 ibr_sides;               // texels of a row, rows of a pose
-uniform int ibr_poses;                // poses that are drawn together, one above another
+uniform float ibr_poses;              // how many are drawn together, one above another
 uniform sampler2D ibr_state;          // what makes the poses: joints, then shapes
 uniform int ibr_state_first;          // first row of the mesh
 uniform int ibr_state_rows;           // rows of a pose
-uniform int ibr_state_width;
+uniform vec2 ibr_state_sides;         // texels
 #if GROUPS
 uniform sampler2D ibr_joints;         // numbers of four joints; groups of rows for more of them
 uniform sampler2D ibr_weights;        // the heaviest first
 #endif
 #if DUAL
 uniform float ibr_bulge;
+#define HALF_TURN 1e-6
 #endif
 #if SHAPES
 uniform int ibr_palette;              // texels of the joints, before the shapes
 uniform sampler2D ibr_shapes;         // differences of positions, a group of rows each
 uniform sampler2D ibr_shape_normals;
+uniform float ibr_shape_share;        // a group over all rows
 #endif
 
 int ibr_pose;  // first row of its state
@@ -36,11 +39,13 @@ int ibr_pose;  // first row of its state
 vec4 ibr_number(int i)
 {
 #if WRAP
-  ivec2 place = ivec2(i % ibr_state_width, i / ibr_state_width);
+  int width = int(ibr_state_sides.x);
+  ivec2 place = ivec2(i % width, i / width);
 #else
   ivec2 place = ivec2(i, 0);  // divisions of integers are slow where they are not needed
 #endif
-  return texelFetch(ibr_state, ivec2(place.x, place.y + ibr_pose), 0);
+  place.y += ibr_pose;
+  return textureLod(ibr_state, (vec2(place) + 0.5) / ibr_state_sides, 0.0);
 }
 
 vec3 ibr_unit(vec3 v)
@@ -51,21 +56,19 @@ vec3 ibr_unit(vec3 v)
 
 void main()
 {
-  ivec2 ibr_size = ivec2(ibr_sides);
-  ivec2 texel = ivec2(uv * ibr_sides * vec2(1.0, ibr_poses));
-  int pose = texel.y / ibr_size.y;
-  texel.y -= pose * ibr_size.y;
-  ibr_pose = ibr_state_first + pose * ibr_state_rows;
-  vec3 p = texelFetch(ibr_rest, texel, 0).xyz;
-  vec3 n = texelFetch(ibr_rest_normals, texel, 0).xyz;
+  float up = uv.y * ibr_poses, pose = floor(up);
+  vec2 place = vec2(uv.x, up - pose);
+  ibr_pose = ibr_state_first + int(pose) * ibr_state_rows;
+  vec3 p = textureLod(ibr_rest, place, 0.0).xyz;
+  vec3 n = textureLod(ibr_rest_normals, place, 0.0).xyz;
 #if SHAPES
   vec4 counts = ibr_number(ibr_palette);  // key frames, all shapes
   for (int i = 0; i < int(counts.y); ++i)
   {
     vec4 shape = ibr_number(ibr_palette + 1 + i);  // its group of rows, its weight
-    ivec2 place = texel + ivec2(0, int(shape.x) * ibr_size.y);
-    p += shape.y * texelFetch(ibr_shapes, place, 0).xyz;
-    n += shape.y * texelFetch(ibr_shape_normals, place, 0).xyz;
+    vec2 there = vec2(place.x, (shape.x + place.y) * ibr_shape_share);
+    p += shape.y * textureLod(ibr_shapes, there, 0.0).xyz;
+    n += shape.y * textureLod(ibr_shape_normals, there, 0.0).xyz;
     if (i + 1 == int(counts.x)) n = ibr_unit(n);
   }
 #endif
@@ -78,9 +81,9 @@ void main()
 #endif
   for (int g = 0; g < GROUPS; ++g)
   {
-    ivec2 place = texel + ivec2(0, g * ibr_size.y);
-    vec4 joints = texelFetch(ibr_joints, place, 0);
-    vec4 weights = texelFetch(ibr_weights, place, 0);
+    vec2 there = vec2(place.x, (place.y + float(g)) / float(GROUPS));
+    vec4 joints = textureLod(ibr_joints, there, 0.0);
+    vec4 weights = textureLod(ibr_weights, there, 0.0);
     for (int i = 0; i < 4; ++i)
     {
       float w = weights[i];
@@ -89,7 +92,7 @@ void main()
       int k = int(joints[i]) * 8;
       vec4 q = ibr_number(k + 6);
       if (g == 0 && i == 0) heaviest = q;
-      float s = dot(q, heaviest) < 0.0 ? -w : w;  // q and -q are one rotation: the short way
+      float s = dot(q, heaviest) < -HALF_TURN ? -w : w;  // as the twin does
       real += s * q;
       dual += s * ibr_number(k + 7);
       la += w * ibr_number(k + 3);

@@ -159,10 +159,12 @@ class Posing:
             cast.uniforms |= {
                 'ibr_state_first': sum(len(b) for b in blocks),
                 'ibr_state_rows': rows,
-                'ibr_state_width': width,
             }
             blocks.append(block.reshape(-1, width, 4))
-        self._state.upload(np.concatenate(blocks))
+        state = np.concatenate(blocks)
+        for cast in self._casts:
+            cast.uniforms['ibr_state_sides'] = (width, len(state))
+        self._state.upload(state)
 
     def download(self, mould, pose=0):
         """Return what the pass wrote.
@@ -218,7 +220,7 @@ class _Cast:
             'GROUPS': groups, 'DUAL': how == 'dual' and groups > 0,
             'SHAPES': self.store is not None, 'WRAP': most > _STATE_WIDTH,
         })  # fmt: skip
-        self.uniforms = {'ibr_sides': (WIDTH, self.rows), 'ibr_poses': poses}
+        self.uniforms = {'ibr_poses': float(poses)}
 
     @property
     def nbytes(self) -> int:
@@ -263,6 +265,7 @@ class _Cast:
         textures = self.textures | {'ibr_state': state}
         if self.store is not None:
             textures |= self.store.textures
+            self.uniforms['ibr_shape_share'] = self.store.share
         self.quad.draw(self.uniforms | {'ibr_bulge': float(bulge)}, textures)
 
     def release(self):
@@ -272,7 +275,9 @@ class _Cast:
 
 
 def _table(window, vectors):
-    return Texture(window).upload(pack(vectors.astype(np.float32), WIDTH, 3))
+    aligned = np.zeros((len(vectors), 4), np.float32)  # drivers read texels of four faster
+    aligned[:, :3] = vectors
+    return Texture(window).upload(pack(aligned, WIDTH, 4))
 
 
 def _influences(mould):

@@ -57,6 +57,11 @@ class ShapeStore:
         return 0 if self._target is None else self._target.height // self.rows
 
     @property
+    def share(self) -> float:
+        """Rows of one shape over those of all."""
+        return self.rows / self._target.height
+
+    @property
     def textures(self) -> dict:
         """Positions and normals, by the names of their samplers."""
         names = ('ibr_shapes', 'ibr_shape_normals')

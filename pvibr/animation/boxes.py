@@ -99,7 +99,7 @@ class Boxes:
         # The second: see the top of this file.
         apart = most(_apart(rigid[..., first, :, :], rigid[..., second, :, :], boxes))
         turned = most(1.0 - np.abs((real[..., first, :] * real[..., second, :]).sum(-1)))
-        others = 1.0 - skin.weights.max(1).min()
+        others = self._others
         own = first == second
         leave = (others * apart / np.maximum(1.0 - others * turned, 1e-300))[..., own]
         return _grown(_moved(rigid[..., first[own], :, :], boxes[..., own, :, :]), leave)
@@ -139,6 +139,11 @@ class Boxes:
         """Vertices by joint."""
         skin = self._body.skin
         return _Groups(*(part[skin.weights > 0] for part in (skin.joints, _rows(skin.joints))))
+
+    @cached_property
+    def _others(self):
+        """The largest share of all joints but the heaviest in a vertex."""
+        return 1.0 - self._body.skin.weights.max(1).min()
 
     @cached_property
     def _pairs(self):

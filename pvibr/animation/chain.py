@@ -6,6 +6,7 @@ import numpy as np
 
 from pvibr.animation.columns import matrices
 from pvibr.animation.limits import Limits
+from pvibr.animation.skeleton import ancestors, chained
 from pvibr.maths import quaternions
 
 
@@ -60,16 +61,11 @@ class Chain:
         self.limits = Limits(limits or {}, _identities(n) if rest is None else rest)
         self.rest_matrices = quaternions.to_matrices(self.limits.rest)
         self.lengths = np.where(self.parents < 0, 0.0, np.linalg.norm(self.offsets, axis=1))
-        # World matrices by doubling: row 0 is the space of the figure, and jump k leads to the
-        # ancestor 2^k up.
+        # Row 0 is the space of the figure.
         self._locals = np.tile(np.eye(4), (n + 1, 1, 1))
         self._locals[1:, :3, 3] = self.offsets
         self.above = self.parents + 1
-        self._jumps = []
-        jump = np.concatenate([[0], self.above])
-        while jump.any():
-            self._jumps.append(jump)
-            jump = jump[jump]
+        self._jumps = ancestors(self.parents)
 
     def __len__(self):
         return len(self.parents)
@@ -164,9 +160,7 @@ class Chain:
         """
         world = self._locals.copy()
         world[1:, :3, :3] = matrices(columns)
-        for jump in self._jumps:
-            world = world.take(jump, 0) @ world
-        return world
+        return chained(world, self._jumps)
 
 
 def _identities(n):

@@ -223,8 +223,9 @@ def as_matrices(matrices, name):
         msg = f'{name} must be (..., n, 4, 4), not of shape {matrices.shape}.'
         raise ValueError(msg)
     _finite(name, matrices)
-    wrong = np.argwhere((np.abs(matrices[..., 3, :] - [0, 0, 0, 1]) > 1e-9).any(-1))
-    if len(wrong):
+    off = np.abs(matrices[..., 3, :] - [0, 0, 0, 1]) > 1e-9
+    if off.any():
+        wrong = np.argwhere(off.any(-1))
         row = matrices[tuple(wrong[0])][3].tolist()
         msg = f'{name}[{_place(wrong[0])}] has the last row {row}; it must be [0, 0, 0, 1].'
         raise ValueError(msg)
@@ -251,8 +252,9 @@ def _fitted(name, values, shape):
 
 
 def _finite(name, values):
-    bad = np.argwhere(~np.isfinite(values))
-    if len(bad):
+    finite = np.isfinite(values)
+    if not finite.all():
+        bad = np.argwhere(~finite)
         place = f'[{_place(bad[0])}]' if values.ndim else ''
         msg = f'{name}{place} is {values[tuple(bad[0])]}; it must be finite.'
         raise ValueError(msg)

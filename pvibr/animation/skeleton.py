@@ -65,6 +65,10 @@ class Skeleton:
         return np.concatenate([np.zeros(0, np.int64), *self.levels])
 
     @cached_property
+    def _jumps(self):
+        return ancestors(self.parents)
+
+    @cached_property
     def children(self):
         """Children of each joint: a list of n int arrays."""
         return [np.flatnonzero(self.parents == joint) for joint in range(len(self))]
@@ -128,12 +132,10 @@ class Skeleton:
         [1.0, 2.0]
         """
         local = self._matrices(pose)
-        world = local.copy()
-        for joints in self.levels[1:]:
-            world[..., joints, :, :] = (
-                world[..., self.parents[joints], :, :] @ local[..., joints, :, :]
-            )
-        return world
+        world = np.empty((*local.shape[:-3], len(self) + 1, 4, 4))
+        world[..., 0, :, :] = np.eye(4)
+        world[..., 1:, :, :] = local
+        return chained(world, self._jumps)[..., 1:, :, :]
 
     def local(self, world):
         """Return the matrices relative to the parents: the opposite of :meth:`world`.
@@ -211,6 +213,62 @@ class Skeleton:
             scale = self.rest.scale[joint].tolist()
             msg = f'rest[{joint}] ({self.names[joint]!r}) is singular: its scale is {scale}.'
             raise ValueError(msg)
+
+
+def ancestors(parents):
+    """Return where to find the ancestors of joints 1, 2, 4, 8, ... steps up.
+
+    Parameters
+    ----------
+    parents : numpy.ndarray of int, shape (n,)
+        Parent of each joint, -1 for a root; without a cycle.
+
+    Returns
+    -------
+    list of numpy.ndarray of int, shape (n + 1,)
+        Rows, which :func:`chained` takes: row 0 is the space of the figure, row i + 1 joint i.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.animation.skeleton import ancestors
+    >>> [row.tolist() for row in ancestors(np.array([-1, 0, 1]))]
+    [[0, 0, 1, 2], [0, 0, 0, 1]]
+    """
+    jumps = []
+    jump = np.concatenate([[0], parents + 1])
+    while jump.any():
+        jumps.append(jump)
+        jump = jump[jump]
+    return jumps
+
+
+def chained(matrices, jumps):
+    """Return products of matrices from the roots down, in as many steps as levels have digits.
+
+    Parameters
+    ----------
+    matrices : numpy.ndarray, shape (..., n + 1, 4, 4), float64
+        The identity, then each joint's ``parent_from_joint``.
+    jumps : list of numpy.ndarray of int, shape (n + 1,)
+        From :func:`ancestors`.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., n + 1, 4, 4), float64
+        The identity, then each joint's ``figure_from_joint``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.animation.skeleton import ancestors, chained
+    >>> twice = np.stack([np.eye(4), 2 * np.eye(4), 2 * np.eye(4)])
+    >>> chained(twice, ancestors(np.array([-1, 0])))[2, 0, 0]
+    np.float64(4.0)
+    """
+    for jump in jumps:
+        matrices = matrices.take(jump, -3) @ matrices
+    return matrices
 
 
 def whole_numbers(values, name):

@@ -14,6 +14,7 @@ import numpy as np
 from pvibr.maths import quaternions
 
 MAX_INFLUENCES = 8
+_HALF_TURN = 1e-6  # cosine between quaternions, as in posing.glsl
 
 
 def normalized_weights(weights):
@@ -127,8 +128,9 @@ def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
     weights = np.asarray(weights, dtype=np.float64)
     heaviest = joints[np.arange(len(joints)), weights.argmax(1)]
     # q and -q are one rotation: take those on the side of the heaviest joint's, the short way.
+    # Half a turn has two; rounding must not choose, which differs from that of 32 bits.
     aligned = np.einsum('vkq,vq->vk', real[joints], real[heaviest])
-    signed = np.where(aligned < 0, -weights, weights)
+    signed = np.where(aligned < -_HALF_TURN, -weights, weights)
     blended = rigid(_weighted(real, joints, signed), _weighted(dual, joints, signed))
     round_about = _after(blended, _weighted(stretch, joints, weights))
     if bulge == 1.0:
