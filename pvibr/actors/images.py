@@ -45,7 +45,7 @@ class Sheet:
     Notes
     -----
     The share is kept as Castano does ("Computing Alpha Mipmaps", 2010): alpha is scaled per level
-    such that as many texels pass the test; here image by image, by the quantile of its alpha.
+    such that as much passes the test; here image by image, by the quantile of its filtered alpha.
 
     Examples
     --------
@@ -82,8 +82,9 @@ class Sheet:
             alpha = full[there][..., 3]
             if not 0 < share < 1:
                 continue
-            passing = int(np.rint(share * alpha.size))
-            least = np.sort(alpha, axis=None)[-max(passing, 1)]
+            between = _between(alpha)
+            passing = int(np.rint(share * between.size))
+            least = np.sort(between, axis=None)[-max(passing, 1)]
             # Where none should pass, all stay just below the cut.
             factor = cut / max(least, 1e-3) * (1.001 if passing else 0.98)
             scale = np.clip(factor, 1 / _STEEPEST, _STEEPEST)
@@ -186,6 +187,17 @@ def shelves(sizes, limit):
         )
         raise ValueError(msg)
     return corners, size
+
+
+def _between(a):
+    """Return what a filter reads between texels: twice as many along each side."""
+    for axis in (0, 1):
+        wide = np.concatenate([np.take(a, [0], axis), a, np.take(a, [-1], axis)], axis)
+        count = a.shape[axis]
+        before, after = (np.take(wide, np.arange(count) + k, axis) for k in (0, 2))
+        pair = np.stack([0.25 * before + 0.75 * a, 0.25 * after + 0.75 * a], axis + 1)
+        a = pair.reshape([2 * n if k == axis else n for k, n in enumerate(a.shape)])
+    return a
 
 
 def _window(rect, k):

@@ -1,0 +1,382 @@
+"""Where billboards are and how they are turned: arrays, their order, rays that meet them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.actors.cards import BLOCK
+from pvibr.actors.poses import as_poses
+from pvibr.actors.translucent import depths_of
+from pvibr.maths.blocks import Blocks, morton_order
+from pvibr.maths.facing import FACINGS, TOWARDS, as_units, cards
+
+ANCHORS = {'center': (0.5, 0.5), 'bottom': (0.5, 0.0), 'top': (0.5, 1.0)}
+UNITS = ('world', 'pixel')
+
+
+class Field:
+    """Points with cards.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3), or dataset
+        World units.
+    images : numpy.ndarray, shape (m, 2)
+        Width and height of each image, pixels.
+    size : float or array_like, shape (n,) or (n, 2)
+        Height, or width and height.
+    facing, axis, towards, orientation, rotation, index, size_unit : object
+        See :class:`pvibr.Billboards`.
+    anchor : numpy.ndarray, shape (2,)
+        See :func:`as_anchor`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where an argument is not allowed.
+    """
+
+    def __init__(
+        self, points, images, size, *, facing, axis, towards, orientation, rotation, index,
+        size_unit, anchor,
+    ):  # fmt: skip
+        self.points = as_points(points)
+        _one_of('facing', facing, FACINGS)
+        _one_of('towards', towards, TOWARDS)
+        _one_of('size_unit', size_unit, UNITS)
+        self.facing, self.towards, self.size_unit, self.anchor = facing, towards, size_unit, anchor
+        self._images = images
+        self._given_size = _checked_size(size, len(self))
+        self.rotation = _numbers('rotation', rotation, len(self))
+        self.turn = _turn(facing, axis, orientation, len(self))
+        self.own_up = facing == 'spherical' and axis is not None
+        self.set_index(index)
+        self._arrange()
+
+    def __len__(self):
+        return len(self.points)
+
+    @property
+    def n_images(self) -> int:
+        """How many images there are."""
+        return len(self._images)
+
+    def set_index(self, index):
+        """Choose which image each shows.
+
+        Parameters
+        ----------
+        index : None, int or array_like of int, shape (n,)
+            By turns where it is None.
+        """
+        count = self.n_images
+        self.index = _checked_index(np.arange(len(self)) % count if index is None else index,
+                                    len(self), count)  # fmt: skip
+        self.sizes = _full_sizes(self._given_size, self._images[self.index])
+
+    def move(self, points):
+        """Take new points, as many as before.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3), or dataset
+            World units.
+        """
+        points = as_points(points)
+        if len(points) != len(self):
+            msg = f'points has {len(points)} rows; it must keep its {len(self)} billboards'
+            raise ValueError(msg)
+        self.points = points
+        self._arrange()
+
+    def _arrange(self):
+        """Put neighbours together, in blocks that are culled as one."""
+        self.order = morton_order(self.points)
+        reach = np.maximum(self.anchor, 1 - self.anchor) * self.sizes
+        self.radii = np.hypot(*reach.T) if self.size_unit == 'world' else np.zeros(len(self))
+        if len(self):
+            self._blocks = Blocks.of(self.points[self.order], self.radii[self.order], BLOCK)
+            self.origin = (self.points.min(0) + self.points.max(0)) / 2
+        else:
+            self.origin = np.zeros(3)
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """World bounds, shape (6,); of none (1, -1, 1, -1, 1, -1)."""
+        if not len(self):
+            return np.array([1.0, -1.0] * 3)
+        radii = self.radii[:, None]
+        low, high = (self.points - radii).min(0), (self.points + radii).max(0)
+        return np.stack([low, high], 1).ravel()
+
+    def reach_bounds(self) -> np.ndarray:
+        """Return bounds that hold the cards wherever the eye is, shape (6,)."""
+        if self.size_unit == 'world' or not len(self):
+            return self.bounds
+        # Cards as large as so many pixels are as large in the world as they are far away.
+        length = max(np.ptp(self.points, 0).max(), np.abs(self.origin).max(), 1e-6)
+        return self.bounds + np.array([-1e4, 1e4] * 3) * length
+
+    def rows(self) -> np.ndarray:
+        """Return what the shader reads, shape (n, 3 or 4, 4), float32, in the order of blocks."""
+        order = self.order
+        local = self.points[order] - self.origin
+        each = self.turn.ndim == 2
+        out = np.zeros((len(self), 4 if each else 3, 4), np.float32)
+        out[:, 0, :3] = local
+        out[:, 1, :3] = local - out[:, 0, :3].astype(float)
+        out[:, 0, 3] = self.rotation[order]
+        out[:, 1, 3] = self.index[order]
+        out[:, 2, :2] = self.sizes[order]
+        if each:
+            out[:, 3] = self.turn[order]
+        return out
+
+    def uniforms(self) -> dict:
+        """Return what the shader knows of all."""
+        each = self.turn.ndim == 2
+        return {
+            'ibr_count': len(self),
+            'ibr_texels': 4 if each else 3,
+            'ibr_images': self.n_images,
+            'ibr_facing': FACINGS.index(self.facing),
+            'ibr_own_up': int(self.own_up),
+            'ibr_plane': int(self.towards == 'plane'),
+            'ibr_turn': (1.0, 0.0, 0.0, 0.0) if each else tuple(map(float, self.turn)),
+            'ibr_anchor': tuple(map(float, self.anchor)),
+        }
+
+    def view_uniforms(self, frame) -> dict:
+        """Return what the shader knows of the eye.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            Camera and size.
+        """
+        eye = -frame.view_from_world[:3, :3].T @ frame.view_from_world[:3, 3] - self.origin
+        high = eye.astype(np.float32)
+        return {
+            'ibr_eye_high': tuple(map(float, high)),
+            'ibr_eye_low': tuple(map(float, eye - high)),
+            'ibr_size_scale': self._pixel(frame) if self.size_unit == 'pixel' else 0.0,
+        }
+
+    def _pixel(self, frame) -> float:
+        """Return what a pixel is in world units at a distance of 1."""
+        return frame.scale / frame.pixel_scale
+
+    def chosen(self, frame, fences, *, sort):
+        """Return what is drawn, in which order.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            Camera and size.
+        fences : sequence of float
+            Distances, descending, at which the draws are cut; see `depths_of`.
+        sort : bool
+            From far to near, each; else blocks from near to far, so that few pixels are drawn
+            twice.
+
+        Returns
+        -------
+        entries : numpy.ndarray of int
+            Slots, or blocks of them.
+        unit : int
+            Slots of an entry.
+        cuts : list of int
+            Where each part begins, and the end.
+        """
+        if self.size_unit == 'pixel':
+            blocks = np.arange(len(self._blocks.centers))
+        else:
+            blocks = self._blocks.seen(frame)[0][::-1]
+        if not sort:
+            return blocks, BLOCK, [0, len(blocks)]
+        slots = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+        slots = slots[slots < len(self)]
+        depths = self._depths(frame, slots)
+        order = np.argsort(-depths, kind='stable')
+        cuts = np.searchsorted(-depths[order], -np.asarray(fences, float), side='right')
+        return slots[order], 1, [0, *cuts.tolist(), len(slots)]
+
+    def _depths(self, frame, slots):
+        points = self.points[self.order[slots]]
+        if self.facing == 'screen' or self.towards == 'plane':
+            view = frame.view_from_world
+            return -(points @ view[2, :3] + view[2, 3])
+        return depths_of(frame, points)
+
+    def met(self, frame, start, direction) -> list:
+        """Return the billboards whose rectangles a ray meets, the nearest first.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            What is on the screen.
+        start, direction : numpy.ndarray, shape (3,)
+            Of the ray, world units; a direction of length 1.
+
+        Returns
+        -------
+        list of (int, float, numpy.ndarray)
+            Index, distance along the ray, and where on the card, 0 to 1 from the lower left.
+        """
+        near = np.arange(len(self))
+        if self.size_unit == 'world':
+            away = self.points - start
+            along = np.maximum(away @ direction, 0)
+            gaps = np.linalg.norm(away - along[:, None] * direction, axis=1)
+            near = np.flatnonzero(gaps <= self.radii)
+        turn = self.turn[near] if self.turn.ndim == 2 else self.turn
+        axes = cards(
+            self.points[near], frame.view_from_world, self.facing, towards=self.towards,
+            axis=turn[..., :3] if self.facing == 'cylindrical' or self.own_up else None,
+            orientation=turn if self.facing == 'world' else None,
+            rotation=self.rotation[near], parallel=frame.parallel,
+        )  # fmt: skip
+        sizes = self.sizes[near]
+        if self.size_unit == 'pixel':
+            z = self.points[near] @ frame.view_from_world[2, :3] + frame.view_from_world[2, 3]
+            sizes = sizes * self._pixel(frame) * (1.0 if frame.parallel else -z[:, None])
+        right, up, normal = np.moveaxis(axes, 2, 0)
+        away = self.points[near] - start
+        with np.errstate(divide='ignore', invalid='ignore'):
+            distances = (away * normal).sum(1) / (normal @ direction)
+            off = distances[:, None] * direction - away
+            uv = np.stack([(off * right).sum(1), (off * up).sum(1)], 1) / sizes + self.anchor
+            hit = (distances >= 0) & (uv >= 0).all(1) & (uv <= 1).all(1)
+        found = np.flatnonzero(hit)
+        found = found[np.argsort(distances[found])]
+        return [(int(near[k]), float(distances[k]), uv[k]) for k in found]
+
+
+def as_points(points) -> np.ndarray:
+    """Return points as a checked float64 array.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3), or dataset
+        World units.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 3)
+        The points.
+
+    Raises
+    ------
+    ValueError
+        Where it has another shape or a value is not finite.
+
+    Examples
+    --------
+    >>> from pvibr.actors.billboard_cards import as_points
+    >>> as_points([1, 2, 3])
+    array([[1., 2., 3.]])
+    """
+    found = as_poses(points)
+    if found.ndim != 2:
+        msg = f'points has shape {np.shape(points)}; it must be (n, 3)'
+        raise ValueError(msg)
+    return found
+
+
+def as_anchor(anchor) -> np.ndarray:
+    """Return what of a card is at its point.
+
+    Parameters
+    ----------
+    anchor : {'center', 'bottom', 'top'} or array_like, shape (2,)
+        Shares of width and height from the lower left.
+
+    Returns
+    -------
+    numpy.ndarray, shape (2,)
+        The shares.
+
+    Raises
+    ------
+    ValueError
+        Where it is neither.
+
+    Examples
+    --------
+    >>> from pvibr.actors.billboard_cards import as_anchor
+    >>> as_anchor('bottom').tolist()
+    [0.5, 0.0]
+    """
+    named = isinstance(anchor, str)
+    values = ANCHORS.get(anchor) if named else anchor
+    if values is None or np.shape(values) != (2,) or not np.isfinite(values).all():
+        msg = f'anchor is {anchor!r}; it must be one of {", ".join(ANCHORS)} or two shares'
+        raise ValueError(msg)
+    return np.asarray(values, float)
+
+
+def _one_of(name, value, allowed):
+    if value not in allowed:
+        msg = f'{name} is {value!r}; it must be one of {", ".join(map(repr, allowed))}'
+        raise ValueError(msg)
+
+
+def _numbers(name, values, count):
+    array = np.asarray(values, float)
+    if array.shape not in ((), (count,)) or not np.isfinite(array).all():
+        msg = f'{name} must be one finite number or {count}'
+        raise ValueError(msg)
+    return np.broadcast_to(array, (count,))
+
+
+def _checked_size(size, count):
+    array = np.asarray(size, float)
+    if array.shape not in ((), (count,), (count, 2)):
+        msg = f'size has shape {array.shape}; it must be one number, ({count},) or ({count}, 2)'
+        raise ValueError(msg)
+    bad = ~(np.isfinite(array) & (array >= 0))
+    if bad.any():
+        msg = f'size has the value {array[bad].flat[0]}; each must be finite and 0 or more'
+        raise ValueError(msg)
+    return array
+
+
+def _full_sizes(size, images):
+    """Return width and height of each; where only heights are given, as wide as its image."""
+    if size.ndim == 2:
+        return size
+    heights = np.broadcast_to(size, (len(images),))
+    return np.stack([heights * images[:, 0] / images[:, 1], heights], 1)
+
+
+def _turn(facing, axis, orientation, count):
+    """Return axis or quaternion of all, shape (4,), or of each, shape (n, 4)."""
+    if facing != 'world' and orientation is not None:
+        msg = f"orientation is of cards with facing='world', not {facing!r}; give axis or rotation"
+        raise ValueError(msg)
+    if facing in ('world', 'screen') and axis is not None:
+        msg = f"axis is of cards with facing='cylindrical' or 'spherical', not {facing!r}"
+        raise ValueError(msg)
+    if facing == 'world':
+        turn = as_units('orientation', (1.0, 0, 0, 0) if orientation is None else orientation)
+        return _of_shape('orientation', turn, 4, count)
+    given = _of_shape('axis', as_units('axis', (0.0, 0, 1) if axis is None else axis), 3, count)
+    return np.concatenate([given, np.zeros((*given.shape[:-1], 1))], -1)
+
+
+def _of_shape(name, array, width, count):
+    if array.shape not in ((width,), (count, width)):
+        msg = f'{name} has shape {array.shape}; it must be ({width},) or ({count}, {width})'
+        raise ValueError(msg)
+    return array
+
+
+def _checked_index(index, count, images):
+    array = np.asarray(index)
+    if array.shape not in ((), (count,)) or array.dtype.kind not in 'iu':
+        msg = f'index has shape {array.shape}, dtype {array.dtype}; it must be ({count},) integers'
+        raise ValueError(msg)
+    if ((array < 0) | (array >= images)).any():
+        msg = f'index is {int(array.min())} to {int(array.max())}; there are {images} images'
+        raise ValueError(msg)
+    return np.broadcast_to(array, (count,))

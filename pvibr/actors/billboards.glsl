@@ -1,0 +1,164 @@
+// Billboards: one quad for each point, turned toward the eye, with a part of one texture.
+// The vertex shader fetches a point, turns its card (twin: pvibr.maths.facing) and finds the
+// rectangle of its image; the fragment shader samples that, the smaller levels of it included,
+// without ever touching a neighbour, and leaves out or blends what is transparent.
+// Places are differences of two pairs of floats, point and eye, each relative to the middle of all
+// points: exact where the difference is small (Ohlarik, "Precisions, Precisions", 2008).
+// Colours in the texture are premultiplied by alpha, unless it is a live one.
+// ibr_first, the first slot of a draw, and ibr_end, the entry after its last, are an actor's custom
+// uniforms: VTK declares them.
+
+//@vertex.declare
+uniform sampler2D ibr_points;     // xyz and rotation; the rest of xyz and the image; width, height
+                                  // of the card; and where each has its own, axis or quaternion
+uniform sampler2D ibr_looks;      // rgb that multiplies the image; opacity, 0 hidden
+uniform sampler2D ibr_order;      // what is drawn: blocks, or points, in their order
+uniform sampler2D ibr_rects;      // left, bottom, right, top of each image, texels
+uniform int ibr_count;            // points
+uniform int ibr_unit;             // points of an entry
+uniform int ibr_texels;           // texels of a point: 3 or 4
+uniform int ibr_images;           // how many images there are
+uniform int ibr_step;             // images to go on by, for all: time
+uniform int ibr_facing;           // 0 world, 1 cylindrical, 2 spherical, 3 screen
+uniform int ibr_own_up;           // whether a spherical card has an axis, not the camera's up
+uniform int ibr_plane;            // toward the view plane, not the view point
+uniform int ibr_parallel;
+uniform float ibr_size_scale;     // pixels to eye units at a distance of 1; 0 where in world units
+uniform vec4 ibr_turn;            // axis or quaternion of all
+uniform vec2 ibr_anchor;          // what of the card is at the point, 0 to 1
+uniform vec3 ibr_eye_high;        // the eye, relative to the middle of all points
+uniform vec3 ibr_eye_low;
+uniform mat3 ibr_eye_from_world;
+uniform mat4 ibr_clip_from_eye;
+out vec4 vertexVCVSOutput;
+out vec2 ibr_texel;
+flat out vec4 ibr_rect;
+flat out vec4 ibr_look;
+flat out vec3 ibr_normal;
+flat out float ibr_reach;
+
+vec3 ibr_rotated(vec4 q, vec3 v)
+{
+  return v + 2.0 * cross(q.yzw, cross(q.yzw, v) + q.x * v);
+}
+
+// Columns right, up, normal in eye space, of a card whose point is at c.
+mat3 ibr_axes(vec3 c, vec4 turn)
+{
+  if (ibr_facing == 3) return mat3(1.0);
+  if (ibr_facing == 0)
+  {
+    return ibr_eye_from_world * mat3(ibr_rotated(turn, vec3(1.0, 0.0, 0.0)),
+      ibr_rotated(turn, vec3(0.0, 1.0, 0.0)), ibr_rotated(turn, vec3(0.0, 0.0, 1.0)));
+  }
+  vec3 toward = vec3(0.0, 0.0, 1.0);
+  if (ibr_plane == 0 && ibr_parallel == 0 && dot(c, c) > 0.0) toward = -normalize(c);
+  bool cylindrical = ibr_facing == 1;
+  vec3 axis = vec3(0.0, 1.0, 0.0);
+  if (cylindrical || ibr_own_up == 1) axis = ibr_eye_from_world * turn.xyz;
+  vec3 right = cross(axis, toward);
+  if (length(right) <= 1e-4)
+  {
+    vec3 kept = cylindrical ? axis : toward;
+    right = vec3(1.0, 0.0, 0.0) - kept * kept.x;
+  }
+  right = normalize(right);
+  return cylindrical ? mat3(right, axis, cross(right, axis))
+    : mat3(right, cross(toward, right), toward);
+}
+
+//@vertex.position
+  {
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: an empty slot
+    vertexVCVSOutput = vec4(0.0);
+    ibr_texel = vec2(0.0);
+    ibr_rect = vec4(0.0);
+    ibr_look = vec4(0.0);
+    ibr_normal = vec3(0.0, 0.0, 1.0);
+    ibr_reach = 0.0;
+    int slot = ibr_first + gl_VertexID / 4;
+    int corner = gl_VertexID % 4;
+    int entry = slot / ibr_unit;
+    bool live = entry < ibr_end;
+    ivec2 at = live ? ivec2(entry % 1024, entry / 1024) : ivec2(0);
+    int i = int(texelFetch(ibr_order, at, 0).r) * ibr_unit + slot % ibr_unit;
+    live = live && i < ibr_count;
+    if (live)
+    {
+      ibr_look = texelFetch(ibr_looks, ivec2(i % 1024, i / 1024), 0);
+      live = ibr_look.a > 0.0;
+    }
+    if (live)
+    {
+      int texel = i * ibr_texels;
+      ivec2 where = ivec2(texel % 3072, texel / 3072);
+      vec4 high = texelFetch(ibr_points, where, 0);
+      vec4 low = texelFetch(ibr_points, where + ivec2(1, 0), 0);
+      vec2 size = texelFetch(ibr_points, where + ivec2(2, 0), 0).xy;
+      vec4 turn = ibr_texels == 4 ? texelFetch(ibr_points, where + ivec2(3, 0), 0) : ibr_turn;
+      vec3 away = (high.xyz - ibr_eye_high) + (low.xyz - ibr_eye_low);
+      vec3 c = ibr_eye_from_world * away;
+      if (ibr_size_scale > 0.0) size *= ibr_size_scale * (ibr_parallel == 1 ? 1.0 : -c.z);
+      mat3 axes = ibr_axes(c, turn);
+      vec2 unit = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
+      vec2 off = (unit - ibr_anchor) * size;
+      vec2 spin = vec2(cos(high.w), sin(high.w));
+      off = vec2(spin.x * off.x - spin.y * off.y, spin.y * off.x + spin.x * off.y);
+      vec4 p = vec4(c + axes[0] * off.x + axes[1] * off.y, 1.0);
+      vertexVCVSOutput = p;
+      gl_Position = ibr_clip_from_eye * p;
+      vec3 to_eye = ibr_parallel == 1 ? vec3(0.0, 0.0, 1.0) : -c;
+      ibr_normal = dot(axes[2], to_eye) < 0.0 ? -axes[2] : axes[2];
+      int image = int(low.w) + ibr_step;
+      image -= image / ibr_images * ibr_images;
+      ibr_rect = texelFetch(ibr_rects, ivec2(image % 1024, image / 1024), 0);
+      ibr_texel = mix(ibr_rect.xy, ibr_rect.zw, unit);
+      ibr_reach = 0.5 * max(size.x, size.y);
+    }
+  }
+
+//@fragment.declare
+uniform sampler2D ibr_sheet;
+uniform float ibr_smallest;       // the last level whose texels are of one image each
+uniform float ibr_cutout;         // alpha from which something is drawn; 0 where it blends
+uniform int ibr_straight;         // colours are not multiplied by alpha
+in vec4 vertexVCVSOutput;
+in vec2 ibr_texel;
+flat in vec4 ibr_rect;
+flat in vec4 ibr_look;
+flat in vec3 ibr_normal;
+flat in float ibr_reach;
+
+//@fragment.sample
+  vec4 vertexVC = vertexVCVSOutput;
+  vec2 ibr_dx = dFdx(ibr_texel), ibr_dy = dFdy(ibr_texel);
+  float ibr_lod = 0.5 * log2(max(max(dot(ibr_dx, ibr_dx), dot(ibr_dy, ibr_dy)), 1.0));
+  ibr_lod = min(ibr_lod, ibr_smallest);
+  // A mean of two levels would pass the test in fewer places than each.
+  if (ibr_cutout > 0.0) ibr_lod = floor(ibr_lod + 0.5);
+  // Half a texel of the smaller level that is read stays clear of what is beside the image.
+  vec2 ibr_inset = min(vec2(0.5 * exp2(ceil(ibr_lod))), 0.5 * (ibr_rect.zw - ibr_rect.xy));
+  vec2 ibr_at = clamp(ibr_texel, ibr_rect.xy + ibr_inset, ibr_rect.zw - ibr_inset);
+  vec4 ibr_seen = textureLod(ibr_sheet, ibr_at / vec2(textureSize(ibr_sheet, 0)), ibr_lod);
+  float ibr_coverage = ibr_look.a;
+  if (ibr_cutout > 0.0)
+  {
+    if (ibr_seen.a < ibr_cutout) discard;
+  }
+  else
+  {
+    ibr_coverage *= ibr_seen.a;
+    if (ibr_coverage < 0.5 / 255.0) discard;
+  }
+  vec3 ibr_base = ibr_seen.rgb;
+  if (ibr_straight == 0) ibr_base /= max(ibr_seen.a, 1.0 / 255.0);
+  ibr_base = min(ibr_base, 1.0) * ibr_look.rgb;
+  // For features that ask where the surface is: a light sees the card turned toward itself.
+#define IBR_BLUR ibr_reach
+#define IBR_PLACE vertexVC.xyz
+#define IBR_NORMAL ibr_normal
+
+//@fragment.color
+  diffuseColor = diffuseIntensity * ibr_base;
+  ambientColor = ambientIntensity * ibr_base;
+  opacity = opacityUniform * ibr_coverage;
