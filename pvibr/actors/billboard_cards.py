@@ -8,7 +8,7 @@ from pvibr.actors.cards import BLOCK
 from pvibr.actors.poses import as_poses
 from pvibr.actors.translucent import depths_of
 from pvibr.maths.blocks import Blocks, morton_order
-from pvibr.maths.facing import FACINGS, TOWARDS, as_units, cards
+from pvibr.maths.facing import FACINGS, TOWARDS, as_units, azimuths, cards
 
 ANCHORS = {'center': (0.5, 0.5), 'bottom': (0.5, 0.0), 'top': (0.5, 1.0)}
 UNITS = ('world', 'pixel')
@@ -29,6 +29,8 @@ class Field:
         See :class:`pvibr.Billboards`.
     anchor : numpy.ndarray, shape (2,)
         See :func:`as_anchor`.
+    views, blend_views, yaw : object
+        See :class:`pvibr.Billboards`.
 
     Raises
     ------
@@ -38,14 +40,16 @@ class Field:
 
     def __init__(
         self, points, images, size, *, facing, axis, towards, orientation, rotation, index,
-        size_unit, anchor,
+        size_unit, anchor, views=1, blend_views=False, yaw=0.0,
     ):  # fmt: skip
         self.points = as_points(points)
         _one_of('facing', facing, FACINGS)
         _one_of('towards', towards, TOWARDS)
         _one_of('size_unit', size_unit, UNITS)
         self.facing, self.towards, self.size_unit, self.anchor = facing, towards, size_unit, anchor
-        self._images = images
+        self.views, self.blend_views = _checked_views(views, facing, len(images)), blend_views
+        self._images = images[:: self.views]
+        self.yaw = _numbers('yaw', yaw, len(self))
         self._given_size = _checked_size(size, len(self))
         self.rotation = _numbers('rotation', rotation, len(self))
         self.turn = _turn(facing, axis, orientation, len(self))
@@ -58,7 +62,7 @@ class Field:
 
     @property
     def n_images(self) -> int:
-        """How many images there are."""
+        """How many images there are, views of one counted once."""
         return len(self._images)
 
     def set_index(self, index):
@@ -128,6 +132,7 @@ class Field:
         out[:, 0, 3] = self.rotation[order]
         out[:, 1, 3] = self.index[order]
         out[:, 2, :2] = self.sizes[order]
+        out[:, 2, 2] = self.yaw[order]
         if each:
             out[:, 3] = self.turn[order]
         return out
@@ -139,6 +144,8 @@ class Field:
             'ibr_count': len(self),
             'ibr_texels': 4 if each else 3,
             'ibr_images': self.n_images,
+            'ibr_views': self.views,
+            'ibr_two_views': int(self.blend_views and self.views > 1),
             'ibr_facing': FACINGS.index(self.facing),
             'ibr_own_up': int(self.own_up),
             'ibr_plane': int(self.towards == 'plane'),
@@ -207,6 +214,23 @@ class Field:
             view = frame.view_from_world
             return -(points @ view[2, :3] + view[2, 3])
         return depths_of(frame, points)
+
+    def view_of(self, frame, i) -> int:
+        """Return which of its views a billboard shows, the nearer one where two are mixed.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            What is on the screen.
+        i : int
+            The billboard.
+        """
+        if self.views == 1:
+            return 0
+        axis = self.turn[i, :3] if self.turn.ndim == 2 else self.turn[:3]
+        view, parallel = frame.view_from_world, frame.parallel or self.towards == 'plane'
+        (azimuth,) = azimuths(self.points[i], view, axis, parallel=parallel)
+        return int(np.rint((azimuth - self.yaw[i]) / (2 * np.pi) * self.views)) % self.views
 
     def met(self, frame, start, direction) -> list:
         """Return the billboards whose rectangles a ray meets, the nearest first.
@@ -327,6 +351,19 @@ def _numbers(name, values, count):
         msg = f'{name} must be one finite number or {count}'
         raise ValueError(msg)
     return np.broadcast_to(array, (count,))
+
+
+def _checked_views(views, facing, images):
+    if isinstance(views, bool) or not isinstance(views, int | np.integer) or views < 1:
+        msg = f'views is {views!r}; it must be 1 or more'
+        raise ValueError(msg)
+    if views > 1 and facing != 'cylindrical':
+        msg = f"views are about the axis of cards with facing='cylindrical', not {facing!r}"
+        raise ValueError(msg)
+    if images % views:
+        msg = f'views is {views}; it must divide the {images} images'
+        raise ValueError(msg)
+    return int(views)
 
 
 def _checked_size(size, count):

@@ -10,7 +10,7 @@
 
 //@vertex.declare
 uniform sampler2D ibr_points;     // xyz and rotation; the rest of xyz and the image; width, height
-                                  // of the card; and where each has its own, axis or quaternion
+                                  // of the card, yaw; where each has its own, axis or quaternion
 uniform sampler2D ibr_looks;      // rgb that multiplies the image; opacity, 0 hidden
 uniform sampler2D ibr_order;      // what is drawn: blocks, or points, in their order
 uniform sampler2D ibr_rects;      // left, bottom, right, top of each image, texels
@@ -18,6 +18,8 @@ uniform int ibr_count;            // points
 uniform int ibr_unit;             // points of an entry
 uniform int ibr_texels;           // texels of a point: 3 or 4
 uniform int ibr_images;           // how many images there are
+uniform int ibr_views;            // of each image, about the axis
+uniform int ibr_two_views;        // whether the two nearest are mixed
 uniform int ibr_step;             // images to go on by, for all: time
 uniform int ibr_facing;           // 0 world, 1 cylindrical, 2 spherical, 3 screen
 uniform int ibr_own_up;           // whether a spherical card has an axis, not the camera's up
@@ -33,6 +35,8 @@ uniform mat4 ibr_clip_from_eye;
 out vec4 vertexVCVSOutput;
 out vec2 ibr_texel;
 flat out vec4 ibr_rect;
+flat out vec4 ibr_other;
+flat out float ibr_share;
 flat out vec4 ibr_look;
 flat out vec3 ibr_normal;
 flat out float ibr_reach;
@@ -40,6 +44,23 @@ flat out float ibr_reach;
 vec3 ibr_rotated(vec4 q, vec3 v)
 {
   return v + 2.0 * cross(q.yzw, cross(q.yzw, v) + q.x * v);
+}
+
+// Direction to the eye, eye space.
+vec3 ibr_toward(vec3 c)
+{
+  bool plane = ibr_plane == 1 || ibr_parallel == 1 || dot(c, c) == 0.0;
+  return plane ? vec3(0.0, 0.0, 1.0) : -normalize(c);
+}
+
+// In turns of a whole one, from 0 on: where about the axis the eye is.
+float ibr_azimuth(vec3 c, vec3 axis)
+{
+  vec3 toward = transpose(ibr_eye_from_world) * ibr_toward(c);
+  vec3 side = abs(axis.x) < 0.9 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0);
+  vec3 first = side - axis * dot(axis, side);
+  vec2 p = vec2(dot(toward, first), dot(toward, cross(axis, first)));
+  return dot(p, p) > 0.0 ? atan(p.y, p.x) * 0.15915494309 : 0.0;
 }
 
 // Columns right, up, normal in eye space, of a card whose point is at c.
@@ -51,8 +72,7 @@ mat3 ibr_axes(vec3 c, vec4 turn)
     return ibr_eye_from_world * mat3(ibr_rotated(turn, vec3(1.0, 0.0, 0.0)),
       ibr_rotated(turn, vec3(0.0, 1.0, 0.0)), ibr_rotated(turn, vec3(0.0, 0.0, 1.0)));
   }
-  vec3 toward = vec3(0.0, 0.0, 1.0);
-  if (ibr_plane == 0 && ibr_parallel == 0 && dot(c, c) > 0.0) toward = -normalize(c);
+  vec3 toward = ibr_toward(c);
   bool cylindrical = ibr_facing == 1;
   vec3 axis = vec3(0.0, 1.0, 0.0);
   if (cylindrical || ibr_own_up == 1) axis = ibr_eye_from_world * turn.xyz;
@@ -73,6 +93,8 @@ mat3 ibr_axes(vec3 c, vec4 turn)
     vertexVCVSOutput = vec4(0.0);
     ibr_texel = vec2(0.0);
     ibr_rect = vec4(0.0);
+    ibr_other = vec4(0.0);
+    ibr_share = 0.0;
     ibr_look = vec4(0.0);
     ibr_normal = vec3(0.0, 0.0, 1.0);
     ibr_reach = 0.0;
@@ -94,7 +116,8 @@ mat3 ibr_axes(vec3 c, vec4 turn)
       ivec2 where = ivec2(texel % 3072, texel / 3072);
       vec4 high = texelFetch(ibr_points, where, 0);
       vec4 low = texelFetch(ibr_points, where + ivec2(1, 0), 0);
-      vec2 size = texelFetch(ibr_points, where + ivec2(2, 0), 0).xy;
+      vec3 sides = texelFetch(ibr_points, where + ivec2(2, 0), 0).xyz;
+      vec2 size = sides.xy;
       vec4 turn = ibr_texels == 4 ? texelFetch(ibr_points, where + ivec2(3, 0), 0) : ibr_turn;
       vec3 away = (high.xyz - ibr_eye_high) + (low.xyz - ibr_eye_low);
       vec3 c = ibr_eye_from_world * away;
@@ -111,7 +134,19 @@ mat3 ibr_axes(vec3 c, vec4 turn)
       ibr_normal = dot(axes[2], to_eye) < 0.0 ? -axes[2] : axes[2];
       int image = int(low.w) + ibr_step;
       image -= image / ibr_images * ibr_images;
+      image *= ibr_views;
+      int beside = image;
+      if (ibr_views > 1)
+      {
+        float view = (ibr_azimuth(c, turn.xyz) - sides.z * 0.15915494309) * float(ibr_views);
+        float lower = floor(ibr_two_views == 1 ? view : view + 0.5);
+        ibr_share = ibr_two_views == 1 ? view - lower : 0.0;
+        int k = int(lower - floor(lower / float(ibr_views)) * float(ibr_views));
+        beside += (k + 1) % ibr_views;
+        image += k % ibr_views;
+      }
       ibr_rect = texelFetch(ibr_rects, ivec2(image % 1024, image / 1024), 0);
+      ibr_other = texelFetch(ibr_rects, ivec2(beside % 1024, beside / 1024), 0);
       ibr_texel = mix(ibr_rect.xy, ibr_rect.zw, unit);
       ibr_reach = 0.5 * max(size.x, size.y);
     }
@@ -122,12 +157,23 @@ uniform sampler2D ibr_sheet;
 uniform float ibr_smallest;       // the last level whose texels are of one image each
 uniform float ibr_cutout;         // alpha from which something is drawn; 0 where it blends
 uniform int ibr_straight;         // colours are not multiplied by alpha
+uniform int ibr_two_views;
 in vec4 vertexVCVSOutput;
 in vec2 ibr_texel;
 flat in vec4 ibr_rect;
+flat in vec4 ibr_other;
+flat in float ibr_share;
 flat in vec4 ibr_look;
 flat in vec3 ibr_normal;
 flat in float ibr_reach;
+
+// Half a texel of the smaller level that is read stays clear of what is beside the image.
+vec4 ibr_sampled(vec4 rect, vec2 texel, float lod)
+{
+  vec2 inset = min(vec2(0.5 * exp2(ceil(lod))), 0.5 * (rect.zw - rect.xy));
+  vec2 at = clamp(texel, rect.xy + inset, rect.zw - inset);
+  return textureLod(ibr_sheet, at / vec2(textureSize(ibr_sheet, 0)), lod);
+}
 
 //@fragment.sample
   vec4 vertexVC = vertexVCVSOutput;
@@ -136,10 +182,13 @@ flat in float ibr_reach;
   ibr_lod = min(ibr_lod, ibr_smallest);
   // A mean of two levels would pass the test in fewer places than each.
   if (ibr_cutout > 0.0) ibr_lod = floor(ibr_lod + 0.5);
-  // Half a texel of the smaller level that is read stays clear of what is beside the image.
-  vec2 ibr_inset = min(vec2(0.5 * exp2(ceil(ibr_lod))), 0.5 * (ibr_rect.zw - ibr_rect.xy));
-  vec2 ibr_at = clamp(ibr_texel, ibr_rect.xy + ibr_inset, ibr_rect.zw - ibr_inset);
-  vec4 ibr_seen = textureLod(ibr_sheet, ibr_at / vec2(textureSize(ibr_sheet, 0)), ibr_lod);
+  vec4 ibr_seen = ibr_sampled(ibr_rect, ibr_texel, ibr_lod);
+  if (ibr_two_views == 1)
+  {
+    vec2 ibr_there = (ibr_texel - ibr_rect.xy) / (ibr_rect.zw - ibr_rect.xy);
+    ibr_there = mix(ibr_other.xy, ibr_other.zw, ibr_there);
+    ibr_seen = mix(ibr_seen, ibr_sampled(ibr_other, ibr_there, ibr_lod), ibr_share);
+  }
   float ibr_coverage = ibr_look.a;
   if (ibr_cutout > 0.0)
   {

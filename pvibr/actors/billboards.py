@@ -66,6 +66,14 @@ class Billboards(Painted, Effect):
         What `size` is in.
     anchor : {'center', 'bottom', 'top'} or array_like, shape (2,)
         What of the card is at the point: shares of width and height from the lower left.
+    views : int
+        How many of the images, in turn, are views of one thing about the axis of cylindrical
+        cards: the first from x (from y where the axis is close to x), the others
+        counter-clockwise. Each card shows the one from the eye's side.
+    blend_views : bool
+        Mix the two views on both sides of the eye, not the nearest alone.
+    yaw : float or array_like, shape (n,)
+        Radians by which the thing itself is turned about the axis.
     colors : array_like, shape (n, 3), optional
         Multiply the image; uint8 or float.
     scalars : array_like, shape (n,), optional
@@ -118,8 +126,8 @@ class Billboards(Painted, Effect):
     def __init__(
         self, points, image, *, size=1.0, facing='spherical', axis=None, towards='point',
         orientation=None, rotation=0.0, index=None, frames=None, fps=None, cutout=0.5,
-        size_unit='world', anchor='center', colors=None, scalars=None, visible=None, opacity=1.0,
-        lighting=False, pickable=True, name=None, **table,
+        size_unit='world', anchor='center', views=1, blend_views=False, yaw=0.0, colors=None,
+        scalars=None, visible=None, opacity=1.0, lighting=False, pickable=True, name=None, **table,
     ):  # fmt: skip
         super().__init__(fps=fps)
         self.name = name
@@ -133,7 +141,7 @@ class Billboards(Painted, Effect):
         self.field = Field(
             points, self._image_sizes(), size, facing=facing, axis=axis, towards=towards,
             orientation=orientation, rotation=rotation, index=index, size_unit=size_unit,
-            anchor=as_anchor(anchor),
+            anchor=as_anchor(anchor), views=views, blend_views=blend_views, yaw=yaw,
         )  # fmt: skip
         self._opacity = _checked_opacity(opacity, len(self.field), self.cutout is not None)
         self._begin_looks(table, scalars, colors, visible)
@@ -509,14 +517,13 @@ class Billboards(Painted, Effect):
             return None
         renderer = self.pipeline.renderer
         start, direction = pixel_ray(renderer, x, y)
-        found = self.field.met(Frame.of(renderer), start, direction)
-        shown = self.visible
-        for i, distance, uv in found:
-            if shown[i] and self._alpha(i, uv) >= (self.cutout or _HIT):
+        shown, frame = self.visible, Frame.of(renderer)
+        for i, distance, uv in self.field.met(frame, start, direction):
+            if shown[i] and self._alpha(frame, i, uv) >= (self.cutout or _HIT):
                 return Hit(int(i), tuple((start + distance * direction).tolist()), float(distance))
         return None
 
-    def _alpha(self, i, uv) -> float:
+    def _alpha(self, frame, i, uv) -> float:
         """Return the opacity of a billboard's image at a place, 0 to 1 from the lower left."""
         if self._sheet is None:
             picture = self._live.image()[::-1]
@@ -524,6 +531,7 @@ class Billboards(Painted, Effect):
         else:
             picture = self._sheet.levels[0]
             k = (self.field.index[i] + self._step()) % self.field.n_images
+            k = k * self.field.views + self.field.view_of(frame, i)
             left, bottom, right, top = self._sheet.rects[k].astype(int)
             width, height = right - left, top - bottom
         x = left + min(int(uv[0] * width), width - 1)

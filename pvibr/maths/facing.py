@@ -14,6 +14,8 @@ FACINGS = ('world', 'cylindrical', 'spherical', 'screen')
 TOWARDS = ('point', 'plane')
 #: Sine of the angle between axis and view below which the axis says nothing about left and right.
 ALIGNED = 1e-4
+#: Cosine of the angle between an axis and x from which azimuths count from y.
+CLOSE = 0.9
 
 
 class Eye(NamedTuple):
@@ -131,6 +133,41 @@ def cards(
             axis = eye.up if facing == 'spherical' else (0.0, 0.0, 1.0)
         axes = _upright(toward, as_units('axis', axis), eye.right, facing == 'cylindrical')
     return _rolled(axes, rotation)
+
+
+def azimuths(points, view_from_world, axis=(0.0, 0.0, 1.0), *, parallel=False):
+    """Return from which side an eye sees points: the angle about an axis.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        World units.
+    view_from_world : array_like, shape (4, 4)
+        See :func:`eye_of`.
+    axis : array_like, shape (3,) or (n, 3)
+        Counter-clockwise about it; 0 is x, or y where the axis is close to x.
+    parallel : bool
+        Whether the projection is parallel.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,)
+        Radians from -pi to pi.
+
+    Examples
+    --------
+    >>> from pvibr.maths.facing import azimuths
+    >>> from pvibr.maths.views import look_along
+    >>> azimuths([[0, 0, 0]], look_along([0, 5, 9], [0, -1, 0], [0, 0, 1])).round(4).tolist()
+    [1.5708]
+    """
+    points = np.asarray(points, float).reshape(-1, 3)
+    toward = _toward(points, eye_of(view_from_world), parallel)
+    axis = np.broadcast_to(as_units('axis', axis), points.shape)
+    side = np.where(np.abs(axis[:, :1]) < CLOSE, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    first = side - axis * (axis * side).sum(1, keepdims=True)
+    second = np.cross(axis, first)
+    return np.arctan2((toward * second).sum(1), (toward * first).sum(1))
 
 
 def _check(name, value, allowed):

@@ -8,7 +8,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.frame import Frame
-from pvibr.maths.facing import cards
+from pvibr.maths.facing import azimuths, cards
 
 WHITE = np.full((8, 8, 4), 255, np.uint8)
 SIZE = (160, 100)
@@ -160,6 +160,31 @@ def test_a_flipbook_goes_by_time(see):
         assert tuple(picture[y, x, 0] for x, y in spots) == expected
     pl.ibr.time = 0.5
     assert thing.stamp() != before
+    pl.close()
+
+
+@pytest.mark.parametrize('blend_views', [False, True])
+@pytest.mark.parametrize('axis', [(0, 0, 1), (0.96, 0, 0.28)])
+def test_the_view_from_the_right_side_is_shown(axis, blend_views, see):
+    views, yaws = 8, np.array([0.0, 1.0])
+    grey = (np.arange(views) * 30 + 10).astype(np.uint8)
+    images = [np.full((8, 8), g, np.uint8) for g in grey]
+    points = np.array([[-1.0, 0, 0], [1, 0, 0]])
+    pl = plotter()
+    thing = pl.ibr.add_billboards(points, images, facing='cylindrical', axis=axis, views=views,
+                                  blend_views=blend_views, yaw=yaws, size=0.8)  # fmt: skip
+    for angle in np.linspace(0, 2 * np.pi, 13)[:-1] + 0.1:
+        eye = 12 * np.array([np.cos(angle), np.sin(angle), 0.4])
+        aim(pl, eye)
+        picture = grab(pl, see)
+        azimuth = azimuths(points, Frame.of(pl.renderer).view_from_world, axis)
+        place = (azimuth - yaws) / (2 * np.pi) * views
+        low = np.floor(place).astype(int)
+        share = place - low if blend_views else np.rint(place) - low
+        expected = grey[low % views] * (1 - share) + grey[(low + 1) % views] * share
+        for (x, y), value in zip(pixels(pl, points), expected, strict=True):
+            assert abs(picture[int(y), int(x), 0] - value) <= 1.5
+    assert thing.field.n_images == 1
     pl.close()
 
 
@@ -495,6 +520,10 @@ GOOD = {'points': [[0, 0, 0]], 'image': WHITE}
         ({'size_unit': 'inch'}, 'size_unit'),
         ({'anchor': 'left'}, 'anchor'),
         ({'frames': (3, 1)}, 'frames'),
+        ({'views': 2}, 'views'),
+        ({'views': 0}, 'views'),
+        ({'views': 2, 'facing': 'cylindrical'}, 'divide'),
+        ({'yaw': np.nan}, 'yaw'),
         ({'colors': [[1.0, 2.0, 0.0]]}, 'colors'),
         ({'scalars': [1.0, 2.0]}, 'scalars'),
     ],
