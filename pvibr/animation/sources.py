@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from os import PathLike
 from pathlib import Path
 
@@ -12,7 +13,11 @@ from pvibr.actors.foreign import as_dataset
 from pvibr.animation.body import Body, Skin
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
+from pvibr.errors import PvibrWarning
 from pvibr.maths.skinning import MAX_INFLUENCES
+
+#: Data that follow from the points, and are computed anew.
+_DERIVED = ('Normals', 'Tangents')
 
 
 def surface_of(points, faces, normals=None):
@@ -189,6 +194,11 @@ def series_of(meshes, times=None):
     ValueError
         If a file is read that holds no series, or a block is empty or several meshes.
 
+    Warns
+    -----
+    pvibr.PvibrWarning
+        Of data that differ from mesh to mesh, since those of the first are shown.
+
     Examples
     --------
     >>> import pyvista as pv
@@ -207,7 +217,9 @@ def series_of(meshes, times=None):
     elif hasattr(meshes, 'read'):
         msg = f'{type(meshes).__name__} reads one mesh, not a series; give a list of files.'
         raise ValueError(msg)
-    return [_surface(mesh, f'meshes[{i}]') for i, mesh in enumerate(meshes)], times
+    surfaces = [_surface(mesh, f'meshes[{i}]') for i, mesh in enumerate(meshes)]
+    _warn_of_data(surfaces)
+    return surfaces, times
 
 
 def scene_of(scene):
@@ -280,3 +292,25 @@ def _surface(mesh, name):
         msg = f'{name} is empty.'
         raise ValueError(msg)
     return mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface(algorithm=None)
+
+
+def _warn_of_data(surfaces):
+    """Name what goes along with the points and is not moved by them."""
+    changing = [
+        name
+        for mesh in surfaces[:1]
+        for kind in ('point_data', 'cell_data')
+        for name, values in getattr(mesh, kind).items()
+        if name not in _DERIVED
+        and not all(_same(values, getattr(m, kind).get(name, values)) for m in surfaces)
+    ]
+    if changing:
+        names = ', '.join(repr(name) for name in changing[:5]) + ', ...' * (len(changing) > 5)
+        msg = f'{names} differ from mesh to mesh: a figure shows those of the first'
+        warnings.warn(msg, PvibrWarning, stacklevel=4)
+
+
+def _same(one, other):
+    return one.shape == other.shape and np.array_equal(
+        one, other, equal_nan=one.dtype.kind in 'fc'
+    )

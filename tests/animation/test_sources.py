@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 import trimesh
 
-from pvibr import Figure, Pose
+from pvibr import Figure, Pose, PvibrWarning
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = [[0, 1, 2], [0, 2, 3]]
@@ -140,3 +140,14 @@ def test_a_scene_keeps_its_graph():
     raised[1, 2, 3] += 5.0
     posed = figure.mesh(pose=figure.skeleton.world(raised))
     assert np.allclose(posed['hand'].center, [1, 2, 5], atol=1e-6)
+
+
+def test_data_that_change_from_mesh_to_mesh_are_named():
+    meshes = [pv.Cube() for _ in range(2)]
+    for i, mesh in enumerate(meshes):
+        mesh['same'] = np.full(mesh.n_points, np.nan)
+        mesh['heat'] = np.full(mesh.n_points, i)
+        mesh.cell_data['load'] = np.full(mesh.n_cells, i)
+    with pytest.warns(PvibrWarning, match="'heat', 'load' differ"):
+        figure = Figure.from_series(meshes)
+    assert not figure.mesh(1.0)['heat'].any()
