@@ -12,12 +12,13 @@ from pvibr.actors.figure_bodies import PosedBody, as_bodies, moved_bounds
 from pvibr.actors.figure_picking import nearest_hit, stand_in
 from pvibr.actors.figure_player import FigurePlayer
 from pvibr.actors.picking import pixel_ray
+from pvibr.actors.placing import Placed
 from pvibr.actors.posing import Posing
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.params import Param
 
 
-class FigureActor(FigurePlayer):
+class FigureActor(FigurePlayer, Placed):
     """A figure that moves: ordinary actors whose vertices are posed on the GPU.
 
     Parameters
@@ -65,6 +66,9 @@ class FigureActor(FigurePlayer):
 
     #: Frames that are drawn to pick need the pose too.
     picks = True
+    pickable = True
+    #: How often it was posed.
+    posed = 0
     _posing: Any = None
     _visible: bool | None = None
     _failure: Exception | None = None
@@ -81,28 +85,24 @@ class FigureActor(FigurePlayer):
         self._bodies = as_bodies(figure, given, theme)
         self._posed = [b for b in self._bodies if isinstance(b, PosedBody)]
         self._anchor = anchor()
-        self._matrix = np.eye(4)
+        Placed.__init__(self)
+        self._matrix = self.matrix
         self.pickable = pickable
         self._stand_ins = [stand_in(self, b.index, b.actor) for b in self._posed]
         self._meshes: tuple = (-1, [])
         self._observers: list[int] = []
         self._drawn: tuple = ()
-        self.posed = 0
+
+    def __setattr__(self, name, value):
+        if name[0] != '_' and not hasattr(type(self), name):
+            msg = f'a figure has no {name!r}: looks are arguments, or set on actors()'
+            raise AttributeError(msg)
+        super().__setattr__(name, value)
 
     # -- where it is -------------------------------------------------------------------------
 
-    @property
-    def user_matrix(self) -> np.ndarray:
-        """World from figure, shape (4, 4)."""
-        return self._matrix.copy()
-
-    @user_matrix.setter
-    def user_matrix(self, matrix):
-        matrix = np.array(matrix, np.float64)
-        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-            msg = f'user_matrix has shape {matrix.shape}: must be finite and (4, 4)'
-            raise ValueError(msg)
-        self._matrix = matrix
+    def _moved(self):
+        self._matrix = self.matrix
         self._show_anew()
 
     @property
@@ -129,7 +129,7 @@ class FigureActor(FigurePlayer):
         pyvista.PolyData or pyvista.MultiBlock
             As :meth:`pvibr.Figure.mesh`, computed in float64.
         """
-        mesh = self.figure.mesh(pose=self.pose, skinning=self.skinning)
+        mesh = self.figure.mesh(pose=self.pose, skinning=self.skinning, bulge=self.bulge)
         return mesh.transform(self._matrix, inplace=False)
 
     def _show(self, moment):

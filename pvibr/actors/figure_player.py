@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.animation.blending import crossfade
-from pvibr.animation.mixer import Play, Still
+from pvibr.animation.mixer import Play, Still, revision_of
 from pvibr.animation.pose import Pose
 from pvibr.effect import Effect
 from pvibr.params import Param
@@ -65,6 +65,10 @@ class _Fade:
     def __init__(self, before, after, start, seconds):
         self.before, self.after, self.start, self.seconds = before, after, start, seconds
 
+    @property
+    def revision(self):
+        return revision_of(self.before, self.after)
+
     def sample(self, time):
         share = (time - self.start) / self.seconds
         if share >= 1:
@@ -96,6 +100,7 @@ class FigurePlayer(Effect):
         'less.', range='[0, 1]',
     )  # fmt: skip
 
+    figure: Any = None
     _changes = 0
     _moment: Any = None
     _known: tuple = ()
@@ -109,7 +114,10 @@ class FigurePlayer(Effect):
 
     @property
     def driver(self):
-        """What gives the pose: anything with ``sample(time)``, or None for a fixed pose."""
+        """What gives the pose: anything with ``sample(time)``, or None for a fixed pose.
+
+        Where it has a ``revision`` too, it is asked anew when that changes while time stays.
+        """
         return self._driver
 
     @driver.setter
@@ -247,7 +255,10 @@ class FigurePlayer(Effect):
 
     def _asked(self) -> tuple:
         """Return what the pose and its box depend on, beside what sets them anew."""
-        return (None if self._driver is None else self._now()), self.skinning
+        driver = self._driver
+        if driver is None:
+            return None, self.skinning
+        return self._now(), getattr(driver, 'revision', None), self.skinning
 
     def _sampled(self, time):
         pose = self._fixed if self._driver is None else self._driver.sample(time)

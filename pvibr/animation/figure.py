@@ -319,7 +319,7 @@ class Figure(Model):
             times,
         )
 
-    def mesh(self, time=0.0, clip=None, *, pose=None, skinning='linear', loop=True):
+    def mesh(self, time=0.0, clip=None, *, pose=None, skinning='linear', bulge=1.0, loop=True):
         """Return the figure at a time as data for any backend and for filters.
 
         Parameters
@@ -332,6 +332,8 @@ class Figure(Model):
             A pose in place of a time.
         skinning : {'linear', 'dual'}
             How joints are blended.
+        bulge : float
+            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
         loop : bool
             Begin again at the end, where time 0 is; otherwise the end stays.
 
@@ -354,7 +356,8 @@ class Figure(Model):
         2
         """
         pose = self.sample(time, clip, loop) if pose is None else pose
-        meshes = [self._posed_mesh(i, pose, skinning) for i in range(len(self.bodies))]
+        how = skinning, bulge
+        meshes = [self._posed_mesh(i, pose, how) for i in range(len(self.bodies))]
         if len(meshes) == 1:
             return meshes[0]
         names = [body.name or f'body{i}' for i, body in enumerate(self.bodies)]
@@ -363,14 +366,14 @@ class Figure(Model):
             blocks.append(mesh, name)
         return blocks
 
-    def _posed_mesh(self, index, pose, skinning):
+    def _posed_mesh(self, index, pose, how):
         mesh = self.bodies[index].mesh.copy(deep=True)
-        points, normals = self.posed(index, pose, skinning)
+        points, normals = self.posed(index, pose, *how)
         mesh.points = points
         mesh.point_data['Normals'] = normals
         mesh.point_data.active_normals_name = 'Normals'
         changed = {
-            'Tangents': self.tangents(index, pose, skinning),
+            'Tangents': self.tangents(index, pose, *how),
             self.bodies[index].look.get('scalars'): self.colors(index, pose),
         }
         for name, values in changed.items():

@@ -390,6 +390,11 @@ class Mixer:
     def __repr__(self):
         return f'Mixer({len(self.layers)} layers over {self.base!r})'
 
+    @property
+    def revision(self) -> tuple:
+        """What changes when what is shown at the same time may have."""
+        return revision_of(self.base, *(layer.source for layer in self.layers))
+
     def sample(self, times):
         """Return the pose at times.
 
@@ -414,3 +419,26 @@ class Mixer:
         for layer in self.layers:
             pose = layer.over(pose, times)
         return pose
+
+
+def revision_of(*sources) -> tuple:
+    """Return what changes when poses of sources at the same time may have.
+
+    Parameters
+    ----------
+    *sources : object
+        Of poses.
+
+    Returns
+    -------
+    tuple
+        Their ``revision``, None for those without.
+
+    Examples
+    --------
+    >>> from pvibr import Pose
+    >>> from pvibr.animation.mixer import Still, revision_of
+    >>> revision_of(Still(Pose([[0.0, 0.0, 0.0]])))
+    (None,)
+    """
+    return tuple(getattr(source, 'revision', None) for source in sources)

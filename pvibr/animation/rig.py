@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pvibr.animation.limits import Limits
-from pvibr.animation.mixer import Still
+from pvibr.animation.mixer import Still, revision_of
 from pvibr.animation.pose import Pose
 from pvibr.maths.transforms import trs
 
@@ -218,6 +218,11 @@ class Rigged:
             msg = f'source is {source!r}; it must be a Pose or have sample(times).'
             raise TypeError(msg)
         self.rig, self.source, self.targets = rig, source, targets
+
+    @property
+    def revision(self) -> tuple:
+        """What changes when what is shown at the same time may have."""
+        return revision_of(self.source)
 
     def sample(self, times):
         """Return the poses at times.

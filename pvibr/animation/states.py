@@ -117,6 +117,11 @@ class States:
     def __repr__(self):
         return f'{type(self).__name__}({", ".join(self.states)})'
 
+    @property
+    def revision(self) -> int:
+        """What changes when what is shown at the same time may have."""
+        return len(self._orders)
+
     def go(self, state, at=None, fade=None):
         """Give the order to go to a state; nothing happens if it is in it.
 

@@ -110,3 +110,17 @@ def test_corrected_poses(skinning):
         pl.close()
     assert differing(*pictures[:2]) <= 2
     assert differing(*pictures[1:]) > 200
+
+
+def test_an_order_without_a_fade_is_seen_at_once():
+    figure = worm()
+    here, there = bend(figure, 0.0), bend(figure, 0.5)
+    graph = StateGraph({'here': Still(here), 'there': Still(there)}, fade=0.0)
+    pl = plotter()
+    actor = pl.ibr.add_figure(figure)
+    for driver in (graph, Mixer(graph)):
+        actor.driver = driver
+        graph.go('there' if graph.state(0.0) == 'here' else 'here', at=0.0)
+        expected = there if graph.state(0.0) == 'there' else here
+        np.testing.assert_allclose(actor.pose.rotation, expected.rotation)
+    pl.close()

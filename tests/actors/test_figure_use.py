@@ -115,3 +115,38 @@ def test_one_figure_in_two_subplots_and_back_again():
     pl.render()
     assert right.posed == 1
     pl.close()
+
+
+def test_it_is_placed_as_actors_are():
+    figure = worm()
+    pl = pv.Plotter()
+    ours, theirs = pl.ibr.add_figure(figure), pl.add_mesh(figure.mesh())
+    for actor in (ours, theirs):
+        actor.position, actor.orientation = (1, 2, 3), (10, 20, 30)
+        actor.origin, actor.scale = (0, 0, 1), (1, 2, 0.5)
+        actor.user_matrix = pv.Transform().rotate_x(40).matrix
+    matrix = pv.array_from_vtkmatrix(theirs.GetMatrix())
+    expected = figure.mesh().transform(matrix, inplace=False)
+    np.testing.assert_allclose(ours.mesh().points, expected.points, atol=1e-5)
+    lows, highs = np.reshape(ours.bounds, (3, 2)).T
+    assert (lows <= expected.points.min(0)).all()
+    assert (expected.points.max(0) <= highs).all()
+    pl.close()
+
+
+def test_places_that_are_none_are_refused():
+    actor = pv.Plotter().ibr.add_figure(worm())
+    with pytest.raises(ValueError, match='position'):
+        actor.position = (0, np.nan, 0)
+    with pytest.raises(ValueError, match='user_matrix'):
+        actor.user_matrix = np.eye(3)
+    with pytest.raises(AttributeError, match='colour'):
+        actor.colour = 'red'
+
+
+def test_data_of_it_bulge_as_it_does():
+    figure = worm()
+    actor = pv.Plotter().ibr.add_figure(figure, skinning='dual')
+    actor.pose, actor.bulge = bend(figure, 0.4), 0.3
+    points, _ = figure.posed(0, actor.pose, 'dual', 0.3)
+    np.testing.assert_allclose(actor.mesh().points, points, atol=1e-6)
