@@ -15,7 +15,7 @@ class Settings:
 
     Attributes
     ----------
-    screen : tuple of 2 int
+    size : tuple of 2 int
         Pixels of what is timed.
     rounds : int
         How often; the least counts.
@@ -37,9 +37,13 @@ class Settings:
         How many.
     chains : int
         That reach.
+    crowd : int
+        Figures of the crowd.
+    crowd_part : int
+        How many of them are compared with posed meshes.
     """
 
-    screen: tuple[int, int] = (1280, 720)
+    size: tuple[int, int] = (1280, 720)
     rounds: int = 20
     small: tuple[int, int] = (60, 40)
     offsets: tuple[float, ...] = (0.0, 1e6)
@@ -50,11 +54,13 @@ class Settings:
     face: tuple[int, int] = (200, 250)
     targets: int = 256
     chains: int = 100
+    crowd: int = 10_000
+    crowd_part: int = 200
 
 
 QUICK = Settings(
     (320, 180), 1, (20, 12), (1e6,), 2, 2, figures=((20, 30), (40, 50)), joints=8, face=(20, 30),
-    targets=16, chains=3,
+    targets=16, chains=3, crowd=300, crowd_part=20,
 )  # fmt: skip
 
 
