@@ -15,7 +15,7 @@ class Settings:
 
     Attributes
     ----------
-    size : tuple of 2 int
+    screen : tuple of 2 int
         Pixels of what is timed.
     rounds : int
         How often; the least counts.
@@ -43,7 +43,7 @@ class Settings:
         How many of them are compared with posed meshes.
     """
 
-    size: tuple[int, int] = (1280, 720)
+    screen: tuple[int, int] = (1280, 720)
     rounds: int = 20
     small: tuple[int, int] = (60, 40)
     offsets: tuple[float, ...] = (0.0, 1e6)

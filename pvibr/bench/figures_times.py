@@ -29,7 +29,7 @@ def poses(settings, results):
     results : Results
         Taken further.
     """
-    sizes = settings.joints, settings.size, settings.rounds
+    sizes = settings.joints, settings.screen, settings.rounds
     for around, rings in settings.figures:
         share = pose_times(rings, around, *sizes)
         results.points.setdefault('poses', []).append({'vertices': around * rings, **share})
@@ -196,7 +196,7 @@ def morphs(settings, results):
         Taken further.
     """
     (around, rings), count = settings.face, settings.targets
-    found = morph_times(around, rings, count, settings.size, settings.rounds)
+    found = morph_times(around, rings, count, settings.screen, settings.rounds)
     name = f'{count} morph targets on {around * rings:,} vertices'
     results.rows += [
         Row(f'{name}: frame with none active', found['none'], 'ms'),
