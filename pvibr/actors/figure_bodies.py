@@ -187,6 +187,7 @@ class PosedBody:
         # Two points more hold the box; they are where some vertex is, and draw nothing.
         spare = int(part.mesh.regular_faces[0, 0])
         order = np.concatenate([np.arange(len(body.points)), [spare, spare]])
+        self.order = order
         shapes = BodyShapes(figure, index, order)
         self.mould = self._mould(shapes)
         self.shapes = self.mould.shapes
@@ -194,6 +195,7 @@ class PosedBody:
         self.mesh = _with_spares(part.mesh, order, self.mould.points - self.mould.origin)
         self.actor = self._actor(part)
         self._double = self._depth_double()
+        self._colors = self._morphed_colors()
 
     def _mould(self, shapes):
         order = shapes.order
@@ -314,7 +316,27 @@ class PosedBody:
         if not skinned:
             matrix = _node(moment, self.body.node) @ matrix
         self._hold(moved_bounds(np.linalg.inv(matrix), moment.bounds))
+        self._color(moment.pose)
         return matrix
+
+    def _morphed_colors(self):
+        """Return the array of colours that morph targets change, or None."""
+        if not any(morphs.has('colors') for morphs, _ in self.figure.layers(self.index)):
+            return None
+        colors = self.figure.colors(self.index)
+        shown = self.mesh.point_data.get(self.body.look.get('scalars') or '')
+        same = colors is not None and shown is not None and colors.dtype == shown.dtype
+        return shown if same and colors.shape[1:] == shown.shape[1:] else None
+
+    def _color(self, pose):
+        """Show the colours of a pose: few figures have any that change, so not on the GPU."""
+        if self._colors is None:
+            return
+        colors = self.figure.colors(self.index, pose)[self.order]
+        if not np.array_equal(colors, self._colors):
+            self._colors[:] = colors
+            self._colors.VTKObject.Modified()
+            self.mesh.Modified()
 
     def _hold(self, bounds):
         """Have the mapper's box hold bounds: VTK draws nothing whose box is out of view."""

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import Play
+from pvibr import Body, Figure, Morphs, Play
 from pvibr.animation.pose import Pose
 from tests.actors.figures import bend, bending, worm
+from tests.actors.test_figure_actor import differing, plotter, shot
 
 
 def leaving():
@@ -150,3 +151,26 @@ def test_data_of_it_bulge_as_it_does():
     actor.pose, actor.bulge = bend(figure, 0.4), 0.3
     points, _ = figure.posed(0, actor.pose, 'dual', 0.3)
     np.testing.assert_allclose(actor.mesh().points, points, atol=1e-6)
+
+
+def test_colours_morph():
+    mesh = pv.Sphere()
+    mesh['paint'] = np.full((mesh.n_points, 3), 100, np.uint8)
+    blush = np.zeros((mesh.n_points, 3))
+    blush[mesh.points[:, 2] > 0] = [0.6, 0.0, -0.3]
+    targets = Morphs([np.zeros((mesh.n_points, 3))], colors=[blush])
+    figure = Figure([Body(mesh, morphs=targets, look={'scalars': 'paint', 'rgb': True})])
+    pl = plotter()
+    actor = pl.ibr.add_figure(figure)
+    plain = shot(pl)
+    pictures = []
+    for weight in (0.5, 1.0, 0.0):
+        actor.weights = [weight]
+        pictures.append(shot(pl))
+        other = plotter()
+        other.add_mesh(actor.mesh(), scalars='paint', rgb=True)
+        assert differing(pictures[-1], shot(other)) <= 2
+        other.close()
+    assert differing(pictures[0], pictures[1]) > 200
+    assert differing(pictures[2], plain) == 0
+    pl.close()
