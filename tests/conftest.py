@@ -7,8 +7,12 @@ from pathlib import Path
 
 import pytest
 import pyvista as pv
+from hypothesis import settings
 
 pv.OFF_SCREEN = True
+# Speed is measured by the bench; a machine that is busy fails no test.
+settings.register_profile('untimed', deadline=None)
+settings.load_profile('untimed')
 
 
 @pytest.fixture(autouse=True)
