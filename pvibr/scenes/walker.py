@@ -1,0 +1,146 @@
+"""A person who walks or waves, made of capsules on a skeleton: a figure for crowds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.animation.clip import Clip, Track
+from pvibr.animation.figure import Figure
+from pvibr.maths.quaternions import from_axis_angle
+
+# Joint: parent, where it is, in metres; x is to the left, y to the front, z up.
+_JOINTS = {
+    'pelvis': (None, (0.0, 0.0, 0.95)),
+    'chest': ('pelvis', (0.0, 0.0, 1.15)),
+    'head': ('chest', (0.0, 0.0, 1.52)),
+    'left arm': ('chest', (0.23, 0.0, 1.42)),
+    'left hand': ('left arm', (0.26, 0.0, 1.14)),
+    'right arm': ('chest', (-0.23, 0.0, 1.42)),
+    'right hand': ('right arm', (-0.26, 0.0, 1.14)),
+    'left leg': ('pelvis', (0.1, 0.0, 0.9)),
+    'left foot': ('left leg', (0.11, 0.02, 0.48)),
+    'right leg': ('pelvis', (-0.1, 0.0, 0.9)),
+    'right foot': ('right leg', (-0.11, 0.02, 0.48)),
+}
+# Capsule: from, to, radius, colour.
+_LIMBS = {
+    'pelvis': ((-0.06, 0, 0.95), (0.06, 0, 0.95), 0.13, (60, 65, 85)),
+    'chest': ((0, 0, 1.1), (0, 0, 1.35), 0.16, (255, 255, 255)),
+    'head': ((0, 0.01, 1.62), (0, 0.01, 1.68), 0.1, (226, 180, 150)),
+    'left arm': ((0.23, 0, 1.42), (0.26, 0, 1.16), 0.06, (255, 255, 255)),
+    'left hand': ((0.26, 0, 1.14), (0.27, 0.05, 0.9), 0.045, (226, 180, 150)),
+    'right arm': ((-0.23, 0, 1.42), (-0.26, 0, 1.16), 0.06, (255, 255, 255)),
+    'right hand': ((-0.26, 0, 1.14), (-0.27, 0.05, 0.9), 0.045, (226, 180, 150)),
+    'left leg': ((0.1, 0, 0.88), (0.11, 0.02, 0.5), 0.085, (60, 65, 85)),
+    'left foot': ((0.11, 0.02, 0.48), (0.11, 0, 0.08), 0.06, (60, 65, 85)),
+    'right leg': ((-0.1, 0, 0.88), (-0.11, 0.02, 0.5), 0.085, (60, 65, 85)),
+    'right foot': ((-0.11, 0.02, 0.48), (-0.11, 0, 0.08), 0.06, (60, 65, 85)),
+}
+_NAMES = list(_JOINTS)
+
+
+def walker(triangles=5000) -> Figure:
+    """Return a person 1.8 m tall, who looks along y, with the clips 'Walk' and 'Wave'.
+
+    Parameters
+    ----------
+    triangles : int
+        About how many.
+
+    Returns
+    -------
+    Figure
+        Standing at the origin; shirt and sleeves are white, for colours that multiply.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 300 triangles.
+
+    Examples
+    --------
+    >>> from pvibr.scenes.walker import walker
+    >>> walker(2000)
+    Figure(1 bodies, 11 joints, clips: 'Walk', 'Wave')
+    """
+    if triangles < 300:
+        msg = f'triangles = {triangles}: must be 300 or more'
+        raise ValueError(msg)
+    # A capsule has a ring of quads, and two half balls of as many rings as they have quarters.
+    around = max(4, int((triangles / len(_LIMBS)) ** 0.5))
+    meshes = [_capsule(*limb[:3], around) for limb in _LIMBS.values()]
+    joints = [np.full(m.n_points, _NAMES.index(name)) for name, m in zip(_LIMBS, meshes)]  # noqa: B905
+    colors = [np.tile(limb[3], (m.n_points, 1)) for limb, m in zip(_LIMBS.values(), meshes)]  # noqa: B905
+    mesh = pv.merge(meshes, merge_points=False)
+    mesh = mesh.extract_surface(algorithm=None) if not isinstance(mesh, pv.PolyData) else mesh
+    figure = Figure.from_arrays(
+        mesh.points, mesh.regular_faces, np.concatenate(joints)[:, None],
+        np.ones((mesh.n_points, 1)), *_rest(), names=_NAMES, clips=[_walk(), _wave()],
+        normals=mesh.point_data['Normals'], look={'scalars': 'paint', 'rgb': True, 'smooth_shading': True},
+        name='walker',
+    )  # fmt: skip
+    figure.bodies[0].mesh['paint'] = np.concatenate(colors).astype(np.uint8)
+    return figure
+
+
+def _rest():
+    """Return parents and local matrices of the joints."""
+    parents = [-1 if p is None else _NAMES.index(p) for p, _ in _JOINTS.values()]
+    places = np.array([place for _, place in _JOINTS.values()])
+    rest = np.tile(np.eye(4), (len(places), 1, 1))
+    above = [places[p] if p >= 0 else np.zeros(3) for p in parents]
+    rest[:, :3, 3] = places - above
+    return parents, rest
+
+
+def _capsule(start, end, radius, around):
+    """Return a closed tube with round ends, with normals."""
+    start, end = np.array(start, float), np.array(end, float)
+    axis = (end - start) / np.linalg.norm(end - start)
+    ball = pv.Sphere(radius=1.0, theta_resolution=around, phi_resolution=around // 2 + 2)
+    unit = np.asarray(ball.points, float)
+    helper = np.eye(3)[np.abs(axis).argmin()]
+    side = np.cross(axis, helper)
+    side /= np.linalg.norm(side)
+    normals = unit @ np.stack([side, np.cross(axis, side), axis])
+    points = np.where(unit[:, 2:] > 0, end, start) + radius * normals
+    out = pv.PolyData(points, ball.faces)
+    out.point_data['Normals'] = normals
+    return out
+
+
+def _turns(name, seconds, degrees, axis=(1.0, 0.0, 0.0)):
+    """Return a track of a joint's angles at equal steps of time."""
+    times = np.linspace(0.0, seconds, len(degrees))
+    values = from_axis_angle([axis] * len(degrees), np.radians(degrees))
+    return Track(_NAMES.index(name), 'rotation', times, values)
+
+
+def _walk():
+    share = np.linspace(0.0, 2 * np.pi, 17)
+    swing, tracks = 28 * np.sin(share), []
+    for side, sign in (('left', 1.0), ('right', -1.0)):
+        bend = np.maximum(55 * sign * np.cos(share), 0) + 5  # while the leg swings to the front
+        tracks += [
+            _turns(f'{side} leg', 1.0, sign * swing),
+            _turns(f'{side} foot', 1.0, -bend),
+            _turns(f'{side} arm', 1.0, -0.8 * sign * swing),
+            _turns(f'{side} hand', 1.0, np.full(17, 20.0)),
+        ]
+    heights = 0.95 + 0.02 * np.cos(2 * share)
+    rise = np.stack([np.zeros(17), np.zeros(17), heights], 1)
+    return Clip('Walk', [*tracks, Track(0, 'translation', np.linspace(0, 1, 17), rise)])
+
+
+def _wave():
+    front = (0.0, 1.0, 0.0)
+    beat = [0, 30, -10, 30, -10, 0]
+    return Clip(
+        'Wave',
+        [
+            _turns('left arm', 2.0, [-140.0] * 6, front),
+            _turns('left hand', 2.0, beat, front),
+            _turns('chest', 2.0, [0, 4, -4, 4, -4, 0], (0.0, 0.0, 1.0)),
+        ],
+    )
