@@ -77,6 +77,17 @@ def test_it_leaves_nothing(pl):
     np.testing.assert_array_equal(pl.screenshot(), plain)
 
 
+@pytest.mark.parametrize('high', [False, True])
+def test_what_is_translucent_looks_as_before(pl, high):
+    pl.add_mesh(pv.Cube(center=(0.3, 0.3, 0.6)), color='deepskyblue', opacity=0.4)
+    if high:
+        pl.ibr.add(pvibr.ToneMapping())
+    plain = pl.ibr.buffer('color')
+    pl.ibr.add(pvibr.Outline(opacity=0.001))  # surfaces are written, lines are not seen
+    assert pl.ibr.buffer('id').max() > 0
+    np.testing.assert_allclose(pl.ibr.buffer('color'), plain, atol=1.5 / 255)
+
+
 def test_bad_name(pl):
     with pytest.raises(ValueError, match="buffer = 'height': must be one of 'depth'"):
         pl.ibr.buffer('height')

@@ -10,6 +10,7 @@ from pvibr.gl.texture import Texture
 
 _NAME = 'pvibr: end of opaque props'
 _COLOR_BIT = 0x4000  # GL_COLOR_BUFFER_BIT
+_FIRST, _NONE = 0x8CE0, 0  # GL_COLOR_ATTACHMENT0, GL_NONE
 # A blit of depth wants the same format on both sides: the window's, whatever it is.
 _DEPTH_FORMATS = {0x81A5: 'Fixed16', 0x81A6: 'Fixed24', 0x81A7: 'Fixed32', 0x8CAC: 'Float32'}
 
@@ -119,6 +120,9 @@ class ScenePass:
             framebuffer, self._attached = self._attached, None
             framebuffer.DeactivateDrawBuffers()
             framebuffer.ActivateDrawBuffer(0)
+            # VTK remembers a second draw buffer beyond its framebuffer, and would not ask for that
+            # of its translucent pass again.
+            self.window.GetState().vtkglDrawBuffers(2, (_FIRST, _NONE))
             framebuffer.RemoveColorAttachment(1)
 
     def end(self):
