@@ -78,6 +78,7 @@ _EXPORTS = {
     'attach': 'pvibr.component',
     'joint_mask': 'pvibr.animation.blending',
     'outline': 'pvibr.outlines',
+    'plant_levels': 'pvibr.actors.scatter_levels',
     'read_gltf': 'pvibr.animation.gltf',
     'shadow_mask': 'pvibr.visibility',
     'shadowed_area': 'pvibr.visibility',

@@ -232,6 +232,11 @@ def _baked(levels, progress, **grid):
 
 def _levels(parts):
     levels = [MeshLevel(list(parts))]
+    given = max(len(p.stand_ins) for p in parts)
+    if given:
+        rungs = [[q for p in parts for q in (p.stand_ins or ((p,),) * given)[k]]
+                 for k in range(given)]  # fmt: skip
+        return levels + [MeshLevel(rung) for rung in rungs]
     if levels[0].triangles < _HEAVY:
         return levels
     for share in SHARES:
@@ -244,6 +249,8 @@ def _levels(parts):
 
 def _bake_level(levels):
     """Return the index of the lightest level that has triangles enough for a bake."""
+    if any(p.stand_ins for p in levels[0].parts):
+        return 0  # quads with pictures are no place to take pictures from
     return max(i for i, lv in enumerate(levels) if i == 0 or lv.triangles >= _BAKE_TRIANGLES)
 
 
@@ -275,7 +282,8 @@ def content_key(parts, views, tile, half) -> str:
         A key of the cache.
     """
     values = [VERSION, views, tile, half, SHARES]
-    for part in parts:
+    stand_ins = [q for p in parts for rung in p.stand_ins for q in rung]
+    for part in [*parts, *stand_ins]:
         values += [part.alpha_cutoff, *_mesh_values(part.mesh), *look_values(part.actor)]
     return key_of(*values)
 

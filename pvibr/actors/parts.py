@@ -51,6 +51,8 @@ class Part:
         Triangles in model coordinates, with the arrays that the actor shows and no others.
     alpha_cutoff : float, optional
         Fragments whose alpha (before the uniform opacity) is below are not drawn.
+    stand_ins : tuple of tuple of Part
+        What may be drawn in its place from ever farther away, where that is not derived from it.
 
     Examples
     --------
@@ -64,6 +66,7 @@ class Part:
     actor: pv.Actor
     mesh: pv.PolyData
     alpha_cutoff: float | None = None
+    stand_ins: tuple = ()
 
     def polydata_mapper(self):
         """Return a new ``vtkPolyDataMapper`` with the look of the actor's own mapper.
