@@ -178,8 +178,11 @@ mat3 ibr_frame(vec3 d)
         gl_Position = ibr_clip_from_eye * p;
         if (size > ibr_range.z)
         {
-          // A finer level is drawn over it: behind that, by the depth of the object.
-          float back = ibr_parallel == 1 ? p.z - 2.0 * stretch : p.z * (1.0 + 2.0 * stretch / away);
+          // A finer level is drawn over it: behind that, by the depth of the object. No further: a
+          // ground beneath would hide the feet.
+          float deep_q = 1.1 * (dot(abs(d), ibr_box_half) - dot(d, ibr_box_center)) + 0.02;
+          float behind = clamp(deep_q, 0.02, 2.0) * stretch;
+          float back = ibr_parallel == 1 ? p.z - behind : p.z * (1.0 + behind / away);
           vec4 deep = ibr_clip_from_eye * vec4(p.xy, back, 1.0);
           gl_Position.z = min(deep.z / deep.w, 0.9999) * gl_Position.w;
         }
