@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pvibr.bench import figures_errors, figures_solvers, figures_times
+from pvibr.bench import figures_crowd, figures_errors, figures_solvers, figures_times
 from pvibr.bench.plot import plot_figures
 from pvibr.bench.runs import run
 
@@ -87,5 +87,6 @@ def measure(out, *, quick=False) -> list:
         'morph targets': figures_times.morphs,
         'inverse kinematics': figures_solvers.reaching,
         'pose space': figures_solvers.correcting,
+        'crowd': figures_crowd.measure,
     }
     return run('figures', parts, QUICK if quick else Settings(), plot_figures, out, quick=quick)

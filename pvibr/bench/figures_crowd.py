@@ -28,8 +28,8 @@ def measure(settings, results):
     Parameters
     ----------
     settings : Settings
-        ``screen``, its size in pixels; ``crowd``, how many figures; ``crowd_part``, how many of them are
-        compared with posed meshes.
+        ``screen``, its size in pixels; ``crowd``, how many figures; ``crowd_part``, how many of
+        them are compared with posed meshes.
     results : Results
         Taken further.
     """
