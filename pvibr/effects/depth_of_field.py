@@ -29,9 +29,9 @@ class DepthOfField(Effect):
 
     Parameters
     ----------
-    target : None, array_like of shape (3,), or actor, optional
-        What is in focus: a point in world units, or the middle of an actor wherever it goes;
-        by default the camera's focal point. ``distance`` goes before it.
+    target : None, array_like of shape (3,), actor, instances or figure, optional
+        What is in focus: a point in world units, or the middle of an actor or thing wherever it
+        goes; by default the camera's focal point. ``distance`` goes before it.
     **settings
         See the class's Params.
 
@@ -84,12 +84,13 @@ class DepthOfField(Effect):
 
     @property
     def target(self) -> Any:
-        """What is in focus: None, a point or an actor."""
+        """What is in focus: None, a point, an actor or a thing."""
         return self._target
 
     @target.setter
     def target(self, target):
-        self._target = target if target is None or hasattr(target, 'GetCenter') else _point(target)
+        known = target is None or hasattr(target, 'GetCenter') or hasattr(target, 'drawn')
+        self._target = target if known else _point(target)
 
     def focus(self, frame) -> float:
         """Return the distance of the plane in focus.
@@ -109,8 +110,8 @@ class DepthOfField(Effect):
         target: Any = self.target
         if target is None:
             target = frame.renderer.GetActiveCamera().GetFocalPoint()
-        elif hasattr(target, 'GetCenter'):
-            target = target.GetCenter()
+        elif not isinstance(target, tuple):
+            target = target.GetCenter() if hasattr(target, 'GetCenter') else target.center
         away = -float(frame.view_from_world[2, :3] @ target + frame.view_from_world[2, 3])
         return max(away, frame.near, 1e-12)
 
@@ -271,6 +272,6 @@ def _target(window, size, formats, filter) -> Target:
 def _point(target) -> tuple:
     point = np.asarray(target)
     if point.shape != (3,) or point.dtype.kind not in 'iuf' or not np.isfinite(point).all():
-        msg = f'target = {target!r}: must be None, three finite numbers, or an actor'
+        msg = f'target = {target!r}: must be None, three finite numbers, an actor or a thing'
         raise ValueError(msg)
     return tuple(float(x) for x in point)

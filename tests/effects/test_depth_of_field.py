@@ -126,6 +126,8 @@ def test_focus_on_points_actors_and_distances(half_plane):
     assert lens.focus(frame) == pytest.approx(20, rel=1e-4)
     ball.position = (0, 0, -5)
     assert lens.focus(frame) == pytest.approx(25, rel=1e-4)
+    lens.target = pl.ibr.add_instances(pv.Sphere(radius=0.1), [[0, 0, -11], [0, 0, -13]])
+    assert lens.focus(frame) == pytest.approx(12, rel=1e-4)
     lens.distance = 3
     assert lens.focus(frame) == 3
     assert lens.opening(3.0) == pytest.approx(0.3 / 5.6)
