@@ -13,7 +13,7 @@ from pvibr.gl import shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.gl.stencil import StencilTarget
-from pvibr.maths.silhouettes import edge_table, volume, volume_triangles
+from pvibr.maths.silhouettes import edge_table, moved_table, volume, volume_triangles
 from pvibr.maths.views import View, corners
 
 _SURFACE = 2  # VTK_SURFACE
@@ -109,6 +109,7 @@ class ShadowVolumes:
     def _meshes(self, casters) -> list[tuple]:
         """Return (actor, table of edges, world from model) of what throws shadows."""
         old, self._tables = self._tables, {}  # what is gone is forgotten
+        shapes = {key[1:]: table for key, table in old.items()}
         found = []
         solids = [t.solids() if hasattr(t, 'solids') else [None] for t in casters.things]
         actors = [*casters.actors, *(a for group in solids for a in group)]
@@ -121,7 +122,10 @@ class ShadowVolumes:
                 world, flat = np.eye(4), world
                 key = (*key, flat.tobytes())
             if key not in self._tables:
-                self._tables[key] = old[key] if key in old else _table(data, flat)
+                known = old.get(key)
+                if known is None:
+                    known = _table(data, flat, shapes.get(key[1:]) if len(key) > 1 else None)
+                self._tables[key] = known
             if len(self._tables[key].triangles):
                 found.append((actor, self._tables[key], world))
         self._without = len(actors) - len(found)
@@ -386,7 +390,12 @@ def _is_part(actor) -> bool:
     return attributes is not None and attributes.HasBlockVisibilities()
 
 
-def _table(data, matrix):
+def _table(data, matrix, like=None):
+    """Return the table of a mesh, by that of the same triangles between other points."""
+    if like is not None and matrix is None:
+        moved = moved_table(like, _vtk.vtk_to_numpy(data.GetPoints().GetData()))
+        if moved is not None:
+            return moved
     points, triangles = _triangles(data)
     if matrix is not None:
         points = points @ matrix[:3, :3].T + matrix[:3, 3]

@@ -16,7 +16,7 @@ is a place, (x, y, z, 0) a direction toward the light.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -47,6 +47,9 @@ class Edges:
     groups : tuple of (numpy.ndarray, shape (e, 2), numpy.ndarray, shape (k, e)), int
         For each number k of triangles at an edge: the ends of these edges, and their triangles;
         m is added to a triangle that runs from the second end to the first.
+    welded : tuple of numpy.ndarray
+        Which given point each of `points` is, shape (n,); the given points that triangles use,
+        and which of `points` each of these is, both of shape (u,).
     """
 
     origin: np.ndarray
@@ -57,6 +60,7 @@ class Edges:
     planes: np.ndarray
     unit: float
     groups: tuple[tuple[np.ndarray, np.ndarray], ...]
+    welded: tuple[np.ndarray, np.ndarray, np.ndarray]
 
     @cached_property
     def closed(self) -> bool:
@@ -106,10 +110,55 @@ def edge_table(points, triangles):
     False
     """
     points, triangles = _checked(points, triangles)
-    points, triangles = _welded(points, triangles)
+    welded, triangles = _welded(points, triangles)
     a, b, c = triangles.T
     sources = np.flatnonzero((a != b) & (b != c) & (c != a))
     triangles = triangles[sources]
+    groups = _groups(triangles, len(welded[0]))
+    placed = _placed(points, triangles, welded)
+    return Edges(triangles=triangles, sources=sources, groups=groups, welded=welded, **placed)
+
+
+def moved_table(edges, points):
+    """Return the table of a mesh whose points have moved.
+
+    Parameters
+    ----------
+    edges : Edges
+        The table of the same triangles between other points.
+    points : array_like, shape (n, 3)
+        As many points as that was made of, world units.
+
+    Returns
+    -------
+    Edges or None
+        With the topology of the other one; None where points that were equal are no longer, or a
+        corner is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.silhouettes import edge_table, moved_table
+    >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    >>> table = moved_table(edge_table(square, [[0, 1, 2], [0, 2, 3]]), 2 * square)
+    >>> table.half_box.tolist()
+    [1.0, 1.0, 0.0]
+    """
+    points = np.asarray(points, np.float64)
+    rows, used, which = edges.welded
+    if used.size and used.max() >= len(points):
+        return None
+    if (points[used] != points[rows][which]).any():  # numbers that are none among them
+        return None
+    placed = _placed(points, edges.triangles, edges.welded)
+    if not np.isfinite(placed['half_box']).all():
+        return None
+    return replace(edges, **placed)
+
+
+def _placed(points, triangles, welded):
+    """Return what of a table depends on where its points are."""
+    points = points[welded[0]] + 0.0  # no negative zero
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else np.zeros((2, 3))
     origin = low + 0.5 * (high - low)
     points = points - origin
@@ -117,8 +166,9 @@ def edge_table(points, triangles):
     # A power of two rounds nothing, and squares of very small or large meshes stay in range.
     unit = float(2.0 ** np.frexp(half_box.max() or 1.0)[1])
     planes = _planes(points / unit, triangles)
-    groups = _groups(triangles, len(points))
-    return Edges(origin, half_box, points, triangles, sources, planes, unit, groups)
+    return {
+        'origin': origin, 'half_box': half_box, 'points': points, 'planes': planes, 'unit': unit,
+    }  # fmt: skip
 
 
 def facing(edges, light):
@@ -344,6 +394,7 @@ def _checked(points, triangles):
 
 
 def _welded(points, triangles):
+    """Return which points stand for which (see `Edges.welded`), and the triangles between them."""
     # Points that no triangle uses would move the origin.
     used = np.zeros(len(points), bool)
     used[triangles] = True
@@ -363,7 +414,7 @@ def _welded(points, triangles):
     alone = stands == np.arange(len(points))
     index = np.empty(len(used), np.intp)
     index[kept] = (np.cumsum(alone) - 1)[stands]
-    return points[alone], index[triangles]
+    return (kept[alone], kept, index[kept]), index[triangles]
 
 
 def _planes(points, triangles):

@@ -12,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 from pvibr.maths.silhouettes import (
     edge_table,
     facing,
+    moved_table,
     silhouettes,
     volume,
     volume_triangles,
@@ -290,6 +291,25 @@ def test_seams_are_welded_and_flat_triangles_dropped():
     folded = edge_table(SQUARE[0], [[0, 1, 2], [1, 1, 2], [0, 2, 3], [3, 0, 3]])
     assert folded.sources.tolist() == [0, 2]
     assert len(silhouettes(folded, (0, 0, 1, 0))[0]) == 4
+
+
+def test_a_moved_mesh_keeps_its_topology():
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    mesh.unmerge_vertices()
+    points, spare = np.array(mesh.vertices), [[9.0, 9.0, 9.0]]
+    points = np.concatenate([spare, points])
+    table = edge_table(points, mesh.faces + 1)
+    moved = points * [1.0, 2.0, 3.0] + np.sin(5 * points)
+    ours, anew = moved_table(table, moved), edge_table(moved, mesh.faces + 1)
+    assert ours.closed == anew.closed
+    for name in ('origin', 'half_box', 'points', 'planes', 'unit', 'triangles', 'sources'):
+        np.testing.assert_array_equal(getattr(ours, name), getattr(anew, name), name)
+    for a, b in zip(ours.groups, anew.groups, strict=True):
+        np.testing.assert_array_equal(np.sort(a[0], 1), np.sort(b[0], 1))
+    moved[7] += 1e-9  # a seam opens
+    assert moved_table(table, moved) is None
+    assert moved_table(table, np.full_like(points, np.nan)) is None
+    assert moved_table(table, points[:5]) is None
 
 
 def test_points_that_nothing_uses_do_not_matter():
