@@ -33,7 +33,7 @@ TILES = (64, 32, 16)
 BUDGET = 192 * 2**20
 BINS = 1024  # moments of a clip that the texture knows
 _SAMPLES = 32  # moments of a clip at which its motion is looked at
-_MEASURED = 2  # phases of each clip, and at most three clips, that are measured
+_MEASURED = 3  # clips that are measured at most, in one phase each; one alone in two
 _BYTES = 8 * 3 / 2  # of a texel with its smaller levels
 
 
@@ -467,8 +467,9 @@ def _measured(sitter, motions, counts, atlas):
     """
     tables = []
     first = 0
-    for motion, count in list(zip(motions, counts, strict=True))[:3]:
-        for k in np.unique(np.linspace(0, count - 1, 2 + _MEASURED).astype(int)[1:-1]):
+    some = 2 if len(motions) == 1 else 1
+    for motion, count in list(zip(motions, counts, strict=True))[:_MEASURED]:
+        for k in np.unique(np.linspace(0, count - 1, 2 + some).astype(int)[1:-1]):
             between = motion.pose((k + 1) / count)
             model = Model([MeshLevel(sitter.parts(between))], atlas.phase(first + int(k)))
             tables.append(measure(model))
