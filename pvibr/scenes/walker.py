@@ -77,8 +77,8 @@ def walker(triangles=5000) -> Figure:
     figure = Figure.from_arrays(
         mesh.points, mesh.regular_faces, np.concatenate(joints)[:, None],
         np.ones((mesh.n_points, 1)), *_rest(), names=_NAMES, clips=[_walk(), _wave()],
-        normals=mesh.point_data['Normals'], look={'scalars': 'paint', 'rgb': True, 'smooth_shading': True},
-        name='walker',
+        normals=mesh.point_data['Normals'], name='walker',
+        look={'scalars': 'paint', 'rgb': True, 'smooth_shading': True},
     )  # fmt: skip
     figure.bodies[0].mesh['paint'] = np.concatenate(colors).astype(np.uint8)
     return figure
