@@ -25,6 +25,8 @@ LARGEST = 1024
 # An image is taken from where the eye will be when it is wrong by this share of what is allowed,
 # going on as it did, and no more frames ahead than these.
 _AHEAD, _FARTHEST = 0.85, 60.0
+# What was drawn one way goes on so unless another is cheaper by this.
+_KEPT = 0.8
 
 
 class Impostor(Effect):
@@ -74,6 +76,7 @@ class Impostor(Effect):
     depth = Param(True, 'Whether images have depth, so that they meet others as their actors do.')
     hierarchical = Param(False, 'Whether actors beside each other may share an image.')
     memory = Param(2**28, 'What the images may take.', range='[65536, inf)', unit='bytes')
+    refuse = Param(True, 'Whether what is cheaper as a mesh is drawn as one, as measured here.')
     views = Param(2, 'Images kept of an actor.', range='[1, 16]')
 
     def __init__(self, actors, *, name=None, **settings):
@@ -93,6 +96,7 @@ class Impostor(Effect):
         self._cards = ImpostorCards()
         self._costs = Costs()
         self._tree: Any = None
+        self._last = np.zeros(0, int)
         self._images: Any = None
         self._props_time = -1
         self._version = 0
@@ -292,6 +296,7 @@ class Impostor(Effect):
         if self._images is not None:
             self._images.release()
         self._tree = self._images = None
+        self._last = np.zeros(0, int)
 
     def _build(self):
         self._forget_tree()
@@ -349,22 +354,37 @@ class Impostor(Effect):
         ahead = (away > NEAREST * self._radius) | eyes.parallel
         scale = eyes.pixels(self._center, self._radius) / away
         pixels = 2 * self._radius * scale
+        depth, area = self._faces(eyes)
         seconds = tree.gather(self._costs.meshes(self._sources) * self._live[:n], np.add)
         busy = tree.gather(self._costs.busy, np.maximum)
-        rate = self._costs.speed * self._radius * scale / away if not eyes.parallel else 0.0
-        own = self._costs.images(seconds, rate / self.max_error, busy, pixels)
+        rate = 0.0 if eyes.parallel else self._costs.speed * depth * scale / away / self.max_error
+        own = self._costs.images(seconds, rate, busy, area * scale**2)
+        own[self._last] *= _KEPT
         usable = ahead & (pixels * 1.2 / self.max_error < min(LARGEST, self._side()))
         cost = np.where(usable, own, np.inf)
         # A mesh is an actor's other choice, and the only one of those that are near.
         near = ~usable[:n]
-        dear = cost[:n] > seconds[:n]
-        cost[:n] = np.minimum(cost[:n], seconds[:n])
+        dear = (cost[:n] > seconds[:n]) & self.refuse
+        cost[:n] = np.where(near | dear, seconds[:n], cost[:n])
         nodes = tree.cheapest(cost, here)
         leaves = nodes[nodes < n]
         why[leaves[near[leaves]]] = 'near'
         why[leaves[dear[leaves] & ~near[leaves]]] = 'cheaper as a mesh'
+        self._last = nodes
         keep = (nodes >= n) | ~(near | dear)[np.minimum(nodes, n - 1)]
         return nodes[keep], why
+
+    def _faces(self, eyes):
+        """Return how deep boxes are from their middle, and the area that they show."""
+        toward = eyes.toward if eyes.parallel else eyes.eye - self._center
+        toward = toward / np.linalg.norm(toward, axis=-1, keepdims=True)
+        along = np.abs(
+            np.einsum('nij,nj->ni', self._half, np.broadcast_to(toward, self._center.shape))
+        )
+        x, y, z = np.moveaxis(np.linalg.norm(self._half, axis=2), 1, 0)
+        dx, dy, dz = (along / np.maximum(np.stack([x, y, z], 1), 1e-300)).T
+        depth = np.minimum(along.sum(1), self._radius)
+        return depth, 4 * (y * z * dx + z * x * dy + x * y * dz)
 
     def _side(self):
         """Return the side of the largest pool that the memory allows."""
@@ -467,7 +487,7 @@ class Impostor(Effect):
     def _areas(self, eyes, shown):
         """Return the pixels that cards cover, about."""
         scale = eyes.pixels(self._center, self._radius) / eyes.away(self._center)
-        return float(((2 * self._radius * scale)[shown[:, 1]] ** 2).sum()) * 0.6
+        return float((self._faces(eyes)[1] * scale**2)[shown[:, 1]].sum())
 
     def _unhide(self):
         for i in self._hidden:

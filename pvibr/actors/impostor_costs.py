@@ -104,7 +104,7 @@ class Costs:
         """
         return _IMAGE + sum(map(self._of, sources))
 
-    def images(self, seconds, rate, busy, pixels) -> np.ndarray:
+    def images(self, seconds, rate, busy, area) -> np.ndarray:
         """Return the seconds of a frame that images take, with their share of being drawn again.
 
         Parameters
@@ -113,11 +113,11 @@ class Costs:
             Of the meshes.
         rate, busy : numpy.ndarray
             Shares of frames in which the eye moves too far, and in which an actor changes.
-        pixels : numpy.ndarray
-            Diameters on the screen.
+        area : numpy.ndarray
+            Pixels that they cover.
         """
         often = np.minimum(rate + busy, 1.0)
-        return often * (seconds + _IMAGE) + _CARD + self.pixel * 0.6 * pixels**2
+        return often * (seconds + _IMAGE) + _CARD + self.pixel * area
 
     @contextmanager
     def timed(self, window, sources):

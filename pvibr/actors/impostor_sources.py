@@ -28,27 +28,34 @@ _OUTPUT = """  if (gl_FragData[0].a < 0.5) discard;
 
 
 class Materials:
-    """What light makes of surfaces, numbered: ambient, diffuse, specular, power and its colour."""
+    """What light makes of surfaces, numbered: ambient, diffuse, specular, power and its colour.
+
+    As many as a byte tells apart; what comes later takes the number of the most alike.
+    """
 
     most = 256
 
     def __init__(self):
         self._numbers: dict[tuple, int] = {}
 
-    def number(self, prop) -> int | None:
-        """Return the number of a property's material, None where there are too many.
+    def number(self, prop) -> int:
+        """Return the number of a property's material.
 
         Parameters
         ----------
         prop : vtkProperty
             Of an actor.
         """
-        key = (
-            prop.GetAmbient(), prop.GetDiffuse(), prop.GetSpecular(), prop.GetSpecularPower(),
-            *prop.GetSpecularColor(), 0.0,
-        )  # fmt: skip
+        shine = prop.GetSpecular()
+        # What does not show makes no difference.
+        how = (
+            (prop.GetSpecularPower(), *prop.GetSpecularColor()) if shine else (1.0, 0.0, 0.0, 0.0)
+        )
+        key = prop.GetAmbient(), prop.GetDiffuse(), shine, *how, 0.0
         if key not in self._numbers and len(self._numbers) == self.most:
-            return None
+            scale = np.array([1, 1, 1, 0.01, 1, 1, 1, 0])
+            away = [np.abs(scale * np.subtract(k, key)).sum() for k in self._numbers]
+            return int(np.argmin(away))
         return self._numbers.setdefault(key, len(self._numbers))
 
     def __len__(self):
@@ -162,9 +169,6 @@ class Source:
         mapper, prop = actor.GetMapper(), actor.GetProperty()
         times = mapper, mapper.GetMTime(), prop, prop.GetMTime()
         number = self.materials.number(actor.GetProperty())
-        if number is None:
-            self.why = f'more than {self.materials.most} materials'
-            return
         if self._double is None:
             self._double = _vtk.vtkActor()
         double = self._double
