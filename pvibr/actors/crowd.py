@@ -72,7 +72,7 @@ class Crowd(Instances):
     >>> balloons = pl.ibr.add_figure(
     ...     balloon, [[0, 0, 0], [2, 0, 0]], times=[0.0, 0.5], max_error=8, cache=False
     ... )
-    >>> balloons.mesh(1).center[2].round(3)
+    >>> round(balloons.mesh(1).center[2], 3)
     1.0
     >>> pl.close()
     """

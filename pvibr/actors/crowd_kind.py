@@ -10,7 +10,8 @@ from pvibr.actors.figure_player import Moment
 from pvibr.actors.kind import Kind
 from pvibr.actors.posed_meshes import PosedPool
 
-#: Seconds from which on rounds are counted anew: floats of 32 bits keep a thousandth of one.
+#: Seconds after which rounds are counted anew, at the same times whatever was shown before: floats
+#: of 32 bits keep a thousandth of a round so long.
 _ERA = 512.0
 
 
@@ -133,10 +134,11 @@ class CrowdKind(Kind):
             Seconds of the plotter.
         """
         if self.atlas.phased:
-            if self._era is None or abs(time - self._era) > _ERA:
-                self._era = time
-                self.cards.move(self.cast.moves.rows(self.cast.motions, time)[self.ids])
-            self.cards.uniforms['ibr_time'] = float(time - self._era)
+            era = _ERA * float(np.floor(time / _ERA))
+            if self._era != era:
+                self._era = era
+                self.cards.move(self.cast.moves.rows(self.cast.motions, era)[self.ids])
+            self.cards.uniforms['ibr_time'] = float(time - era)
         for pool in self.pools:
             if pool.lent:
                 slots = list(pool.lent)
@@ -239,12 +241,14 @@ class Cast:
         """
         clips, seconds = np.array(keys).T
         out: list = [None] * len(keys)
+        # Where nothing but joints moves vertices, these are all that is asked for.
+        still = not any(getattr(body, 'shapes', None) for body in self.bodies)
         for clip in np.unique(clips):
             (places,) = np.nonzero(clips == clip)
             poses = self.pose(int(clip), seconds[places])
             worlds = self.figure.world(poses)
             for k, place in enumerate(places):
-                out[place] = Moment(poses[k], worlds[k], self.box)
+                out[place] = Moment(worlds[k] if still else poses[k], worlds[k], self.box)
         return out
 
     def shown(self, member, time):
