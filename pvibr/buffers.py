@@ -78,13 +78,25 @@ class _Numbers:
     def put(self, numbers):
         """Give actors numbers, pairs of both, until `clear`."""
         lights = [light.GetSwitch() for light in self.renderer.GetLights()]
+        fresh = set()
         for actor, number in numbers:
             key = address(actor)
             worn = self._worn.get(key)
             if worn is None or worn.stamp != (actor.GetMTime(), *_data_time(worn.mapper), lights):
+                before = actor.GetShaderProperty().GetShaderMTime()
                 worn = self._worn[key] = self._dressed(actor, lights)
+                if worn.shader.GetShaderMTime() != before:
+                    fresh.add(worn.mapper)
             worn.uniforms.SetUniformf('ibr_id', float(number))
             self._set.append(worn.uniforms)
+        if fresh:
+            self._build_again(fresh)
+
+    def _build_again(self, mappers):
+        """Have mappers build programs for all their actors: of several, they ask the newest."""
+        for worn in self._worn.values():
+            if worn.mapper in mappers:
+                worn.shader.Modified()
 
     def _dressed(self, actor, lights):
         lit = _is_lit(actor, any(lights))
@@ -92,7 +104,7 @@ class _Numbers:
         (_LIT if lit else _UNLIT).attach(actor)
         mapper, shader = actor.GetMapper(), actor.GetShaderProperty()
         stamp = actor.GetMTime(), *_data_time(mapper), lights
-        return _Worn(actor, mapper, shader.GetFragmentCustomUniforms(), stamp)
+        return _Worn(actor, mapper, shader, shader.GetFragmentCustomUniforms(), stamp)
 
     def clear(self):
         """Take the numbers away: VTK's own passes have second colours of their own."""
@@ -113,6 +125,7 @@ class _Worn(NamedTuple):
 
     actor: Any
     mapper: Any
+    shader: Any
     uniforms: Any
     stamp: tuple
 

@@ -161,6 +161,25 @@ def test_nothing_else_is_touched():
     np.testing.assert_array_equal(shot(pl), plain)
 
 
+def test_instances_that_become_meshes_have_lines_at_once():
+    """Meshes share a mapper; that of a new one has no program with numbers yet."""
+    pl = pv.Plotter(window_size=SIZE)
+    pl.enable_anti_aliasing('msaa')
+    places = np.random.default_rng(0).uniform(-190, 190, (60, 3)) * (1, 1, 0)
+    cone = pv.Cone(radius=8, height=30, direction=(0, 0, 1))
+    pl.ibr.add_instances(cone, places, color='white')
+    pl.ibr.add(pvibr.Outline(color=RED))
+    pl.camera_position = [(-120, -220, 90), (20, 20, 25), (0, 0, 1)]
+    pl.show(auto_close=False)
+    pl.camera.zoom(3.0)
+    found = []
+    for _ in range(2):
+        pl.render()
+        found.append(pl.screenshot().astype(int))
+    assert red(found[0]).sum() > 100
+    np.testing.assert_array_equal(*found)
+
+
 def test_instances_have_lines_and_ids():
     pl = plotter()
     trees = pl.ibr.add_instances(pv.Sphere(radius=0.2), [(0, 0, 0), (0.6, 0.3, 0)])
