@@ -321,6 +321,20 @@ def figures(*, out: _Folder = Path('out'), quick: bool = False) -> None:
     _measure('figures', out, quick)
 
 
+@bench.command
+def impostors(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+    """Measure impostors on the fly against the meshes that they stand for.
+
+    Parameters
+    ----------
+    out
+        Folder for the table (JSON) and the plot (PNG).
+    quick
+        Measure a few points only, to see that the bench runs.
+    """
+    _measure('impostors', out, quick)
+
+
 def _measure(name, out, quick):
     from pvibr.bench import main
 

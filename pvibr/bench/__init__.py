@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
-NAMES = ('instances', 'shadows', 'projection', 'effects', 'figures')
+NAMES = ('instances', 'shadows', 'projection', 'effects', 'figures', 'billboards', 'impostors')
 
 
 def main(name, *, out=Path('out'), quick=False) -> list:
@@ -13,7 +13,7 @@ def main(name, *, out=Path('out'), quick=False) -> list:
 
     Parameters
     ----------
-    name : {'instances', 'shadows', 'projection', 'effects', 'figures'}
+    name : {'instances', 'shadows', 'projection', 'effects', 'figures', 'billboards', 'impostors'}
         What is measured.
     out : pathlib.Path
         Folder for ``bench_NAME.json`` and ``bench_NAME.png``.

@@ -1,0 +1,339 @@
+"""Impostors on the fly: time, error and how often images are drawn again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
+
+from pvibr.bench.plot import save, two_axes
+from pvibr.bench.rows import Row
+from pvibr.bench.runs import run
+from pvibr.offscreen import Stage
+
+#: Degrees of the orbit and world units of the fly-by from one frame to the next: a turn in 24 s
+#: at 60 frames a second, and the same pace straight on.
+TURN, STEP = 0.25, 0.2
+
+
+@dataclass
+class Settings:
+    """How much is measured.
+
+    Attributes
+    ----------
+    size : tuple of 2 int
+        Of the window, pixels.
+    actors, many : int
+        Of the orbit and fly-by, and of the hierarchy.
+    cells, few_cells : int
+        Triangles of each, about.
+    frames : int
+        That are timed.
+    errors : tuple of float
+        `max_error` of the orbit's points.
+    """
+
+    size: tuple = (1280, 720)
+    actors: int = 200
+    many: int = 5000
+    cells: int = 40_000
+    few_cells: int = 4000
+    frames: int = 40
+    errors: tuple = (0.5, 1.0, 2.0, 4.0)
+
+
+QUICK = Settings((160, 90), 8, 40, 2000, 500, 4, (1.0,))
+
+
+def measure(out, *, quick=False) -> list:
+    """Measure everything, and write the table and the plot.
+
+    Parameters
+    ----------
+    out : pathlib.Path
+        Folder.
+    quick : bool, optional
+        A few points only.
+
+    Returns
+    -------
+    list of Row
+        What was measured.
+    """
+    parts = {
+        'orbit and fly-by': _paths, 'outlines': _outlines, 'nailboards': _nailboards,
+        'hierarchy': _hierarchy,
+    }  # fmt: skip
+    return run('impostors', parts, QUICK if quick else Settings(), plot, out, quick=quick)
+
+
+def knot(cells) -> pv.PolyData:
+    """Return a knot of about so many triangles, with normals.
+
+    Parameters
+    ----------
+    cells : int
+        Triangles.
+    """
+    t = np.linspace(0, 2 * np.pi, max(cells // 48, 12))
+    ring = 2 + np.cos(3 * t)
+    line = np.c_[ring * np.cos(2 * t), ring * np.sin(2 * t), np.sin(3 * t)]
+    return pv.Spline(line, len(t)).tube(radius=0.5, n_sides=24).triangulate().compute_normals()
+
+
+def torus(cells) -> pv.PolyData:
+    """Return a torus of about so many triangles, with normals.
+
+    Parameters
+    ----------
+    cells : int
+        Triangles.
+    """
+    side = int(np.sqrt(cells / 4)) + 1
+    return pv.ParametricTorus(u_res=2 * side, v_res=side).compute_normals()
+
+
+def scatter(count, cells, spacing, seed=0) -> list:
+    """Return actors on a square, turned at random, about 2 units large.
+
+    Parameters
+    ----------
+    count, cells : int
+        How many, and triangles of each.
+    spacing : float
+        World units from one to the next.
+    seed : int, optional
+        Of the random numbers.
+    """
+    rng = np.random.default_rng(seed)
+    meshes, columns = (knot(cells), torus(cells)), int(np.ceil(np.sqrt(count)))
+    found = []
+    for i in range(count):
+        mesh = meshes[i % 2]
+        actor = pv.Actor(mapper=pv.DataSetMapper(mesh.copy(deep=False)))
+        actor.prop.color, actor.prop.interpolation = rng.random(3), 'Phong'
+        actor.scale, actor.orientation = (2 / mesh.length,) * 3, rng.random(3) * 360
+        place = np.array(divmod(i, columns)) - (columns - 1) / 2 + 0.5 * rng.random(2)
+        actor.position = (*(spacing * place), 0.0)
+        found.append(actor)
+    return found
+
+
+def orbit(frames, radius, turn=TURN) -> list:
+    """Return cameras around the origin.
+
+    Parameters
+    ----------
+    frames : int
+        How many.
+    radius : float
+        World units.
+    turn : float, optional
+        Degrees from one to the next.
+    """
+    angles = np.radians(turn * np.arange(frames))
+    eyes = np.stack([np.cos(angles), np.sin(angles), np.full(frames, 0.5)], 1) * radius
+    return [(eye, (0, 0, 0), (0, 0, 1)) for eye in eyes.tolist()]
+
+
+def fly_by(frames, radius, step=STEP) -> list:
+    """Return cameras that go past the origin, looking ahead and down.
+
+    Parameters
+    ----------
+    frames : int
+        How many.
+    radius : float
+        World units from the origin.
+    step : float, optional
+        World units from one to the next.
+    """
+    eyes = np.array([0.3, -1.0, 0.5]) * radius + np.arange(frames)[:, None] * [0, step, 0]
+    return [
+        (e, np.add(e, (-0.3 * radius, radius, -0.5 * radius)), (0, 0, 1)) for e in eyes.tolist()
+    ]
+
+
+def _stage(settings, actors, size=None):
+    stage = Stage(size or settings.size)
+    stage.add(actors)
+    bounds = np.array([a.bounds for a in actors])
+    ends = np.stack([bounds[:, ::2].min(0), bounds[:, 1::2].max(0)], 1)
+    stage.bounds = tuple(ends.ravel().tolist())
+    return stage
+
+
+def _paths(settings, results):
+    paths = {'orbit': orbit, 'fly-by': fly_by}
+    radius = 5.0 * np.sqrt(settings.actors)
+    for name, path in paths.items():
+        cameras = path(settings.frames, radius)
+        actors = scatter(settings.actors, settings.cells, 4.0)
+        with _stage(settings, actors) as stage:
+            meshes = stage.seconds(cameras[:2])
+            stage.look(cameras[0])
+            impostor = stage.plotter.ibr.add_impostor(actors)
+            errors = settings.errors if name == 'orbit' else (1.0,)
+            for max_error in errors:
+                impostor.max_error = max_error
+                before = impostor.rendered
+                seconds = stage.seconds(cameras)
+                drawn = (impostor.rendered - before) / len(cameras)
+                point = {'ms': float(seconds.mean() * 1e3), 'drawn': drawn}
+                results.points.setdefault(name, {})[max_error] = point
+                if max_error == 1.0:
+                    told = impostor.report()
+                    _tell(results, name, settings, meshes, seconds, drawn, told)
+
+
+def _tell(results, name, settings, meshes, seconds, drawn, told):
+    faster = meshes.mean() / seconds.mean()
+    results.points.setdefault('meshes', {})[name] = float(meshes.mean() * 1e3)
+    results.rows += [
+        Row(f'{name}: {settings.actors} meshes', meshes.mean() * 1e3, 'ms'),
+        Row(f'{name}: impostors, images drawn again included', seconds.mean() * 1e3, 'ms'),
+        Row(f'{name}: faster than the meshes', faster, 'x', 20, at_least=True),
+        Row(f'{name}: images drawn again in a frame', drawn),
+        Row(f'{name}: frames in which any was', 100 * told['frames_with_rendering'], '%'),
+        Row(f'{name}: largest error shown', told['error_px'], 'px', 1.0),
+    ]
+
+
+def displaced(mesh, card) -> np.ndarray:
+    """Return how far pixels that one picture covers and the other does not are from the outline.
+
+    Parameters
+    ----------
+    mesh, card : numpy.ndarray, shape (h, w), bool
+        What is covered.
+    """
+    edge = np.zeros(mesh.shape, bool)
+    for axis in (0, 1):
+        step = np.diff(mesh, axis=axis)
+        edge |= np.insert(step, 0, False, axis) | np.insert(step, step.shape[axis], False, axis)
+    return distance_transform_edt(~edge)[mesh != card]
+
+
+def _outlines(settings, results):
+    """Measure single objects on a walk around them."""
+    for max_error in settings.errors:
+        worst = []
+        for mesh in (knot(settings.few_cells), torus(settings.few_cells)):
+            actor = pv.Actor(mapper=pv.DataSetMapper(mesh))
+            actor.prop.color = 'black'
+            actor.prop.lighting = False
+            with _stage(settings, [actor], (160, 160)) as stage:
+                stage.plotter.set_background('white')
+                cameras = orbit(settings.frames, 6 * mesh.length, 0.37)
+                covers = [_covers(stage, cameras)]
+                stage.plotter.ibr.add_impostor(actor, max_error=max_error, refuse=False)
+                covers.append(_covers(stage, cameras))
+                for pair in zip(*covers, strict=True):
+                    worst.append(displaced(*pair).max(initial=0.0))
+        results.points.setdefault('outline', {})[max_error] = float(np.max(worst))
+        bar = max_error + 0.5
+        name = f'outline displaced at most, max_error {max_error:g}'
+        results.rows.append(Row(name, np.max(worst), 'px', bar))
+
+
+def _covers(stage, cameras):
+    found = []
+    for camera in cameras:
+        stage.look(camera)
+        found.append(stage.picture().mean(-1) < 0.5)
+    return found
+
+
+def _nailboards(settings, results):
+    """Measure depth, and the line where two objects meet."""
+    pictures, depths = [], []
+    for images in (False, True):
+        actors = [
+            pv.Actor(mapper=pv.DataSetMapper(m))
+            for m in (pv.Sphere(theta_resolution=200, phi_resolution=200), torus(40_000))
+        ]
+        for actor, color in zip(actors, ('red', 'blue'), strict=True):
+            actor.prop.color, actor.prop.lighting = color, False
+        actors[0].scale, actors[0].position = (2.0,) * 3, (0.8, 0.3, 0.3)
+        with _stage(settings, actors, (480, 360)) as stage:
+            if images:
+                stage.plotter.ibr.add_impostor(actors, refuse=False)
+            for eye in ((3.0, -14.0, 9.0), (3.05, -14.0, 9.0)):
+                stage.look((eye, (0, 0, 0), (0, 0, 1)))
+                pictures.append(stage.picture())
+                depths.append(_linear(stage))
+    half = len(pictures) // 2
+    reds, blues = ([p[..., k] - p[..., 1] > 0.5 for p in pictures] for k in (0, 2))
+    inner, off = [0.0], [0.0]
+    for k in range(half):
+        both = (reds[k] | blues[k]) & (reds[k + half] | blues[k + half])
+        wrong = displaced(reds[k], reds[k + half] | ~both & reds[k])
+        inner.append(np.percentile(wrong, 99) if len(wrong) else 0.0)
+        # Within a surface: before another one, a pixel is a step of its own.
+        flat = maximum_filter(depths[k], 5) - minimum_filter(depths[k], 5) < 0.3
+        deep = distance_transform_edt(both & flat & (reds[k] == reds[k + half])) > 2
+        off.append(np.abs(depths[k] - depths[k + half])[deep].max(initial=0.0))
+    step = 2 * 1.5 / 255
+    results.rows += [
+        Row('nailboards: depth, of a step of 8 bits', max(off) / step, 'steps', 1.0),
+        Row('nailboards: line of intersection displaced (99 %)', max(inner), 'px', 1.0),
+    ]
+
+
+def _linear(stage):
+    near, far = stage.renderer.GetActiveCamera().GetClippingRange()
+    depth = stage.depth().astype(float)
+    return np.where(depth < 1, near * far / (far - depth * (far - near)), np.inf)
+
+
+def _hierarchy(settings, results):
+    """Measure a slow walk past very many actors: 1.2 m/s at 60 frames a second."""
+    actors = scatter(settings.many, settings.few_cells, 4.0)
+    side = 4.0 * np.sqrt(settings.many)
+    start = np.array([0.0, -0.6 * side, 0.06 * side])
+    cameras = [
+        (np.add(start, (x, 0, 0)), (x, 0, 0), (0, 0, 1)) for x in 0.02 * np.arange(settings.frames)
+    ]
+    with _stage(settings, actors) as stage:
+        meshes = stage.seconds(cameras[:1])
+        for deep in (False, True):
+            impostor = stage.plotter.ibr.add_impostor(actors, hierarchical=deep)
+            seconds = stage.seconds(cameras)
+            told = impostor.report()
+            name = 'hierarchy' if deep else 'the same without one'
+            results.rows += [
+                Row(f'{name}: faster than {settings.many} meshes',
+                    meshes.mean() / seconds.mean(), 'x', 50 if deep else None, at_least=True),
+                Row(f'{name}: a frame', seconds.mean() * 1e3, 'ms'),
+                Row(f'{name}: images shown', told['shown']),
+                Row(f'{name}: memory', told['bytes'] / 2**20, 'MiB', impostor.memory / 2**20),
+            ]  # fmt: skip
+            impostor.remove()
+    results.rows.append(Row(f'{settings.many} meshes', meshes.mean() * 1e3, 'ms'))
+
+
+def plot(results, path):
+    """Draw time against error: the orbit at the left, outlines at the right.
+
+    Parameters
+    ----------
+    results : Results
+        With its points.
+    path : pathlib.Path
+        PNG file.
+    """
+    figure, (time, error) = two_axes((11, 4.5))
+    points = results.points['orbit']
+    time.plot([p['ms'] for p in points.values()], list(points), 'o-', label='impostors')
+    time.axvline(results.points['meshes']['orbit'], ls='--', color='0.5', label='meshes')
+    time.set(xscale='log', xlabel='ms a frame', ylabel='max_error, px', title='orbit')
+    outline = results.points['outline']
+    error.plot(list(outline), list(outline.values()), 'o-', label='measured')
+    error.plot(list(outline), [e + 0.5 for e in outline], '--', color='0.5', label='bar')
+    error.set(xlabel='max_error, px', ylabel='px', title='largest displacement of an outline')
+    for axes in (time, error):
+        axes.legend(fontsize='small')
+    save(figure, 'impostors', results, path)
