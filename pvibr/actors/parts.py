@@ -125,7 +125,9 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
         Draw fragments of texture or colours whose alpha is at least this, in 0 to 1, opaquely,
         and no others: leaves, fences. By default alpha blends, as in add_mesh.
     **add_mesh_kwargs
-        As :meth:`pyvista.Plotter.add_mesh`. With blocks, ``texture``, ``rgb`` and a name of
+        As :meth:`pyvista.Plotter.add_mesh`, and with ``pbr``: ``pbr_textures``, a dict of VTK's
+        names (``'albedoTex'``, ``'materialTex'``, ``'emissiveTex'``) to textures, and
+        ``emissive_factor``, three numbers. With blocks, ``texture``, ``rgb`` and a name of
         ``scalars`` apply to those blocks that have texture coordinates, scalars, that array.
 
     Returns
@@ -234,7 +236,14 @@ class _Maker(pv.BasePlotter):
         """Return the part of one triangulated dataset."""
         look = dict(look)
         cutoff = look.pop('alpha_cutoff', None)
+        textures = look.pop('pbr_textures', None) or {}
+        shining = look.pop('emissive_factor', None)
         actor = self.add_mesh(dataset, **look)
+        if dataset.active_texture_coordinates is not None:
+            for name, texture in textures.items():
+                actor.prop.SetTexture(name, texture)
+        if shining is not None:
+            actor.prop.SetEmissiveFactor(shining)
         return _finished(actor, cutoff)
 
 

@@ -44,9 +44,9 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
         file. With 'z' one more joint comes last, ``'upright'``, which turns all others by 90
         degrees about x.
     pbr : bool, optional
-        Whether looks of surfaces without textures are physically based (``pbr``, ``metallic``
-        and ``roughness`` of ``add_mesh``): as the file asks, but dark without an environment
-        texture. VTK would not show the texture of one that has it.
+        Whether looks are physically based, as the file asks, but dark without an environment
+        texture (``plotter.set_environment_texture``): ``pbr``, ``metallic`` and ``roughness`` of
+        ``add_mesh``, and ``pbr_textures`` and ``emissive_factor``, which ``add_figure`` knows.
 
     Returns
     -------

@@ -20,12 +20,15 @@ _MIPMAPS = (9984, 9985, 9986, 9987)
 _WRAPS = {33071: 'CLAMP_TO_EDGE', 33648: 'MIRRORED_REPEAT', 10497: 'REPEAT'}
 #: Kinds of pictures that Pillow reads here; others (EPS starts Ghostscript) it must not try.
 _PICTURES = ('PNG', 'JPEG', 'WEBP')
-_TEXTURES = (
-    'normal_texture',
-    'occlusion_texture',
-    'emissive_texture',
-    'metallic_roughness_texture',
-)
+_SRGB = ('base_color_texture', 'emissive_texture')
+#: What VTK calls them, and which channels of a picture are for each: others are 1.
+_VTK = {
+    'base_color_texture': 'albedoTex',
+    'metallic_roughness_texture': 'materialTex',
+    'occlusion_texture': 'materialTex',
+    'emissive_texture': 'emissiveTex',
+}
+_CHANNELS = {'metallic_roughness_texture': 'GB', 'occlusion_texture': 'R'}
 
 
 class Looks:
@@ -81,26 +84,31 @@ class Looks:
         Returns
         -------
         dict
-            ``color``, ``texture``, ``opacity``, ``pbr``, ...; ``alpha_cutoff``, which add_figure
-            and add_instances know beside the keywords of ``add_mesh``, where alpha is a mask.
+            ``color``, ``texture``, ``opacity``, ``pbr``, ...; and what add_figure and
+            add_instances know beside the keywords of ``add_mesh``: ``alpha_cutoff`` where alpha
+            is a mask, ``pbr_textures`` and ``emissive_factor``.
         """
         look: dict[str, Any] = {'smooth_shading': True}
-        if coordinates:
+        used: dict[str, Any] = {}
+        if self._is_physical(material):
+            used = self._surface(material) if coordinates else {}
+            look |= _physical(material, used)
+        elif coordinates:
             look |= self._texture_of(material)
-        look |= self._shading(material, place, textured='texture' in look)
+        shines = _only_shines(material) and 'emissive_texture' not in used
         if colors:
             look |= {'scalars': COLORS, 'rgb': True, 'preference': 'point'}
         else:
             # VTK takes the colour of a physically based surface for linear light.
-            look['color'] = _color(material, linear='pbr' in look)
+            look['color'] = _color(material, shines, linear='pbr' in look)
             look |= _opacity(material)
-        if material.extensions.unlit is not None or _only_shines(material):
+        if material.extensions.unlit is not None or shines:
             look['lighting'] = False
         if material.alpha_mode == 'MASK':
             look['alpha_cutoff'] = min(material.alpha_cutoff, 1.0)
         if not material.double_sided and not mirrored:
             look['culling'] = 'back'
-        self._leave_out(material, place)
+        self._leave_out(material, place, used)
         return look
 
     def vertex_colors(self, material, colors):
@@ -144,10 +152,11 @@ class Looks:
         change = self._shown(material, moved) - self._shown(material, colors)
         return change.astype(np.float32)
 
-    @staticmethod
-    def _shown(material, colors):
+    def _shown(self, material, colors):
         factor = np.array(material.pbr_metallic_roughness.base_color_factor)
         light = np.clip(_with_alpha(colors, 1.0) * factor, 0, 1)
+        if self._is_physical(material):  # VTK takes their colours for light
+            return light
         return np.column_stack([to_display(light[:, :3]), light[:, 3]])
 
     def coordinates(self, material):
@@ -165,48 +174,63 @@ class Looks:
         matrix : numpy.ndarray, shape (2, 3), float64
             What they are multiplied by: VTK's v is up, and glTF's is down.
         """
-        info = material.pbr_metallic_roughness.base_color_texture
-        flip = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0]])
-        if info is None:
-            return 0, flip
-        transform = info.extensions.transform
-        if transform is None:
-            return info.tex_coord, flip
-        c, s = math.cos(transform.rotation), math.sin(transform.rotation)
-        (sx, sy), (tx, ty) = transform.scale, transform.offset
-        matrix = np.array([[c * sx, s * sy, tx], [-s * sx, c * sy, ty], [0.0, 0.0, 1.0]])
-        number = info.tex_coord if transform.tex_coord is None else transform.tex_coord
-        return number, flip @ matrix
+        infos = self._infos(material).values() if self._is_physical(material) else ()
+        base = material.pbr_metallic_roughness.base_color_texture
+        return _coordinates(next((i for i in (base, *infos) if i is not None), None))
 
-    def _shading(self, material, place, textured):
-        if not self._pbr or material.extensions.unlit is not None:
-            return {}
-        if textured:  # VTK would not show a texture as add_mesh gives it
-            self._file.leave_out('physically based shading with textures', f'{place}.material')
-            return {}
+    def _is_physical(self, material):
+        # VTK does not sort what the alpha of such a texture makes translucent.
+        blended = material.alpha_mode == 'BLEND'
+        textured = material.pbr_metallic_roughness.base_color_texture is not None
+        return self._pbr and material.extensions.unlit is None and not (blended and textured)
+
+    @staticmethod
+    def _infos(material):
         metallic = material.pbr_metallic_roughness
         return {
-            'pbr': True,
-            'metallic': _share(metallic.metallic_factor),
-            'roughness': _share(metallic.roughness_factor),
+            'base_color_texture': metallic.base_color_texture,
+            'metallic_roughness_texture': metallic.metallic_roughness_texture,
+            'occlusion_texture': material.occlusion_texture,
+            'emissive_texture': material.emissive_texture,
         }
+
+    def _surface(self, material):
+        """Return textures of physically based shading by what glTF calls them."""
+        found = {}
+        where = self.coordinates(material)
+        infos = self._infos(material)
+        both = _same_image(infos['metallic_roughness_texture'], infos['occlusion_texture'])
+        for name, info in infos.items():
+            if info is None or not _alike(_coordinates(info), where):
+                continue  # a mesh has one set of texture coordinates
+            opaque = material.alpha_mode == 'OPAQUE' or name != 'base_color_texture'
+            channels = 'RGB' if both else _CHANNELS.get(name, 'RGB')
+            if name == 'occlusion_texture' and not both and 'metallic_roughness_texture' in found:
+                continue  # VTK reads both from one picture
+            texture = self._or_left_out(info, opaque, name in _SRGB, channels)
+            if texture is not None:
+                found[name] = texture
+        return found
 
     def _texture_of(self, material):
         info = material.pbr_metallic_roughness.base_color_texture
         if info is None:
             return {}
+        texture = self._or_left_out(info, material.alpha_mode == 'OPAQUE')
+        return {} if texture is None else {'texture': texture}
+
+    def _or_left_out(self, info, opaque, srgb=False, channels='RGB'):
         try:
-            return {'texture': self._texture(material, info)}
+            return self._texture(info, opaque, srgb, channels)
         except MissingFileError as error:  # models travel without their pictures
             self._file.leave_out('an image', str(error).rstrip('.'))
-            return {}
+            return None
 
-    def _texture(self, material, info: TextureInfo):
+    def _texture(self, info: TextureInfo, opaque, srgb, channels):
         document = self._file.document
         place = f'textures[{info.index}]'
-        texture = follow(document.textures, info.index, 'baseColorTexture.index', 'textures')
-        opaque = material.alpha_mode == 'OPAQUE'
-        key = (info.index, opaque)
+        texture = follow(document.textures, info.index, 'texture.index', 'textures')
+        key = (info.index, opaque, srgb, channels)
         if key in self._textures:
             return self._textures[key]
         sampler = Sampler()
@@ -217,8 +241,12 @@ class Looks:
             raise GltfError(msg)
         follow(document.images, texture.source, f'{place}.source', 'images')
         pixels = self._pixels(texture.source)
+        if channels != 'RGB':
+            pixels = pixels.copy()
+            pixels[..., [i for i, name in enumerate('RGB') if name not in channels]] = 255
         # OPAQUE means that alpha is to be ignored; VTK would blend it.
         made = pv.Texture(np.ascontiguousarray(pixels[..., :3] if opaque else pixels))
+        made.SetUseSRGBColorSpace(srgb)
         made.interpolate = sampler.mag_filter != _NEAREST
         made.mipmap = sampler.min_filter in _MIPMAPS
         made.wrap = pv.Texture.WrapType[_WRAPS[sampler.wrap_s]]
@@ -255,14 +283,56 @@ class Looks:
             msg = f'{place} cannot be read: {error}.'
             raise GltfError(msg) from error
 
-    def _leave_out(self, material, place):
+    def _leave_out(self, material, place, used):
         shines = any(material.emissive_factor) and material.extensions.unlit is None
-        if shines and not _only_shines(material):
+        if shines and not _only_shines(material) and 'emissive_texture' not in used:
             self._file.leave_out('light of a surface that also reflects', f'{place}.material')
-        metallic = material.pbr_metallic_roughness
-        for name in _TEXTURES:
-            if getattr(material, name, None) or getattr(metallic, name, None):
+        if self._pbr and not self._is_physical(material) and material.extensions.unlit is None:
+            self._file.leave_out('physically based shading of glass', f'{place}.material')
+        infos = self._infos(material) | {'normal_texture': material.normal_texture}
+        for name, info in infos.items():
+            if info is not None and name not in used and name != 'base_color_texture':
                 self._file.leave_out(name.replace('_', ' '), f'{place}.material')
+
+
+def _physical(material, textures):
+    """Return the keywords of physically based shading."""
+    metallic = material.pbr_metallic_roughness
+    look: dict[str, Any] = {
+        'pbr': True,
+        'metallic': _share(metallic.metallic_factor),
+        'roughness': _share(metallic.roughness_factor),
+    }
+    found = {_VTK[name]: texture for name, texture in textures.items()}
+    if found:
+        look['pbr_textures'] = found
+    if 'emissiveTex' in found:
+        strength = material.extensions.emissive.emissive_strength
+        look['emissive_factor'] = tuple(strength * x for x in material.emissive_factor)
+    return look
+
+
+def _coordinates(info):
+    """Return which texture coordinates a texture takes, and how they are moved."""
+    flip = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0]])
+    if info is None:
+        return 0, flip
+    transform = info.extensions.transform
+    if transform is None:
+        return info.tex_coord, flip
+    c, s = math.cos(transform.rotation), math.sin(transform.rotation)
+    (sx, sy), (tx, ty) = transform.scale, transform.offset
+    matrix = np.array([[c * sx, s * sy, tx], [-s * sx, c * sy, ty], [0.0, 0.0, 1.0]])
+    number = info.tex_coord if transform.tex_coord is None else transform.tex_coord
+    return number, flip @ matrix
+
+
+def _alike(a, b):
+    return a[0] == b[0] and np.array_equal(a[1], b[1])
+
+
+def _same_image(a, b):
+    return a is not None and b is not None and a.index == b.index
 
 
 def _only_shines(material):
@@ -278,10 +348,10 @@ def _with_alpha(colors, alpha):
     return rgba
 
 
-def _color(material, linear):
+def _color(material, shines, linear):
     """Return the colour of a surface, as it is in the file or as a display is given it."""
     light = np.array(material.pbr_metallic_roughness.base_color_factor[:3])
-    if _only_shines(material):
+    if shines:
         light = np.array(material.emissive_factor)
         light = light * material.extensions.emissive.emissive_strength
     return tuple(np.clip(light if linear else to_display(light), 0, 1).round(9).tolist())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import io
 import math
 import warnings
@@ -460,10 +461,73 @@ def test_textures_are_the_right_way_up(glb, kind):
     assert quarters_shown(textured(glb, kind)) == QUARTERS
 
 
-def test_a_texture_is_shown_rather_than_shaded_physically(glb):
-    with pytest.warns(pvibr.PvibrWarning, match='physically based shading with textures'):
-        body = textured(glb, 'uri', unlit=False)
-    assert quarters_shown(body, lighting=False) == QUARTERS
+def surfaces(glb, **material):
+    """A square with a material of two pictures, 0 and 1, read as physically based."""
+    for picture in (QUARTERS, [[[10, 20, 30]]]):
+        glb.add('images', uri=uri(png(picture), 'image/png'))
+        glb.add('textures', source=len(glb.json['images']) - 1, sampler=0)
+    glb.add('samplers', magFilter=9728, minFilter=9728)
+    square = {'TEXCOORD_0': glb.array(CORNERS), 'TEXCOORD_1': glb.array(CORNERS)}
+    return look(glb, material, square, pbr=True)
+
+
+def figure_of(body):
+    return pvibr.Figure([dataclasses.replace(body, node=-1)])
+
+
+def lit_quarters(figure, light=0.0):
+    """As quarters_shown, of a figure, in the light of one lamp."""
+    plotter = pv.Plotter(off_screen=True, window_size=(40, 40), lighting='none')
+    plotter.add_light(pv.Light(position=(0, 0, 9), light_type='scene light', intensity=light))
+    plotter.ibr.add_figure(figure)
+    plotter.view_xy()
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = 0.5
+    picture = plotter.screenshot(return_img=True)
+    plotter.close()
+    return picture[[10, 10, 30, 30], [10, 30, 10, 30]].reshape(2, 2, 3).tolist()
+
+
+def test_what_shines_by_a_texture(glb):
+    dark = {'baseColorFactor': [0, 0, 0, 1]}
+    body = surfaces(
+        glb, pbrMetallicRoughness=dark, emissiveTexture={'index': 0}, emissiveFactor=[1, 1, 1]
+    )
+    assert lit_quarters(figure_of(body)) == QUARTERS
+
+
+def test_a_textured_surface_is_shaded_physically(glb):
+    rough = {'baseColorTexture': {'index': 0}, 'metallicFactor': 0.0}
+    body = surfaces(glb, pbrMetallicRoughness=rough)
+    shown = np.array(lit_quarters(figure_of(body), 3.0)).reshape(4, 3)
+    # The colours are darkened and shine somewhat.
+    assert (shown.argmax(1)[:3] == [0, 1, 2]).all()
+    assert (shown.max(1) > 100).all()
+
+
+@pytest.mark.parametrize(
+    ('names', 'pixel'),
+    [
+        (['metallicRoughnessTexture'], [255, 20, 30]),
+        (['occlusionTexture'], [10, 255, 255]),
+        (['metallicRoughnessTexture', 'occlusionTexture'], [10, 20, 30]),
+    ],
+)
+def test_one_picture_of_occlusion_roughness_and_metal(glb, names, pixel):
+    given = {name: {'index': 1} for name in names}
+    occlusion = given.pop('occlusionTexture', None)
+    more = {} if occlusion is None else {'occlusionTexture': occlusion}
+    body = surfaces(glb, pbrMetallicRoughness=given, **more)
+    assert body.look['pbr_textures']['materialTex'].to_array().tolist() == [[pixel]]
+
+
+def test_textures_with_other_coordinates_are_left_out(glb):
+    shows = {'baseColorTexture': {'index': 0}}
+    with pytest.warns(pvibr.PvibrWarning, match='occlusion texture'):
+        body = surfaces(
+            glb, pbrMetallicRoughness=shows, occlusionTexture={'index': 1, 'texCoord': 1}
+        )
+    assert list(body.look['pbr_textures']) == ['albedoTex']
 
 
 def test_a_texture_turned_by_a_quarter(glb):
