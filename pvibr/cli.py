@@ -335,6 +335,20 @@ def impostors(*, out: _Folder = Path('out'), quick: bool = False) -> None:
     _measure('impostors', out, quick)
 
 
+@bench.command
+def billboards(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+    """Measure billboards, what cut-outs cover, and the levels of a plant.
+
+    Parameters
+    ----------
+    out
+        Folder for the table (JSON) and the plot (PNG).
+    quick
+        Measure a few points only, to see that the bench runs.
+    """
+    _measure('billboards', out, quick)
+
+
 def _measure(name, out, quick):
     from pvibr.bench import main
 
