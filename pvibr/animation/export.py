@@ -19,6 +19,12 @@ from pvibr.maths.tones import to_light
 #: A morph target that changes nothing.
 _NOTHING = (np.zeros(0, int), np.zeros((0, 3)))
 _INTERPOLATIONS = {'step': 'STEP', 'linear': 'LINEAR', 'cubic': 'CUBICSPLINE'}
+#: What glTF calls VTK's textures of physically based shading.
+_TEXTURES = {
+    'albedoTex': ('baseColorTexture',),
+    'materialTex': ('metallicRoughnessTexture', 'occlusionTexture'),
+    'emissiveTex': ('emissiveTexture',),
+}
 
 
 def write_glb(figure, path):
@@ -169,7 +175,8 @@ class _FigureWriter:
             return {}
         values = np.asarray(values)
         values = values / 255.0 if values.dtype == np.uint8 else values.astype(float)
-        return {'COLOR_0': self._glb.accessor(np.hstack([to_light(values[:, :3]), values[:, 3:]]))}
+        light = _light(body.look, values[:, :3])
+        return {'COLOR_0': self._glb.accessor(np.hstack([light, values[:, 3:]]))}
 
     def _influences(self, skin):
         """Add joints and weights in sets of four."""
@@ -265,16 +272,30 @@ class _FigureWriter:
         return list(found.values())
 
     def _material(self, look):
-        color = to_light(np.array(pv.Color(look.get('color', 'white')).float_rgb))
+        color = _light(look, np.array(pv.Color(look.get('color', 'white')).float_rgb))
         alpha = float(look.get('opacity', 1.0))
         reflection: dict[str, Any] = {
             'baseColorFactor': [*np.clip(color, 0, 1).tolist(), alpha],
             'metallicFactor': float(look.get('metallic', 0.0)) if look.get('pbr') else 0.0,
             'roughnessFactor': float(look.get('roughness', 0.5)) if look.get('pbr') else 1.0,
         }
-        if look.get('texture') is not None:
-            reflection['baseColorTexture'] = {'index': self._texture(look['texture'])}
-        material: dict[str, Any] = {'pbrMetallicRoughness': reflection}
+        textures = {'baseColorTexture': look.get('texture')}
+        for name, texture in (look.get('pbr_textures') or {}).items():
+            if name not in _TEXTURES:
+                self._left_out[f'textures of the kind {name}'] = None
+            textures |= dict.fromkeys(_TEXTURES.get(name, ()), texture)
+        indices = {
+            name: {'index': self._texture(texture)}
+            for name, texture in textures.items()
+            if texture is not None
+        }
+        own = ('baseColorTexture', 'metallicRoughnessTexture')
+        reflection |= {name: indices.pop(name) for name in own if name in indices}
+        material: dict[str, Any] = {'pbrMetallicRoughness': reflection} | indices
+        if 'emissive_factor' in look:
+            if max(look['emissive_factor']) > 1:
+                self._left_out['light above 1'] = None
+            material['emissiveFactor'] = np.clip(look['emissive_factor'], 0, 1).tolist()
         if 'alpha_cutoff' in look:
             material |= {'alphaMode': 'MASK', 'alphaCutoff': float(look['alpha_cutoff'])}
         elif alpha < 1 or _translucent(look.get('texture')):
@@ -318,3 +339,8 @@ def _unit(vectors):
 def _output(track):
     values = np.roll(track.values, -1, -1) if track.path == 'rotation' else track.values
     return values.reshape(-1) if track.path == 'weights' else values.reshape(-1, track.width)
+
+
+def _light(look, colors):
+    """Return colours as linear light, which those of physically based looks are."""
+    return colors if look.get('pbr') else to_light(colors)

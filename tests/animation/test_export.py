@@ -190,6 +190,27 @@ def test_looks_come_back(tmp_path):
     assert np.array_equal(painted.mesh[painted.look['scalars']], shown['paint'])
 
 
+def test_physically_based_looks_come_back(tmp_path):
+    mesh = pv.Plane(i_resolution=1, j_resolution=1).triangulate()
+    rng = np.random.default_rng(0)
+    images = {
+        name: rng.integers(0, 255, (4, 4, 3), dtype=np.uint8)
+        for name in ('albedoTex', 'materialTex', 'emissiveTex')
+    }
+    look = {
+        'color': (0.2, 0.4, 0.8), 'pbr': True, 'metallic': 0.25, 'roughness': 0.75,
+        'pbr_textures': {name: pv.Texture(image) for name, image in images.items()},
+        'emissive_factor': (1.0, 0.5, 0.0),
+    }  # fmt: skip
+    path = tmp_path / 'figure.glb'
+    Figure([Body(mesh, look=look)]).save(path)
+    again = read_gltf(path, pbr=True).bodies[0].look
+    for name in ('color', 'metallic', 'roughness', 'emissive_factor'):
+        assert np.allclose(again[name], look[name], atol=1e-6)
+    for name, image in images.items():
+        assert np.array_equal(again['pbr_textures'][name].to_array(), image)
+
+
 def test_what_is_left_out_is_said(tmp_path):
     mesh = strip(np.eye(3))
     mesh['heat'] = [1.0, 2.0, 3.0]
