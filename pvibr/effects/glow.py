@@ -282,7 +282,7 @@ class _Gpu:
         view = View(
             frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
         )
-        self._box = left, bottom, right, top = _covered(frame, view, [a for a, _ in shining])
+        self._box = left, bottom, right, top = _covered(frame, view, self._dressed.values())
         with self.target.drawing():
             within = left, bottom, right - left, top - bottom
             self.drawer.look(view, (0, 0, *frame.size), within=within)
@@ -377,10 +377,22 @@ class _Dress:
 
     def __init__(self, actor, feature):
         self.actor, self.feature = actor, feature
+        self._looked: tuple = ()
         self._opaque = actor.GetForceOpaque()
         if feature is _ALPHA:
             actor.ForceOpaqueOn()
         feature.attach(actor)
+
+    def is_within_bounds(self) -> bool:
+        """Tell whether its actor draws nothing beyond its bounds; lines and points are thick."""
+        mapper, shader = self.actor.GetMapper(), self.actor.GetShaderProperty()
+        key = mapper, shader, shader.GetMTime()
+        if self._looked[:3] != key:
+            moved = shader.HasVertexShaderCode() or any(
+                stage == 'Vertex' for stage, _ in replacements(shader)
+            )
+            self._looked = *key, mapper.GetClassName() in _MAPPERS and not moved
+        return self._looked[3]
 
     def take_off(self):
         self.feature.detach(self.actor)
@@ -388,12 +400,13 @@ class _Dress:
             self.actor.SetForceOpaque(self._opaque)
 
 
-def _covered(frame, view, actors):
+def _covered(frame, view, dresses):
     """Return which part of the picture actors may cover, in whole squares of light."""
-    if not actors:
+    if not dresses:
         return 0, 0, 0, 0
-    if frame.scale > 1 or not all(map(_is_within_bounds, actors)):
+    if frame.scale > 1 or not all(dress.is_within_bounds() for dress in dresses):
         return 0, 0, *frame.size
+    actors = [dress.actor for dress in dresses]
     around = math.ceil(max(_thickness(a.GetProperty()) for a in actors)) + 1
     box = covered(view, [a.GetBounds() for a in actors], frame.size)
     low = [max(edge - around, 0) // _STEP * _STEP for edge in box[:2]]
@@ -406,13 +419,6 @@ def _covered(frame, view, actors):
 
 def _thickness(prop):
     return max(prop.GetLineWidth(), prop.GetPointSize())
-
-
-def _is_within_bounds(actor) -> bool:
-    """Tell whether an actor draws nothing beyond its bounds, thick lines and points left out."""
-    shader = actor.GetShaderProperty()
-    moved = shader.HasVertexShaderCode() or any(s == 'Vertex' for s, _ in replacements(shader))
-    return actor.GetMapper().GetClassName() in _MAPPERS and not moved
 
 
 def _set_glow(actor, strength):
