@@ -100,7 +100,7 @@ class Crowd(Instances):
         moves.loop = _each('loop', loop, count, bool)
         self._cast = Cast(figure, as_bodies(figure, asked, theme), skinning, moves, self._now)
         self._bake = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
-        self._begin(poses, np.zeros(count, int), {0: self._model()}, pickable)
+        self._begin(poses, np.zeros(count, int), self._baked() if count else {}, pickable)
         self._paint(scalars, colors)
 
     def _now(self) -> float:
@@ -120,7 +120,7 @@ class Crowd(Instances):
         numbers = np.array([place[id(clip)] for clip in wanted], int)
         return np.broadcast_to(numbers, (count,)).copy() if one else numbers
 
-    def _model(self):
+    def _baked(self) -> dict:
         """Bake what the clips show, and take over how they move."""
         cast, wanted = self._cast, dict(self._bake)
         with progress_bar(wanted.pop('progress')) as advance:
@@ -129,7 +129,7 @@ class Crowd(Instances):
                 **wanted,
             )  # fmt: skip
         cast.box = model.atlas.box.T.ravel()
-        return model
+        return {0: model}
 
     def _kind(self, *args):
         return CrowdKind(self._cast, *args)
@@ -195,7 +195,7 @@ class Crowd(Instances):
         moves.speed[ids], moves.loop[ids] = speed, loop
         moves.offset[ids] = -speed * start
         if len(self._clips) > known:
-            self._models = {0: self._model()}
+            self._models = self._baked()
             self._rebuild(self._poses)
         self._moved()
 

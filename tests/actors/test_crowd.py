@@ -247,6 +247,12 @@ def test_life(figure, show):
     assert not np.array_equal(grab(pl), first)
 
 
+def test_nobody_is_a_crowd(figure, show):
+    pl, crowd = show(figure, np.zeros((0, 3)))
+    assert silhouette(grab(pl)).max() == 0
+    assert len(crowd) == 0
+
+
 def test_an_atlas_goes_into_a_file(figure, show, tmp_path):
     _, crowd = show(figure, apart())
     (atlas,) = crowd.atlases
