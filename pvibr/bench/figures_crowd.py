@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from pvibr.bench.rows import Row
-from pvibr.maths.image_error import flip
+from pvibr.maths.image_error import flip, outline_distances
 from pvibr.offscreen import SAMPLES, Stage
 from pvibr.scenes.walker import walker
 
@@ -134,8 +134,9 @@ def _error(figure, places, times, camera, settings, results):
     count = min(settings.crowd_part, len(places))
     lot = np.random.default_rng(2).permutation(len(places))[:count]
     seconds = [0.0, 0.13, 0.31]
-    truth = _full(figure, places[lot], times[lot], camera, settings.screen, SAMPLES, seconds)
-    once = _full(figure, places[lot], times[lot], camera, settings.screen, 1, seconds)
+    part = figure, places[lot], times[lot], camera, settings.screen
+    truth, covered = _full(*part, SAMPLES, seconds)
+    once, _ = _full(*part, 1, seconds)
     with Stage(settings.screen, view_angle=VIEW_ANGLE) as stage:
         stage.plotter.ibr.add_figure(figure, places[lot], times=times[lot], progress=False)
         own = []
@@ -143,16 +144,20 @@ def _error(figure, places, times, camera, settings, results):
             stage.plotter.ibr.time = t
             stage.look(camera)
             own.append(stage.picture())
+        drawn = stage.coverage()
+    pairs = (drawn, covered), (covered, drawn)
+    away = np.concatenate([outline_distances(*pair)[1] for pair in pairs])
     base = np.mean([flip(a, b).mean() for a, b in zip(once, truth, strict=True)])
     ours = np.mean([flip(a, b).mean() for a, b in zip(own, truth, strict=True)])
     results.rows += [
         Row(f'crowd: FLIP of posed meshes ({count} figures)', float(base)),
         Row('crowd: FLIP over that of posed meshes', float(ours / base), 'x', 1.0),
+        Row('crowd: p99 of how far outlines are off', float(np.percentile(away, 99)), 'px', 1.5),
     ]
 
 
 def _full(figure, places, times, camera, size, samples, seconds):
-    """Return pictures of posed meshes at some times."""
+    """Return pictures of posed meshes at some times, and what they cover at the last one."""
     found = []
     with Stage(size, view_angle=VIEW_ANGLE, samples=samples) as stage:
         look = figure.bodies[0].look
@@ -166,4 +171,4 @@ def _full(figure, places, times, camera, size, samples, seconds):
                 mesh.point_data.active_normals = normals
             stage.look(camera)
             found.append(stage.picture())
-    return found
+        return found, stage.coverage()
