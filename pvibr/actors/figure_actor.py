@@ -380,16 +380,6 @@ class FigureActor(FigurePlayer, Placed):
         seen = {i: meshes[i] for i in self._seen()}
         return nearest_hit(seen, *pixel_ray(self.pipeline.renderer, x, y))
 
-    def owns(self, actor) -> bool:
-        """Tell whether an actor that a picker found shows it.
-
-        Parameters
-        ----------
-        actor : vtkActor
-            As pickers of PyVista and VTK return it.
-        """
-        return actor in self.actors()
-
     # -- scalar bars -------------------------------------------------------------------------
 
     def scalar_mapper(self):

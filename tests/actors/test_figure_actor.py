@@ -504,7 +504,7 @@ def test_pickers_of_pyvista_find_the_posed_mesh():
     picker.SetTolerance(1e-5)
     assert picker.Pick(x, y, 0, pl.renderer)
     assert np.linalg.norm(np.array(picker.GetPickPosition()) - points[vertex]) < 0.05
-    assert actor.owns(picker.GetActor())
+    assert picker.GetActor() in actor.actors()
     assert picker.GetDataSet().GetNumberOfPoints() == len(points)
     actor.pose = bend(actor.figure, 0.4, np.array([0, 500.0, 0]))
     pl.render()
@@ -517,7 +517,7 @@ def test_hardware_picking_finds_the_actor():
 
     picker = _vtk.vtkPropPicker()
     assert picker.PickProp(x, y, pl.renderer)
-    assert actor.owns(picker.GetActor())
+    assert picker.GetActor() in actor.actors()
     assert not picker.PickProp(2, 2, pl.renderer)
 
 
