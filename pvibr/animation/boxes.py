@@ -77,7 +77,7 @@ class Boxes:
             node = np.eye(4) if body.node < 0 else world[..., body.node, :, :]
             node = np.broadcast_to(node, (*world.shape[:-3], 4, 4))[..., None, :, :]
             boxes = _moved(node, self._still(self._all, layers, time))
-        elif how == 'linear':
+        elif how == 'linear' or not self._others:  # a joint alone moves its vertices as it is
             matrices = body.skin.matrices(world)[..., self._singles.keys, :, :]
             boxes = _moved(matrices, self._still(self._singles, layers, time))
         else:
@@ -86,13 +86,13 @@ class Boxes:
 
     def _dual(self, skin, world, boxes):
         """Return the boxes of single joints, from those of vertices that pairs of them share."""
-        first, second = np.divmod(self._pairs.keys, len(skin.nodes))
-        real, dual, stretch = skinning.dual_parts(skin.matrices(world), skin.centers)
+        joints, starts, first, second = self._members
+        matrices = skin.matrices(world)[..., joints, :, :]
+        real, dual, stretch = skinning.dual_parts(matrices, skin.centers[joints])
         rigid = skinning.rigid(real, dual)
 
         def most(values):  # of all pairs that have the same first joint
-            starts, place = np.unique(first, return_index=True, return_inverse=True)[1:]
-            return np.maximum.reduceat(values, starts, -1)[..., place]
+            return np.maximum.reduceat(values, starts, -1)[..., first]
 
         # The first phase stretches a vertex by a mean of its joints: no further than the most.
         boxes = _grown(boxes, most(_apart(stretch[..., second, :, :], np.eye(4)[:3], boxes)))
@@ -155,6 +155,13 @@ class Boxes:
         both = (pulls[:, :, None] & pulls[:, None, :]).reshape(keys.shape)
         return _Groups(keys[both], _rows(keys)[both])
 
+    @cached_property
+    def _members(self):
+        """Joints of pairs, where pairs of each begin, and the first and second of each pair."""
+        first, second = np.divmod(self._pairs.keys, len(self._body.skin.nodes))
+        joints, starts, place = np.unique(first, return_index=True, return_inverse=True)
+        return joints, starts, place, np.searchsorted(joints, second)
+
 
 class _Groups:
     """Rows of an array in groups, a row in any number of them, and boxes of each group."""
@@ -204,8 +211,8 @@ def _apart(a, b, boxes):
     """
     corners = boxes[..., _CORNERS, _AXES]
     between = a - b
-    apart = np.einsum('...ij,...cj->...ci', between[..., :3, :3], corners)
-    return np.linalg.norm(apart + between[..., None, :3, 3], axis=-1).max(-1)
+    apart = corners @ np.swapaxes(between[..., :3, :3], -1, -2) + between[..., None, :3, 3]
+    return np.sqrt((apart * apart).sum(-1).max(-1))
 
 
 def _joined(boxes):
