@@ -79,6 +79,30 @@ class PlantLevels:
         rungs = range(len(self.parts[0].stand_ins))
         return [self.parts, *([q for p in self.parts for q in p.stand_ins[k]] for k in rungs)]
 
+    def actors(self, name) -> list:
+        """Return new actors that show a level of meshes, for ``plotter.add_actor``.
+
+        Parameters
+        ----------
+        name : {'mesh', 'parts', 'clusters'}
+            Which level.
+
+        Returns
+        -------
+        list of pyvista.Actor
+            With the looks of its parts.
+
+        Raises
+        ------
+        ValueError
+            Where it is no level of meshes.
+        """
+        names = [level.name for level in self.levels[: len(self._meshes())]]
+        if name not in names:
+            msg = f'name is {name!r}; it must be one of {", ".join(names)}'
+            raise ValueError(msg)
+        return _actors(self._meshes()[names.index(name)])
+
     def measure(self, size=128, directions=6) -> PlantLevels:
         """Measure the error of each level against the supersampled mesh.
 
@@ -298,12 +322,20 @@ def _shown(parts):
     """Return a function that puts parts into a plotter."""
 
     def put(plotter):
-        for part in parts:
-            actor = lendable(part, part.polydata_mapper())
-            actor.SetTexture(copy_texture(part.actor.GetTexture()))
+        for actor in _actors(parts):
             plotter.renderer.AddViewProp(actor)
 
     return put
+
+
+def _actors(parts):
+    """Return actors of parts that share nothing with those of other windows."""
+    out = []
+    for part in parts:
+        actor = lendable(part, part.polydata_mapper())
+        actor.SetTexture(copy_texture(part.actor.GetTexture()))
+        out.append(actor)
+    return out
 
 
 def _billboard(cards):

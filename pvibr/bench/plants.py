@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import numpy as np
 import pyvista as pv
 
-from pvibr.actors.meshes import MeshLevel, MeshPool
 from pvibr.actors.scatter_levels import plant_levels
 from pvibr.bench.rows import Row
 from pvibr.bench.sprites import frame_ms
 from pvibr.scenes.trees import tree_parts
 
-_PLAIN = (0.0, 0.0, 0.0, 0.5)
 _TREE = 40_000  # triangles
 
 
@@ -52,26 +51,30 @@ def _times(levels, settings) -> dict:
     found = {}
     places = np.stack(np.meshgrid(np.arange(5) - 2.0, np.arange(4) - 1.5), -1).reshape(-1, 2)
     places = np.c_[places * 16, np.zeros(len(places))][: settings.plants]
-    for level, parts in zip(levels.levels, levels._meshes(), strict=False):
-        pool = MeshPool(MeshLevel(parts))
-        found[level.name] = _ms(lambda pl, pool=pool: _stand(pl, pool, places), settings.size)
+    for name in ('mesh', 'parts', 'clusters'):
+        put = partial(_stand, levels=levels, name=name, places=places)
+        found[name] = _ms(put, settings.size)
     for name in ('turntable', 'billboard'):
         cards = getattr(levels, name)
         many = np.repeat(places, settings.copies, 0)
         cards = cards | {'size': np.tile(cards['size'], (len(many), 1))}
-        put = lambda pl, cards=cards, many=many: pl.ibr.add_billboards(many, **cards)  # noqa: E731
-        found[name] = _ms(put, settings.size) / settings.copies
+        found[name] = _ms(partial(_turn, points=many, cards=cards), settings.size)
+        found[name] /= settings.copies
     return {name: ms / len(places) for name, ms in found.items()}
 
 
-def _stand(pl, pool, places):
-    def pose(i):
-        out = np.eye(4)
-        out[:3, 3] = places[i]
-        return out
+def _stand(pl, levels, name, places):
+    first = levels.actors(name)
+    for place in places:
+        for source in first:
+            actor = pv.Actor()
+            actor.ShallowCopy(source)
+            actor.position = place
+            pl.renderer.AddViewProp(actor)
 
-    for actor in pool.show(range(len(places)), pose, lambda _: _PLAIN):
-        pl.renderer.AddViewProp(actor)
+
+def _turn(pl, points, cards):
+    pl.ibr.add_billboards(points, **cards)
 
 
 def _ms(put, size) -> float:

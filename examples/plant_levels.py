@@ -1,0 +1,41 @@
+"""
+Levels of a plant
+=================
+
+What consists of many small parts needs no triangle for each of them: a leaf is a textured quad, a
+bunch of leaves is three, and a tree that is far is one that turns to the eye.
+"""
+
+import pyvista as pv
+
+import pvibr
+from pvibr.scenes.trees import tree_parts
+
+TRIANGLES = 40_000
+
+# %%
+# 1. The ladder. Leaves are what is connected and small; ``labels`` would name them.
+tree = tree_parts('broadleaf', triangles=TRIANGLES)
+levels = pvibr.plant_levels(tree, views=16)
+
+# %%
+# 2. What each level costs and how far it is from the mesh.
+print(levels.measure(size=96, directions=3))
+
+# %%
+# 3. The levels in a row: the mesh, a quad a leaf, three a bunch, and a turntable.
+pl = pv.Plotter(window_size=(1200, 420), border=False)
+for k, name in enumerate(('mesh', 'parts', 'clusters')):
+    for actor in levels.actors(name):
+        actor.position = (16 * k, 0, 0)
+        pl.add_actor(actor)
+size = [levels.turntable['size']]
+pl.ibr.add_billboards([[48, 0, 0]], **levels.turntable | {'size': size})
+pl.camera.position, pl.camera.focal_point, pl.camera.up = (24, -75, 10), (24, 0, 7), (0, 0, 1)
+pl.camera.view_angle = 17
+pl.show(auto_close=False)
+pl.close()
+
+# %%
+# 4. In a scene the ladder takes part by itself: ``pl.ibr.add_instances(levels.parts, poses)``
+# measures each level and draws it where it is good enough.
