@@ -349,6 +349,20 @@ def billboards(*, out: _Folder = Path('out'), quick: bool = False) -> None:
     _measure('billboards', out, quick)
 
 
+@bench.command
+def clouds(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+    """Measure billboard clouds: against k-means, and against fewer triangles of as many bytes.
+
+    Parameters
+    ----------
+    out
+        Folder for the table (JSON) and the plot (PNG).
+    quick
+        Measure a few points only, to see that the bench runs.
+    """
+    _measure('clouds', out, quick)
+
+
 def _measure(name, out, quick):
     from pvibr.bench import main
 

@@ -18,7 +18,6 @@ from pvibr.maths.image_error import box_reduce
 from pvibr.maths.packing import largest_scale
 
 _MARGIN = 2  # texels around each picture that take its colours
-_SPREAD = 8  # texels that take the colours beside them, for filters that reach over edges
 _TURNS = 45  # rectangles are tried at every second degree
 _BLOCK = 1 << 20  # distances looked at together
 
@@ -202,13 +201,22 @@ def _laid_out(part, origin, planes, owner, sheet, reach):
     new.points = sheet.flattened(points[faces[face]], plane).reshape(-1, 3).astype(np.float32)
     new.regular_faces = np.arange(len(ids)).reshape(-1, 3)
     take_arrays(mesh, new, ids, face)
-    for data, of in ((new.point_data, plane.repeat(3)), (new.cell_data, plane)):
-        if data.active_normals is not None:
-            turned = np.einsum('ned,nd->ne', sheet.axes[of], np.asarray(data.active_normals))
-            data.active_normals = turned.astype(np.float32)
+    _turn_normals(new, sheet.axes[plane], flat=part.actor.GetProperty().GetInterpolation() == 0)
     mapper = part.polydata_mapper()
     mapper.SetInputDataObject(new)
     return Part(dressed(part, mapper), new, part.alpha_cutoff)
+
+
+def _turn_normals(mesh, axes, *, flat):
+    """Turn the normals of triangles with corners of their own, as the triangles were turned."""
+    for data, of in ((mesh.point_data, axes.repeat(3, 0)), (mesh.cell_data, axes)):
+        if data.active_normals is None:
+            continue
+        if flat:  # then VTK takes those of the triangles, whatever there is
+            del data[data.active_normals_name]
+        else:
+            turned = np.einsum('ned,nd->ne', of, np.asarray(data.active_normals))
+            data.active_normals = turned.astype(np.float32)
 
 
 def _pairs(corners, planes, owner, sheet, reach):
@@ -230,7 +238,7 @@ def _pairs(corners, planes, owner, sheet, reach):
 
 
 def _drawn(parts, side, supersample):
-    """Return colours times coverage with coverage, and normals times coverage; bottom row first."""
+    """Return colours with coverage and normals, both times coverage; bottom row first."""
     with hidden_window() as (window, _):
         while side * supersample > texture_limit(window) and supersample > 1:
             supersample //= 2
@@ -298,11 +306,10 @@ def _solid(coverage, sheet):
 
 
 def _spread(image, known):
-    """Give texels beside what is drawn the nearest colour."""
+    """Give all else the nearest colour of what is drawn: filters of any width meet no other."""
     if not known.any():
         return image
-    away, near = ndimage.distance_transform_edt(~known, return_indices=True)
-    beside = (away <= _SPREAD) & ~known
-    image = np.where(known[..., None], image, 0.0 if image.min() >= 0 else [0.0, 0.0, 1.0])
-    image[beside] = image[near[0][beside], near[1][beside]]
-    return image
+    row, column = ndimage.distance_transform_edt(
+        ~known, return_distances=False, return_indices=True
+    )
+    return image[row, column]

@@ -5,14 +5,18 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.actors.parts import as_parts
 from pvibr.cloud_texture import arranged, draw
+from pvibr.gl import shader_source
+from pvibr.gl.feature import Feature, sections
 from pvibr.maths.billboard_clouds import Planes, greedy_planes, kmeans_planes
+
+_APART = 0.01  # of the bound: how far pictures of two sides are from their plane
+_BOTH = 0.1  # of the area near a plane that must look each way for it to have two sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +26,9 @@ class BillboardCloud:
     Attributes
     ----------
     mesh : pyvista.PolyData
-        A quadrilateral for each plane, with texture coordinates, normals and tangents of its
-        points, and the number of its ``'plane'``.
+        A quadrilateral for each plane, or one for each of its sides where they differ, with
+        texture coordinates, normals and tangents of its points, and the number of its
+        ``'plane'``.
     texture : pyvista.Texture
         Colours before light; alpha is 0 or 255.
     normal_texture : pyvista.Texture
@@ -63,17 +68,17 @@ class BillboardCloud:
         )
 
     def add_to(self, plotter, *, lighting=True, **kwargs):
-        """Show it as a plotter shows any mesh.
+        """Show it in a plotter: cut out at its edges, and lit by the normals of its texture.
 
         Parameters
         ----------
         plotter : pyvista.Plotter
             Where to.
         lighting : bool, optional
-            Light it by the normals of its texture, which VTK does for physically based surfaces;
-            else the colours are shown as they are.
+            Light it; else its colours are shown as they are.
         **kwargs
-            As :meth:`pyvista.Plotter.add_mesh`.
+            As :meth:`pyvista.Plotter.add_mesh`; with ``pbr=True`` it is VTK that reads the
+            normals.
 
         Returns
         -------
@@ -88,14 +93,21 @@ class BillboardCloud:
         >>> actor.mapper.dataset.n_cells
         6
         """
-        if not lighting:
-            return plotter.add_mesh(self.mesh, texture=self.texture, lighting=False, **kwargs)
-        look: dict[str, Any] = {'pbr': True, 'metallic': 0.0, 'roughness': 1.0} | kwargs
-        actor = plotter.add_mesh(self.mesh, **look)
-        color = self.texture.copy()
-        color.SetUseSRGBColorSpace(True)  # what VTK asks of the colour of such a surface
-        actor.prop.SetBaseColorTexture(color)
-        actor.prop.SetNormalTexture(self.normal_texture)
+        if kwargs.get('pbr'):
+            actor = plotter.add_mesh(self.mesh, **({'roughness': 1.0} | kwargs))
+            color = pv.Texture(self.texture.to_array())
+            color.SetUseSRGBColorSpace(True)  # what VTK asks of the colour of such a surface
+            actor.prop.SetBaseColorTexture(color)
+            actor.prop.SetNormalTexture(self.normal_texture)
+            return actor
+        kwargs = {'texture': self.texture, 'lighting': lighting, 'smooth_shading': True} | kwargs
+        actor = plotter.add_mesh(self.mesh, **kwargs)
+        if lighting:
+            actor.prop.SetNormalTexture(self.normal_texture)
+        text = sections(shader_source(__file__))
+        tags = {'VTK::Normal::Impl': 'normal', 'VTK::TCoord::Impl': 'coordinates'}
+        fragment = {tag: text[f'fragment.{name}'] for tag, name in tags.items()}
+        Feature('cloud', fragment=fragment).attach(actor)
         return actor
 
     def save(self, path):
@@ -191,26 +203,27 @@ def billboard_cloud(
     origin = points.mean(0)
     local = points - origin
     bound = None if planes is not None else epsilon * diagonal
+    apart = _APART * (1e-2 * diagonal if bound is None else bound)
     found = (
         kmeans_planes(local, faces, planes, seed=seed)
         if bound is None
-        else greedy_planes(local, faces, bound)
+        else greedy_planes(local, faces, bound - apart)
     )
-    found = _outward(found, local, faces)
-    away = found.displacements(local, faces).max(1)
-    reach = np.full(len(found), bound)
+    solid = np.concatenate([np.full(p.mesh.n_cells, p.alpha_cutoff is None) for p in parts])
+    sides, which = _sides(found, local, faces, solid, apart)
+    away = sides.displacements(local, faces).max(1)
+    reach = np.full(len(sides), bound)
     if bound is None:
-        reach = np.zeros(len(found))
-        np.maximum.at(reach, found.owner, away)
-    sheet = arranged(found, local, faces, int(size))
-    color, normal = draw(parts, origin, found, sheet, reach, supersample)
+        reach = np.zeros(len(sides))
+        np.maximum.at(reach, sides.owner, away)
+    sheet = arranged(sides, local, faces, int(size))
+    color, normal = draw(parts, origin, sides, sheet, reach, supersample)
     area = int(sheet.texels.prod(1).sum())
-    quads = _mesh(sheet, origin)
+    found = Planes(found.normals, found.offsets + found.normals @ origin, found.owner)
     return BillboardCloud(
-        quads, pv.Texture(color), pv.Texture(normal),
-        Planes(found.normals, found.offsets + found.normals @ origin, found.owner),
-        bound, float(away.max()), float((color[..., 3] > 0).sum() / area),
-        area / size**2, time.perf_counter() - start,
+        _mesh(sheet, origin, which), pv.Texture(color), pv.Texture(normal), found, bound,
+        float(away.max()), float((color[..., 3] > 0).sum() / area), area / size**2,
+        time.perf_counter() - start,
     )  # fmt: skip
 
 
@@ -237,16 +250,33 @@ def _joined(parts):
     return points, np.concatenate(faces)
 
 
-def _outward(planes, points, faces):
-    """Turn normals to the side that most of the area looks to: it is that which is drawn."""
+def _sides(planes, points, faces, solid, apart):
+    """Return a plane for each side that is shown, and which of the given ones it is.
+
+    Of a thin wall both sides are near to one plane: then it has two pictures, a little apart, so
+    that the one before hides the other. Leaves are the same from both sides.
+    """
     a, b, c = points[faces].transpose(1, 0, 2)
-    area = np.cross(b - a, c - a)
-    side = np.bincount(planes.owner, (area * planes.normals[planes.owner]).sum(1), len(planes))
-    sign = np.where(side < 0, -1.0, 1.0)
-    return Planes(planes.normals * sign[:, None], planes.offsets * sign, planes.owner)
+    area = (np.cross(b - a, c - a) * planes.normals[planes.owner]).sum(1)
+    count = len(planes)
+    front, back = (
+        np.bincount(planes.owner, np.maximum(sign * area, 0) * solid, count) for sign in (1, -1)
+    )
+    total = np.maximum(np.bincount(planes.owner, np.abs(area), count), 1e-300)
+    turn = np.where(back > front, -1.0, 1.0)
+    normals, offsets = planes.normals * turn[:, None], planes.offsets * turn
+    two = np.flatnonzero(np.minimum(front, back) > _BOTH * total)
+    offsets[two] += apart
+    second = np.full(count, -1)
+    second[two] = count + np.arange(len(two))
+    behind = (area * turn[planes.owner] < 0) & (second[planes.owner] >= 0)
+    owner = np.where(behind, second[planes.owner], planes.owner)
+    normals = np.concatenate([normals, -normals[two]])
+    offsets = np.concatenate([offsets, 2 * apart - offsets[two]])
+    return Planes(normals, offsets, owner), np.concatenate([np.arange(count), two])
 
 
-def _mesh(sheet, origin):
+def _mesh(sheet, origin, which):
     points, coordinates = sheet.quads()
     count = len(points)
     mesh = pv.PolyData()
@@ -256,6 +286,6 @@ def _mesh(sheet, origin):
     mesh.point_data.active_normals = sheet.axes[:, 2].repeat(4, 0).astype(np.float32)
     mesh.point_data['Tangents'] = sheet.axes[:, 0].repeat(4, 0).astype(np.float32)
     mesh.GetPointData().SetTangents(mesh.GetPointData().GetArray('Tangents'))
-    mesh.cell_data['plane'] = np.arange(count)
+    mesh.cell_data['plane'] = which
     mesh.set_active_scalars(None)
     return mesh

@@ -5,7 +5,9 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
-NAMES = ('instances', 'shadows', 'projection', 'effects', 'figures', 'billboards', 'impostors')
+NAMES = (
+    'instances', 'shadows', 'projection', 'effects', 'figures', 'billboards', 'impostors', 'clouds',
+)  # fmt: skip
 
 
 def main(name, *, out=Path('out'), quick=False) -> list:
@@ -13,8 +15,8 @@ def main(name, *, out=Path('out'), quick=False) -> list:
 
     Parameters
     ----------
-    name : {'instances', 'shadows', 'projection', 'effects', 'figures', 'billboards', 'impostors'}
-        What is measured.
+    name : str
+        What is measured: one of ``NAMES``.
     out : pathlib.Path
         Folder for ``bench_NAME.json`` and ``bench_NAME.png``.
     quick : bool

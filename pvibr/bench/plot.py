@@ -198,3 +198,31 @@ def plot_figures(results, path):
     reaching.set_title('chains of 30 joints with limits')
     reaching.legend(fontsize='x-small')
     save(figure, 'figures', results, path)
+
+
+def plot_clouds(results, path):
+    """Draw the error of billboard clouds by planes, and by bytes beside quadric decimation.
+
+    Parameters
+    ----------
+    results : Results
+        With its points.
+    path : pathlib.Path
+        PNG file.
+    """
+    meshes = results.points['meshes']
+    figure, rows = several_axes((4 * len(meshes), 8), 2, len(meshes), squeeze=False)
+    for name, planes, size in zip(meshes, *rows, strict=True):
+        for way, points in meshes[name].items():
+            points = sorted(points, key=lambda p: p['bytes'])
+            error = [p['flip'] for p in points]
+            if way != 'quadrics':
+                planes.plot([p['planes'] for p in points], error, 'o-', label=way)
+            if way != 'k-means':
+                size.plot([p['bytes'] / 1e3 for p in points], error, 'o-', label=way)
+        planes.set(xscale='log', xlabel='planes', title=name, ylim=(0, None))
+        size.set(xscale='log', xlabel='kB', ylim=(0, None))
+        for one in (planes, size):
+            one.set_ylabel('mean FLIP against the mesh')
+            one.legend(fontsize='x-small')
+    save(figure, 'clouds', results, path)

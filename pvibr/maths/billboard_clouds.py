@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 _CHUNK = 1 << 20  # numbers in an array of a block: what stays in the cache is fastest
-_MISSING = 4.0  # votes against a plane by what it just misses, over votes for it
+_MISSING = 1.0  # votes against a plane by what it just misses, over votes for it
+_CORE, _CENTRED = 0.3, 0.5  # of the bound: what is as near as this has so many votes more
 _FLAT = 1e-2  # of its area: what a triangle counts that stands on a plane
 _SMALL = 1e-9  # of epsilon: what rounding may add to a distance
 _ROUNDS = 3  # of finding the best plane for each triangle and the best fit of each plane
@@ -234,7 +235,7 @@ class _Votes:
     def __init__(self, directions, bound, low, width, count):
         self.directions, self.bound = directions, bound
         self.low, self.width, self.count = low, width, count
-        self._steps = np.zeros((len(directions), count + 1))
+        self._steps = np.zeros(len(directions) * (count + 1))
         self._zero = int(np.clip(np.ceil(-low / width), 0, count))
 
     def add(self, surface, faces, areas):
@@ -246,35 +247,45 @@ class _Votes:
             along = (corners @ self.directions.T).reshape(len(part), 3, -1)
             facing = np.abs(surface.normals[part] @ self.directions.T)
             weight = areas[start : start + block, None] * np.maximum(facing, _FLAT)
-            self._add(along.max(1) - self.bound, along.min(1) + self.bound, weight)
+            self._add(along.max(1), along.min(1), weight)
 
-    def _add(self, low, high, weight):
-        first, last = self._bin(low, np.ceil), self._bin(high, np.floor) + 1
-        valid = last > first
-        row = np.broadcast_to(np.arange(len(self.directions)), first.shape)[valid]
-        weight, first, last = weight[valid], first[valid], last[valid]
-        self._range(row, first, last, weight)
+    def _add(self, high, low, weight):
+        """Add votes for planes between the lowest and the highest corner, a bound around them."""
+        first, last = self._bin(high - self.bound, 1), self._bin(low + self.bound, 0) + 1
+        row, column = np.nonzero(last > first)
+        high, low, weight = high[row, column], low[row, column], weight[row, column]
+        first, last, start = first[row, column], last[row, column], column * (self.count + 1)
+        ranges = [(first, last, weight)]
+        # A plane in the midst of much moves it less than one that is near to all of it.
+        middle = (
+            self._bin(high - _CORE * self.bound, 1),
+            self._bin(low + _CORE * self.bound, 0) + 1,
+        )
+        ranges.append((middle[0], np.maximum(*middle), _CENTRED * weight))
         # A plane that leaves something just outside of it, where nothing else will come, is bad.
-        before = self._bin(low[valid] - self.bound, np.ceil)
-        outside = np.maximum(before, self._zero), np.maximum(first, self._zero)
-        self._range(row, *outside, -_MISSING * weight)
-        beyond = self._bin(high[valid] + self.bound, np.floor) + 1
-        outside = np.minimum(last, self._zero), np.minimum(beyond, self._zero)
-        self._range(row, *outside, -_MISSING * weight)
+        before, beyond = (
+            self._bin(high - 2 * self.bound, 1),
+            self._bin(low + 2 * self.bound, 0) + 1,
+        )
+        out = np.maximum(before, self._zero), np.maximum(first, self._zero)
+        ranges.append((*out, -_MISSING * weight))
+        out = np.minimum(last, self._zero), np.minimum(beyond, self._zero)
+        ranges.append((*out, -_MISSING * weight))
+        for begin, end, amount in ranges:
+            for at, step in ((begin, amount), (end, -amount)):
+                self._steps += np.bincount(start + at, step, len(self._steps))
 
-    def _bin(self, value, rounded):
-        bins = rounded((value - self.low) / self.width)
-        return np.clip(bins, -1, self.count).astype(np.intp)
-
-    def _range(self, row, first, last, weight):
-        size, wide = self._steps.size, self._steps.shape[1]
-        for at, amount in ((first, weight), (last, -weight)):
-            place = row * wide + np.clip(at, 0, self.count)
-            self._steps += np.bincount(place, amount, size).reshape(self._steps.shape)
+    def _bin(self, value, up):
+        """Return the bin at or below a value, or the one at or above it."""
+        bins = (value - self.low) * (1 / self.width) + 1
+        found = bins.astype(np.int32)  # towards zero, which is down from 0 on
+        if up:
+            return np.clip(found + (bins > found) - 1, 0, self.count)
+        return np.clip(found - 1, -1, self.count - 1)
 
     def best(self):
         """Return normal and offset of the plane with the most votes, and how many."""
-        votes = np.cumsum(self._steps, axis=1)[:, :-1]
+        votes = np.cumsum(self._steps.reshape(len(self.directions), -1), axis=1)[:, :-1]
         row, column = np.unravel_index(np.argmax(votes), votes.shape)
         found = self.low + self.width * column
         return self.directions[row], float(found), float(votes[row, column])

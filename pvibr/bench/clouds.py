@@ -1,0 +1,278 @@
+"""``pvibr bench clouds``: planes and bytes against the error of the picture."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+import pvibr
+from pvibr.actors.parts import Part, as_parts, dressed
+from pvibr.bench.plot import plot_clouds
+from pvibr.bench.rows import Row
+from pvibr.bench.runs import run
+from pvibr.clouds import billboard_cloud
+from pvibr.maths.image_error import flip, psnr
+from pvibr.offscreen import SAMPLES, Stage, mesh_actors
+from pvibr.scenes.trees import tree_parts
+
+_DATA = Path(pvibr.__file__).parents[2] / 'shared' / 'data' / 'meshes'
+#: Pixels that a mesh is high: where a cloud of 2 % is meant to be seen.
+_SIZE = 160
+_HERE = np.eye(4)[None], np.zeros(1, int)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How much is measured.
+
+    Attributes
+    ----------
+    meshes : int or None
+        How many meshes; None is all.
+    epsilons : tuple of float
+        Bounds, shares of the diagonal; the first is compared with k-means.
+    counts : tuple of float
+        Planes of k-means, over those of the first bound.
+    views : int
+        From all around.
+    triangles : int
+        Of the mesh that is timed.
+    size : int
+        Texels along a side of the texture.
+    """
+
+    meshes: int | None = None
+    epsilons: tuple[float, ...] = (0.02, 0.01, 0.04, 0.08)
+    counts: tuple[float, ...] = (0.6, 1.0, 1.5, 2.5)
+    views: int = 8
+    triangles: int = 100_000
+    size: int = 1024
+
+
+QUICK = Settings(1, (0.04,), (1.0,), 2, 5_000, 256)
+
+
+def measure(out, *, quick=False) -> list:
+    """Run every part, print and write the table and the plot, and return the rows.
+
+    Parameters
+    ----------
+    out : pathlib.Path
+        Folder.
+    quick : bool
+        Whether only a few points are measured.
+
+    Returns
+    -------
+    list of Row
+        What was measured.
+    """
+    parts = {'time': _timed, 'error': _errors}
+    return run('clouds', parts, QUICK if quick else Settings(), plot_clouds, out, quick=quick)
+
+
+def _timed(settings, results):
+    """Add the time of a mesh of many triangles, and how far it was displaced."""
+    file = _DATA / 'skull.obj'
+    mesh = pv.read(file) if file.is_file() and settings.triangles >= 100_000 else _ball(settings)
+    start = time.perf_counter()
+    cloud = billboard_cloud(mesh, epsilon=0.02, size=settings.size)
+    seconds = time.perf_counter() - start
+    name = f'{mesh.n_cells} triangles at 2 %'
+    results.rows += [
+        Row(f'{name}: time', seconds, 's', 20),
+        Row(f'{name}: planes', len(cloud.planes)),
+        Row(f'{name}: displacement over the bound', _moved(cloud, mesh), '', 1),
+    ]
+
+
+def _ball(settings):
+    side = int(np.sqrt(settings.triangles / 2)) + 1
+    return pv.ParametricBohemianDome(u_res=side, v_res=side).triangulate()
+
+
+def _moved(cloud, mesh):
+    """Return the largest displacement of a vertex over what is allowed, computed anew."""
+    points = np.asarray(mesh.points, float)
+    away = cloud.planes.displacements(points, mesh.triangulate().regular_faces)
+    return float(away.max() / (0.02 * np.linalg.norm(np.ptp(points, axis=0))))
+
+
+def _errors(settings, results):
+    """Add the errors of clouds, of k-means and of quadric decimation by mesh."""
+    curves = results.points['meshes'] = {}
+    for name, make in list(MESHES.items())[: settings.meshes]:
+        parts = make()
+        if parts is not None:
+            curves[name] = found = _Mesh(parts, settings).curves()
+            results.rows += _rows(name, found)
+
+
+def _rows(name, found):
+    first = found['greedy'][0]
+    label = f'{name}, {first["epsilon"]:.0%}'
+    yield Row(f'{label}: planes', first['planes'])
+    yield Row(f'{label}: FLIP', first['flip'])
+    yield Row(f'{label}: PSNR', first['psnr'], 'dB')
+    yield Row(f'{label}: drawn share of the rectangles', first['fill'])
+    yield Row(f'{label}: displacement over the bound', first['moved'], '', 1)
+    yield Row(f'{label}: time', first['seconds'], 's')
+    yield Row(f'{label}: bytes', first['bytes'])
+    same = planes_at(found['k-means'], first['flip'])
+    yield Row(f'{label}: planes of k-means at the same FLIP over its own', same / first['planes'],
+              'x', 1, at_least=True)  # fmt: skip
+    for point in found['quadrics']:
+        yield Row(f'{name}: FLIP of quadrics at {point["bytes"]} bytes', point['flip'])
+
+
+def planes_at(curve, error) -> float:
+    """Return how many planes a curve needs for an error, by lines between its points.
+
+    Parameters
+    ----------
+    curve : list of dict
+        With ``'planes'`` and ``'flip'``.
+    error : float
+        FLIP.
+
+    Returns
+    -------
+    float
+        The largest count of the curve where it is never reached: then more are needed.
+
+    Examples
+    --------
+    >>> from pvibr.bench.clouds import planes_at
+    >>> planes_at([{'planes': 10, 'flip': 0.2}, {'planes': 20, 'flip': 0.1}], 0.15)
+    15.0
+    """
+    curve = sorted(curve, key=lambda point: point['planes'])
+    planes = np.array([point['planes'] for point in curve], float)
+    flips = np.minimum.accumulate([point['flip'] for point in curve])
+    return float(np.interp(-error, -flips, planes))
+
+
+class _Mesh:
+    """One mesh, its pictures, and what stands in for it."""
+
+    def __init__(self, parts, settings):
+        self.parts, self.settings = parts, settings
+        points = np.concatenate([part.mesh.points for part in parts])
+        self.diagonal = float(np.linalg.norm(np.ptp(points.astype(float), axis=0)))
+        middle = (points.min(0) + points.max(0)) / 2.0
+        away = 0.5 * self.diagonal / np.sin(np.radians(15))
+        self.cameras = [
+            (middle + away * v, middle, (0, 1, 0) if abs(v[1]) < 0.9 else (1, 0, 0))
+            for v in _around(settings.views)
+        ]
+        self.truth = self._pictures(lambda stage: stage.add(mesh_actors([parts], *_HERE)))
+
+    def curves(self):
+        greedy = [self._cloud(epsilon=epsilon) for epsilon in self.settings.epsilons]
+        first = greedy[0]['planes']
+        counts = sorted({max(1, round(first * share)) for share in self.settings.counts})
+        return {
+            'greedy': greedy,
+            'k-means': [self._cloud(planes=count) for count in counts],
+            'quadrics': [self._decimated(point['bytes']) for point in greedy],
+        }
+
+    def _cloud(self, **how):
+        cloud = billboard_cloud(self.parts, size=self.settings.size, **how)
+        with tempfile.TemporaryDirectory() as folder:
+            (file,) = cloud.save(Path(folder) / 'cloud.glb')
+            size = file.stat().st_size
+        moved = cloud.displacement / (cloud.epsilon or self.diagonal)
+        found = {
+            'planes': len(cloud.planes), 'bytes': size, 'seconds': cloud.seconds,
+            'fill': cloud.fill, 'moved': moved,
+        }  # fmt: skip
+        return how | found | self._error(cloud.add_to)
+
+    def _decimated(self, size):
+        """Return the error of the triangles that the same number of bytes holds."""
+        whole = sum(_bytes(part) for part in self.parts)
+        found = [_quadrics(part, min(size / whole, 1.0)) for part in self.parts]
+        error = self._error(lambda pl: _show(pl, mesh_actors([found], *_HERE)))
+        return {'bytes': sum(_bytes(part) for part in found)} | error
+
+    def _error(self, add):
+        drawn = self._pictures(lambda stage: add(stage.plotter))
+        pairs = list(zip(drawn, self.truth, strict=True))
+        return {
+            'flip': float(np.mean([flip(a, b).mean() for a, b in pairs])),
+            'psnr': float(np.mean([min(psnr(a, b), 99.0) for a, b in pairs])),
+        }
+
+    def _pictures(self, fill):
+        with Stage((_SIZE, _SIZE), samples=SAMPLES) as stage:
+            fill(stage)
+            found = []
+            for camera in self.cameras:
+                stage.look(camera)
+                found.append(stage.picture())
+            return found
+
+
+def _show(plotter, actors):
+    for actor in actors:
+        plotter.renderer.AddViewProp(actor)
+
+
+def _around(count):
+    """Return directions from all around, none of them along an axis."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    angle = 0.3 + np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    across = np.sqrt(1 - z * z)
+    return np.column_stack([across * np.cos(angle), z, across * np.sin(angle)])
+
+
+def _bytes(part):
+    """Return the bytes of a mesh in a GLB file: points, normals, colours or places, triangles."""
+    mesh = part.mesh
+    vertex = 12 + 12 * (mesh.point_data.active_normals is not None)
+    vertex += 8 * (mesh.active_texture_coordinates is not None)
+    vertex += 4 * (mesh.active_scalars is not None)
+    texture = part.actor.GetTexture()
+    image = 0 if texture is None else _png_bytes(texture)
+    return mesh.n_points * vertex + mesh.n_cells * 12 + image
+
+
+def _png_bytes(texture):
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(np.asarray(pv.Texture(texture.GetInput()).to_array())).save(stream, 'PNG')
+    return stream.tell()
+
+
+def _quadrics(part, share):
+    """Return a part simplified by VTK's quadrics, its arrays taken along."""
+    mesh: Any = part.mesh
+    if share < 1:
+        with pv.vtk_verbosity('off'):  # it says of each edge that has no best point
+            mesh = mesh.decimate(1 - share, enable_all_attribute_error=True)
+    mapper = part.polydata_mapper()
+    mapper.SetInputDataObject(mesh)
+    return Part(dressed(part, mapper), mesh, part.alpha_cutoff)
+
+
+def _file(name, **looks):
+    file = _DATA / name
+    return as_parts(file, **looks) if file.is_file() else None
+
+
+MESHES: dict[str, Callable[[], Any]] = {
+    'airplane': lambda: as_parts(pv.examples.load_airplane(), color='tan'),
+    'tree': lambda: tree_parts('broadleaf', triangles=50_000),
+    'building': lambda: _file('city/building_H.gltf'),
+    'statue': lambda: _file('nefertiti-lowres.obj', color='tan', smooth_shading=True),
+}

@@ -1,0 +1,8 @@
+// Rectangles of a billboard cloud: holes of their texture are cut where its alpha, filtered, is
+// below a half, so that edges are straight between texels; what is left is as opaque as the actor.
+//@fragment.normal
+  if (texture(actortexture, tcoordVCVSOutput).a < 0.5) discard;
+//VTK::Normal::Impl
+//@fragment.coordinates
+//VTK::TCoord::Impl
+  gl_FragData[0].a = opacity;
