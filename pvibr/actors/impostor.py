@@ -92,7 +92,6 @@ class Impostor(Effect):
         super().__init__(**settings)
         self._materials = Materials()
         self._sources = [Source(actor, self._materials) for actor in found]
-        self._times = [-1] * len(found)
         self._cards = ImpostorCards()
         self._costs = Costs()
         self._tree: Any = None
@@ -254,19 +253,12 @@ class Impostor(Effect):
 
     def _sync(self):
         self._forget_removed()
-        changed = []
-        for i, source in enumerate(self._sources):
-            time = source.time()
-            if time != self._times[i]:
-                self._times[i] = time
-                source.update()
-                changed.append(i)
+        changed = [i for i, source in enumerate(self._sources) if source.changed()]
         if not changed:
             return
         self._version += 1
         for i in changed:
-            # To bring an actor's data up to date may change it.
-            self._times[i] = self._sources[i].time()
+            self._sources[i].update()
         if self._tree is not None:
             self._costs.changed(changed)
             if self._images is not None:
@@ -285,7 +277,6 @@ class Impostor(Effect):
         for i in set(range(len(self._sources))) - set(kept):
             self._sources[i].release(self.pipeline.window)
         self._sources = [self._sources[i] for i in kept]
-        self._times = [self._times[i] for i in kept]
         self._version += 1
         self._forget_tree()
 
@@ -480,7 +471,7 @@ class Impostor(Effect):
         real = np.array([bool(w) and w != 'out of view' for w in why])
         self._hidden = np.flatnonzero(~real & self._wanted).tolist()
         for i in self._hidden:
-            self._sources[i].actor.VisibilityOff()
+            self._sources[i].hide()
         self._told['shown'] = len(shown)
         self._told['meshes'] = dict(Counter(w for w in why if w and w not in ('hidden',)))
 
@@ -491,8 +482,7 @@ class Impostor(Effect):
 
     def _unhide(self):
         for i in self._hidden:
-            self._sources[i].actor.VisibilityOn()
-            self._times[i] = self._sources[i].time()
+            self._sources[i].show()
         self._hidden = []
 
     def _seen_from(self, frame):
@@ -519,7 +509,6 @@ class Impostor(Effect):
         self._forget_tree()
         for source in self._sources:
             source.release(window)
-        self._times = [-1] * len(self._sources)
         self._frame = self._elsewhere = None
 
     def report(self) -> dict:

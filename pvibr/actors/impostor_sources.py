@@ -103,15 +103,30 @@ class Source:
         self._times: tuple = ()
         self._shape: tuple = ()
         self._length = 0.0
-        self._clocks: tuple = (actor.GetMTime,)
+        # Asked for in every frame, of thousands: an attribute of a PyVista actor takes its time.
+        self._show, self.hide, self._clock = (
+            actor.VisibilityOn,
+            actor.VisibilityOff,
+            actor.GetMTime,
+        )
+        self._clocks: list = []
+        self._own, self._rest = -1, []
         self._pipeline: Any = None
 
-    def time(self) -> int:
-        """Return when the actor, its material, texture, mapper or data changed last."""
+    def changed(self) -> bool:
+        """Tell whether actor, material, texture, mapper or data changed since last asked."""
         if self._pipeline is not None:
             self._pipeline.Update()
-        # One counter gives out all of VTK's times. An actor's is that of its material as well.
-        return max([clock() for clock in self._clocks])
+        own, rest = self._clock(), [clock() for clock in self._clocks]
+        if own == self._own and rest == self._rest:
+            return False
+        self._own, self._rest = own, rest
+        return True
+
+    def show(self):
+        """Take back that it is hidden, which is no change."""
+        self._show()
+        self._own = self._clock()
 
     @property
     def shown(self) -> bool:
@@ -138,7 +153,7 @@ class Source:
         self._dress(data)
 
     def _watch(self):
-        mapper, clocks = self.actor.GetMapper(), [self.actor.GetMTime]
+        mapper, clocks = self.actor.GetMapper(), []
         self._pipeline = None
         if mapper is not None:
             clocks.append(mapper.GetMTime)
@@ -146,7 +161,9 @@ class Source:
                 clocks.append(mapper.GetInputDataObject(0, 0).GetMTime)
                 source = mapper.GetInputAlgorithm()
                 self._pipeline = None if source.IsA('vtkTrivialProducer') else source
-        self._clocks = tuple(clocks)
+        # An actor's time is that of its material and texture as well.
+        self._clocks = clocks
+        self.changed()
 
     def _measure(self, data):
         shape = data, data.GetMTime()
@@ -217,6 +234,7 @@ class Source:
             self._double.SetTexture(None)  # the actor's own
             self._double.ReleaseGraphicsResources(window)
         self._double, self._times = None, ()
+        self._own = -1
 
 
 def _copied(mapper, data):

@@ -171,5 +171,5 @@ def replacements(shader) -> dict:
 
 def _replace(shader, stage, tag, text):
     getattr(shader, f'Clear{stage}ShaderReplacement')(tag, True)
-    if text.strip() != tag:
+    if text.strip() not in ('', tag):  # nothing is left of what replaced VTK's own
         getattr(shader, f'Add{stage}ShaderReplacement')(tag, True, text, False)

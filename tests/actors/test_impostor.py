@@ -360,3 +360,74 @@ def test_two_plotters_and_a_window_that_changes():
     assert displaced(mesh, card) <= 1.5
     large = [pl.screenshot(None, return_img=True, scale=2).astype(int) for pl in first.plotters]
     assert displaced(*large) <= 1.5
+
+
+def test_effects_see_the_surface_that_images_show():
+    scene = Scene()
+    for pl in scene.plotters:
+        pl.ibr.add(pvibr.Shadows())
+        pl.ibr.add(pvibr.Outline())
+    mesh, card = scene.pictures()
+    assert np.abs(mesh - card).mean() < 1.0
+    normals = [pl.ibr.buffer('normal') for pl in scene.plotters]
+    assert np.abs(normals[0] - normals[1]).mean() < 0.01
+    rendered = scene.impostor.rendered
+    scene.pictures()
+    assert scene.impostor.rendered == rendered  # what effects put on actors changes no image
+
+
+def test_other_cameras_see_the_meshes():
+    scene = Scene()
+    lives = []
+    for pl in scene.plotters:
+        lives.append(pl.ibr.add(pvibr.LiveTexture(pl.camera.copy(), size=(64, 48))))
+        lives[-1].camera.position = (6, -6, 6)
+    scene.pictures()
+    assert np.array_equal(lives[0].image(), lives[1].image())
+    scene.pictures()
+    assert [live.draws for live in lives] == [1, 1]
+
+
+def test_materials_of_all_kinds_share_a_draw():
+    pictures = []
+    for images in (False, True):
+        pl = pv.Plotter(off_screen=True, window_size=(320, 240))
+        pl.ren_win.SetMultiSamples(0)
+        ball = BALL.copy()
+        ball['height'] = ball.points[:, 2]
+        looks = (
+            {'scalars': 'height', 'show_scalar_bar': False},
+            {'color': 'red', 'lighting': False},
+            {'color': 'white', 'specular': 0.8, 'specular_power': 30, 'smooth_shading': True},
+            {'color': 'blue', 'ambient': 0.5, 'diffuse': 0.3},
+        )
+        actors = [
+            pl.add_mesh(ball.translate((1.2 * k, 0, 0)), **look) for k, look in enumerate(looks)
+        ]
+        textured = pv.Sphere(theta_resolution=60, phi_resolution=60, center=(2, 0, 1.3))
+        textured.texture_map_to_plane(inplace=True)
+        texture = pv.Texture(np.random.default_rng(0).integers(0, 255, (8, 8, 3), np.uint8))
+        actors.append(pl.add_mesh(textured, texture=texture))
+        pl.camera_position = [(1.8, -9, 1), (1.8, 0, 0.4), (0, 0, 1)]
+        if images:
+            impostor = pl.ibr.add_impostor(actors, refuse=False)
+        pl.show(auto_close=False)
+        pictures.append(pl.screenshot(None, return_img=True).astype(int))
+    assert impostor.report()['meshes'] == {}
+    assert np.abs(pictures[0] - pictures[1]).mean() < 0.5
+    inside = distance_transform_edt(cover(pictures[0])) > 3
+    assert np.abs(pictures[0] - pictures[1])[inside].mean() < 2.0
+
+
+def test_subplots_have_their_own():
+    pl = pv.Plotter(off_screen=True, window_size=(400, 200), shape=(1, 2))
+    pl.ren_win.SetMultiSamples(0)
+    for k in range(2):
+        pl.subplot(0, k)
+        actor = pl.add_mesh(TORUS, color='gold', smooth_shading=True)
+        pl.camera_position = EYE
+        if k:
+            pl.ibr.add_impostor(actor, refuse=False)
+    pl.show(auto_close=False)
+    picture = pl.screenshot(None, return_img=True).astype(int)
+    assert displaced(picture[:, :200], picture[:, 200:], cover) <= 1.5
