@@ -59,6 +59,8 @@ class Pipeline:
         self.renderer = renderer
         self.time = 0.0
         self._entries: list[_Entry] = []
+        self._effects: tuple[Effect, ...] = ()
+        self._things: list[Effect] = []
         self._observers: list[int] = []
         self._frames = 0
         self._turn: _Turn | None = None
@@ -74,12 +76,12 @@ class Pipeline:
     @property
     def effects(self) -> tuple[Effect, ...]:
         """What is in it, in the order in which it runs."""
-        return tuple(entry.effect for entry in self._entries)
+        return self._effects
 
     @property
     def things(self) -> list:
         """What draws by actors of its own, such as instances."""
-        return [e for e in self.effects if callable(getattr(e, 'drawn', None))]
+        return self._things
 
     def buffer(self, name) -> Tap:
         """Draw a frame and read one of its buffers.
@@ -156,10 +158,15 @@ class Pipeline:
         self._check_addable(effect)
         effect.attach(self)
         effect.pipeline = self
-        self._entries.append(_Entry(effect, Row(effect.name)))
-        self._entries.sort(key=_place)
+        self._enter(sorted([*self._entries, _Entry(effect, Row(effect.name))], key=_place))
         self._observe()
         return effect
+
+    def _enter(self, entries):
+        """Have these entries, in their order; asked for what is in it many times in a frame."""
+        self._entries = entries
+        self._effects = tuple(entry.effect for entry in entries)
+        self._things = [e for e in self._effects if callable(getattr(e, 'drawn', None))]
 
     def _check_addable(self, effect):
         if self._closed:
@@ -195,7 +202,7 @@ class Pipeline:
             name = getattr(effect, 'name', repr(effect))
             msg = f'{name} is not in this subplot; here are: {self._names() or "none"}'
             raise ValueError(msg)
-        self._entries = [e for e in self._entries if e.effect is not effect]
+        self._enter([e for e in self._entries if e.effect is not effect])
         self._make_current()
         try:
             effect.release()
@@ -294,10 +301,7 @@ class _Entry:
     def __init__(self, effect, row):
         self.effect, self.row = effect, row
         self.running = self._awake = False
-
-    @property
-    def draws(self) -> bool:
-        return callable(getattr(self.effect, 'render', None))
+        self.draws = callable(getattr(effect, 'render', None))
 
     def begin(self, turn):
         """Ask whether the frame needs the effect, and prepare it."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from pvibr import _vtk
 from pvibr.errors import ShaderError
+from pvibr.gl.texture import SPARE_UNIT
 
 _VERTEX = """//VTK::System::Dec
 in vec4 ndCoordIn;
@@ -147,6 +148,7 @@ class Quad:
         finally:
             _vtk.vtkObject.SetGlobalWarningDisplay(warned)
         self.program = cache.GetLastShaderBound()
+        self._shaders = cache
         if self.program is None:
             log = _log(fragment)
             most = '\n'.join(log.splitlines()[:_MOST_LINES])
@@ -175,16 +177,18 @@ class Quad:
         if blend is not None:
             state.vtkglBlendEquation(_ADD)
             state.vtkglBlendFuncSeparate(*_WAYS[blend])
-        self.window.GetShaderCache().ReadyShaderProgram(self.program)
+        program = self.program
+        self._shaders.ReadyShaderProgram(program)
         textures = textures or {}
         for name, texture in textures.items():
-            self.program.SetUniformi(name, texture.activate())
-        set_uniforms(self.program, uniforms or {})
+            program.SetUniformi(name, texture.bind())
+        state.vtkglActiveTexture(SPARE_UNIT)
+        set_uniforms(program, uniforms or {})
         try:
             self.helper.Render()
         finally:
             for texture in textures.values():
-                texture.deactivate()
+                texture.object.Deactivate()
             state.Pop()
 
     def release(self):

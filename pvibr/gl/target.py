@@ -88,8 +88,7 @@ class Target:
         finally:
             state.PopFramebufferBindings()
 
-    @contextmanager
-    def drawing(self, clear=None):
+    def drawing(self, clear=None) -> _Drawing:
         """Draw into it; framebuffer, viewport and every other GL state come back afterwards.
 
         Parameters
@@ -97,20 +96,7 @@ class Target:
         clear : tuple of 4 float, optional
             Clear all colours to this, and the depth to the far plane.
         """
-        state = self.window.GetState()
-        state.Push()
-        state.PushFramebufferBindings()
-        try:
-            self.object.Bind()
-            self._activate()
-            state.vtkglViewport(0, 0, self.width, self.height)
-            state.vtkglScissor(0, 0, self.width, self.height)
-            if clear is not None:
-                self._clear(state, clear)
-            yield self
-        finally:
-            state.PopFramebufferBindings()
-            state.Pop()
+        return _Drawing(self, clear)
 
     def _clear(self, state, color):
         state.vtkglColorMask(True, True, True, True)
@@ -124,3 +110,33 @@ class Target:
         self.object.ReleaseGraphicsResources(self.window)
         for texture in self._own():
             texture.release()
+
+
+class _Drawing:
+    """Draws into a target; a class, since a frame enters dozens and a generator takes longer."""
+
+    __slots__ = ('_clear', '_state', '_target')
+
+    def __init__(self, target, clear):
+        self._target, self._clear = target, clear
+
+    def __enter__(self):
+        target = self._target
+        self._state = state = target.window.GetState()
+        state.Push()
+        state.PushFramebufferBindings()
+        try:
+            target.object.Bind()
+            target._activate()
+            state.vtkglViewport(0, 0, target.width, target.height)
+            state.vtkglScissor(0, 0, target.width, target.height)
+            if self._clear is not None:
+                target._clear(state, self._clear)
+        except BaseException:
+            self.__exit__()
+            raise
+        return target
+
+    def __exit__(self, *_error):
+        self._state.PopFramebufferBindings()
+        self._state.Pop()

@@ -17,8 +17,9 @@ _FORMATS = {
     'r32f': (0x822E, 'VTK_FLOAT', 1),
     'r8': (None, 'VTK_UNSIGNED_CHAR', 1),
 }
-# The last unit that core profile 3.2 has for certain: VTK hands out the first ones.
-_FIRST_UNIT, _SPARE_UNIT = 0x84C0, 47
+# Passes that allocate textures bind them to whichever unit was used last: let it be GL_TEXTURE0 and
+# the last one that core profile 3.2 has for certain. VTK hands out the first ones.
+SPARE_UNIT = 0x84C0 + 47
 _FRAGMENT_UNITS = 0x8872  # GL_MAX_TEXTURE_IMAGE_UNITS
 _BYTES = {
     'rgba8': 4, 'rgb8': 3, 'rgba16f': 8, 'rgba32f': 16, 'rg32f': 8, 'r32f': 4, 'r8': 1,
@@ -175,9 +176,13 @@ class Texture:
 
     def activate(self) -> int:
         """Bind to a texture unit and return its number, for a sampler."""
+        unit = self.bind()
+        self.window.GetState().vtkglActiveTexture(SPARE_UNIT)
+        return unit
+
+    def bind(self) -> int:
+        """Do the same and leave that unit the active one: the caller goes on to `SPARE_UNIT`."""
         self.object.Activate()
-        # Passes that allocate textures bind them to whichever unit was used last.
-        self.window.GetState().vtkglActiveTexture(_FIRST_UNIT + _SPARE_UNIT)
         return self.object.GetTextureUnit()
 
     def deactivate(self):
