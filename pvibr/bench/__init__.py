@@ -6,8 +6,15 @@ from importlib import import_module
 from pathlib import Path
 
 NAMES = (
-    'instances', 'shadows', 'projection', 'effects', 'figures', 'billboards', 'impostors', 'clouds',
-)  # fmt: skip
+    'instances',
+    'shadows',
+    'projection',
+    'effects',
+    'figures',
+    'billboards',
+    'impostors',
+    'clouds',
+)
 
 
 def main(name, *, out=Path('out'), quick=False) -> list:
