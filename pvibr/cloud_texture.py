@@ -120,15 +120,14 @@ def arranged(planes, points, faces, side) -> Sheet:
         axes.append(own)
         low.append([*corner, planes.offsets[k]])
         sizes.append(size)
-    sizes = np.array(sizes)
+    size, first = np.array(sizes), np.array(low)
     try:
-        scale, texels, corners = largest_scale(sizes, side, _MARGIN)
+        scale, texels, corners = largest_scale(size, side, _MARGIN)
     except ValueError as error:
         msg = f'size is {side}; {len(planes)} billboards need more texels. Raise size or epsilon.'
         raise ValueError(msg) from error
-    low = np.array(low)
-    low[:, :2] -= (texels / scale - sizes) / 2
-    return Sheet(np.array(axes), low, scale, texels, corners, side)
+    first[:, :2] -= (texels / scale - size) / 2
+    return Sheet(np.array(axes), first, scale, texels, corners, side)
 
 
 def _rectangle(points, normal):
@@ -199,7 +198,7 @@ def _laid_out(part, origin, planes, owner, sheet, reach):
     ids = faces[face].ravel()
     new = pv.PolyData()
     new.points = sheet.flattened(points[faces[face]], plane).reshape(-1, 3).astype(np.float32)
-    new.regular_faces = np.arange(len(ids)).reshape(-1, 3)
+    new.regular_faces = np.arange(len(ids)).reshape(-1, 3).astype(int)
     take_arrays(mesh, new, ids, face)
     _turn_normals(new, sheet.axes[plane], flat=part.actor.GetProperty().GetInterpolation() == 0)
     mapper = part.polydata_mapper()

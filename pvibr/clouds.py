@@ -281,7 +281,7 @@ def _mesh(sheet, origin, which):
     count = len(points)
     mesh = pv.PolyData()
     mesh.points = (points + origin).reshape(-1, 3)
-    mesh.regular_faces = np.arange(4 * count).reshape(-1, 4)
+    mesh.regular_faces = np.arange(4 * count).reshape(-1, 4).astype(int)
     mesh.active_texture_coordinates = coordinates.reshape(-1, 2).astype(np.float32)
     mesh.point_data.active_normals = sheet.axes[:, 2].repeat(4, 0).astype(np.float32)
     mesh.point_data['Tangents'] = sheet.axes[:, 0].repeat(4, 0).astype(np.float32)

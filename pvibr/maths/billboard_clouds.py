@@ -465,10 +465,8 @@ def _fitted(surface, normals, offsets, owner, bound):
     weight = surface.areas
     count = len(offsets)
     total = np.maximum(np.bincount(owner, weight, count), 1e-300)
-    mean = np.stack(
-        [np.bincount(owner, weight * surface.middles[:, k], count) for k in range(3)], 1
-    )
-    mean /= total[:, None]
+    sums = [np.bincount(owner, weight * surface.middles[:, k], count) for k in range(3)]
+    mean = np.stack(sums, 1) / total[:, None]
     local = surface.corners - mean[owner][:, None]
     spread = np.empty((count, 3, 3))
     for i in range(3):
