@@ -69,6 +69,7 @@ _EXPORTS = {
     'Skeleton': 'pvibr.animation.skeleton',
     'Skin': 'pvibr.animation.body',
     'Sky': 'pvibr.effects.screen',
+    'Spheres': 'pvibr.actors.quadrics',
     'StateGraph': 'pvibr.animation.states',
     'Still': 'pvibr.animation.mixer',
     'Synced': 'pvibr.animation.mixer',

@@ -379,6 +379,59 @@ class IBRComponent:
         made = Billboards(points, image, name=name, **kwargs)
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
+    def add_spheres(
+        self, centers, radius=0.5, *, name=None, show_scalar_bar=None, scalar_bar_args=None,
+        reset_camera=None, render=False, **kwargs,
+    ):  # fmt: skip
+        """Draw spheres, by the million, exact to the pixel.
+
+        Parameters
+        ----------
+        centers : array_like, shape (n, 3), or dataset
+            World units.
+        radius : float or array_like, shape (n,)
+            Of all or of each, world units.
+        name : str, optional
+            What the plotter and reports call it; what had the name before is replaced.
+        show_scalar_bar : bool, optional
+            As in :meth:`pyvista.Plotter.add_mesh`; by default as the theme has it.
+        scalar_bar_args : dict, optional
+            As in :meth:`pyvista.Plotter.add_mesh`.
+        reset_camera : bool, optional
+            Whether the camera moves to show everything; default where it was never moved.
+        render : bool, optional
+            Draw at once.
+        **kwargs
+            See :class:`pvibr.Spheres`: ``color``, ``colors``, ``scalars``, ``cmap``, ``clim``,
+            ``visible``, ``lighting``, ``ambient``, ``diffuse``, ``specular``, ``specular_power``.
+
+        Returns
+        -------
+        pvibr.Spheres
+            The spheres; their centres, radii and looks can be changed.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where an argument is not allowed; then nothing is added.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> balls = pl.ibr.add_spheres([[0, 0, 0], [2, 0, 0]], [1.0, 0.5], color='red')
+        >>> len(balls)
+        2
+        >>> pl.close()
+        """
+        from pvibr.actors.quadrics import Spheres
+
+        self._check_open()
+        made = Spheres(centers, radius, name=name, **kwargs)
+        return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
+
     def _add_thing(self, thing, name, bar, bar_args, reset_camera, render):
         """Add what takes the place of whatever had its name."""
         pipeline = self.pipeline
