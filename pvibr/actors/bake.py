@@ -12,7 +12,7 @@ import numpy as np
 
 from pvibr import _vtk
 from pvibr.actors.atlas import MARGIN, Atlas, bounding_sphere
-from pvibr.actors.parts import as_parts
+from pvibr.actors.parts import as_parts, copy_property
 from pvibr.gl import Quad, Target, shader_source, texture_limit
 from pvibr.gl.offscreen import hidden_window
 from pvibr.maths import octahedral
@@ -259,7 +259,7 @@ def unlit_actor(part, closed=None):
     actor.SetMapper(part.polydata_mapper())
     actor.ForceOpaqueOn()
     prop = actor.GetProperty()
-    prop.DeepCopy(part.actor.GetProperty())
+    copy_property(prop, part.actor.GetProperty())
     prop.SetInterpolationToPhong()
     prop.LightingOn()
     prop.SetAmbient(0.0)

@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pvibr.actors.parts import Part, dressed
+from pvibr.actors.parts import Part, copy_property, dressed
 
 _SMALL_PIECE = 20  # triangles: a mesh of pieces with fewer on average may be scattered matter
 _SMALL_SIZE = 0.1  # of the mesh's: scattered matter has no larger piece
@@ -192,7 +192,7 @@ def _with_mesh(part, mesh):
     prop = part.actor.GetProperty()
     if prop.GetInterpolation() == 0 and mesh.point_data.active_normals is not None:
         smooth = pv.Property()
-        smooth.DeepCopy(prop)
+        copy_property(smooth, prop)
         smooth.SetInterpolationToGouraud()
         actor.SetProperty(smooth)
     return Part(actor, mesh, part.alpha_cutoff)

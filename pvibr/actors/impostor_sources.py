@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pvibr import _vtk
+from pvibr.actors.parts import copy_property
 from pvibr.gl.feature import replacements
 
 _SURFACE, _PBR = 2, 3  # VTK_SURFACE, VTK_PBR
@@ -196,7 +197,7 @@ class Source:
         self._times = times
         double.SetMapper(_copied(actor.GetMapper(), data))
         prop = double.GetProperty()
-        prop.DeepCopy(actor.GetProperty())
+        copy_property(prop, actor.GetProperty())
         prop.SetInterpolation(min(prop.GetInterpolation(), 2))
         prop.SetAmbient(0.0)
         prop.SetDiffuse(1.0)

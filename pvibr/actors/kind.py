@@ -9,6 +9,7 @@ import numpy as np
 from pvibr import _vtk
 from pvibr.actors.cards import BLOCK, Cards
 from pvibr.actors.meshes import MeshPool
+from pvibr.actors.parts import copy_property
 from pvibr.maths.blocks import Blocks, morton_order
 
 # A level takes over from its coarser neighbour while the size grows by this factor. Both are
@@ -377,7 +378,7 @@ def _card_property(parts):
     """Return the material of the largest part, as cards need it."""
     largest = max(parts, key=lambda p: p.mesh.n_cells)
     prop = _vtk.vtkProperty()
-    prop.DeepCopy(largest.actor.GetProperty())
+    copy_property(prop, largest.actor.GetProperty())
     prop.SetRepresentationToSurface()
     if prop.GetInterpolation() == 0:
         prop.SetInterpolationToGouraud()  # VTK lights no points of a flat material

@@ -490,11 +490,23 @@ def _copied_mapper(mapper):
 
 def _copied_property(prop):
     copy = pv.Property()
+    copy_property(copy, prop)
+    return copy
+
+
+def copy_property(copy, prop):
+    """Make a property a copy of another one, textures shared.
+
+    Parameters
+    ----------
+    copy, prop : vtkProperty
+        What it is put into, without textures, and what is copied.
+    """
     copy.DeepCopy(prop)
     for name in PROPERTY_TEXTURES:
-        if prop.GetTexture(name) is not None:
-            copy.SetTexture(name, prop.GetTexture(name))
-    return copy
+        texture = copy.GetTexture(name)
+        if texture is not None:
+            texture.Register(copy)  # which VTK 9.7 forgets, and gives back when the copy goes
 
 
 def _finished(actor, cutoff):

@@ -14,7 +14,7 @@ from pvibr import _vtk
 from pvibr.actors.bake import copy_texture
 from pvibr.actors.images import shelves
 from pvibr.actors.meshes import lendable
-from pvibr.actors.parts import Part, as_parts
+from pvibr.actors.parts import Part, as_parts, copy_property
 from pvibr.gl.offscreen import hidden_window, read_rgba
 
 _SAMPLES = 2  # along a side of a texel
@@ -274,7 +274,7 @@ def quads(part, groups, *, texture=1024) -> Part:
     mesh = _quads(groups, layout, low, _mean_normals(part.mesh, groups))
     (out,) = as_parts(mesh, texture=picture, alpha_cutoff=0.5, color='white')
     prop = _vtk.vtkProperty()
-    prop.DeepCopy(part.actor.GetProperty())
+    copy_property(prop, part.actor.GetProperty())
     prop.SetColor(1.0, 1.0, 1.0)
     out.actor.SetProperty(prop)
     return out
@@ -345,7 +345,7 @@ def _unlit(part, mesh):
     mapper.SetInputDataObject(mesh)
     actor = lendable(part, mapper)
     prop = _vtk.vtkProperty()
-    prop.DeepCopy(part.actor.GetProperty())
+    copy_property(prop, part.actor.GetProperty())
     prop.LightingOff()
     prop.BackfaceCullingOff()
     prop.FrontfaceCullingOff()

@@ -9,7 +9,7 @@ import trimesh
 from PIL import Image
 
 from pvibr.actors.foreign import scene_instances
-from pvibr.actors.parts import Part, as_meshes, as_parts
+from pvibr.actors.parts import Part, as_meshes, as_parts, copy_property
 
 DATA = Path(__file__).parents[3] / 'shared' / 'data'
 
@@ -322,3 +322,16 @@ def test_instances_in_a_gltf_file():
     assert matrices.shape == (125, 4, 4)
     np.testing.assert_allclose(matrices[:, :3, 3].max(axis=0), 10)
     np.testing.assert_allclose(np.linalg.norm(matrices[:, :3, :3], axis=1).max(axis=0), 2)
+
+
+def test_copies_of_a_property_share_its_textures():
+    picture = pv.Texture(np.zeros((2, 2, 3), np.uint8))
+    picture.SetUseSRGBColorSpace(True)
+    (part,) = as_parts(pv.Plane(), pbr=True, pbr_textures={'albedoTex': picture})
+    before = picture.GetReferenceCount()
+    copies = [pv.Property() for _ in range(9)]
+    for copy in copies:
+        copy_property(copy, part.actor.prop)
+    assert picture.GetReferenceCount() == before + 9
+    del copies, copy
+    assert picture.GetReferenceCount() == before
