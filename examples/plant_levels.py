@@ -29,8 +29,7 @@ for k, name in enumerate(('mesh', 'parts', 'clusters')):
     for actor in levels.actors(name):
         actor.position = (16 * k, 0, 0)
         pl.add_actor(actor)
-size = [levels.turntable['size']]
-pl.ibr.add_billboards([[48, 0, 0]], **levels.turntable | {'size': size})
+pl.ibr.add_billboards([[48, 0, 0]], **levels.turntable)
 pl.camera.position, pl.camera.focal_point, pl.camera.up = (24, -75, 10), (24, 0, 7), (0, 0, 1)
 pl.camera.view_angle = 17
 pl.show(auto_close=False)

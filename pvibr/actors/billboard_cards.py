@@ -23,7 +23,7 @@ class Field:
         World units.
     images : numpy.ndarray, shape (m, 2)
         Width and height of each image, pixels.
-    size : float or array_like, shape (n,) or (n, 2)
+    size : float or array_like, shape (n,), (n, 2) or (1, 2)
         Height, or width and height.
     facing, axis, towards, orientation, rotation, index, size_unit : object
         See :class:`pvibr.Billboards`.
@@ -368,8 +368,11 @@ def _checked_views(views, facing, images):
 
 def _checked_size(size, count):
     array = np.asarray(size, float)
-    if array.shape not in ((), (count,), (count, 2)):
-        msg = f'size has shape {array.shape}; it must be one number, ({count},) or ({count}, 2)'
+    if array.shape not in ((), (count,), (count, 2), (1, 2)):
+        msg = (
+            f'size has shape {array.shape}; it must be one number, ({count},), ({count}, 2) or '
+            '(1, 2)'
+        )
         raise ValueError(msg)
     bad = ~(np.isfinite(array) & (array >= 0))
     if bad.any():
@@ -381,7 +384,7 @@ def _checked_size(size, count):
 def _full_sizes(size, images):
     """Return width and height of each; where only heights are given, as wide as its image."""
     if size.ndim == 2:
-        return size
+        return np.broadcast_to(size, (len(images), 2))
     heights = np.broadcast_to(size, (len(images),))
     return np.stack([heights * images[:, 0] / images[:, 1], heights], 1)
 

@@ -41,8 +41,8 @@ class Billboards(Painted, Effect):
     image : path, array, pyvista.Texture, pvibr.LiveTexture, or a list of the first three
         What is shown; several are packed into one texture. Arrays are (h, w) or (h, w, c), row 0
         at the top, uint8, uint16, bool or float from 0 to 1.
-    size : float or array_like, shape (n,) or (n, 2)
-        Height, or width and height, of all or of each; a height keeps the image's proportions.
+    size : float or array_like, shape (n,), (n, 2) or (1, 2)
+        Height, or width and height, of each or of all; a height keeps the image's proportions.
     facing : {'spherical', 'cylindrical', 'screen', 'world'}
         Turned to the eye; only about `axis`; parallel to the screen; not at all.
     axis : array_like, shape (3,) or (n, 3), optional

@@ -313,7 +313,7 @@ def _turntable(parts, axis, views, size) -> dict:
     pictures = _pictures(_shown(parts), cameras, [n * _SAMPLES for n in window])
     images = [dilated(box_reduce(p, _SAMPLES)) for p in pictures]
     return {
-        'image': images, 'size': np.array([2 * radius, height]), 'facing': 'cylindrical',
+        'image': images, 'size': np.array([[2 * radius, height]]), 'facing': 'cylindrical',
         'axis': axis, 'anchor': (0.5, -low / height), 'views': views,
     }  # fmt: skip
 
@@ -340,8 +340,7 @@ def _actors(parts):
 
 def _billboard(cards):
     def put(plotter):
-        sized = cards | {'size': [cards['size']]}
-        plotter.ibr.add_billboards([[0.0, 0, 0]], reset_camera=False, **sized)
+        plotter.ibr.add_billboards([[0.0, 0, 0]], reset_camera=False, **cards)
 
     return put
 

@@ -57,7 +57,6 @@ def _times(levels, settings) -> dict:
     for name in ('turntable', 'billboard'):
         cards = getattr(levels, name)
         many = np.repeat(places, settings.copies, 0)
-        cards = cards | {'size': np.tile(cards['size'], (len(many), 1))}
         found[name] = _ms(partial(_turn, points=many, cards=cards), settings.size)
         found[name] /= settings.copies
     return {name: ms / len(places) for name, ms in found.items()}

@@ -173,8 +173,7 @@ def test_a_turntable_shows_the_side_that_the_eye_sees(plant, see):
             pl.disable_anti_aliasing()
             pl.set_background('white')
             if way:
-                card = levels.turntable | {'size': [levels.turntable['size']]}
-                pl.ibr.add_billboards([[0, 0, 0]], **card)
+                pl.ibr.add_billboards([[0, 0, 0]], **levels.turntable)
             else:
                 pl.add_mesh(truth[0].mesh, **LOOK)
             eye = 20 * np.array([np.cos(azimuth), np.sin(azimuth), 0]) + [0, 0, 1.5]
