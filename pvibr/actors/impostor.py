@@ -412,7 +412,7 @@ class Impostor(Effect):
         sizes = images.sizes(card, eyes, self.max_error)
         if self._want and images.pool is not None and images.pool.may_grow:
             images.close_pool()
-        area = int((sizes.max(1).clip(8, LARGEST) ** 2).sum())
+        area = int((4.0 ** np.ceil(np.log2(sizes.max(1).clip(8, LARGEST)))).sum())
         images.open(frame, max(area, self._want), self.memory)
         self._want = 0
         left = np.inf if self.budget_ms is None else self.budget_ms / 1e3
