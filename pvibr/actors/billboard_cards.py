@@ -339,6 +339,57 @@ def as_anchor(anchor) -> np.ndarray:
     return np.asarray(values, float)
 
 
+def checked_cutout(cutout):
+    """Return an alpha from which something is drawn, or None.
+
+    Parameters
+    ----------
+    cutout : float or None
+        What was given.
+
+    Raises
+    ------
+    ValueError
+        Where it is not above 0 and at most 1.
+    """
+    if cutout is not None and not 0 < cutout <= 1:
+        msg = f'cutout is {cutout!r}; it must be above 0 and at most 1, or None to blend'
+        raise ValueError(msg)
+    return cutout
+
+
+def checked_opacity(opacity, count, cut) -> np.ndarray:
+    """Return the opacity of all, shape (), or of each, shape (n,).
+
+    Parameters
+    ----------
+    opacity : float or array_like, shape (n,)
+        What was given.
+    count : int
+        Billboards.
+    cut : bool
+        Whether they are cut out.
+
+    Returns
+    -------
+    numpy.ndarray
+        From 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        Where it is not, or each of a cut-out has its own.
+    """
+    values = np.asarray(opacity, float)
+    if values.shape not in ((), (count,)) or not ((values >= 0) & (values <= 1)).all():
+        msg = f'opacity must be one number or {count}, from 0 to 1'
+        raise ValueError(msg)
+    if values.ndim and cut:
+        msg = 'opacity of each needs cutout=None: cut-outs are there or not'
+        raise ValueError(msg)
+    return values
+
+
 def _one_of(name, value, allowed):
     if value not in allowed:
         msg = f'{name} is {value!r}; it must be one of {", ".join(map(repr, allowed))}'

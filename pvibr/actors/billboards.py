@@ -12,7 +12,7 @@ import pyvista as pv
 from pvibr import _vtk
 from pvibr.actors.anchor import anchor as new_anchor
 from pvibr.actors.anchor import set_bounds
-from pvibr.actors.billboard_cards import Field, as_anchor
+from pvibr.actors.billboard_cards import Field, as_anchor, checked_cutout, checked_opacity
 from pvibr.actors.cards import Binder, card_mesh, pack
 from pvibr.actors.images import Sheet, as_images
 from pvibr.actors.painted import Painted
@@ -131,7 +131,7 @@ class Billboards(Painted, Effect):
     ):  # fmt: skip
         super().__init__(fps=fps)
         self.name = name
-        self.cutout = _checked_cutout(cutout)
+        self.cutout = checked_cutout(cutout)
         self._live: Any = image if is_live(image) else None
         self._sheet: Any = None
         if self._live is None:
@@ -143,7 +143,7 @@ class Billboards(Painted, Effect):
             orientation=orientation, rotation=rotation, index=index, size_unit=size_unit,
             anchor=as_anchor(anchor), views=views, blend_views=blend_views, yaw=yaw,
         )  # fmt: skip
-        self._opacity = _checked_opacity(opacity, len(self.field), self.cutout is not None)
+        self._opacity = checked_opacity(opacity, len(self.field), self.cutout is not None)
         self._begin_looks(table, scalars, colors, visible)
         self.pickable = pickable
         self._begin(lighting)
@@ -558,21 +558,3 @@ def _spans(first, end, unit):
     """Return the first slot and the end entry of each draw of some entries."""
     step = _CHUNK // unit
     return [(a * unit, min(a + step, end)) for a in range(first, end, step)]
-
-
-def _checked_cutout(cutout):
-    if cutout is not None and not 0 < cutout <= 1:
-        msg = f'cutout is {cutout!r}; it must be above 0 and at most 1, or None to blend'
-        raise ValueError(msg)
-    return cutout
-
-
-def _checked_opacity(opacity, count, cut):
-    values = np.asarray(opacity, float)
-    if values.shape not in ((), (count,)) or not ((values >= 0) & (values <= 1)).all():
-        msg = f'opacity must be one number or {count}, from 0 to 1'
-        raise ValueError(msg)
-    if values.ndim and cut:
-        msg = 'opacity of each needs cutout=None: cut-outs are there or not'
-        raise ValueError(msg)
-    return values
