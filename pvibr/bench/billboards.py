@@ -20,7 +20,7 @@ class Settings:
     counts : tuple of int
         Billboards.
     slow : int
-        Of those that VTK's points are measured with, at most.
+        Of those that blend and those of VTK, at most.
     sprite_sizes : tuple of int
         Of cut-outs on the screen, px.
     plant_pixels, plant_views : int

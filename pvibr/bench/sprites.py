@@ -12,7 +12,7 @@ from pvibr.actors.images import Sheet
 from pvibr.bench.rows import Row
 
 _SIDE = 0.02  # of a billboard, where the points fill a cube of side 2
-_VIEWS = 7
+_VIEWS = 4
 
 
 def disc(side=64) -> np.ndarray:
@@ -93,13 +93,10 @@ def _times(count, size, slow) -> dict:
     def billboards(**options):
         return lambda pl: pl.ibr.add_billboards(points, image, size=_SIDE, **options)
 
-    ways = {
-        'cut-outs': billboards(),
-        'cut-outs about an axis': billboards(facing='cylindrical'),
-        'blended': billboards(cutout=None),
-        'glyph, which does not turn': glyph,
-    }
+    ways = {'cut-outs': billboards(), 'cut-outs about an axis': billboards(facing='cylindrical')}
     if count <= slow:
+        ways['blended'] = billboards(cutout=None)
+        ways['glyph, which does not turn'] = glyph
         ways['points_gaussian'] = gaussian
     return {name: _ms(put, size) for name, put in ways.items()}
 
