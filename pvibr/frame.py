@@ -96,8 +96,9 @@ class Frame:
         camera = renderer.GetActiveCamera()
         near, far = camera.GetClippingRange()
         projection = camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1)
-        origin, size = _pixels(renderer)
         window = renderer.GetRenderWindow()
+        scale = tuple(window.GetTileScale())
+        origin, size, tile = _whole(renderer) if scale == (1, 1) else _tile(renderer, window)
         return cls(
             renderer=renderer,
             window=window,
@@ -112,8 +113,8 @@ class Frame:
             index=index,
             time=time,
             picking=renderer.GetSelector() is not None,
-            tile=_tile(renderer),
-            scale=int(window.GetTileScale()[1]),
+            tile=tile,
+            scale=scale[1],
         )
 
     @property
@@ -144,31 +145,23 @@ class Frame:
         return (1.0 if self.parallel else max(away, self.near)) / self.pixel_scale
 
 
-def _pixels(renderer):
-    """Return origin and size of what a renderer draws, in pixels of the framebuffer."""
-    window = renderer.GetRenderWindow()
-    if tuple(window.GetTileScale()) == (1, 1):
-        return tuple(renderer.GetOrigin()), tuple(renderer.GetSize())
+def _whole(renderer):
+    """Return origin and size of a subplot, in pixels of the framebuffer, and the shares drawn."""
+    return tuple(renderer.GetOrigin()), tuple(renderer.GetSize()), (0.0, 0.0, 1.0, 1.0)
+
+
+def _tile(renderer, window):
+    """Return the same where a tile of a large screenshot is drawn."""
     tile, view, whole = window.GetTileViewport(), renderer.GetViewport(), window.GetSize()
-    corners = []
-    for i in range(4):
-        share = min(max(view[i], tile[i % 2]), tile[2 + i % 2]) - tile[i % 2]
-        corners.append(round(share * whole[i % 2]))
-    x0, y0, x1, y1 = corners
-    return (x0, y0), (x1 - x0, y1 - y0)
-
-
-def _tile(renderer):
-    """Return which shares of a subplot are drawn."""
-    if tuple(renderer.GetRenderWindow().GetTileScale()) == (1, 1):
-        return 0.0, 0.0, 1.0, 1.0
-    tile, view = renderer.GetRenderWindow().GetTileViewport(), renderer.GetViewport()
-    found = []
+    corners, shares = [], []
     for i in range(4):
         side = view[2 + i % 2] - view[i % 2]
         edge = max(view[i], tile[i]) if i < 2 else min(view[i], tile[i])
-        found.append((edge - view[i % 2]) / side)
-    return tuple(found)
+        shares.append((edge - view[i % 2]) / side)
+        within = min(max(view[i], tile[i % 2]), tile[2 + i % 2]) - tile[i % 2]
+        corners.append(round(within * whole[i % 2]))
+    x0, y0, x1, y1 = corners
+    return (x0, y0), (x1 - x0, y1 - y0), tuple(shares)
 
 
 def _matrix(vtk_matrix) -> np.ndarray:

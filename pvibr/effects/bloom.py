@@ -74,8 +74,9 @@ class Bloom(Shine):
             'saturation': self.saturation,
             'calm': self.calm,
         }
-        with filtered(picture.color), target.drawing():
-            quad.draw(uniforms, {'color': picture.color})
+        color = picture.color
+        with filtered(color):
+            target.draw(quad, uniforms, {'color': color})
 
     def _limits(self, frame, picture):
         """Return the threshold and the ends of the soft step before exposure."""

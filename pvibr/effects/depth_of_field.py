@@ -200,8 +200,7 @@ class DepthOfField(Effect):
             )
 
     def _draw(self, name, target, uniforms, textures):
-        with self._targets[target].drawing():
-            self._quads[name].draw(uniforms, textures)
+        self._targets[target].draw(self._quads[name], uniforms, textures)
 
     def _allocate(self, window, size):
         if not self._quads:

@@ -272,6 +272,7 @@ class _Gpu:
         self._quads: dict = {}
         self._dressed: dict = {}
         self._box = 0, 0, *size
+        self._seen: tuple = ()
 
     @property
     def nbytes(self) -> int:
@@ -282,7 +283,7 @@ class _Gpu:
         view = View(
             frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
         )
-        self._box = left, bottom, right, top = _covered(frame, view, self._dressed.values())
+        left, bottom, right, top = self._covered(frame, view)
         with self.target.drawing():
             within = left, bottom, right - left, top - bottom
             self.drawer.look(view, (0, 0, *frame.size), within=within)
@@ -293,6 +294,19 @@ class _Gpu:
                     self.drawer.draw([actor], translucent=translucent)
                 _set_glow(actor, 0.0)
         self.drawer.done()
+
+    def _covered(self, frame, view):
+        """Return which part of the picture actors may cover, in whole squares of light."""
+        dresses = self._dressed.values()
+        if frame.scale > 1 or not all(dress.is_within_bounds() for dress in dresses):
+            self._seen, self._box = (), (0, 0, *frame.size)
+            return self._box
+        bounds = [dress.actor.GetBounds() for dress in dresses]
+        thickness = [_thickness(dress.actor.GetProperty()) for dress in dresses]
+        seen = view.view_from_world.tobytes(), view.clip_from_view.tobytes(), bounds, thickness
+        if seen != self._seen:
+            self._seen, self._box = seen, _box(view, bounds, thickness, frame.size)
+        return self._box
 
     def _dress(self, actors, feature):
         """Have these actors, and no others, drawn as light."""
@@ -315,7 +329,7 @@ class _Gpu:
         one = 1 / frame.pixel_scale
         uniforms = {
             'pixels': picture.size,
-            'projection': frame.clip_from_view[2:, 2:].ravel(),
+            'projection': frame.clip_from_view[2:, 2:].ravel().tolist(),
             'pixel_size': (one, 0.0) if frame.parallel else (0.0, one),
         }
         glow = self.target.colors[0]
@@ -349,8 +363,7 @@ class _Past:
     def fade(self, target, left):
         for drawn in (self._after, target):
             textures = {'light': self.now.colors[0], 'past': self._before.colors[0]}
-            with drawn.drawing():
-                self._fade.draw({'left': left}, textures)
+            drawn.draw(self._fade, {'left': left}, textures)
         self._before, self._after = self._after, self._before
 
     def release(self):
@@ -400,19 +413,16 @@ class _Dress:
             self.actor.SetForceOpaque(self._opaque)
 
 
-def _covered(frame, view, dresses):
-    """Return which part of the picture actors may cover, in whole squares of light."""
-    if not dresses:
+def _box(view, bounds, thickness, size):
+    """Return the part of a picture that is within bounds, in whole squares of light."""
+    if not bounds:
         return 0, 0, 0, 0
-    if frame.scale > 1 or not all(dress.is_within_bounds() for dress in dresses):
-        return 0, 0, *frame.size
-    actors = [dress.actor for dress in dresses]
-    around = math.ceil(max(_thickness(a.GetProperty()) for a in actors)) + 1
-    box = covered(view, [a.GetBounds() for a in actors], frame.size)
+    around = math.ceil(max(thickness)) + 1
+    box = covered(view, bounds, size)
     low = [max(edge - around, 0) // _STEP * _STEP for edge in box[:2]]
     high = [
         min(-(-(edge + around) // _STEP) * _STEP, side)
-        for edge, side in zip(box[2:], frame.size, strict=True)
+        for edge, side in zip(box[2:], size, strict=True)
     ]
     return low[0], low[1], max(high[0], low[0]), max(high[1], low[1])
 

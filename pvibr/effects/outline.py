@@ -161,8 +161,7 @@ class Outline(Effect):
         self._tiles = self._tiles or Tiles(window)
         uniforms, textures = self._inputs(frame, picture)
         self._candidates = sized(self._candidates, window, half)
-        with self._candidates.drawing():
-            self._quad(window, 'candidates').draw(uniforms, textures)
+        self._candidates.draw(self._quad(window, 'candidates'), uniforms, textures)
         found = self._candidates.colors[0]
         self._tiles.find(found, picture.size, reach)
         if not self._asks_surfaces:

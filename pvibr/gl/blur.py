@@ -178,10 +178,10 @@ class Blur:
             Left, bottom, right and top of it, in texels; None where there is none.
         """
         lit = self.source.colors[1].download()[..., 0]
-        rows = np.flatnonzero(lit.max(axis=1))
+        rows = lit.any(axis=1).nonzero()[0]
         if not rows.size:
             return None
-        columns = np.flatnonzero(lit.max(axis=0))
+        columns = lit.any(axis=0).nonzero()[0]
         return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
     def draw(self, image, spread):
@@ -209,22 +209,18 @@ class Blur:
             image = level.small.colors[0]
         for level, extent in reversed([*zip(self._levels[:-1], extents[2:], strict=False)]):
             images = {'image': level.small.colors[0], 'wide': image}
-            with level.mixed.drawing():
-                self._quads[up].draw({'share': spread, 'extent': extent}, images)
+            level.mixed.draw(self._quads[up], {'share': spread, 'extent': extent}, images)
             image = level.mixed.colors[0]
         return image
 
     def _halve_by_axes(self, level, image, extent):
         across, along = (extent[0], _ENDLESS), (_ENDLESS, extent[1])
-        with level.tall.drawing():
-            self._quads['halve'].draw({'axis': _X, 'extent': across}, {'image': image})
-        images = {'image': level.tall.colors[0]}
-        with level.small.drawing():
-            self._quads['halve'].draw({'axis': _Y, 'extent': along}, images)
+        quad, images = self._quads['halve'], {'image': level.tall.colors[0]}
+        level.tall.draw(quad, {'axis': _X, 'extent': across}, {'image': image})
+        level.small.draw(quad, {'axis': _Y, 'extent': along}, images)
 
     def _halve_at_once(self, level, image, extent):
-        with level.small.drawing():
-            self._quads['down13'].draw({'extent': extent}, {'image': image})
+        level.small.draw(self._quads['down13'], {'extent': extent}, {'image': image})
 
     def blend(self, picture, light, *, intensity=1.0, screen=False, alone=False, tile=None):
         """Apply light to a picture.

@@ -31,6 +31,7 @@ class Drawer:
         self.inner.AutomaticLightCreationOff()
         self.doubles = Doubles()
         self._projection = _vtk.vtkMatrix4x4()
+        self._lights = -1  # when the renderer's were taken over
 
     def look(self, view, rect, *, clear=True, within=None):
         """Take a view, and a part of the target to draw it in.
@@ -75,8 +76,9 @@ class Drawer:
         camera.Modified()  # of a matrix that changes within, it takes no notice
 
     def _light(self):
-        theirs, ours = self.renderer.GetLights(), self.inner.GetLights()
-        if [*theirs] != [*ours]:
+        theirs = self.renderer.GetLights()
+        if theirs.GetMTime() != self._lights:
+            self._lights = theirs.GetMTime()
             self.inner.RemoveAllLights()
             for light in theirs:
                 self.inner.AddLight(light)

@@ -105,7 +105,7 @@ class Fused:
             textures |= {f'{name}_{k}': texture for name, texture in point.textures.items()}
         key = tuple((point.text, point.blend) for point in points)
         with picture.drawing():
-            self._program(key, points).draw(uniforms, textures)
+            self._program(key, points).draw_alone(uniforms, textures)
 
     def _draw_in_place(self, picture, point) -> bool:
         """Blend with what is there, where that can be, and tell whether it could."""
@@ -116,7 +116,7 @@ class Fused:
         with ground.drawing():
             if point.box is not None:
                 _cut(picture, point.box)
-            quad.draw(point.uniforms, point.textures, point.blend)
+            quad.draw_alone(point.uniforms, point.textures, point.blend)
         return True
 
     def _program(self, key, points, text='') -> Quad:

@@ -68,10 +68,10 @@ def set_uniforms(program, uniforms):
     """
     for name, value in uniforms.items():
         kind = type(value)
-        if kind is float:  # most are; dozens are set in a frame
+        if kind is float:  # most are of these kinds; dozens are set in a frame
             program.SetUniformf(name, value)
-        elif kind is int:
-            program.SetUniformi(name, value)
+        elif kind is tuple or kind is list:
+            getattr(program, _SETTERS[len(value)])(name, value)
         elif isinstance(value, (int, np.integer)):
             program.SetUniformi(name, int(value))
         elif isinstance(value, np.floating):
@@ -79,8 +79,8 @@ def set_uniforms(program, uniforms):
         elif hasattr(value, 'GetElement'):
             program.SetUniformMatrix(name, value)
         else:
-            values = value if kind is tuple else [float(v) for v in value]
-            getattr(program, _SETTERS[len(value)])(name, values)
+            values = [float(v) for v in value]
+            getattr(program, _SETTERS[len(values)])(name, values)
 
 
 def uniform_matrix(rows):
@@ -148,7 +148,7 @@ class Quad:
         finally:
             _vtk.vtkObject.SetGlobalWarningDisplay(warned)
         self.program = cache.GetLastShaderBound()
-        self._shaders = cache
+        self._shaders, self._state = cache, window.GetState()
         if self.program is None:
             log = _log(fragment)
             most = '\n'.join(log.splitlines()[:_MOST_LINES])
@@ -169,8 +169,23 @@ class Quad:
             of it unless given.
             Coverage (alpha) fills what is left to 1.
         """
-        state = self.window.GetState()
-        state.Push()
+        self._state.Push()
+        try:
+            self.draw_alone(uniforms or {}, textures or {}, blend)
+        finally:
+            self._state.Pop()
+
+    def draw_alone(self, uniforms, textures, blend=None):
+        """Draw, and leave the states that it needs behind: the caller puts them back.
+
+        Parameters
+        ----------
+        uniforms, textures : dict
+            See `draw`.
+        blend : str, optional
+            See `draw`.
+        """
+        state = self._state
         for flag in (_DEPTH_TEST, _CULL_FACE, _STENCIL_TEST):
             state.SetEnumState(flag, False)
         state.SetEnumState(_BLEND, blend is not None)
@@ -179,17 +194,15 @@ class Quad:
             state.vtkglBlendFuncSeparate(*_WAYS[blend])
         program = self.program
         self._shaders.ReadyShaderProgram(program)
-        textures = textures or {}
         for name, texture in textures.items():
             program.SetUniformi(name, texture.bind())
         state.vtkglActiveTexture(SPARE_UNIT)
-        set_uniforms(program, uniforms or {})
+        set_uniforms(program, uniforms)
         try:
             self.helper.Render()
         finally:
             for texture in textures.values():
                 texture.object.Deactivate()
-            state.Pop()
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""

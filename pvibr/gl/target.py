@@ -30,6 +30,7 @@ class Target:
     def __init__(self, window, width, height, formats=('rgba8',), *, depth=False, filter='linear'):
         self.window = window
         self.width, self.height = width, height
+        self._state = window.GetState()
         self.colors = [Texture(window, filter=filter).allocate(width, height, f) for f in formats]
         self._shares_depth = isinstance(depth, Texture)
         self.depth: Any = depth if isinstance(depth, Texture) else None
@@ -98,6 +99,23 @@ class Target:
         """
         return _Drawing(self, clear)
 
+    def draw(self, quad, uniforms=None, textures=None, *, blend=None, clear=None):
+        """Draw a full-screen program into it, as within `drawing`.
+
+        Parameters
+        ----------
+        quad : pvibr.gl.Quad
+            The program.
+        uniforms, textures : dict, optional
+            See :meth:`pvibr.gl.Quad.draw`.
+        blend : str, optional
+            See there.
+        clear : tuple of 4 float, optional
+            See `drawing`.
+        """
+        with _Drawing(self, clear):
+            quad.draw_alone(uniforms or {}, textures or {}, blend)
+
     def _clear(self, state, color):
         state.vtkglColorMask(True, True, True, True)
         state.vtkglDepthMask(True)
@@ -115,14 +133,14 @@ class Target:
 class _Drawing:
     """Draws into a target; a class, since a frame enters dozens and a generator takes longer."""
 
-    __slots__ = ('_clear', '_state', '_target')
+    __slots__ = ('_clear', '_target')
 
     def __init__(self, target, clear):
         self._target, self._clear = target, clear
 
     def __enter__(self):
         target = self._target
-        self._state = state = target.window.GetState()
+        state = target._state
         state.Push()
         state.PushFramebufferBindings()
         try:
@@ -138,5 +156,6 @@ class _Drawing:
         return target
 
     def __exit__(self, *_error):
-        self._state.PopFramebufferBindings()
-        self._state.Pop()
+        state = self._target._state
+        state.PopFramebufferBindings()
+        state.Pop()

@@ -62,8 +62,7 @@ class Tiles:
         if name not in self._quads:
             text = f'#define SIDE {SIDE}\n{_TEXTS[name]}'
             self._quads[name] = Quad(self.window, text, f'tiles.glsl, {name}')
-        with target.drawing():
-            self._quads[name].draw(uniforms, textures)
+        target.draw(self._quads[name], uniforms, textures)
 
     def program(self, fragment, name) -> Quad:
         """Return a program to be drawn over tiles.

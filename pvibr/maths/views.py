@@ -55,8 +55,8 @@ class View:
 
     def camera(self) -> tuple:
         """Return position, a point looked at, and the upward direction, world units."""
-        axes = self.view_from_world[:3, :3]
-        return self.eye, self.eye - axes[2] * self.far, axes[1]
+        axes, eye = self.view_from_world[:3, :3], self.eye
+        return eye, eye - axes[2] * self.far, axes[1]
 
     def texture_from_world(self) -> np.ndarray:
         """Return the matrix that takes world space to texture space times w, (4, 4)."""
