@@ -426,7 +426,7 @@ class IBRComponent:
         2
         >>> pl.close()
         """
-        from pvibr.actors.quadrics import Spheres
+        from pvibr.actors.spheres import Spheres
 
         self._check_open()
         made = Spheres(centers, radius, name=name, **kwargs)

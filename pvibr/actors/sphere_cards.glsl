@@ -5,7 +5,8 @@
 // the foot of the perpendicular, not from the difference of two large squares (Haines et al.,
 // "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019, chapter 7).
 // Centres are relative to those of blocks, which come in eye space, subtracted in double precision.
-// CORNERS is 4, or 1 for point sprites; DOTS is 1 for those that are never larger than a pixel.
+// CORNERS is 4, or 1 for point sprites. DEPTH is 1 where each pixel has its own: then drivers light
+// also what is hidden. The others, a few pixels large, are as deep as the mean of their front.
 // ibr_first, the first slot of a draw, and ibr_end, the entry after its last, are an actor's custom
 // uniforms: VTK declares them.
 
@@ -70,8 +71,8 @@ vec2 ibr_tangents(vec2 c, float r)
         bounds = vec4(pixel, pixel + 1.0).xzyw / ibr_size.xxyy * 2.0 - 1.0;
       }
 #if CORNERS == 1
-      vec2 zw = ibr_zw_from_z.xz * c.z + ibr_zw_from_z.yw;
-      gl_Position = vec4(0.5 * (bounds.xz + bounds.yw), DOTS == 1 ? zw.x / zw.y : 0.0, 1.0);
+      vec2 zw = ibr_zw_from_z.xz * (c.z + 0.667 * item.w) + ibr_zw_from_z.yw;
+      gl_Position = vec4(0.5 * (bounds.xz + bounds.yw), DEPTH == 1 ? 0.0 : zw.x / zw.y, 1.0);
       vec2 side = (bounds.yw - bounds.xz) * ibr_size * 0.5;
       gl_PointSize = dot_sized ? 1.0 : max(side.x, side.y) + 0.1;
 #else
@@ -103,25 +104,23 @@ flat in vec4 ibr_look;
   float ibr_square = ibr_item.w * ibr_item.w - dot(ibr_off, ibr_off);
   float ibr_half = sqrt(max(ibr_square * ibr_inverse, 0.0));
   vec3 ibr_normal = normalize(ibr_off - ibr_half * ibr_ray);
-#if DOTS
-  ibr_along -= ibr_half;
-#else
   // What the near plane cut open shows its inside.
   bool ibr_cut = ibr_along - ibr_half < ibr_near;
   if (ibr_cut) ibr_normal = -normalize(ibr_off + ibr_half * ibr_ray);
   ibr_along += ibr_cut ? ibr_half : -ibr_half;
-#endif
   vec4 vertexVC = vec4(ibr_from + ibr_along * ibr_ray, 1.0);
   // For features that ask where the surface is.
 #define IBR_PLACE vertexVC.xyz
 #define IBR_NORMAL ibr_normal
 
+//@fragment.cut
+  if (ibr_square < 0.0 && ibr_item.w > 0.0) discard;
+
 //@fragment.depth
   {
     vec2 zw = ibr_zw_from_z.xz * vertexVC.z + ibr_zw_from_z.yw;
     float depth = zw.x / zw.y * 0.5 + 0.5;
-    bool outside = ibr_square < 0.0 && ibr_item.w > 0.0;
-    if (outside || ibr_along < ibr_near || depth > 1.0) discard;
+    if (ibr_along < ibr_near || depth > 1.0) discard;
     gl_FragDepth = depth;
   }
 

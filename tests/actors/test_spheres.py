@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.actors import quadrics
+from pvibr.actors import sphere_cards
 from pvibr.frame import Frame
 
 SIZE = (150, 90)
@@ -104,7 +104,7 @@ def compare(pl, things, see, atol=1.01 / 255):
 @pytest.mark.parametrize('parallel', [None, 1.3], ids=['perspective', 'parallel'])
 @pytest.mark.parametrize('largest', [60.0, -1.0], ids=['points', 'quads'])
 def test_pixels_are_those_of_rays(largest, parallel, offset, see, monkeypatch):
-    monkeypatch.setattr(quadrics, '_LARGEST_POINT', largest)
+    monkeypatch.setattr(sphere_cards, '_LARGEST_POINT', largest)
     centers, radii = cloud()
     colors = np.random.default_rng(1).integers(0, 256, (len(centers), 3)).astype(np.uint8)
     pl = plotter()
@@ -142,6 +142,21 @@ def test_those_smaller_than_a_pixel_are_a_pixel(see):
     assert things.report()['dots'] > 0
     things.radius = np.where(np.arange(96) % 2, 1e-4, 0.0)
     assert (see.grab(pl)[..., 0] > 0.2).sum() == 48
+    pl.close()
+
+
+def test_small_ones_are_as_large_as_they_are(see):
+    centers, _ = cloud(100, seed=4)
+    pl = plotter(eye=(0, -9, 1))
+    things = pl.ibr.add_spheres(centers, 0.08, color='white', diffuse=1.0)
+    aim(pl, (0, -9, 1))
+    picture, far = see.grab(pl), see.depths(pl)
+    assert things.report()['small'] > 0
+    ids, depth, normals = cast(pl, centers, 0.08)
+    assert ((ids >= 0) == np.isfinite(far)).mean() > 0.999
+    seen = inner(ids) & (ids >= 0)
+    assert np.abs(picture[..., 0] - normals[..., 2])[seen].max() < 1.01 / 255
+    assert np.nanmax(np.abs(far - depth)[ids >= 0]) < 0.1
     pl.close()
 
 

@@ -2,79 +2,23 @@
 
 from __future__ import annotations
 
-import weakref
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 
-from pvibr import _vtk
 from pvibr.actors.anchor import anchor as new_anchor
 from pvibr.actors.anchor import set_bounds
 from pvibr.actors.billboard_cards import as_points
-from pvibr.actors.cards import BLOCK, DULL, PBR, Binder, card_mesh, pack
+from pvibr.actors.cards import BLOCK, PBR, Binder, pack
 from pvibr.actors.looks import COLORED, merge
 from pvibr.actors.painted import Painted
 from pvibr.actors.picking import Hit, pixel_ray
+from pvibr.actors.sphere_cards import ROW, WAYS, Layer, chosen, view_uniforms
 from pvibr.effect import Effect
-from pvibr.errors import ShaderError
-from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
-from pvibr.gl.feature import Feature, sections
-from pvibr.maths.blocks import Blocks, frustum_planes, morton_order
+from pvibr.gl import Texture
+from pvibr.maths.blocks import Blocks, morton_order
 from pvibr.params import Param
-
-_ROW = 1024  # texels of a row
-_VIEWPORT, _PROGRAM_POINT_SIZE = 0x0BA2, 0x8642  # GL enums
-_LARGEST_POINT = 60.0  # px: every driver draws point sprites so large
-
-
-@dataclass(frozen=True)
-class Way:
-    """How the spheres of a block are drawn.
-
-    Attributes
-    ----------
-    name : str
-        For reports and marks in shaders.
-    corners : int
-        Vertices of a card: 1 is a point sprite, cheaper, but gone with its centre.
-    chunk : int
-        Cards of one draw.
-    dots : bool
-        Each a pixel and no larger, as deep as its centre.
-    """
-
-    name: str
-    corners: int
-    chunk: int
-    dots: bool = False
-
-    def feature(self) -> Feature:
-        """Return the shader text by VTK's tags."""
-        part = sections(shader_source(__file__))
-        values = {'CORNERS': self.corners, 'DOTS': int(self.dots), 'BLOCK': BLOCK}
-        defines = ''.join(f'#define {name} {value}\n' for name, value in values.items())
-        vertex = {
-            'VTK::PositionVC::Dec': defines + part['vertex.declare'],
-            'VTK::PositionVC::Impl': part['vertex.position'],
-        }
-        fragment = {
-            'VTK::PositionVC::Dec': defines + part['fragment.declare'],
-            'VTK::PositionVC::Impl': part['fragment.meet'],
-            'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
-            'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
-        }
-        if not self.dots:
-            fragment['VTK::Depth::Impl'] = part['fragment.depth'] + '//VTK::Depth::Impl\n'
-        return Feature(f'spheres_{self.name}', vertex, fragment)
-
-
-DOTS = Way('dots', 1, 65_536, dots=True)
-POINTS = Way('points', 1, 65_536)
-QUADS = Way('quads', 4, 16_384)
-WAYS = (DOTS, POINTS, QUADS)
-_DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
 
 
 class Spheres(Painted, Effect):
@@ -114,8 +58,9 @@ class Spheres(Painted, Effect):
     Notes
     -----
     Silhouettes, normals and depth are those of the sphere at the middle of each pixel, in
-    perspective too. What is smaller than a pixel is drawn one pixel large. They are opaque, cast
-    and receive shadows, and meet other props by depth.
+    perspective too. What is smaller than a pixel is drawn one pixel large; spheres of up to four
+    pixels have one depth each. They are opaque, cast and receive shadows, and meet other props by
+    depth. Hardware picking does not see them; :meth:`pick` does.
 
     Examples
     --------
@@ -155,7 +100,7 @@ class Spheres(Painted, Effect):
         self._stamp: tuple | None = None
         self._stale = {'ibr_items', 'ibr_looks'}
         self._arrange()
-        self._layers = [_Layer(self, way) for way in WAYS]
+        self._layers = [Layer(self, way) for way in WAYS]
 
     def _arrange(self):
         """Put neighbours together, in blocks that are culled as one."""
@@ -309,8 +254,8 @@ class Spheres(Painted, Effect):
         camera = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
         stamp = (*camera, self._changes, self._revision)
         if stamp != self._stamp:
-            self._uniforms = _view_uniforms(frame, len(self))
-            blocks, ways = _chosen(self._blocks, frame)
+            self._uniforms = view_uniforms(frame, len(self))
+            blocks, ways = chosen(self._blocks, frame)
             for k, layer in enumerate(self._layers):
                 layer.show(blocks[ways == k])
             self._stamp = stamp
@@ -343,7 +288,7 @@ class Spheres(Painted, Effect):
         made, self._stale = self._stale, set()
         rows = {'ibr_items': self._items, 'ibr_looks': self._looks}
         for name in made:
-            self._textures.setdefault(name, Texture(window)).upload(pack(rows[name](), _ROW, 4))
+            self._textures.setdefault(name, Texture(window)).upload(pack(rows[name](), ROW, 4))
 
     def _items(self):
         origins = np.repeat(self._blocks.centers, BLOCK, 0)[: len(self)]
@@ -411,140 +356,6 @@ class Spheres(Painted, Effect):
         distances = np.where(found, distances, np.inf)
         index = int(distances.argmin())
         return (index, float(distances[index])) if found[index] else (None, np.inf)
-
-
-class _Layer:
-    """The spheres that are drawn in one way: draws of a chunk each that share one mapper."""
-
-    def __init__(self, spheres, way):
-        self._owner: Any = weakref.ref(spheres)
-        self.way = way
-        self._feature = way.feature()
-        self._landed, self._shiny = False, True
-        self.failure = ''
-        self.blocks: Texture | None = None
-        self.count = 0
-        self._mapper = _vtk.vtkPolyDataMapper()
-        self._mapper.ScalarVisibilityOff()
-        self._mapper.AddObserver('UpdateShaderEvent', self._updater())
-        slots = max(-(-len(spheres) // BLOCK), 1) * BLOCK
-        self._chunk = min(way.chunk, slots)
-        self.bound(spheres.bounds)
-        self.actors = [self._actor(spheres.property) for _ in range(-(-slots // self._chunk))]
-
-    def bound(self, bounds):
-        """Tell VTK where they are."""
-        self._mapper.SetInputData(card_mesh(self._chunk, self.way.corners, bounds))
-
-    def _actor(self, prop):
-        actor = pv.Actor()
-        actor.SetMapper(self._mapper)
-        actor.SetProperty(prop)
-        actor.ForceOpaqueOn()
-        actor.VisibilityOff()
-        actor.PickableOff()
-        actor.UseBoundsOff()
-        self._feature.attach(actor)
-        return actor
-
-    def dress(self, shiny):
-        """Have highlights computed or not."""
-        if self.failure:
-            raise ShaderError(self.failure)
-        if shiny != self._shiny:
-            for actor in self.actors:
-                (_DULL.detach if shiny else _DULL.attach)(actor)
-            self._shiny = shiny
-
-    def show(self, blocks):
-        """Draw blocks: rows of their middle in eye space and their number."""
-        self.count = len(blocks)
-        owner = self._owner()
-        if self.count:
-            self.blocks = self.blocks or Texture(owner._window)
-            self.blocks.upload(pack(blocks.astype(np.float32), _ROW, 4))
-        step = self._chunk // BLOCK
-        for i, actor in enumerate(self.actors):
-            first = i * step
-            actor.SetVisibility(first < self.count)
-            if first < self.count:
-                uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-                uniforms.SetUniformi('ibr_first', first * BLOCK)
-                uniforms.SetUniformi('ibr_end', min(first + step, self.count))
-
-    def _updater(self):
-        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
-        layer = weakref.ref(self)
-
-        @_vtk.calldata_type(_vtk.VTK_OBJECT)
-        def update(_mapper, _event, program):
-            alive = layer()
-            if alive is not None:
-                alive._update(program)
-
-        return update
-
-    def _update(self, program):
-        owner = self._owner()
-        state = owner._window.GetState()
-        if self.way.corners == 1:
-            state.SetEnumState(_PROGRAM_POINT_SIZE, True)
-        textures = {**owner._textures, 'ibr_blocks': self.blocks}
-        set_uniforms(program, owner._binder.bind(self, textures))
-        set_uniforms(program, owner._uniforms)
-        set_uniforms(program, _pixel_uniforms(state, owner._uniforms))
-        if not self._landed:
-            self._landed = True
-            if not self._feature.landed(program):
-                self.failure = f'the shader text of the spheres ({self.way.name}) did not land'
-
-    def release(self, window):
-        if window is not None:
-            self._mapper.ReleaseGraphicsResources(window)
-            for actor in self.actors:
-                actor.ReleaseGraphicsResources(window)
-        if self.blocks is not None:
-            self.blocks.release()
-            self.blocks = None
-
-
-def _chosen(blocks, frame):
-    """Return rows of the blocks that are drawn, the nearest first, and the way of each."""
-    with np.errstate(divide='ignore', invalid='ignore'):  # the eye may be in the middle of one
-        index, origins, _, large = (a[::-1] for a in blocks.seen(frame))
-    around = (blocks.reach + blocks.largest)[index]
-    planes = frustum_planes(frame.clip_from_view)[:5]
-    inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > around
-    ways = np.where(inside & (large <= _LARGEST_POINT), WAYS.index(POINTS), WAYS.index(QUADS))
-    ways[inside & (large <= 1.0)] = WAYS.index(DOTS)
-    return np.column_stack([origins, index]), ways
-
-
-def _view_uniforms(frame, count) -> dict:
-    """Return what both shaders know of the eye."""
-    m = frame.clip_from_view
-    offset = m[:2, 3] if frame.parallel else -m[:2, 2]
-    return {
-        'ibr_count': count,
-        'ibr_parallel': int(frame.parallel),
-        'ibr_size': tuple(map(float, frame.size)),
-        'ibr_pixel': float(frame.scale / frame.pixel_scale),
-        'ibr_near': float(frame.near),
-        'ibr_ndc_from_slope': (float(m[0, 0]), float(m[1, 1]), *map(float, offset)),
-        'ibr_zw_from_z': (float(m[2, 2]), float(m[2, 3]), float(m[3, 2]), float(m[3, 3])),
-        'ibr_eye_from_world': uniform_matrix(frame.view_from_world[:3, :3]),
-    }
-
-
-def _pixel_uniforms(state, uniforms) -> dict:
-    """Return how slopes follow from pixels of the target, wherever in it the picture is drawn."""
-    found = [0, 0, 0, 0]
-    state.vtkglGetIntegerv(_VIEWPORT, found)
-    corner, size = np.array(found[:2], float), np.array(found[2:], float)
-    scale, offset = np.reshape(uniforms['ibr_ndc_from_slope'], (2, 2))
-    factors = 2 / size / scale
-    offsets = (-1 - offset) / scale - corner * factors
-    return {'ibr_slope_from_pixel': (*factors.tolist(), *offsets.tolist())}
 
 
 def _checked_radius(radius, count):

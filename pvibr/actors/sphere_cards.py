@@ -1,0 +1,279 @@
+"""Spheres on the GPU: the programs that draw them, and which of them draws which blocks."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr import _vtk
+from pvibr.actors.cards import BLOCK, DULL, card_mesh, pack
+from pvibr.errors import ShaderError
+from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
+from pvibr.gl.feature import Feature, sections
+from pvibr.maths.blocks import frustum_planes
+
+ROW = 1024  # texels of a row
+_VIEWPORT, _PROGRAM_POINT_SIZE = 0x0BA2, 0x8642  # GL enums
+_LARGEST_POINT = 60.0  # px: every driver draws point sprites so large
+_LARGEST_SMALL = 4.0  # px: those are edges all over, and their depths differ by two pixels
+
+
+@dataclass(frozen=True)
+class Way:
+    """How the spheres of a block are drawn.
+
+    Attributes
+    ----------
+    name : str
+        For reports and marks in shaders.
+    corners : int
+        Vertices of a card: 1 is a point sprite, cheaper, but gone with its centre.
+    chunk : int
+        Cards of one draw.
+    depth : bool
+        Whether each pixel has its own depth, not each sphere.
+    dots : bool
+        Whether none is larger than a pixel, so that all of it is drawn.
+    """
+
+    name: str
+    corners: int
+    chunk: int
+    depth: bool = True
+    dots: bool = False
+
+    def feature(self) -> Feature:
+        """Return the shader text by VTK's tags."""
+        part = sections(shader_source(__file__))
+        values = {'CORNERS': self.corners, 'DEPTH': int(self.depth), 'BLOCK': BLOCK}
+        defines = ''.join(f'#define {name} {value}\n' for name, value in values.items())
+        vertex = {
+            'VTK::PositionVC::Dec': defines + part['vertex.declare'],
+            'VTK::PositionVC::Impl': part['vertex.position'],
+        }
+        fragment = {
+            'VTK::PositionVC::Dec': defines + part['fragment.declare'],
+            'VTK::PositionVC::Impl': part['fragment.meet'],
+            'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
+            'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
+        }
+        if not self.dots:
+            cut = part['fragment.cut'] + (part['fragment.depth'] if self.depth else '')
+            fragment['VTK::Depth::Impl'] = cut + '//VTK::Depth::Impl\n'
+        return Feature(f'spheres_{self.name}', vertex, fragment)
+
+
+DOTS = Way('dots', 1, 65_536, depth=False, dots=True)
+SMALL = Way('small', 1, 65_536, depth=False)
+POINTS = Way('points', 1, 65_536)
+QUADS = Way('quads', 4, 16_384)
+#: What is near first: it hides much, and what is hidden need not be lit.
+WAYS = (QUADS, POINTS, SMALL, DOTS)
+_DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
+
+
+class Layer:
+    """The spheres that are drawn in one way: draws of a chunk each that share one mapper.
+
+    Parameters
+    ----------
+    spheres : pvibr.Spheres
+        Whose textures and uniforms are used.
+    way : Way
+        How.
+
+    Attributes
+    ----------
+    count : int
+        Blocks that are drawn.
+    actors : list of vtkActor
+        The draws.
+    """
+
+    def __init__(self, spheres, way):
+        self._owner: Any = weakref.ref(spheres)
+        self.way = way
+        self._feature = way.feature()
+        self._landed, self._shiny = False, True
+        self.failure = ''
+        self.blocks: Texture | None = None
+        self.count = 0
+        self._mapper = _vtk.vtkPolyDataMapper()
+        self._mapper.ScalarVisibilityOff()
+        self._mapper.AddObserver('UpdateShaderEvent', self._updater())
+        slots = max(-(-len(spheres) // BLOCK), 1) * BLOCK
+        self._chunk = min(way.chunk, slots)
+        self.bound(spheres.bounds)
+        self.actors = [self._actor(spheres.property) for _ in range(-(-slots // self._chunk))]
+
+    def bound(self, bounds):
+        """Tell VTK where they are.
+
+        Parameters
+        ----------
+        bounds : array_like of 6 float
+            World units.
+        """
+        self._mapper.SetInputData(card_mesh(self._chunk, self.way.corners, bounds))
+
+    def _actor(self, prop):
+        actor = pv.Actor()
+        actor.SetMapper(self._mapper)
+        actor.SetProperty(prop)
+        actor.ForceOpaqueOn()
+        actor.VisibilityOff()
+        actor.PickableOff()
+        actor.UseBoundsOff()
+        self._feature.attach(actor)
+        return actor
+
+    def dress(self, shiny):
+        """Have highlights computed or not.
+
+        Parameters
+        ----------
+        shiny : bool
+            Whether the material has any.
+
+        Raises
+        ------
+        ShaderError
+            Where the text did not land.
+        """
+        if self.failure:
+            raise ShaderError(self.failure)
+        if shiny != self._shiny:
+            for actor in self.actors:
+                (_DULL.detach if shiny else _DULL.attach)(actor)
+            self._shiny = shiny
+
+    def show(self, blocks):
+        """Draw blocks.
+
+        Parameters
+        ----------
+        blocks : numpy.ndarray, shape (n, 4)
+            Middle in eye space, and number, of each.
+        """
+        self.count = len(blocks)
+        owner = self._owner()
+        if self.count:
+            self.blocks = self.blocks or Texture(owner._window)
+            self.blocks.upload(pack(blocks.astype(np.float32), ROW, 4))
+        step = self._chunk // BLOCK
+        for i, actor in enumerate(self.actors):
+            first = i * step
+            actor.SetVisibility(first < self.count)
+            if first < self.count:
+                uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+                uniforms.SetUniformi('ibr_first', first * BLOCK)
+                uniforms.SetUniformi('ibr_end', min(first + step, self.count))
+
+    def _updater(self):
+        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
+        layer = weakref.ref(self)
+
+        @_vtk.calldata_type(_vtk.VTK_OBJECT)
+        def update(_mapper, _event, program):
+            alive = layer()
+            if alive is not None:
+                alive._update(program)
+
+        return update
+
+    def _update(self, program):
+        owner = self._owner()
+        state = owner._window.GetState()
+        if self.way.corners == 1:
+            state.SetEnumState(_PROGRAM_POINT_SIZE, True)
+        textures = {**owner._textures, 'ibr_blocks': self.blocks}
+        set_uniforms(program, owner._binder.bind(self, textures))
+        set_uniforms(program, owner._uniforms)
+        set_uniforms(program, _pixel_uniforms(state, owner._uniforms))
+        if not self._landed:
+            self._landed = True
+            if not self._feature.landed(program):
+                self.failure = f'the shader text of the spheres ({self.way.name}) did not land'
+
+    def release(self, window):
+        """Free what it holds on the GPU; the context is current.
+
+        Parameters
+        ----------
+        window : vtkOpenGLRenderWindow or None
+            Where it was drawn.
+        """
+        if window is not None:
+            self._mapper.ReleaseGraphicsResources(window)
+            for actor in self.actors:
+                actor.ReleaseGraphicsResources(window)
+        if self.blocks is not None:
+            self.blocks.release()
+            self.blocks = None
+
+
+def chosen(blocks, frame):
+    """Return what is drawn, the nearest first, and how.
+
+    Parameters
+    ----------
+    blocks : pvibr.maths.blocks.Blocks
+        All of them.
+    frame : pvibr.frame.Frame
+        Camera and size.
+
+    Returns
+    -------
+    rows : numpy.ndarray, shape (n, 4)
+        Middle in eye space, and number, of each block.
+    ways : numpy.ndarray, shape (n,)
+        Which of `WAYS`.
+    """
+    with np.errstate(divide='ignore', invalid='ignore'):  # the eye may be in the middle of one
+        index, origins, _, large = (a[::-1] for a in blocks.seen(frame))
+    around = (blocks.reach + blocks.largest)[index]
+    planes = frustum_planes(frame.clip_from_view)[:5]
+    inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > around
+    ways = np.where(inside & (large <= _LARGEST_POINT), WAYS.index(POINTS), WAYS.index(QUADS))
+    ways[inside & (large <= _LARGEST_SMALL)] = WAYS.index(SMALL)
+    ways[inside & (large <= 1.0)] = WAYS.index(DOTS)
+    return np.column_stack([origins, index]), ways
+
+
+def view_uniforms(frame, count) -> dict:
+    """Return what both shaders know of the eye.
+
+    Parameters
+    ----------
+    frame : pvibr.frame.Frame
+        Camera and size.
+    count : int
+        How many spheres there are.
+    """
+    m = frame.clip_from_view
+    offset = m[:2, 3] if frame.parallel else -m[:2, 2]
+    return {
+        'ibr_count': count,
+        'ibr_parallel': int(frame.parallel),
+        'ibr_size': tuple(map(float, frame.size)),
+        'ibr_pixel': float(frame.scale / frame.pixel_scale),
+        'ibr_near': float(frame.near),
+        'ibr_ndc_from_slope': (float(m[0, 0]), float(m[1, 1]), *map(float, offset)),
+        'ibr_zw_from_z': (float(m[2, 2]), float(m[2, 3]), float(m[3, 2]), float(m[3, 3])),
+        'ibr_eye_from_world': uniform_matrix(frame.view_from_world[:3, :3]),
+    }
+
+
+def _pixel_uniforms(state, uniforms) -> dict:
+    """Return how slopes follow from pixels of the target, wherever in it the picture is drawn."""
+    found = [0, 0, 0, 0]
+    state.vtkglGetIntegerv(_VIEWPORT, found)
+    corner, size = np.array(found[:2], float), np.array(found[2:], float)
+    scale, offset = np.reshape(uniforms['ibr_ndc_from_slope'], (2, 2))
+    factors = 2 / size / scale
+    offsets = (-1 - offset) / scale - corner * factors
+    return {'ibr_slope_from_pixel': (*factors.tolist(), *offsets.tolist())}
