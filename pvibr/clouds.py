@@ -16,6 +16,7 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.maths.billboard_clouds import Planes, greedy_planes, kmeans_planes
 
 _APART = 0.01  # of the bound: how far pictures of two sides are from their plane
+_NEAR = 0.25  # of the bound: what is drawn onto a plane beside what belongs there, against gaps
 _BOTH = 0.1  # of the area near a plane that must look each way for it to have two sides
 
 
@@ -181,8 +182,8 @@ def billboard_cloud(
     Notes
     -----
     Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification",
-    SIGGRAPH 2003. What lies near to a plane is drawn onto it even where another plane has it too:
-    that closes gaps between them.
+    SIGGRAPH 2003. What lies very near to a plane is drawn onto it even where another plane has it
+    too: that closes gaps between them. More of it would show things twice.
 
     Examples
     --------
@@ -217,7 +218,7 @@ def billboard_cloud(
         reach = np.zeros(len(sides))
         np.maximum.at(reach, sides.owner, away)
     sheet = arranged(sides, local, faces, int(size))
-    color, normal = draw(parts, origin, sides, sheet, reach, supersample)
+    color, normal = draw(parts, origin, sides, sheet, _NEAR * reach, supersample)
     area = int(sheet.texels.prod(1).sum())
     found = Planes(found.normals, found.offsets + found.normals @ origin, found.owner)
     return BillboardCloud(

@@ -146,7 +146,8 @@ def planes_at(curve, error) -> float:
     Returns
     -------
     float
-        The largest count of the curve where it is never reached: then more are needed.
+        The largest count of the curve where it is never reached, the smallest where even that
+        is better: then more, or fewer, are needed.
 
     Examples
     --------
