@@ -13,11 +13,12 @@ import pyvista as pv
 
 from pvibr.bench.rows import Row
 from pvibr.effect import Effect
+from pvibr.effects.backgrounds import Sky
 from pvibr.effects.bloom import Bloom
 from pvibr.effects.depth_of_field import DepthOfField
 from pvibr.effects.glow import Afterglow, Glow
 from pvibr.effects.outline import Outline
-from pvibr.effects.screen import Flash, Iris, NightVision, Picture, Sky, Vignette
+from pvibr.effects.screen import Flash, Iris, NightVision, Picture, Vignette
 from pvibr.effects.tone_mapping import ToneMapping
 from pvibr.gl import Quad, Target, Texture
 from pvibr.gl.drawer import Drawer
