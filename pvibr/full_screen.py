@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,12 @@ from pvibr.params import Param
 from pvibr.pictures import Shown
 
 _TEXTS = sections(shader_source(__file__))
+
+
+@cache
+def _text(entries):
+    """Return a program, the same object each time: it is a key, and hashed once."""
+    return ''.join(_TEXTS[name] for name in ('common', *entries))
 
 
 class FullScreen(Effect):
@@ -47,10 +54,9 @@ class FullScreen(Effect):
         """
         size = frame.whole
         uniforms = {'tile': frame.tile, 'size': size, **self._uniforms(frame, size)}
-        code = ''.join(_TEXTS[name] for name in ('common', *self._entries()))
         name, textures = f'screen {self.name}', self._textures(frame)
         blend = 'over' if self._covers() else ''
-        picture.apply(Pointwise(name, code, uniforms, textures, blend))
+        picture.apply(Pointwise(name, _text(self._entries()), uniforms, textures, blend))
 
     def _covers(self) -> bool:
         return self.covers

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from pvibr.effect import Effect
@@ -107,9 +109,7 @@ class ToneMapping(Effect):
             'white': self.white,
             'intensity': self.intensity,
         }
-        curve, exposed = CURVES.index(self.curve), int(stops != 0)
-        head = f'const int CURVE = {curve};\nconst int EXPOSED = {exposed};\n'
-        text = head + _TEXTS['light'] + _TEXTS['map']
+        text = _map(CURVES.index(self.curve), int(stops != 0))
         picture.apply(Pointwise('tone_mapping map', text, uniforms, {}))
 
     def expose(self, frame, picture) -> float:
@@ -176,3 +176,10 @@ class ToneMapping(Effect):
     def report(self) -> dict:
         """Return the bytes on the GPU and the exposure of the last frame in stops."""
         return {'bytes': self._measured.nbytes if self._measured else 0, 'stops': self.stops}
+
+
+@cache
+def _map(curve, exposed):
+    """Return the program that maps, the same object each time: it is a key, and hashed once."""
+    head = f'const int CURVE = {curve};\nconst int EXPOSED = {exposed};\n'
+    return head + _TEXTS['light'] + _TEXTS['map']
