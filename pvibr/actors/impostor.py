@@ -25,6 +25,8 @@ LARGEST = 1024
 # An image is taken from where the eye will be when it is wrong by this share of what is allowed,
 # going on as it did, and no more frames ahead than these.
 _AHEAD, _FARTHEST = 0.85, 60.0
+# World units a frame, of the radius of everything.
+_SLOW = 1e-4
 # What was drawn one way goes on so unless another is cheaper by this.
 _KEPT = 0.8
 
@@ -348,7 +350,11 @@ class Impostor(Effect):
         depth, area = self._faces(eyes)
         seconds = tree.gather(self._costs.meshes(self._sources) * self._live[:n], np.add)
         busy = tree.gather(self._costs.busy, np.maximum)
-        rate = 0.0 if eyes.parallel else self._costs.speed * depth * scale / away / self.max_error
+        # Who stands still may go on: slowly, by the size of the scene.
+        speed = max(self._costs.speed, _SLOW * self._radius.max())
+        rate = 0.0 if eyes.parallel else speed * depth * scale / away / self.max_error
+        there = self._images.alive.reshape(len(tree), -1).any(1)
+        rate = rate + np.where(there, 0.0, 1 / _FARTHEST)  # an image that there is costs nothing
         own = self._costs.images(seconds, rate, busy, area * scale**2)
         own[self._last] *= _KEPT
         usable = ahead & (pixels * 1.2 / self.max_error < min(LARGEST, self._side()))
