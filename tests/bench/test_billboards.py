@@ -19,6 +19,7 @@ def test_results_are_a_plot(tmp_path):
     plant = {'flip': 0.1, 'iou': 0.9, 'ms': 3.0, 'triangles': 2, 'texels': 9}
     points = {
         'sprites': {'cut-outs': [(10, 1.0), (100, 2.0)]},
+        'spheres': {'spheres': [(10, 1.0)]},
         'coverage': {'kept': [(32, 1.0)], 'plain': [(32, 0.5)]},
         'plants': {'billboard': plant},
     }
