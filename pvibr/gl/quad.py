@@ -194,15 +194,17 @@ class Quad:
             state.vtkglBlendFuncSeparate(*_WAYS[blend])
         program = self.program
         self._shaders.ReadyShaderProgram(program)
-        for name, texture in textures.items():
-            program.SetUniformi(name, texture.bind())
+        objects = [texture.object for texture in textures.values()]
+        for name, texture in zip(textures, objects, strict=True):
+            texture.Activate()
+            program.SetUniformi(name, texture.GetTextureUnit())
         state.vtkglActiveTexture(SPARE_UNIT)
         set_uniforms(program, uniforms)
         try:
             self.helper.Render()
         finally:
-            for texture in textures.values():
-                texture.object.Deactivate()
+            for texture in objects:
+                texture.Deactivate()
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""

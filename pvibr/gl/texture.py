@@ -17,8 +17,8 @@ _FORMATS = {
     'r32f': (0x822E, 'VTK_FLOAT', 1),
     'r8': (None, 'VTK_UNSIGNED_CHAR', 1),
 }
-# Passes that allocate textures bind them to whichever unit was used last: let it be GL_TEXTURE0 and
-# the last one that core profile 3.2 has for certain. VTK hands out the first ones.
+# Passes that allocate textures bind them to whichever unit was used last: let it be the last one
+# that core profile 3.2 has for certain. VTK hands out the first ones.
 SPARE_UNIT = 0x84C0 + 47
 _FRAGMENT_UNITS = 0x8872  # GL_MAX_TEXTURE_IMAGE_UNITS
 _BYTES = {
@@ -176,13 +176,8 @@ class Texture:
 
     def activate(self) -> int:
         """Bind to a texture unit and return its number, for a sampler."""
-        unit = self.bind()
-        self.window.GetState().vtkglActiveTexture(SPARE_UNIT)
-        return unit
-
-    def bind(self) -> int:
-        """Do the same and leave that unit the active one: the caller goes on to `SPARE_UNIT`."""
         self.object.Activate()
+        self.window.GetState().vtkglActiveTexture(SPARE_UNIT)
         return self.object.GetTextureUnit()
 
     def deactivate(self):
