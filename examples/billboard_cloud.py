@@ -16,11 +16,12 @@ from pvibr.clouds import billboard_cloud
 from pvibr.scenes.trees import tree_parts
 
 TRIANGLES = 50_000
+SIZE = 1024  # texels along a side of the texture
 
 # %%
 # 1. A tree: bark and leaves. Of a mesh it is ``mesh.ibr.billboard_cloud(epsilon=...)``.
 tree = tree_parts('broadleaf', triangles=TRIANGLES)
-clouds = [billboard_cloud(tree, epsilon=epsilon) for epsilon in (0.03, 0.1)]
+clouds = [billboard_cloud(tree, epsilon=epsilon, size=SIZE) for epsilon in (0.03, 0.1)]
 print(*clouds, sep='\n')
 
 # %%
