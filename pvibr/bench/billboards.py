@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pvibr.bench import plants, sprites
+from pvibr.bench import plants, spheres, sprites
 from pvibr.bench.plot import save, several_axes
 from pvibr.bench.runs import run
 
@@ -60,7 +60,7 @@ def measure(out, *, quick=False) -> list:
     list of Row
         What was measured.
     """
-    parts = {'sprites': sprites.measure, 'plants': plants.measure}
+    parts = {'sprites': sprites.measure, 'spheres': spheres.measure, 'plants': plants.measure}
     return run('billboards', parts, QUICK if quick else Settings(), plot, out, quick=quick)
 
 
@@ -74,10 +74,13 @@ def plot(results, path):
     path : pathlib.Path
         PNG file.
     """
-    figure, (times, cover, plant) = several_axes((15, 4.8), 1, 3)
+    figure, (times, balls, cover, plant) = several_axes((20, 4.8), 1, 4)
     for way, curve in results.points['sprites'].items():
         times.plot(*zip(*curve, strict=True), 'o-', label=way)
     times.set(xscale='log', yscale='log', xlabel='billboards', ylabel='ms a frame')
+    for way, curve in results.points['spheres'].items():
+        balls.plot(*zip(*curve, strict=True), 'o-', label=way)
+    balls.set(xscale='log', yscale='log', xlabel='spheres', ylabel='ms a frame')
     for way, curve in results.points['coverage'].items():
         cover.plot(*zip(*curve, strict=True), 'o-', label=f'{way} levels')
     cover.axhline(1, color='0.5', ls='--')
@@ -88,7 +91,7 @@ def plot(results, path):
             point['ms'], point['flip'], 'o', label=f'{name}, {point["triangles"]} triangles'
         )
     plant.set(xscale='log', xlabel='ms a tree', ylabel='mean FLIP against 16 samples a pixel')
-    for axes in (times, cover, plant):
-        axes.set_ylim(None if axes is times else 0, None)
+    for axes in (times, balls, cover, plant):
+        axes.set_ylim(None if axes in (times, balls) else 0, None)
         axes.legend(fontsize='x-small')
     save(figure, 'billboards', results, path)

@@ -9,6 +9,7 @@ import pyvista as pv
 import pvibr
 from pvibr.actors import sphere_cards
 from pvibr.frame import Frame
+from pvibr.maths import sphere_rays
 
 SIZE = (150, 90)
 
@@ -34,48 +35,7 @@ def aim(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), parallel=None, clip=None):
 
 
 def cast(pl, centers, radii):
-    """Return which sphere is in each pixel, its depth and normal: rays in double precision.
-
-    Those whose inside is seen are numbered from `len(centers)` on.
-    """
-    frame = Frame.of(pl.renderer)
-    width, height = frame.size
-    x = (np.arange(width) + 0.5) / width * 2 - 1
-    y = 1 - (np.arange(height) + 0.5) / height * 2
-    ndc = np.stack(np.meshgrid(x, y), -1)
-    m, view = frame.clip_from_view, frame.view_from_world
-    ways = np.zeros((height, width, 3))
-    starts = np.zeros_like(ways)
-    slopes = (ndc - (m[:2, 3] if frame.parallel else -m[:2, 2])) / [m[0, 0], m[1, 1]]
-    (starts if frame.parallel else ways)[..., :2] = slopes
-    ways[..., 2] = -1
-    ids = np.full((height, width), -1)
-    depth = np.full((height, width), np.inf)
-    normals = np.zeros_like(ways)
-    spots = np.asarray(centers, float) @ view[:3, :3].T + view[:3, 3]
-    for i, (c, r) in enumerate(zip(spots, np.broadcast_to(radii, len(spots)), strict=True)):
-        away = c - starts
-        a, b = (ways**2).sum(-1), (away * ways).sum(-1)
-        root = b * b - a * ((away**2).sum(-1) - r * r)
-        hit = root > 0
-        root = np.sqrt(np.maximum(root, 0))
-        t = (b - root) / a
-        inside = t < frame.near
-        t = np.where(inside, (b + root) / a, t)
-        hit &= (t >= frame.near) & (t < depth) & (t <= frame.far)
-        n = (starts + t[..., None] * ways - c) / r * np.where(inside, -1, 1)[..., None]
-        ids[hit], depth[hit], normals[hit] = i + len(spots) * inside[hit], t[hit], n[hit]
-    return ids, depth, normals
-
-
-def inner(ids):
-    """Return the pixels whose neighbours show the same sphere."""
-    same = np.ones(ids.shape, bool)
-    for axis in (0, 1):
-        for step in (-1, 1):
-            same &= np.roll(ids, step, axis) == ids
-    same[[0, -1]] = same[:, [0, -1]] = False
-    return same
+    return sphere_rays.cast(Frame.of(pl.renderer), centers, radii)
 
 
 def cloud(count=150, seed=0, largest=0.3):
@@ -88,7 +48,7 @@ def compare(pl, things, see, atol=1.01 / 255):
     picture = see.grab(pl)
     far = see.depths(pl)
     ids, depth, normals = cast(pl, things.centers, things.radius)
-    same = inner(ids)
+    same = sphere_rays.inner(ids)
     colors = things.colors if things.colors is not None else np.full((len(things), 3), 255)
     expected = np.where(
         ids[..., None] >= 0, colors[ids % len(colors)] / 255 * np.maximum(normals[..., 2:], 0), 0
@@ -154,7 +114,7 @@ def test_small_ones_are_as_large_as_they_are(see):
     assert things.report()['small'] > 0
     ids, depth, normals = cast(pl, centers, 0.08)
     assert ((ids >= 0) == np.isfinite(far)).mean() > 0.999
-    seen = inner(ids) & (ids >= 0)
+    seen = sphere_rays.inner(ids) & (ids >= 0)
     assert np.abs(picture[..., 0] - normals[..., 2])[seen].max() < 1.01 / 255
     assert np.nanmax(np.abs(far - depth)[ids >= 0]) < 0.1
     pl.close()
@@ -188,7 +148,7 @@ def test_subplots_and_two_plotters(see):
         aim(pl, (0, -6, 1))
         picture = see.grab(pl)[:, 100:]
         ids, _, normals = cast(pl, things.centers, things.radius)
-        good = inner(ids)
+        good = sphere_rays.inner(ids)
         assert np.abs(picture[..., 0] - np.where(ids >= 0, normals[..., 2], 0))[good].max() < 0.008
         pl.close()
 
