@@ -259,7 +259,6 @@ def view_uniforms(frame, count) -> dict:
     return {
         'ibr_count': count,
         'ibr_parallel': int(frame.parallel),
-        'ibr_size': tuple(map(float, frame.size)),
         'ibr_pixel': float(frame.scale / frame.pixel_scale),
         'ibr_near': float(frame.near),
         'ibr_ndc_from_slope': (float(m[0, 0]), float(m[1, 1]), *map(float, offset)),
@@ -269,11 +268,14 @@ def view_uniforms(frame, count) -> dict:
 
 
 def _pixel_uniforms(state, uniforms) -> dict:
-    """Return how slopes follow from pixels of the target, wherever in it the picture is drawn."""
+    """Return what is known of the target's pixels: passes may draw in one of their own size."""
     found = [0, 0, 0, 0]
     state.vtkglGetIntegerv(_VIEWPORT, found)
     corner, size = np.array(found[:2], float), np.array(found[2:], float)
     scale, offset = np.reshape(uniforms['ibr_ndc_from_slope'], (2, 2))
     factors = 2 / size / scale
     offsets = (-1 - offset) / scale - corner * factors
-    return {'ibr_slope_from_pixel': (*factors.tolist(), *offsets.tolist())}
+    return {
+        'ibr_size': tuple(size.tolist()),
+        'ibr_slope_from_pixel': (*factors.tolist(), *offsets.tolist()),
+    }

@@ -136,6 +136,49 @@ def test_they_meet_meshes_where_spheres_do(see):
     assert (np.abs(pictures[0] - pictures[1]).max(-1) > 0.03).mean() < 0.01
 
 
+@pytest.mark.parametrize('largest', [60.0, -1.0], ids=['points', 'quads'])
+@pytest.mark.parametrize('extra', ['ssaa', 'peeling', 'edl', 'ssao', 'glass'])
+def test_other_passes_see_them_as_meshes(extra, largest, see, monkeypatch):
+    monkeypatch.setattr(sphere_cards, '_LARGEST_POINT', largest)
+    centers, radii = cloud(12, seed=5, largest=0.4)
+    pictures = []
+    for exact in (True, False):
+        pl = plotter()
+        if exact:
+            pl.ibr.add_spheres(centers, radii, color='white', diffuse=1.0)
+        else:
+            for c, r in zip(centers, radii, strict=True):
+                ball = pv.Sphere(radius=r, center=c, theta_resolution=60, phi_resolution=60)
+                pl.add_mesh(ball, color='white', smooth_shading=True, diffuse=1.0)
+        if extra in ('peeling', 'glass'):
+            pl.add_mesh(pv.Plane(direction=(0, 1, 0)), color='red', opacity=0.5)
+        if extra == 'peeling':
+            pl.enable_depth_peeling()
+        elif extra == 'edl':
+            pl.enable_eye_dome_lighting()
+        elif extra == 'ssao':
+            pl.enable_ssao(radius=0.5)
+        elif extra == 'ssaa':
+            pl.enable_anti_aliasing('ssaa')
+        aim(pl, (0, -6, 1))
+        pictures.append(see.grab(pl))
+        pl.close()
+    assert pictures[0].max() > 0.5
+    assert (np.abs(pictures[0] - pictures[1]).max(-1) > 0.06).mean() < 0.02
+
+
+def test_large_screenshots_are_the_same_picture():
+    centers, radii = cloud(40)
+    pl = plotter()
+    pl.ibr.add_spheres(centers, radii, color='white', diffuse=1.0)
+    aim(pl, (0, -9, 1))
+    small = pl.screenshot(None, return_img=True).astype(float)
+    large = pl.screenshot(None, return_img=True, scale=3).astype(float)
+    halved = large.reshape(SIZE[1], 3, SIZE[0], 3, 3).mean((1, 3))
+    assert np.abs(halved - small).mean() < 3
+    pl.close()
+
+
 def test_subplots_and_two_plotters(see):
     centers, radii = cloud(40)
     for _ in range(2):
