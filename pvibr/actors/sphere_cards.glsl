@@ -104,10 +104,14 @@ flat in vec4 ibr_look;
   float ibr_square = ibr_item.w * ibr_item.w - dot(ibr_off, ibr_off);
   float ibr_half = sqrt(max(ibr_square * ibr_inverse, 0.0));
   vec3 ibr_normal = normalize(ibr_off - ibr_half * ibr_ray);
+#if CORNERS == 1
+  ibr_along -= ibr_half; // no plane cuts point sprites
+#else
   // What the near plane cut open shows its inside.
   bool ibr_cut = ibr_along - ibr_half < ibr_near;
   if (ibr_cut) ibr_normal = -normalize(ibr_off + ibr_half * ibr_ray);
   ibr_along += ibr_cut ? ibr_half : -ibr_half;
+#endif
   vec4 vertexVC = vec4(ibr_from + ibr_along * ibr_ray, 1.0);
   // For features that ask where the surface is.
 #define IBR_PLACE vertexVC.xyz
@@ -120,7 +124,9 @@ flat in vec4 ibr_look;
   {
     vec2 zw = ibr_zw_from_z.xz * vertexVC.z + ibr_zw_from_z.yw;
     float depth = zw.x / zw.y * 0.5 + 0.5;
+#if CORNERS == 4
     if (ibr_along < ibr_near || depth > 1.0) discard;
+#endif
     gl_FragDepth = depth;
   }
 

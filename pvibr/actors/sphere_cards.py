@@ -236,7 +236,7 @@ def chosen(blocks, frame):
     with np.errstate(divide='ignore', invalid='ignore'):  # the eye may be in the middle of one
         index, origins, _, large = (a[::-1] for a in blocks.seen(frame))
     around = (blocks.reach + blocks.largest)[index]
-    planes = frustum_planes(frame.clip_from_view)[:5]
+    planes = frustum_planes(frame.clip_from_view)
     inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > around
     ways = np.where(inside & (large <= _LARGEST_POINT), WAYS.index(POINTS), WAYS.index(QUADS))
     ways[inside & (large <= _LARGEST_SMALL)] = WAYS.index(SMALL)
