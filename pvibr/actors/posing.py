@@ -220,7 +220,7 @@ class _Cast:
             'GROUPS': groups, 'DUAL': how == 'dual' and groups > 0,
             'SHAPES': self.store is not None, 'WRAP': most > _STATE_WIDTH,
         })  # fmt: skip
-        self.uniforms = {'ibr_poses': float(poses)}
+        self.uniforms: dict[str, float | tuple] = {'ibr_poses': float(poses)}
 
     @property
     def nbytes(self) -> int:

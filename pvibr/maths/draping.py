@@ -199,6 +199,9 @@ def blend(colors, weights):
     [[20.0], [20.0]]
     """
     colors, weights = _views(colors, weights)
+    # Relative to the largest, so that no product of small weights is rounded to its last bit.
+    largest = weights.max(axis=0, initial=0.0)
+    weights = np.divide(weights, largest, out=np.zeros_like(weights), where=largest > 0)
     mixed = np.einsum('vn,vnc->nc', weights, np.where(weights[..., None] > 0, colors, 0.0))
     total = weights.sum(axis=0)[:, None]
     return np.divide(mixed, total, out=np.full_like(mixed, np.nan), where=total > 0)

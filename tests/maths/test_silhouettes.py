@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -194,6 +194,14 @@ def test_at_any_offset_and_size(name, light, offset, scale):
 small = st.integers(-2, 2)
 
 
+def touches_an_edge(corners, light):
+    """Tell whether a light is on an edge between its ends, where a prism has no thickness."""
+    starts = (corners - light[:3]).reshape(-1, 3)
+    ends = (np.roll(corners, 1, axis=1) - light[:3]).reshape(-1, 3)
+    on = (np.cross(starts, ends) == 0).all(axis=1) & ((starts * ends).sum(axis=1) < 0)
+    return bool(light[3] and on.any())
+
+
 @given(
     arrays(np.int64, (8, 3), elements=small),
     arrays(np.int64, st.tuples(st.integers(1, 12), st.just(3)), elements=st.integers(0, 7)),
@@ -202,6 +210,7 @@ small = st.integers(-2, 2)
 )
 def test_any_soup_and_light(points, faces, light, seed):
     # On a grid, so that points coincide, triangles lie in a plane and the light in it.
+    assume(not touches_an_edge(points[faces], np.array(light)))
     check((points / 1.7, faces), np.array(light) / [1.7, 1.7, 1.7, 1], seed=seed)
 
 
