@@ -54,3 +54,42 @@ def set_bounds(actor, bounds):
         cells.InsertNextCell(3, (0, 1, 1))
         mesh.SetPolys(cells)
     actor.GetMapper().SetInputData(mesh)
+
+
+def put_in(renderer, actor, name, kind):
+    """Put an anchor into a renderer, under a name where PyVista keeps names.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        PyVista's or another.
+    actor : pyvista.Actor
+        As :func:`anchor` returned it.
+    name : str or None
+        What the plotter calls the thing; by default its kind and a number.
+    kind : str
+        What it is.
+    """
+    if hasattr(renderer, 'add_actor'):
+        name = name or f'{kind}({actor.GetAddressAsString("")})'
+        renderer.add_actor(actor, name=name, reset_camera=False, render=False, pickable=False)
+    else:
+        renderer.AddViewProp(actor)
+
+
+def take_out(renderer, actor):
+    """Take an anchor out of a renderer, where it still is in it.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        As :func:`put_in` was given it.
+    actor : pyvista.Actor
+        The anchor.
+    """
+    if not renderer.HasViewProp(actor):
+        return
+    if hasattr(renderer, 'remove_actor'):
+        renderer.remove_actor(actor, reset_camera=False, render=False)
+    else:
+        renderer.RemoveViewProp(actor)

@@ -11,7 +11,7 @@ import pyvista as pv
 
 from pvibr import _vtk
 from pvibr.actors.anchor import anchor as new_anchor
-from pvibr.actors.anchor import set_bounds
+from pvibr.actors.anchor import put_in, set_bounds, take_out
 from pvibr.actors.billboard_cards import Field, as_anchor, checked_cutout, checked_opacity
 from pvibr.actors.cards import Binder, card_mesh, pack
 from pvibr.actors.images import Sheet, as_images
@@ -255,13 +255,7 @@ class Billboards(Painted, Effect):
         """
         super().attach(pipeline)
         renderer = pipeline.renderer
-        if hasattr(renderer, 'add_actor'):
-            name = self._name or f'Billboards({self._anchor.GetAddressAsString("")})'
-            renderer.add_actor(
-                self._anchor, name=name, reset_camera=False, render=False, pickable=False
-            )
-        else:
-            renderer.AddViewProp(self._anchor)
+        put_in(renderer, self._anchor, self._name, 'Billboards')
         for actor in self._draws:
             renderer.AddViewProp(actor)
 
@@ -271,11 +265,7 @@ class Billboards(Painted, Effect):
         self._hide()
         for actor in self._draws:
             renderer.RemoveViewProp(actor)
-        if renderer.HasViewProp(self._anchor):
-            if hasattr(renderer, 'remove_actor'):
-                renderer.remove_actor(self._anchor, reset_camera=False, render=False)
-            else:
-                renderer.RemoveViewProp(self._anchor)
+        take_out(renderer, self._anchor)
         super().detach()
 
     def remove(self):

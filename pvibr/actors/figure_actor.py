@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from pvibr.actors.anchor import anchor, set_bounds
+from pvibr.actors.anchor import anchor, put_in, set_bounds, take_out
 from pvibr.actors.figure_bodies import PosedBody, as_bodies, moved_bounds
 from pvibr.actors.figure_picking import nearest_hit, stand_in
 from pvibr.actors.figure_player import FigurePlayer
@@ -191,13 +191,7 @@ class FigureActor(FigurePlayer, Placed):
         renderer = pipeline.renderer
         self._now_shown()
         self._framed = self._changes, self._anchor.GetBounds()
-        if hasattr(renderer, 'add_actor'):
-            name = self._name or f'Figure({self._anchor.GetAddressAsString("")})'
-            renderer.add_actor(
-                self._anchor, name=name, reset_camera=False, render=False, pickable=False
-            )
-        else:
-            renderer.AddViewProp(self._anchor)
+        put_in(renderer, self._anchor, self._name, 'Figure')
         for actor in self.actors():
             renderer.AddViewProp(actor)
         # Before the pipeline looks at the frame: props must be where the moment has them.
@@ -238,11 +232,7 @@ class FigureActor(FigurePlayer, Placed):
             renderer.RemoveObserver(observer)
         for actor in self.actors():
             renderer.RemoveViewProp(actor)
-        if renderer.HasViewProp(self._anchor):
-            if hasattr(renderer, 'remove_actor'):
-                renderer.remove_actor(self._anchor, reset_camera=False, render=False)
-            else:
-                renderer.RemoveViewProp(self._anchor)
+        take_out(renderer, self._anchor)
         super().detach()
 
     def remove(self):

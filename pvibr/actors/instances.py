@@ -9,7 +9,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.actors import looks as look
-from pvibr.actors.anchor import anchor, set_bounds
+from pvibr.actors.anchor import anchor, put_in, set_bounds, take_out
 from pvibr.actors.cards import PROGRAMS, Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import SORTED, Kind, unit_of
@@ -375,13 +375,7 @@ class Instances(Effect):
         """
         super().attach(pipeline)
         renderer = pipeline.renderer
-        if hasattr(renderer, 'add_actor'):
-            name = self._name or f'Instances({self._anchor.GetAddressAsString("")})'
-            renderer.add_actor(
-                self._anchor, name=name, reset_camera=False, render=False, pickable=False
-            )
-        else:
-            renderer.AddViewProp(self._anchor)
+        put_in(renderer, self._anchor, self._name, 'Instances')
         self._put_in(renderer)
 
     def _put_in(self, renderer):
@@ -404,11 +398,7 @@ class Instances(Effect):
         """Take its props out of the scene."""
         self._take_out()
         renderer = self.pipeline.renderer
-        if renderer.HasViewProp(self._anchor):
-            if hasattr(renderer, 'remove_actor'):
-                renderer.remove_actor(self._anchor, reset_camera=False, render=False)
-            else:
-                renderer.RemoveViewProp(self._anchor)
+        take_out(renderer, self._anchor)
         super().detach()
 
     def remove(self):

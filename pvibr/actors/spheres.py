@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.actors.anchor import anchor as new_anchor
-from pvibr.actors.anchor import set_bounds
+from pvibr.actors.anchor import put_in, set_bounds, take_out
 from pvibr.actors.billboard_cards import as_points
 from pvibr.actors.cards import BLOCK, PBR, Binder, pack
 from pvibr.actors.looks import COLORED, merge
@@ -180,13 +180,7 @@ class Spheres(Painted, Effect):
         """
         super().attach(pipeline)
         renderer = pipeline.renderer
-        if hasattr(renderer, 'add_actor'):
-            name = self._name or f'Spheres({self._anchor.GetAddressAsString("")})'
-            renderer.add_actor(
-                self._anchor, name=name, reset_camera=False, render=False, pickable=False
-            )
-        else:
-            renderer.AddViewProp(self._anchor)
+        put_in(renderer, self._anchor, self._name, 'Spheres')
         for actor in self.actors():
             renderer.AddViewProp(actor)
 
@@ -196,11 +190,7 @@ class Spheres(Painted, Effect):
         self.rest()
         for actor in self.actors():
             renderer.RemoveViewProp(actor)
-        if renderer.HasViewProp(self._anchor):
-            if hasattr(renderer, 'remove_actor'):
-                renderer.remove_actor(self._anchor, reset_camera=False, render=False)
-            else:
-                renderer.RemoveViewProp(self._anchor)
+        take_out(renderer, self._anchor)
         super().detach()
 
     def remove(self):
