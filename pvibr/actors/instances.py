@@ -6,7 +6,6 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-import pyvista as pv
 
 from pvibr.actors import looks as look
 from pvibr.actors.anchor import anchor, put_in, set_bounds, take_out
@@ -14,6 +13,7 @@ from pvibr.actors.cards import PROGRAMS, Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import SORTED, Kind, unit_of
 from pvibr.actors.levels import limits_of, make_model
+from pvibr.actors.painted import TABLE_OPTIONS, Painted
 from pvibr.actors.parts import as_meshes
 from pvibr.actors.picking import nearest_hit
 from pvibr.actors.poses import as_poses
@@ -21,18 +21,8 @@ from pvibr.effect import Effect
 from pvibr.errors import PvibrWarning
 from pvibr.params import Param
 
-_TABLE_OPTIONS = (
-    'cmap',
-    'clim',
-    'n_colors',
-    'nan_color',
-    'below_color',
-    'above_color',
-    'log_scale',
-)
 
-
-class Instances(Effect):
+class Instances(Painted, Effect):
     """A mesh, or several, drawn at many poses: near as mesh, far as cards made from images.
 
     Parameters
@@ -119,12 +109,12 @@ class Instances(Effect):
     def _ask(self, count, scalars, colors, blend, asked) -> dict:
         """Check what is asked of single instances; return what is asked of the mesh."""
         self._blend = _checked_blend(blend)
-        self._table_options = {k: asked[k] for k in _TABLE_OPTIONS if k in asked}
+        self._table_options = {k: asked[k] for k in TABLE_OPTIONS if k in asked}
         if colors is not None:
             look.as_colors(colors, count)
         if scalars is not None and not isinstance(scalars, str):
             look.color_table(look.as_scalars(scalars, count), **self._table_options)
-            asked = {k: v for k, v in asked.items() if k not in _TABLE_OPTIONS}
+            asked = {k: v for k, v in asked.items() if k not in TABLE_OPTIONS}
         else:
             asked = {'scalars': scalars, **asked}
         return {k: v for k, v in asked.items() if v is not None}
@@ -176,7 +166,7 @@ class Instances(Effect):
             kind.release()
         self._take_out()
         self._set_poses(poses, self._index)
-        self._recolor()
+        self._repaint()
         if pipeline is not None:
             self._put_in(pipeline.renderer)
 
@@ -216,73 +206,6 @@ class Instances(Effect):
         return self._anchor
 
     # -- looks of single instances -----------------------------------------------------------
-
-    @property
-    def scalars(self):
-        """Values per instance, shape (n,), or None; setting them bakes nothing."""
-        return self._scalars
-
-    @scalars.setter
-    def scalars(self, scalars):
-        if scalars is None:
-            self._scalars = self._colors = self.table = None
-        else:
-            values = look.as_scalars(scalars, len(self))
-            if self.table is None:
-                self.table = look.color_table(values, **self._table_options)
-            self._scalars = values
-            self._colors = look.map_scalars(self.table, values)
-        self._recolor()
-
-    def map(self, cmap=None, clim=None, **options):
-        """Colour the scalars by another map or range; nothing is baked.
-
-        Parameters
-        ----------
-        cmap, clim : optional
-            As in ``add_mesh``; what is None stays.
-        **options
-            ``n_colors``, ``nan_color``, ``below_color``, ``above_color``, ``log_scale``.
-        """
-        if self._scalars is None:
-            msg = 'there are no scalars to map: set scalars first'
-            raise ValueError(msg)
-        changed = {k: v for k, v in {'cmap': cmap, 'clim': clim}.items() if v is not None}
-        merged = self._table_options | changed | options
-        self.table = look.color_table(self._scalars, **merged)
-        self._table_options = merged
-        self._colors = look.map_scalars(self.table, self._scalars)
-        self._recolor()
-
-    @property
-    def colors(self):
-        """Colours per instance, shape (n, 3) uint8, or None for those of the mesh."""
-        return self._colors
-
-    @colors.setter
-    def colors(self, colors):
-        new = None if colors is None else look.as_colors(colors, len(self))
-        self._scalars = self.table = None
-        self._colors = new
-        self._recolor()
-
-    @property
-    def visible(self):
-        """Which instances are drawn, shape (n,) bool."""
-        return np.ones(len(self), bool) if self._visible is None else self._visible
-
-    @visible.setter
-    def visible(self, visible):
-        mask = np.asarray(visible)
-        if mask.dtype != bool or mask.shape not in ((), (len(self),)):
-            msg = (
-                f'visible has shape {mask.shape}, dtype {mask.dtype}; it must be bool, '
-                f'one or ({len(self)},)'
-            )
-            raise ValueError(msg)
-        mask = np.broadcast_to(mask, (len(self),))
-        self._visible = None if mask.all() else mask.copy()
-        self._recolor()
 
     def update(self, ids, *, scalars=None, colors=None, visible=None):
         """Change some instances; nothing is baked.
@@ -326,7 +249,7 @@ class Instances(Effect):
         prop = self._kinds[0].levels[0].parts[0].actor.GetProperty()
         return np.tile(np.rint(np.array(prop.GetColor()) * 255).astype(np.uint8), (len(self), 1))
 
-    def _recolor(self):
+    def _repaint(self):
         merged = look.merge(len(self), self._colors, self._visible)
         if self.pipeline is not None:
             self.pipeline._make_current()
@@ -341,10 +264,7 @@ class Instances(Effect):
     def scalar_mapper(self):
         """Return a mapper with the table of the scalars shown, for a scalar bar; else None."""
         if self.table is not None:
-            mapper = pv.DataSetMapper()
-            mapper.lookup_table = self.table
-            mapper.scalar_range = self.table.scalar_range
-            return mapper
+            return super().scalar_mapper()
         shown = [p.actor.mapper for p in self._parts() if p.actor.mapper.GetScalarVisibility()]
         tables = [m for m in shown if m.GetColorMode() != 2]
         return tables[0] if tables else None
@@ -352,7 +272,7 @@ class Instances(Effect):
     def scalar_title(self) -> str:
         """Return what a scalar bar calls the scalars."""
         if self.table is not None:
-            return self._name or 'scalars'
+            return super().scalar_title()
         return self.scalar_mapper().GetArrayName() or ''
 
     def _parts(self):

@@ -67,7 +67,7 @@ class Painted:
 
     @property
     def scalars(self):
-        """Values of the items, shape (n,), or None."""
+        """Values of the items, shape (n,), or None; setting them bakes nothing."""
         return self._scalars
 
     @scalars.setter
@@ -79,7 +79,7 @@ class Painted:
         self._repaint()
 
     def map(self, cmap=None, clim=None, **options):
-        """Colour the scalars by another map or range.
+        """Colour the scalars by another map or range; nothing is baked.
 
         Parameters
         ----------
