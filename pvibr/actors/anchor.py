@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 import pyvista as pv
 
 from pvibr import _vtk
+from pvibr.effect import Effect
 
 
 def anchor():
@@ -56,40 +60,85 @@ def set_bounds(actor, bounds):
     actor.GetMapper().SetInputData(mesh)
 
 
-def put_in(renderer, actor, name, kind):
-    """Put an anchor into a renderer, under a name where PyVista keeps names.
+class Anchored(Effect):
+    """A thing in a scene: actors that draw it, and an anchor that stands for all of them.
+
+    A subclass sets ``_anchor``, and has ``bounds`` and ``actors()``.
 
     Parameters
     ----------
-    renderer : vtkRenderer
-        PyVista's or another.
-    actor : pyvista.Actor
-        As :func:`anchor` returned it.
-    name : str or None
-        What the plotter calls the thing; by default its kind and a number.
-    kind : str
-        What it is.
+    **settings
+        Values of the class's settings.
     """
-    if hasattr(renderer, 'add_actor'):
-        name = name or f'{kind}({actor.GetAddressAsString("")})'
-        renderer.add_actor(actor, name=name, reset_camera=False, render=False, pickable=False)
-    else:
-        renderer.AddViewProp(actor)
 
+    _anchor: Any = None
+    _title = ''  # what plotters call it where it has no name of its own
 
-def take_out(renderer, actor):
-    """Take an anchor out of a renderer, where it still is in it.
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """World bounds: x, y and z, low and high."""
+        raise NotImplementedError
 
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        As :func:`put_in` was given it.
-    actor : pyvista.Actor
-        The anchor.
-    """
-    if not renderer.HasViewProp(actor):
-        return
-    if hasattr(renderer, 'remove_actor'):
-        renderer.remove_actor(actor, reset_camera=False, render=False)
-    else:
-        renderer.RemoveViewProp(actor)
+    def actors(self) -> list:
+        """Return the actors that draw it, those that are not visible now too."""
+        raise NotImplementedError
+
+    def drawn(self) -> list:
+        """Return the actors that are visible."""
+        return [actor for actor in self.actors() if actor.GetVisibility()]
+
+    @property
+    def center(self) -> tuple[float, ...]:
+        """Middle of the bounds, world units."""
+        return tuple(np.reshape(self.bounds, (3, 2)).mean(1).tolist())
+
+    @property
+    def actor(self):
+        """The prop that stands for all of it in the plotter's ``actors``."""
+        return self._anchor
+
+    @property
+    def props(self) -> tuple:
+        """The prop that stands for it in the scene."""
+        return (self._anchor,)
+
+    def attach(self, pipeline):
+        """Put its props into the scene.
+
+        Parameters
+        ----------
+        pipeline : pvibr.pipeline.Pipeline
+            Where it was added.
+        """
+        super().attach(pipeline)
+        renderer, anchor = pipeline.renderer, self._anchor
+        if hasattr(renderer, 'add_actor'):
+            name = self._name or f'{self._title}({anchor.GetAddressAsString("")})'
+            renderer.add_actor(anchor, name=name, reset_camera=False, render=False, pickable=False)
+        else:
+            renderer.AddViewProp(anchor)
+        self._put_in(renderer)
+
+    def detach(self):
+        """Take its props out of the scene."""
+        renderer, anchor = self.pipeline.renderer, self._anchor
+        self._take_out(renderer)
+        if renderer.HasViewProp(anchor):
+            if hasattr(renderer, 'remove_actor'):
+                renderer.remove_actor(anchor, reset_camera=False, render=False)
+            else:
+                renderer.RemoveViewProp(anchor)
+        super().detach()
+
+    def _put_in(self, renderer):
+        for actor in self.actors():
+            renderer.AddViewProp(actor)
+
+    def _take_out(self, renderer):
+        for actor in self.actors():
+            renderer.RemoveViewProp(actor)
+
+    def remove(self):
+        """Take it out of its plotter and free what it holds on the GPU; it may be added again."""
+        if self.pipeline is not None:
+            self.pipeline.remove(self)

@@ -10,15 +10,14 @@ import numpy as np
 import pyvista as pv
 
 from pvibr import _vtk
+from pvibr.actors.anchor import Anchored, set_bounds
 from pvibr.actors.anchor import anchor as new_anchor
-from pvibr.actors.anchor import put_in, set_bounds, take_out
 from pvibr.actors.billboard_cards import Field, as_anchor, checked_cutout, checked_opacity
 from pvibr.actors.cards import Binder, card_mesh, pack
 from pvibr.actors.images import Sheet, as_images
 from pvibr.actors.painted import Painted
 from pvibr.actors.picking import Hit, pixel_ray
 from pvibr.actors.translucent import MOST, InTurn
-from pvibr.effect import Effect
 from pvibr.errors import ShaderError
 from pvibr.frame import Frame
 from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
@@ -31,7 +30,7 @@ _ROW, _WIDE = 1024, 3072  # texels; the second is a multiple of 3 and of 4
 _HIT = 0.05  # alpha from which a blended billboard can be picked
 
 
-class Billboards(Painted, Effect):
+class Billboards(Painted, Anchored):
     """An image at each of many points, turned toward the eye.
 
     Parameters
@@ -116,6 +115,8 @@ class Billboards(Painted, Effect):
     (2, 'spherical')
     >>> pl.close()
     """
+
+    _title = 'Billboards'
 
     visibility = Param(True, 'Whether they are drawn at all.')
     fps = Param(
@@ -228,50 +229,11 @@ class Billboards(Painted, Effect):
         """World bounds: x, y and z, low and high; of none (1, -1, 1, -1, 1, -1)."""
         return tuple(float(v) for v in self.field.bounds)
 
-    @property
-    def center(self) -> tuple[float, ...]:
-        """Middle of the bounds, world units."""
-        return tuple(float(v) for v in np.reshape(self.bounds, (3, 2)).mean(1))
-
-    @property
-    def actor(self):
-        """The prop that stands for all of them in the plotter's ``actors``."""
-        return self._anchor
-
     # -- the life of an effect ----------------------------------------------------------------
 
-    @property
-    def props(self) -> tuple:
-        """The prop that stands for them in the scene."""
-        return (self._anchor,)
-
-    def attach(self, pipeline):
-        """Put the props into the scene.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-        """
-        super().attach(pipeline)
-        renderer = pipeline.renderer
-        put_in(renderer, self._anchor, self._name, 'Billboards')
-        for actor in self._draws:
-            renderer.AddViewProp(actor)
-
-    def detach(self):
-        """Take the props out of the scene."""
-        renderer = self.pipeline.renderer
+    def _take_out(self, renderer):
         self._hide()
-        for actor in self._draws:
-            renderer.RemoveViewProp(actor)
-        take_out(renderer, self._anchor)
-        super().detach()
-
-    def remove(self):
-        """Take them out of their plotter and free what they hold on the GPU."""
-        if self.pipeline is not None:
-            self.pipeline.remove(self)
+        super()._take_out(renderer)
 
     def stamp(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""

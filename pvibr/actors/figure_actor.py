@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from pvibr.actors.anchor import anchor, put_in, set_bounds, take_out
+from pvibr.actors.anchor import Anchored, anchor, set_bounds
 from pvibr.actors.figure_bodies import PosedBody, as_bodies, moved_bounds
 from pvibr.actors.figure_picking import nearest_hit, stand_in
 from pvibr.actors.figure_player import FigurePlayer
@@ -18,7 +18,7 @@ from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.params import Param
 
 
-class FigureActor(FigurePlayer, Placed):
+class FigureActor(FigurePlayer, Anchored, Placed):
     """A figure that moves: ordinary actors whose vertices are posed on the GPU.
 
     Parameters
@@ -71,6 +71,7 @@ class FigureActor(FigurePlayer, Placed):
     posed = 0
     _posing: Any = None
     _visible: bool | None = None
+    _title = 'Figure'
     _failure: Exception | None = None
     #: What was shown in the last frame, or when it was added, and its bounds.
     _framed: tuple = (-1, (1.0, -1.0) * 3)
@@ -111,16 +112,6 @@ class FigureActor(FigurePlayer, Placed):
         self._now_shown()
         return tuple(self._anchor.GetBounds())
 
-    @property
-    def center(self) -> tuple[float, ...]:
-        """Middle of the bounds, world units."""
-        return tuple(np.reshape(self.bounds, (3, 2)).mean(1).tolist())
-
-    @property
-    def actor(self):
-        """The prop that stands for it in the plotter's ``actors``."""
-        return self._anchor
-
     def mesh(self):
         """Return what is shown as data, in world space.
 
@@ -141,21 +132,12 @@ class FigureActor(FigurePlayer, Placed):
 
     # -- the life of an effect ---------------------------------------------------------------
 
-    @property
-    def props(self) -> tuple:
-        """The prop that stands for it in the scene."""
-        return (self._anchor,)
-
     def actors(self) -> list:
         """Return the actors that draw it, one per body, and those that pickers find instead."""
         return [*self._drawing(), *self._stand_ins]
 
     def _drawing(self) -> list:
         return [body.actor for body in self._bodies]
-
-    def drawn(self) -> list:
-        """Return the actors that are visible."""
-        return [a for a in self.actors() if a.GetVisibility()]
 
     def depths(self) -> list:
         """Return actors that draw the depth of what is shown, and maybe nothing else."""
@@ -187,13 +169,13 @@ class FigureActor(FigurePlayer, Placed):
         pipeline : pvibr.pipeline.Pipeline
             Where it was added.
         """
-        super().attach(pipeline)
-        renderer = pipeline.renderer
+        self.pipeline = pipeline
         self._now_shown()
         self._framed = self._changes, self._anchor.GetBounds()
-        put_in(renderer, self._anchor, self._name, 'Figure')
-        for actor in self.actors():
-            renderer.AddViewProp(actor)
+        super().attach(pipeline)
+
+    def _put_in(self, renderer):
+        super()._put_in(renderer)
         # Before the pipeline looks at the frame: props must be where the moment has them.
         self._observers = [
             renderer.AddObserver('StartEvent', self._on_start),
@@ -225,20 +207,10 @@ class FigureActor(FigurePlayer, Placed):
         if _is_whole(renderer, before) and not _is_whole(renderer, now):
             renderer.ResetCameraClippingRange()
 
-    def detach(self):
-        """Take its props out of the scene."""
-        renderer = self.pipeline.renderer
+    def _take_out(self, renderer):
         for observer in self._observers:
             renderer.RemoveObserver(observer)
-        for actor in self.actors():
-            renderer.RemoveViewProp(actor)
-        take_out(renderer, self._anchor)
-        super().detach()
-
-    def remove(self):
-        """Take it out of its plotter and free what it holds on the GPU; it may be added again."""
-        if self.pipeline is not None:
-            self.pipeline.remove(self)
+        super()._take_out(renderer)
 
     def needed(self, frame) -> bool | str:
         """Tell whether there is anything to draw.

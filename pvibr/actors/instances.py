@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pvibr.actors import looks as look
-from pvibr.actors.anchor import anchor, put_in, set_bounds, take_out
+from pvibr.actors.anchor import Anchored, anchor, set_bounds
 from pvibr.actors.cards import PROGRAMS, Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import SORTED, Kind, unit_of
@@ -17,12 +17,11 @@ from pvibr.actors.painted import TABLE_OPTIONS, Painted
 from pvibr.actors.parts import as_meshes
 from pvibr.actors.picking import nearest_hit
 from pvibr.actors.poses import as_poses
-from pvibr.effect import Effect
 from pvibr.errors import PvibrWarning
 from pvibr.params import Param
 
 
-class Instances(Painted, Effect):
+class Instances(Painted, Anchored):
     """A mesh, or several, drawn at many poses: near as mesh, far as cards made from images.
 
     Parameters
@@ -77,6 +76,8 @@ class Instances(Painted, Effect):
     2
     >>> pl.close()
     """
+
+    _title = 'Instances'
 
     max_error = Param(
         1.0, 'How far an outline may be from that of the mesh.', range='(0, inf)', unit='px'
@@ -164,7 +165,8 @@ class Instances(Painted, Effect):
             pipeline._make_current()
         for kind in self._kinds:
             kind.release()
-        self._take_out()
+        if pipeline is not None:
+            self._take_out(pipeline.renderer)
         self._set_poses(poses, self._index)
         self._repaint()
         if pipeline is not None:
@@ -191,19 +193,9 @@ class Instances(Painted, Effect):
         return tuple(float(v) for v in self._bounds)
 
     @property
-    def center(self) -> tuple[float, ...]:
-        """Middle of the bounds, world units."""
-        return tuple(float(v) for v in self._bounds.reshape(3, 2).mean(1))
-
-    @property
     def atlases(self) -> list:
         """The atlas of each mesh that is used."""
         return [model.atlas for model in self._models.values()]
-
-    @property
-    def actor(self):
-        """The prop that stands for all of them in the plotter's ``actors``."""
-        return self._anchor
 
     # -- looks of single instances -----------------------------------------------------------
 
@@ -280,51 +272,17 @@ class Instances(Painted, Effect):
 
     # -- the life of an effect ---------------------------------------------------------------
 
-    @property
-    def props(self) -> tuple:
-        """The prop that stands for it in the scene."""
-        return (self._anchor,)
-
-    def attach(self, pipeline):
-        """Put its props into the scene.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-        """
-        super().attach(pipeline)
-        renderer = pipeline.renderer
-        put_in(renderer, self._anchor, self._name, 'Instances')
-        self._put_in(renderer)
-
     def _put_in(self, renderer):
         # All far cards first, then all nearer ones: their soft edges blend with what is behind.
         layers = zip(*(k.cards.layers.values() for k in self._kinds), strict=True)
         turns = (zip(*(layer.actors for layer in row), strict=True) for row in layers)
         self._card_actors = [actor for turn in turns for draw in turn for actor in draw]
-        for actor in self.actors():
-            renderer.AddViewProp(actor)
+        super()._put_in(renderer)
 
-    def _take_out(self):
-        if self.pipeline is not None:
-            renderer = self.pipeline.renderer
-            for kind in self._kinds:
-                kind.hide()
-            for actor in self.actors():
-                renderer.RemoveViewProp(actor)
-
-    def detach(self):
-        """Take its props out of the scene."""
-        self._take_out()
-        renderer = self.pipeline.renderer
-        take_out(renderer, self._anchor)
-        super().detach()
-
-    def remove(self):
-        """Take it out of its plotter and free what it holds on the GPU; it may be added again."""
-        if self.pipeline is not None:
-            self.pipeline.remove(self)
+    def _take_out(self, renderer):
+        for kind in self._kinds:
+            kind.hide()
+        super()._take_out(renderer)
 
     def stamp(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
@@ -334,10 +292,6 @@ class Instances(Painted, Effect):
     def actors(self) -> list:
         """Return the actors that draw the instances, those that are not visible now too."""
         return self._card_actors + [a for k in self._kinds for a in k.mesh_actors()]
-
-    def drawn(self) -> list:
-        """Return the actors that `prepare` chose."""
-        return [a for a in self.actors() if a.GetVisibility()]
 
     #: Frames that are drawn to pick need the cards too.
     picks = True

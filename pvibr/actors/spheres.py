@@ -7,21 +7,20 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
+from pvibr.actors.anchor import Anchored, set_bounds
 from pvibr.actors.anchor import anchor as new_anchor
-from pvibr.actors.anchor import put_in, set_bounds, take_out
 from pvibr.actors.billboard_cards import as_points
 from pvibr.actors.cards import BLOCK, PBR, Binder, pack
 from pvibr.actors.looks import COLORED, merge
 from pvibr.actors.painted import Painted
 from pvibr.actors.picking import Hit, pixel_ray
 from pvibr.actors.sphere_cards import ROW, WAYS, Layer, chosen, view_uniforms
-from pvibr.effect import Effect
 from pvibr.gl import Texture
 from pvibr.maths.blocks import Blocks, morton_order
 from pvibr.params import Param
 
 
-class Spheres(Painted, Effect):
+class Spheres(Painted, Anchored):
     """Spheres by the million, exact to the pixel, without triangles.
 
     Parameters
@@ -72,6 +71,8 @@ class Spheres(Painted, Effect):
     (-1.0, 2.5, -1.0, 1.0, -1.0, 1.0)
     >>> pl.close()
     """
+
+    _title = 'Spheres'
 
     visibility = Param(True, 'Whether they are drawn at all.')
     #: Frames that are drawn to pick need them too.
@@ -153,50 +154,11 @@ class Spheres(Painted, Effect):
         high = (self._centers + self._radii[:, None]).max(0)
         return tuple(np.stack([low, high], 1).ravel().tolist())
 
-    @property
-    def center(self) -> tuple[float, ...]:
-        """Middle of the bounds, world units."""
-        return tuple(np.reshape(self.bounds, (3, 2)).mean(1).tolist())
-
-    @property
-    def actor(self):
-        """The prop that stands for all of them in the plotter's ``actors``."""
-        return self._anchor
-
     # -- the life of an effect ----------------------------------------------------------------
 
-    @property
-    def props(self) -> tuple:
-        """The prop that stands for them in the scene."""
-        return (self._anchor,)
-
-    def attach(self, pipeline):
-        """Put the props into the scene.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-        """
-        super().attach(pipeline)
-        renderer = pipeline.renderer
-        put_in(renderer, self._anchor, self._name, 'Spheres')
-        for actor in self.actors():
-            renderer.AddViewProp(actor)
-
-    def detach(self):
-        """Take the props out of the scene."""
-        renderer = self.pipeline.renderer
+    def _take_out(self, renderer):
         self.rest()
-        for actor in self.actors():
-            renderer.RemoveViewProp(actor)
-        take_out(renderer, self._anchor)
-        super().detach()
-
-    def remove(self):
-        """Take them out of their plotter and free what they hold on the GPU."""
-        if self.pipeline is not None:
-            self.pipeline.remove(self)
+        super()._take_out(renderer)
 
     def stamp(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
@@ -206,10 +168,6 @@ class Spheres(Painted, Effect):
     def actors(self) -> list:
         """Return the actors that draw them, those that are not visible now too."""
         return [actor for layer in self._layers for actor in layer.actors]
-
-    def drawn(self) -> list:
-        """Return the actors that `prepare` chose."""
-        return [actor for actor in self.actors() if actor.GetVisibility()]
 
     def needed(self, frame) -> bool | str:
         """Tell whether there is anything to draw.
