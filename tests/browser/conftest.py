@@ -1,0 +1,98 @@
+"""Pages in Chromium; they fail their test where they say an error."""
+
+from __future__ import annotations
+
+import io
+import re
+import shutil
+import threading
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from types import SimpleNamespace
+
+import imageio.v3 as imageio
+import pytest
+
+FLAGS = [
+    '--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
+    '--disable-background-networking', '--disable-component-update', '--disable-sync',
+]  # fmt: skip
+
+
+@pytest.fixture(scope='module')  # no longer: while it runs, its thread has a loop of asyncio
+def chromium():
+    """Debian's Chromium, driven by Playwright."""
+    path = shutil.which('chromium') or shutil.which('chromium-browser')
+    if path is None:
+        pytest.skip('needs Chromium: apt-get install chromium')
+    playwright = pytest.importorskip('playwright.sync_api', reason='needs playwright')
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=path, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def quiet():
+    """Patterns of what pages say that is not their fault; tests add to it."""
+    return []
+
+
+@pytest.fixture
+def said():
+    """The errors that pages said."""
+    return []
+
+
+@pytest.fixture
+def page(chromium, quiet, said):
+    """A page; `page.context.new_page()` makes one more that is watched as well."""
+
+    def hear(message):
+        if message.type == 'error':
+            said.append(f'{message.text} {message.location}')
+
+    context = chromium.new_context(viewport={'width': 800, 'height': 600})
+    context.on('console', hear)
+    context.on('weberror', lambda e: said.append(str(e.error)))
+    made = context.new_page()
+    made.set_default_timeout(20_000)
+    yield made
+    context.close()
+    errors = [text for text in said if not any(re.search(p, text) for p in quiet)]
+    assert not errors, '\n'.join(errors)
+
+
+@pytest.fixture(scope='session')
+def picture_of():
+    """A function: the pixels of a page or an element, (height, width, 3) uint8."""
+
+    def take(part):
+        return imageio.imread(io.BytesIO(part.screenshot()))[..., :3]
+
+    return take
+
+
+class _Files(SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+    def do_GET(self):
+        if self.path == '/favicon.ico':
+            self.send_response(204)
+            self.end_headers()
+        else:
+            super().do_GET()
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A folder of files and the address at which pages find them: ``folder``, ``url``."""
+    folder = tmp_path / 'served'
+    folder.mkdir()
+    with ThreadingHTTPServer(('127.0.0.1', 0), partial(_Files, directory=folder)) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield SimpleNamespace(folder=folder, url=f'http://127.0.0.1:{server.server_port}')
+        server.shutdown()
+        thread.join()
