@@ -28,10 +28,13 @@ TIMEOUT_SECONDS = 120
 # One module that tells whether an extra is installed.
 _EXTRAS = {
     'bench': 'embreex',
+    'city': 'cjio',
     'cluster': 'distributed',
     'docs': 'sphinx_gallery',
     'jupyter': 'trame',
+    'las': 'laspy',
     'movie': 'imageio_ffmpeg',
+    'parquet': 'pyarrow',
     'sun': 'ephem',
     'test': 'pytest',
 }

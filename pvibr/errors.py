@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+
 
 class PvibrWarning(UserWarning):
     """Something was left out of the picture; the message names it and the remedy.
@@ -41,3 +43,40 @@ class ShaderError(PvibrError, RuntimeError):
 
 class ClosedError(PvibrError, RuntimeError):
     """The plotter or the window is closed; what was drawn there is released."""
+
+
+def require(module, extra, what):
+    """Return a module that one of pvibr's extras installs.
+
+    Parameters
+    ----------
+    module : str
+        Its full name.
+    extra : str
+        Which extra.
+    what : str
+        What needs it, as the error begins.
+
+    Returns
+    -------
+    module
+        The module.
+
+    Raises
+    ------
+    ImportError
+        Where it is not installed; the message names the extra.
+
+    Examples
+    --------
+    >>> from pvibr.errors import require
+    >>> require('no_such_module', 'las', 'LAS and LAZ files')
+    Traceback (most recent call last):
+    ImportError: LAS and LAZ files need no_such_module: run pip install 'pvibr[las]'
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        package = module.partition('.')[0]
+        msg = f"{what} need {package}: run pip install 'pvibr[{extra}]'"
+        raise ImportError(msg) from error

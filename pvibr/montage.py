@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 
 import numpy as np
+
+from pvibr.errors import require
 
 _CAPTION, _PER_WIDTH = 26, 32  # height of a caption: at least, and the picture's width over it
 
@@ -118,8 +119,4 @@ def require_ffmpeg():
     ImportError
         If what writes them is not installed; it says how to install it.
     """
-    try:
-        importlib.import_module('imageio_ffmpeg')
-    except ImportError as error:
-        msg = "--movie needs imageio-ffmpeg: run pip install 'pvibr[movie]'"
-        raise ImportError(msg) from error
+    require('imageio_ffmpeg', 'movie', 'Movies')

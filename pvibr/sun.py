@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import datetime
-import importlib
 import math
 
 import numpy as np
+
+from pvibr.errors import require
 
 
 def sun_position(time, latitude, longitude):
@@ -48,7 +49,7 @@ def sun_position(time, latitude, longitude):
     _check_time(time)
     _check_degrees('latitude', latitude, -90, 90)
     _check_degrees('longitude', longitude, -180, 360)
-    ephem = _ephem()
+    ephem = require('ephem', 'sun', 'Positions of the sun')
     observer = ephem.Observer()
     # PyEphem knows no time zones: it takes every time for universal time.
     observer.date = ephem.Date(time.astimezone(datetime.timezone.utc).replace(tzinfo=None))
@@ -136,11 +137,3 @@ def _unit(name, axis):
         msg = f'{name} is {axis.tolist()}; it must be three finite numbers, not all zero.'
         raise ValueError(msg)
     return axis / length
-
-
-def _ephem():
-    try:
-        return importlib.import_module('ephem')
-    except ImportError as error:
-        msg = "The sun's position needs PyEphem: run pip install 'pvibr[sun]'"
-        raise ImportError(msg) from error

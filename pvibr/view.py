@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 from rich.console import Console
 
-from pvibr.actors.poses import read_poses
+from pvibr.actors.pose_files import read_poses
 from pvibr.maths.transforms import trs
 from pvibr.montage import save
 from pvibr.offscreen import Stage
@@ -28,7 +28,7 @@ def main(
     mesh : path
         Any file that PyVista or trimesh reads.
     poses : path
-        See :func:`pvibr.actors.poses.read_poses`.
+        See :func:`pvibr.read_poses`.
     max_error : float
         Pixels.
     out : path, optional

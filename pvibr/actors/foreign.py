@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import base64
-import json
-import struct
 import sys
-import urllib.parse
 import warnings
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pyvista as pv
 
+from pvibr.actors.cities import is_city, read_city
+from pvibr.animation.gltf_accessors import Accessors
+from pvibr.animation.gltf_file import GltfError, GltfFile
+from pvibr.animation.gltf_schema import Index
 from pvibr.errors import PvibrWarning
 from pvibr.maths.transforms import trs
 
 GPU_INSTANCING = 'EXT_mesh_gpu_instancing'
 COLORS = 'trimesh_colors'
+GLTF = ('.gltf', '.glb')
 
 
 def is_trimesh(thing, kind):
@@ -42,8 +44,8 @@ def is_trimesh(thing, kind):
 def read_mesh(path):
     """Read a mesh or scene from a file.
 
-    glTF goes through trimesh, so that textures come along; everything else goes through PyVista
-    and, where that fails, through trimesh.
+    glTF goes through trimesh, so that textures come along; CityJSON through cjio; everything else
+    goes through PyVista and, where that fails, through trimesh.
 
     Parameters
     ----------
@@ -60,7 +62,7 @@ def read_mesh(path):
     FileNotFoundError
         If there is no such file.
     ValueError
-        If neither library reads it.
+        If neither library reads it, or a glTF file leads out of its folder.
 
     Examples
     --------
@@ -73,8 +75,11 @@ def read_mesh(path):
     if not path.is_file():
         msg = f'mesh file {str(path)!r} does not exist.'
         raise FileNotFoundError(msg)
+    if is_city(path):
+        return _city_blocks(path)
     readers = [_read_pyvista, _read_trimesh]
-    if path.suffix.lower() in ('.gltf', '.glb'):
+    if path.suffix.lower() in GLTF:
+        GltfFile(path).check_places()
         readers.reverse()
     reasons = []
     for reader in readers:
@@ -93,12 +98,12 @@ def scene_instances(scene):
     Parameters
     ----------
     scene : trimesh.Scene, str or pathlib.Path
-        The scene, or a file. A glTF file's ``EXT_mesh_gpu_instancing`` needs the file, since
-        trimesh drops those poses.
+        The scene, or a file that trimesh reads, or CityJSON. A glTF file's
+        ``EXT_mesh_gpu_instancing`` needs the file, since trimesh drops those poses.
 
     Returns
     -------
-    meshes : list of trimesh.Trimesh
+    meshes : list of trimesh.Trimesh or pyvista.PolyData
         Each geometry that is used, once.
     index : numpy.ndarray, shape (n,), int64
         Which of `meshes` each instance is.
@@ -122,7 +127,12 @@ def scene_instances(scene):
     (1, [0, 0], [1.0, 2.0])
     """
     if isinstance(scene, str | Path):
-        scene = _read_trimesh(Path(scene))
+        path = Path(scene).expanduser()
+        if is_city(path):
+            return read_city(path)
+        if path.suffix.lower() in GLTF:
+            GltfFile(path).check_places()
+        scene = _read_trimesh(path)
     names: dict[str, int] = {}
     index, matrices = [], []
     for node in scene.graph.nodes_geometry:
@@ -199,12 +209,36 @@ def _read_trimesh(path):
     if not scene.geometry:
         msg = 'no geometry in it'
         raise ValueError(msg)
-    document = None
+    accessors = None
     for edge in _instanced_edges(scene):
-        document = document or _Gltf(path)
+        accessors = accessors or Accessors(GltfFile(path))
         extension = edge['metadata']['gltf_extensions'][GPU_INSTANCING]
-        edge['metadata']['pvibr_copies'] = document.copies(extension['attributes'])
+        edge['metadata']['pvibr_copies'] = _copies(accessors, extension)
     return scene
+
+
+def _copies(accessors, extension):
+    """Return the (n, 4, 4) matrices of an instancing extension."""
+    attributes = msgspec.convert(extension['attributes'], dict[str, Index])
+    moves, spins, sizes = (
+        accessors.floats(attributes[name], f'{GPU_INSTANCING}.{name}', kind)
+        if name in attributes
+        else None
+        for name, kind in (('TRANSLATION', 'VEC3'), ('ROTATION', 'VEC4'), ('SCALE', 'VEC3'))
+    )
+    counts = {len(values) for values in (moves, spins, sizes) if values is not None}
+    if len(counts) != 1:
+        msg = f'{GPU_INSTANCING} has {len(counts)} counts of instances; all must be the same.'
+        raise GltfError(msg)
+    # glTF writes quaternions as x, y, z, w.
+    spins = None if spins is None else spins[:, [3, 0, 1, 2]]
+    return trs(np.zeros((counts.pop(), 3)) if moves is None else moves, spins, sizes)
+
+
+def _city_blocks(path):
+    meshes, index, matrices = read_city(path)
+    placed = zip(index, matrices, strict=True)
+    return pv.MultiBlock([meshes[k].transform(pose, inplace=False) for k, pose in placed])
 
 
 def _instanced_edges(scene):
@@ -229,60 +263,6 @@ def _node_copies(scene, node):
 def _warn_skipped(name, geometry):
     msg = f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn.'
     warnings.warn(msg, PvibrWarning, stacklevel=3)
-
-
-class _Gltf:
-    """The accessors of a glTF file, for what trimesh leaves unread."""
-
-    TYPES = {5120: 'i1', 5121: 'u1', 5122: '<i2', 5123: '<u2', 5125: '<u4', 5126: '<f4'}
-    WIDTHS = {'SCALAR': 1, 'VEC2': 2, 'VEC3': 3, 'VEC4': 4}
-
-    def __init__(self, path):
-        self.folder = path.parent
-        data = path.read_bytes()
-        self.chunk = b''
-        if data[:4] == b'glTF':
-            length = struct.unpack_from('<I', data, 12)[0]
-            self.chunk, data = data[28 + length :], data[20 : 20 + length]
-        self.tree = json.loads(data)
-
-    def copies(self, attributes):
-        """Return the (n, 4, 4) matrices of an instancing extension."""
-        moves = {name: self.accessor(index) for name, index in attributes.items()}
-        count = max(map(len, moves.values()))
-        spins = moves.get('ROTATION')
-        return trs(
-            moves.get('TRANSLATION', np.zeros((count, 3))),
-            # glTF writes quaternions as x, y, z, w.
-            None if spins is None else spins[:, [3, 0, 1, 2]],
-            moves.get('SCALE'),
-        )
-
-    def accessor(self, index):
-        """Return one accessor as a float64 array; normalised integers become fractions."""
-        accessor = self.tree['accessors'][index]
-        view = self.tree['bufferViews'][accessor['bufferView']]
-        dtype, width = (
-            np.dtype(self.TYPES[accessor['componentType']]),
-            self.WIDTHS[accessor['type']],
-        )
-        values = np.ndarray(
-            (accessor['count'], width),
-            dtype,
-            self._buffer(view['buffer']),
-            view.get('byteOffset', 0) + accessor.get('byteOffset', 0),
-            (view.get('byteStride', dtype.itemsize * width), dtype.itemsize),
-        )
-        scale = np.iinfo(dtype).max if accessor.get('normalized') else 1
-        return values.astype(np.float64) / scale
-
-    def _buffer(self, index):
-        uri = self.tree['buffers'][index].get('uri')
-        if uri is None:
-            return self.chunk
-        if uri.startswith('data:'):
-            return base64.b64decode(uri.split(',', 1)[1])
-        return (self.folder / urllib.parse.unquote(uri)).read_bytes()
 
 
 def _colored(data, colors):

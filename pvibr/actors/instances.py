@@ -9,13 +9,14 @@ import numpy as np
 
 from pvibr.actors import looks as look
 from pvibr.actors.anchor import Anchored, anchor, set_bounds
-from pvibr.actors.cards import PROGRAMS, Binder, slab_counts, slabs
+from pvibr.actors.cards import Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import SORTED, Kind, unit_of
 from pvibr.actors.levels import limits_of, make_model
 from pvibr.actors.painted import TABLE_OPTIONS, Painted
-from pvibr.actors.parts import as_meshes
+from pvibr.actors.parts import are_parts, as_meshes
 from pvibr.actors.picking import nearest_hit
+from pvibr.actors.pose_files import read_poses_and
 from pvibr.actors.poses import as_poses
 from pvibr.errors import PvibrWarning
 from pvibr.params import Param
@@ -26,10 +27,12 @@ class Instances(Painted, Anchored):
 
     Parameters
     ----------
-    mesh : dataset, MultiBlock, actor, trimesh.Trimesh, trimesh.Scene, path, or a list of these
-        What is drawn. The graph of a trimesh scene gives the poses where none are given.
-    poses : array_like, shape (n, 3) or (n, 4, 4), optional
-        Points or matrices (world from model), world units.
+    mesh : dataset, MultiBlock, actor, PlantLevels, trimesh object, path, or a list of these
+        What is drawn. The graph of a trimesh scene, or a file with one (glTF, CityJSON), gives
+        the poses where none are given.
+    poses : array_like, shape (n, 3) or (n, 4, 4), or path, optional
+        Points or matrices (world from model), world units, or a file of them, as
+        :func:`pvibr.read_poses` reads it.
     index : array_like of int, shape (n,), optional
         Which of several meshes each instance shows; by turns where it is not given.
     max_error : float
@@ -37,8 +40,8 @@ class Instances(Painted, Anchored):
     name : str, optional
         What the plotter and reports call it.
     scalars : array_like, shape (n,), or str, optional
-        Values per instance, coloured by `cmap`; a name selects an array of the mesh, as in
-        ``add_mesh``.
+        Values per instance, coloured by `cmap`; a name selects a column of the file of the poses,
+        or else an array of the mesh, as in ``add_mesh``.
     colors : array_like, shape (n, 3), optional
         Colours per instance, uint8 or float.
     blend : {'replace', 'multiply'}
@@ -92,6 +95,7 @@ class Instances(Painted, Anchored):
     ):  # fmt: skip
         super().__init__(max_error=max_error)
         self.name = name
+        poses, scalars = _from_file(poses, scalars)
         meshes, poses, index = _scene(mesh, poses, index)
         poses = as_poses(poses)
         index = _checked_index(index, len(poses), len(meshes))
@@ -176,7 +180,8 @@ class Instances(Painted, Anchored):
         self._poses, self._index = poses, index
         self._kinds = []
         ids = {k: np.flatnonzero(index == k) for k in self._models}
-        unit, draws = unit_of(len(poses)), slab_counts(len(poses), len(ids))
+        turned = any(model.atlas.turntable is not None for model in self._models.values())
+        unit, draws = unit_of(len(poses)), slab_counts(len(poses), len(ids), turned)
         for k, model in self._models.items():
             self._kinds.append(self._kind(model, ids[k], poses, self._binder, unit, draws))
         self._uploaded = False
@@ -336,7 +341,7 @@ class Instances(Painted, Anchored):
         self._stamp = stamp
         limits = [self._limits(kind) for kind in self._kinds]
         chosen = [k.select(frame, limit) for k, limit in zip(self._kinds, limits, strict=True)]
-        for program in PROGRAMS:
+        for program in self._kinds[0].cards.programs():
             self._show_cards(frame, program, [c[program.name] for c in chosen])
         for kind, limit in zip(self._kinds, limits, strict=True):
             for actor in kind.select_meshes(frame, limit):
@@ -350,7 +355,7 @@ class Instances(Painted, Anchored):
             unit, choices = 1, [kind.refine(frame, c) for kind, c in pairs]
         cuts = slabs([c.depths for c in choices], program.turns, unit)
         for kind, c, cut in zip(self._kinds, choices, cuts, strict=True):
-            look = {'unit': unit, 'dithered': c.dithered}
+            look = {'level': c.level, 'unit': unit, 'dithered': c.dithered}
             kind.cards.show(program.name, c.table, c.sizes, cut, **look)
 
     def _limits(self, kind):
@@ -432,6 +437,19 @@ class Instances(Painted, Anchored):
         return next((i for k in self._kinds if (i := k.instance_of(actor)) is not None), None)
 
 
+def _from_file(poses, scalars):
+    """Read poses, and the column that colours them, where they are given as a file."""
+    if not isinstance(poses, str | Path):
+        return poses, scalars
+    poses, values = read_poses_and(poses, scalars if isinstance(scalars, str) else None)
+    if values is None:
+        return poses, scalars
+    if values.dtype.kind != 'f':
+        msg = f'scalars is {scalars!r}, a column of text; name one of numbers'
+        raise ValueError(msg)
+    return poses, values
+
+
 def _scene(mesh, poses, index):
     """Return a list of meshes, poses and index; a scene's graph gives what is not given."""
     if poses is None:
@@ -439,7 +457,8 @@ def _scene(mesh, poses, index):
             return scene_graph(mesh)
         msg = 'poses is missing: give (n, 3) points or (n, 4, 4) matrices'
         raise TypeError(msg)
-    return (list(mesh) if isinstance(mesh, (list, tuple)) else [mesh]), poses, index
+    several = isinstance(mesh, list | tuple) and not are_parts(mesh)
+    return (list(mesh) if several else [mesh]), poses, index
 
 
 def scene_graph(scene):

@@ -250,6 +250,19 @@ class GltfFile:
         self._room += _GROWTH * len(data)
         return data
 
+    def check_places(self):
+        """Check that what the file names lies in its folder, for readers that do not look.
+
+        Raises
+        ------
+        GltfError
+            If a URI of a buffer or an image leads elsewhere, or names no file.
+        """
+        for kind in ('buffers', 'images'):
+            for i, thing in enumerate(getattr(self.document, kind)):
+                if thing.uri is not None and thing.uri[:5].lower() != 'data:':
+                    self._located(thing.uri, f'{kind}[{i}].uri')
+
     def _buffer(self, index, place):
         if index not in self._buffers:
             buffer = follow(self.document.buffers, index, place, 'buffers')
