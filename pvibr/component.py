@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import atexit
-import warnings
+import math
 import weakref
 
 import pyvista as pv
 
+from pvibr import state_files
 from pvibr.clock import Clock
-from pvibr.errors import ClosedError, PvibrWarning
+from pvibr.errors import ClosedError
 from pvibr.pipeline import Pipeline
 from pvibr.report import Report
 
@@ -70,8 +71,12 @@ class IBRComponent:
 
     @time.setter
     def time(self, seconds):
-        if not abs(float(seconds)) < float('inf'):
-            msg = f'time = {seconds!r}: must be a finite number of seconds'
+        try:
+            finite = math.isfinite(float(seconds))
+        except (TypeError, ValueError, OverflowError):
+            finite = False
+        if not finite:
+            msg = f'time = {seconds!r:.60}: must be a finite number of seconds'
             raise ValueError(msg)
         self._show_time(float(seconds))
         self._clock.set(self._time)
@@ -590,6 +595,15 @@ class IBRComponent:
         """
         return self.pipeline.report()
 
+    @property
+    def contents(self) -> dict:
+        """Effects and things by subplot (its number, as text) and by name, as the state has them.
+
+        The second of a name is called ``'Name 2'``.
+        """
+        self._check_open()
+        return {key: _named(pipeline) for key, pipeline in self._by_key().items()}
+
     def state(self) -> dict:
         """Return the settings of everything in every subplot, and the time.
 
@@ -598,14 +612,10 @@ class IBRComponent:
         dict
             Values that JSON keeps; see :meth:`restore`.
         """
-        self._check_open()
-        subplots = {}
-        for key, pipeline in self._by_key().items():
-            subplots[key] = {n: e.state() for n, e in _named(pipeline).items()}
-        return {'time': self._time, 'subplots': subplots}
+        return state_files.state_of(self.contents, self._time)
 
     def restore(self, state):
-        """Set what is here to the settings that :meth:`state` returned.
+        """Set what is here to the settings that :meth:`state` returned; all of them or none.
 
         Parameters
         ----------
@@ -617,20 +627,86 @@ class IBRComponent:
         TypeError, ValueError
             Where a value is not allowed.
         """
-        self._check_open()
-        unknown = [k for k in state if k not in ('time', 'subplots')]
-        pipelines = self._by_key()
-        for key, effects in state.get('subplots', {}).items():
-            here = _named(pipelines[key]) if key in pipelines else {}
-            for name, settings in effects.items():
-                if name not in here:
-                    unknown.append(f'subplot {key}: {name}')
-                    continue
-                unknown += [f'{name}.{n}' for n in here[name].restore(settings)]
-        self.time = state.get('time', self._time)
-        if unknown:
-            msg = f'not here, so not restored: {", ".join(unknown)}; add the effects first'
-            warnings.warn(msg, PvibrWarning, stacklevel=2)
+        state_files.warn_of(self._restore(state, lenient=False))
+
+    def _restore(self, state, lenient):
+        contents, time = self.contents, self._time
+        if isinstance(state, dict):
+            self.time = state.get('time', time)
+        try:
+            return state_files.restore(contents, state, lenient=lenient)
+        except (TypeError, ValueError):
+            self.time = time
+            raise
+
+    def save_state(self, path):
+        """Write the settings of everything in every subplot to a file of JSON.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Where to; a file that is there is replaced, when the new one is whole.
+
+        Raises
+        ------
+        OSError
+            Where it cannot be written; a file that was there is as it was.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import pvibr
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> bloom = pl.ibr.add(pvibr.Bloom(threshold=0.5))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     pl.ibr.save_state(pathlib.Path(folder) / 'bright.json')
+        ...     bloom.threshold = 0.9
+        ...     pl.ibr.load_state(pathlib.Path(folder) / 'bright.json')
+        >>> bloom.threshold
+        0.5
+        >>> pl.close()
+        """
+        state_files.write(path, state_files.to_text('state', self.state()))
+
+    def load_state(self, path):
+        """Set what is here to the settings in a file that :meth:`save_state` wrote.
+
+        What is not known here is left out, in one warning that names it. In a file of another
+        version of pvibr's so are values that are not allowed here.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file.
+
+        Raises
+        ------
+        OSError
+            Where it cannot be read.
+        TypeError, ValueError
+            Where it holds something else, or a value that is not allowed; nothing is changed.
+        """
+        state_files.warn_of(self._load(state_files.read(path), str(path)))
+
+    def load_state_text(self, text):
+        """Set what is here to the settings in the text of a file, see :meth:`load_state`.
+
+        Parameters
+        ----------
+        text : str or bytes
+            What the file holds.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where it holds something else, or a value that is not allowed; nothing is changed.
+        """
+        state_files.warn_of(self._load(text, 'the text'))
+
+    def _load(self, text, name):
+        state, version = state_files.from_text('state', text, name)
+        return self._restore(state, lenient=version != state_files.VERSION)
 
     def _by_key(self):
         renderers = list(getattr(self._plotter, 'renderers', [self._plotter.renderer]))

@@ -183,7 +183,10 @@ class Param:
         msg = f'{owner}.{self.name} = {value!r}: must be {self.allowed()}'
         if not self._is_kind(value):
             raise TypeError(msg)
-        kept = tuple(float(v) for v in value) if self.kind is tuple else self.kind(value)
+        try:
+            kept = tuple(float(v) for v in value) if self.kind is tuple else self.kind(value)
+        except OverflowError:  # an integer above all floats
+            raise ValueError(msg) from None
         if not self._is_allowed(kept):
             raise ValueError(msg)
         return kept

@@ -163,7 +163,8 @@ def test_state_goes_through_json_and_comes_back():
     three = pl.ibr.add(Fade(color=(1, 0, 0)))
     pl.ibr.time = 2.5
     state = json.loads(json.dumps(pl.ibr.state()))
-    assert state['subplots']['0']['Fade 2'] == {'amount': 0.2, 'color': [0, 0, 0], 'length': 3}
+    fade = {'amount': 0.2, 'color': [0, 0, 0], 'length': 3, 'enabled': True}
+    assert state['subplots']['0']['Fade 2'] == fade
     for effect in (one, two, three):
         effect.amount, effect.color, effect.length = 0.9, (0, 1, 0), 7
     pl.ibr.time = 0
@@ -221,7 +222,7 @@ def test_attach_to_a_plain_renderer():
     holder = ibr.add(Holder())
     window.Render()
     assert ibr.report().rows[0].state == 'ran'
-    assert ibr.state() == {'time': 0.0, 'subplots': {'0': {'Holder': {}}}}
+    assert ibr.state() == {'time': 0.0, 'subplots': {'0': {'Holder': {'enabled': True}}}}
     ibr.close()
     assert holder.released == 1
     assert not renderer.HasObserver('EndEvent')
