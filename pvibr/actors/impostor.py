@@ -14,7 +14,7 @@ from pvibr.actors.impostor_sources import Materials, Source
 from pvibr.actors.impostor_tree import Tree
 from pvibr.casters import address
 from pvibr.effect import Effect
-from pvibr.maths.impostors import Card, displacement, fit_cards
+from pvibr.maths.impostors import Card, box_corners, displacement, fit_cards
 from pvibr.maths.views import View, may_see
 from pvibr.params import Param
 
@@ -68,6 +68,7 @@ class Impostor(Effect):
     >>> pl.close()
     """
 
+    web = 'shown', 'its actors, as meshes'
     max_error = Param(
         1.0, 'How far from where it is anything may be shown.', range='(0, inf)', unit='px'
     )
@@ -445,7 +446,7 @@ class Impostor(Effect):
 
     def _cards_of(self, nodes, eyes):
         """Return cards for new images, as far ahead on the way as the error allows."""
-        boxes = self._center[nodes], self._half[nodes], self._radius[nodes]
+        boxes = self._center[nodes], box_corners(self._half[nodes]), self._radius[nodes]
         card = fit_cards(*boxes, eyes.eye, eyes.up, eyes.toward)
         step = self._costs.step
         if eyes.parallel or not step.any():

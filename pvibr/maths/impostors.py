@@ -5,11 +5,25 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import HalfspaceIntersection
 
 from pvibr.maths.views import View
 
 # The middle of a card and its corners, as shares of its sides.
 _SHARES = np.array([[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+def _icosahedral() -> np.ndarray:
+    """Return the corners and the middles of the edges of an icosahedron, one of each pair."""
+    gold = (1 + 5**0.5) / 2
+    first = [(0, 1, gold), (0, 1, -gold), (1, 0, 0)]
+    first += [(1, j * gold, k * gold**2) for j in (1, -1) for k in (1, -1)]
+    normals = np.array([np.roll(n, shift) for n in first for shift in range(3)])
+    return normals / np.linalg.norm(normals, axis=1)[:, None]
+
+
+_NORMALS = _icosahedral()
+_CORNERS, _THICKNESS = 80, 1e-3
 
 
 class Card(NamedTuple):
@@ -52,15 +66,13 @@ class Card(NamedTuple):
         return Card(*(field[index] for field in self))
 
 
-def box_corners(center, half) -> np.ndarray:
-    """Return the corners of boxes of any orientation.
+def box_corners(half) -> np.ndarray:
+    """Return the corners of boxes of any orientation, from their middles.
 
     Parameters
     ----------
-    center : array_like, shape (n, 3)
-        World units.
     half : array_like, shape (n, 3, 3)
-        Rows are half the edges.
+        Rows are half the edges, world units.
 
     Returns
     -------
@@ -68,22 +80,69 @@ def box_corners(center, half) -> np.ndarray:
         World units.
     """
     signs = np.array([[(i >> k & 1) * 2.0 - 1.0 for k in range(3)] for i in range(8)])
-    return np.asarray(center, float)[:, None] + signs @ np.asarray(half, float)
+    return signs @ np.asarray(half, float)
 
 
-def fit_cards(center, half, radius, eye, up, toward=None) -> Card:
-    """Lay a card through the middle of each box, across the line of sight (Schaufler 1995).
+def dop_corners(points) -> np.ndarray:
+    """Return the corners of a polytope of 42 faces that holds all points (a k-DOP).
+
+    A box turned against the picture covers about twice what its contents do there, this about a
+    tenth more.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        Any units, finite.
+
+    Returns
+    -------
+    numpy.ndarray, shape (80, 3)
+        In the same units; corners that are fewer are repeated.
+
+    Raises
+    ------
+    ValueError
+        Where there is no point.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.impostors import dop_corners
+    >>> ball = np.random.default_rng(0).normal(size=(9000, 3))
+    >>> ball /= np.linalg.norm(ball, axis=1)[:, None]
+    >>> corners = dop_corners(ball)
+    >>> corners.shape, bool(np.linalg.norm(corners, axis=1).max() < 1.1)
+    ((80, 3), True)
+    """
+    points = np.asarray(points, float).reshape(-1, 3)
+    if not len(points):
+        msg = 'points is empty: there must be one or more'
+        raise ValueError(msg)
+    middle = points.mean(0)
+    along = _NORMALS @ (points - middle).T
+    size = np.abs(along).max()
+    if size == 0.0:
+        return np.tile(middle, (_CORNERS, 1))
+    # A little thickness, since flat things have none, and the middle must be within.
+    reach = np.concatenate([along.max(1), -along.min(1)]) / size + _THICKNESS
+    faces = np.concatenate([_NORMALS, -_NORMALS])
+    found = HalfspaceIntersection(np.c_[faces, -reach], np.zeros(3)).intersections
+    return middle + size * found[np.minimum(np.arange(_CORNERS), len(found) - 1)]
+
+
+def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:
+    """Lay a card through the middle of each object, across the line of sight (Schaufler 1995).
 
     Parameters
     ----------
     center : numpy.ndarray, shape (n, 3)
         World units.
-    half : numpy.ndarray, shape (n, 3, 3)
-        Rows are half the edges of the box.
+    corners : numpy.ndarray, shape (n, k, 3)
+        Of a box or any other polytope that holds the object, less `center`.
     radius : numpy.ndarray, shape (n,)
         Of a sphere about the middle that holds the object.
     eye : array_like, shape (3,)
-        World units, outside of all boxes.
+        World units, outside of all of them.
     up : array_like, shape (3,)
         The camera's upward direction.
     toward : array_like, shape (3,), optional
@@ -92,13 +151,14 @@ def fit_cards(center, half, radius, eye, up, toward=None) -> Card:
     Returns
     -------
     Card
-        With the smallest rectangles that hold the boxes as the eye sees them.
+        With the smallest rectangles that hold these corners as the eye sees them.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.maths.impostors import fit_cards
-    >>> card = fit_cards(np.zeros((1, 3)), np.eye(3)[None], np.ones(1), [0, 0, 3], [0, 1, 0])
+    >>> from pvibr.maths.impostors import box_corners, fit_cards
+    >>> box = box_corners(np.eye(3)[None])
+    >>> card = fit_cards(np.zeros((1, 3)), box, np.ones(1), [0, 0, 3], [0, 1, 0])
     >>> card.high[0].tolist(), float(card.depth[0])
     ([1.5, 1.5], 1.0)
     """
@@ -110,7 +170,6 @@ def fit_cards(center, half, radius, eye, up, toward=None) -> Card:
     away = np.linalg.norm(out, axis=1)
     back = out / away[:, None]
     axes = _facing(back, np.asarray(up, float))
-    corners = box_corners(np.zeros_like(center), half)
     x, y, z = np.einsum('nij,nkj->ink', axes, corners)
     if toward is None:
         scale = away[:, None] / (away[:, None] - z)
@@ -193,8 +252,9 @@ def displacement(card, eye, toward=None) -> np.ndarray:
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.maths.impostors import displacement, fit_cards
-    >>> card = fit_cards(np.zeros((1, 3)), np.eye(3)[None], np.ones(1), [0, 0, 9], [0, 1, 0])
+    >>> from pvibr.maths.impostors import box_corners, displacement, fit_cards
+    >>> box = box_corners(np.eye(3)[None])
+    >>> card = fit_cards(np.zeros((1, 3)), box, np.ones(1), [0, 0, 9], [0, 1, 0])
     >>> displacement(card, [0, 0, 9]).round(6).tolist()
     [0.0]
     >>> bool(displacement(card, [1, 0, 9])[0] > np.arctan(1 / 8) - np.arctan(1 / 9))
