@@ -76,8 +76,13 @@ class Clock:
         self._origin = float(time)
         self.set(time)
         self.running = True
-        self._ticks = _ticks(self._plotter, self._tick)
+        self._ticks = ticks(self._plotter, self._tick)
         self._watch_movie()
+
+    @property
+    def ticking(self) -> bool:
+        """Whether the wall moves the time."""
+        return self._ticks is not None
 
     def set(self, time):
         """Go on from another moment.
@@ -136,8 +141,7 @@ class Clock:
 
     def _tick(self):
         """Take the time of the wall, which began with the first tick: windows open late."""
-        writer = getattr(self._plotter, 'mwriter', None)
-        if writer is not None and not getattr(writer, 'closed', False):
+        if filming(self._plotter):
             return
         if self._frames:  # a movie decided until now
             self.set(self._shown)
@@ -194,8 +198,33 @@ class _Loop:
         self._next.cancel()
 
 
-def _ticks(plotter, tick):
-    """Return what ticks where a plotter is looked at; None off screen."""
+def filming(plotter) -> bool:
+    """Tell whether a movie is open, for which frames are drawn.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+        With a ``mwriter`` of imageio, or without.
+    """
+    writer = getattr(plotter, 'mwriter', None)
+    return writer is not None and not getattr(writer, 'closed', False)
+
+
+def ticks(plotter, tick):
+    """Have a function called again and again where a plotter is looked at.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+        What draws; anything with ``renderer``.
+    tick : callable
+        Called without arguments every `PERIOD`.
+
+    Returns
+    -------
+    object or None
+        With ``stop()``; None off screen, where nothing ticks.
+    """
     if getattr(plotter, 'notebook', False):
         try:
             return _Loop(asyncio.get_running_loop(), tick)

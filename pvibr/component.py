@@ -11,8 +11,11 @@ import pyvista as pv
 from pvibr import state_files
 from pvibr.clock import Clock
 from pvibr.errors import ClosedError
+from pvibr.params import Param
 from pvibr.pipeline import Pipeline
+from pvibr.quality import Pace
 from pvibr.report import Report
+from pvibr.web_report import Watch, WebReport, follow_mode, warn_missing, web_report
 
 _attached: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
 
@@ -36,12 +39,19 @@ class IBRComponent:
     >>> pl.close()
     """
 
+    moving_ms = Param(
+        100.0, 'What a frame may take while the view moves: quality is lowered where it takes '
+        'longer, and is full again at rest; 0 never lowers it.', range='[0, inf)', unit='ms',
+    )  # fmt: skip
+
     def __init__(self, plotter):
         self._plotter = plotter
         self._pipelines: list[Pipeline] = []
         self._time = 0.0
         self._clock = Clock(plotter, self._show_time)
+        self._pace = Pace(plotter, lambda: self.moving_ms, lambda: self._clock.ticking)
         self._numbered: list = []
+        self._told: list = []
         self._closed = False
 
     @property
@@ -54,8 +64,9 @@ class IBRComponent:
         for pipeline in self._pipelines:
             if pipeline.renderer is renderer:
                 return pipeline
-        pipeline = Pipeline(renderer)
+        pipeline = Pipeline(renderer, self._pace)
         pipeline.time = self._time
+        pipeline.watch = Watch(renderer, self._handed_over)
         self._pipelines.append(pipeline)
         return pipeline
 
@@ -595,6 +606,54 @@ class IBRComponent:
         """
         return self.pipeline.report()
 
+    def web_report(self, backend='client') -> WebReport:
+        """Return what of all subplots a browser shows, and what :meth:`baked` makes of the rest.
+
+        Parameters
+        ----------
+        backend : str
+            As in ``pl.show(jupyter_backend=...)``: 'client', 'html', 'trame' (while the page draws
+            by itself), 'server', 'static' or 'none'; or 'vtksz', 'wasm', 'gltf'.
+
+        Returns
+        -------
+        pvibr.web_report.WebReport
+            Printed, a table; ``as_dict()`` for programs.
+
+        Raises
+        ------
+        ValueError
+            Where there is no such backend.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> import pvibr
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> balls = pl.ibr.add_spheres([[0, 0, 0], [2, 0, 0]])
+        >>> _ = pl.ibr.add(pvibr.Bloom())
+        >>> print(pl.ibr.web_report('html'))
+        effect   with 'html'    as what, or why not
+        Spheres  after baked()  meshes
+        Bloom    lost           works on frames, and a browser draws its own
+        >>> pl.close()
+        """
+        self._check_open()
+        renderers = list(getattr(self._plotter, 'renderers', [self._plotter.renderer]))
+        subplots = {renderers.index(p.renderer): p.effects for p in self._pipelines}
+        return web_report(subplots, backend)
+
+    def _handed_over(self, **_mode):
+        """Warn, once, of what is not in the scene that a browser or a file gets."""
+        if self._closed or follow_mode(self._plotter, self._handed_over):
+            return
+        report = self.web_report()
+        if report.missing and report.missing != self._told:
+            self._told = report.missing
+            warn_missing(report)
+
     @property
     def contents(self) -> dict:
         """Effects and things by subplot (its number, as text) and by name, as the state has them.
@@ -719,6 +778,7 @@ class IBRComponent:
         """Release everything; a plotter does so by itself. Calling it again is fine."""
         self._closed = True
         self._clock.stop()
+        self._pace.release()
         self._numbered = []
         while self._pipelines:
             self._pipelines.pop().release()

@@ -46,6 +46,9 @@ class Frame:
     scale : int
         How many times larger than the window that screenshot is: what is so many pixels wide in
         the window is so many times as wide in it.
+    quality : float
+        How good the frame must be, above 0 to 1: less only while the view moves and full frames
+        take longer than ``pl.ibr.moving_ms``. What is drawn from elsewhere, to be kept, is full.
 
     Examples
     --------
@@ -74,9 +77,10 @@ class Frame:
     casting: bool = False
     tile: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
     scale: int = 1
+    quality: float = 1.0
 
     @classmethod
-    def of(cls, renderer, *, index=0, time=0.0) -> Frame:
+    def of(cls, renderer, *, index=0, time=0.0, quality=1.0) -> Frame:
         """Return the frame that a renderer is about to draw.
 
         Parameters
@@ -87,6 +91,8 @@ class Frame:
             The frame's number.
         time : float, optional
             Seconds.
+        quality : float, optional
+            How good it must be.
 
         Returns
         -------
@@ -115,6 +121,7 @@ class Frame:
             picking=renderer.GetSelector() is not None,
             tile=tile,
             scale=scale[1],
+            quality=quality,
         )
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 from pvibr.buffers import Buffers, Tap
@@ -26,6 +27,8 @@ class Pipeline:
     ----------
     renderer : vtkRenderer
         In a window, sooner or later.
+    pace : pvibr.quality.Pace, optional
+        Tells how good a frame must be; by default each is of full quality.
 
     Attributes
     ----------
@@ -35,6 +38,8 @@ class Pipeline:
         Seconds, passed to every frame.
     buffers : pvibr.buffers.Buffers
         Normals and numbers of what is drawn, for effects that ask for them.
+    watch : pvibr.web_report.Watch or None
+        Told whether there is anything in the pipeline.
 
     Examples
     --------
@@ -55,9 +60,10 @@ class Pipeline:
     >>> pl.close()
     """
 
-    def __init__(self, renderer):
+    def __init__(self, renderer, pace=None):
         self.renderer = renderer
         self.time = 0.0
+        self._pace = pace
         self._entries: list[_Entry] = []
         self._effects: tuple[Effect, ...] = ()
         self._things: list[Effect] = []
@@ -66,6 +72,7 @@ class Pipeline:
         self._turn: _Turn | None = None
         self.buffers = Buffers(renderer)
         self._stage = _Stage(renderer, self.buffers)
+        self.watch: Any = None
         self._closed = False
 
     @property
@@ -106,7 +113,8 @@ class Pipeline:
         tap = Tap(name)
         self.add(tap)
         try:
-            self.window.Render()
+            with nullcontext() if self._pace is None else self._pace.full():
+                self.window.Render()
             why = next(e.row.why for e in self._entries if e.effect is tap)
         finally:
             self.remove(tap)
@@ -237,6 +245,7 @@ class Pipeline:
             [e.reported() for e in self._entries],
             self._frames,
             self._stage.nbytes + self.buffers.nbytes,
+            '' if self._pace is None else self._pace.why,
         )
 
     def _names(self):
@@ -249,6 +258,8 @@ class Pipeline:
 
     def _observe(self):
         """Watch the renderer while, and only while, there is something to run."""
+        if self.watch is not None:
+            self.watch.set(bool(self._entries))
         if self._entries and not self._observers:
             # Before and after everyone else's: what others do at these events is in the picture.
             self._observers = [
@@ -265,7 +276,8 @@ class Pipeline:
 
     def _on_start(self, _renderer, _event):
         self._drop_removed()
-        frame = Frame.of(self.renderer, index=self._frames, time=self.time)
+        quality = 1.0 if self._pace is None else self._pace.quality(self.renderer)
+        frame = Frame.of(self.renderer, index=self._frames, time=self.time, quality=quality)
         self._turn = turn = _Turn(frame)
         for entry in self._entries:
             entry.begin(turn)

@@ -47,6 +47,9 @@ class Report:
         Frames that were drawn with them.
     picture_bytes : int
         What the textures between image effects hold on the GPU.
+    quality : str
+        How good the last frames were that moved and were too slow, and why; empty where all were
+        as good as at rest.
 
     Examples
     --------
@@ -59,6 +62,7 @@ class Report:
     rows: list[Row]
     frames: int = 0
     picture_bytes: int = 0
+    quality: str = ''
 
     def as_dict(self) -> dict:
         """Return the same as values that JSON keeps.
@@ -66,7 +70,7 @@ class Report:
         Returns
         -------
         dict
-            ``rows`` (one dict per effect), ``frames`` and ``picture_bytes``.
+            ``rows`` (one dict per effect), ``frames``, ``picture_bytes`` and ``quality``.
         """
         return asdict(self)
 
@@ -77,6 +81,8 @@ class Report:
         for row in self.rows:
             lines += [f'{row.effect}.{k}: {v}' for k, v in row.details.items()]
         lines.append(f'{self.frames} frames, {self.picture_bytes:,} bytes between effects')
+        if self.quality:
+            lines.append(f'quality: {self.quality}')
         return '\n'.join(lines)
 
 

@@ -1,0 +1,225 @@
+"""What of a scene a browser shows that draws it by itself, and who says so."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+import weakref
+from dataclasses import asdict, dataclass
+
+from pvibr import _vtk
+from pvibr.errors import PvibrWarning
+
+#: Pictures of these come from where pvibr is; the others hand the scene over as data.
+PICTURES = ('static', 'server', 'none')
+DATA = ('client', 'html', 'trame', 'vtksz', 'wasm', 'gltf')
+_NAME = 'pvibr: told when the scene is read'
+
+
+@dataclass(frozen=True)
+class WebRow:
+    """What becomes of one effect or thing.
+
+    Attributes
+    ----------
+    effect : str
+        Its name.
+    state : {'shown', 'baked', 'lost', 'off'}
+        Shown as it is, after ``pl.ibr.baked()``, or not at all; 'off' is not drawn here either.
+    what : str
+        As what, or why not.
+    subplot : int
+        Number of its subplot.
+    """
+
+    effect: str
+    state: str
+    what: str
+    subplot: int = 0
+
+
+@dataclass(frozen=True)
+class WebReport:
+    """What of a plotter a browser shows; printed, it is a table.
+
+    Attributes
+    ----------
+    backend : str
+        Who draws.
+    rows : list of WebRow
+        One per effect or thing, of all subplots.
+
+    Examples
+    --------
+    >>> print(WebReport('html', [WebRow('Bloom', 'lost', 'a browser draws its own frames')]))
+    effect  with 'html'  as what, or why not
+    Bloom   lost         a browser draws its own frames
+    """
+
+    backend: str
+    rows: list[WebRow]
+
+    @property
+    def missing(self) -> list[WebRow]:
+        """What is not shown unless the scene is baked, or not even then."""
+        return [row for row in self.rows if row.state in ('baked', 'lost')]
+
+    def as_dict(self) -> dict:
+        """Return the same as values that JSON keeps.
+
+        Returns
+        -------
+        dict
+            ``backend`` and ``rows``, one dict per effect.
+        """
+        return asdict(self)
+
+    def __str__(self) -> str:
+        many = len({row.subplot for row in self.rows}) > 1
+        cells = [('effect', f'with {self.backend!r}', 'as what, or why not')]
+        for row in self.rows:
+            name = f'{row.subplot}: {row.effect}' if many else row.effect
+            state = 'after baked()' if row.state == 'baked' else row.state
+            cells.append((name, state, row.what))
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        lines = ['  '.join(map(str.ljust, row, widths)).rstrip() for row in cells]
+        return '\n'.join(lines)
+
+
+def web_report(subplots, backend) -> WebReport:
+    """Return what a browser shows.
+
+    Parameters
+    ----------
+    subplots : dict of int to sequence of pvibr.Effect
+        What is in each subplot.
+    backend : str
+        As PyVista names them, or 'vtksz', 'wasm', 'gltf'.
+
+    Returns
+    -------
+    WebReport
+        With a row for each effect.
+
+    Raises
+    ------
+    ValueError
+        Where there is no such backend.
+    """
+    if backend not in PICTURES + DATA:
+        known = ', '.join(map(repr, PICTURES + DATA))
+        msg = f'backend is {backend!r}; it must be one of {known}'
+        raise ValueError(msg)
+    rows = [
+        _row(effect, number, backend)
+        for number, effects in sorted(subplots.items())
+        for effect in effects
+    ]
+    return WebReport(backend, rows)
+
+
+def _row(effect, subplot, backend):
+    if not effect.enabled:
+        return WebRow(effect.name, 'off', 'enabled is False', subplot)
+    if backend in PICTURES:
+        return WebRow(effect.name, 'shown', 'in pictures that are drawn here', subplot)
+    return WebRow(effect.name, *effect.web, subplot)
+
+
+class Watch:
+    """Tells when a renderer's scene is read as data, by an exporter or for a browser.
+
+    It is a prop that draws nothing and is not visible while frames are drawn. Who reads the scene
+    in between asks each visible prop for its mesh, this one too.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        Whose scene.
+    tell : callable
+        A method, which is called without arguments; its owner is not kept alive.
+    """
+
+    def __init__(self, renderer, tell):
+        self.renderer = renderer
+        tell = weakref.WeakMethod(tell)
+        self._source = _vtk.vtkProgrammableSource()
+        self._source.SetExecuteMethod(lambda: (told := tell()) is not None and told())
+        mapper = _vtk.vtkPolyDataMapper()
+        mapper.SetInputConnection(self._source.GetOutputPort())
+        self.prop = _vtk.vtkActor()
+        self.prop.SetMapper(mapper)
+        self.prop.SetObjectName(_NAME)
+        self.prop.UseBoundsOff()
+        self.prop.PickableOff()
+        self._observers: list[int] = []
+
+    def set(self, there):
+        """Watch, or watch no longer.
+
+        Parameters
+        ----------
+        there : bool
+            Whether there is anything to tell about.
+        """
+        if there and not self._observers:
+            self.renderer.AddViewProp(self.prop)
+            show = _shows(self.prop, self._source)
+            self._observers = [
+                self.renderer.AddObserver('StartEvent', lambda *_: show(False)),
+                self.renderer.AddObserver('EndEvent', lambda *_: show(True)),
+            ]
+        elif not there and self._observers:
+            self.renderer.RemoveViewProp(self.prop)
+            for observer in self._observers:
+                self.renderer.RemoveObserver(observer)
+            self._observers = []
+
+
+def _shows(prop, source):
+    def show(there):
+        prop.SetVisibility(there)
+        if there:
+            source.Modified()  # whoever reads it next has it made anew
+
+    return show
+
+
+def follow_mode(plotter, changed) -> bool:
+    """Tell whether a trame page shows pictures of a plotter now and could draw by itself.
+
+    Such a page is handed the scene along with each picture.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        Which may have a page.
+    changed : callable
+        Called when the page begins or ceases to draw by itself.
+    """
+    ui = sys.modules.get('trame_pyvista.ui') or sys.modules.get('pyvista.trame.ui')
+    viewer = getattr(ui, '_VIEWERS', {}).get(getattr(plotter, '_id_name', None))
+    key = getattr(viewer, 'SERVER_RENDERING', None)
+    if key is None or not viewer.server.state[key]:
+        return False
+    viewer.server.state.change(key)(changed)
+    return True
+
+
+def warn_missing(report):
+    """Say in one warning what a browser will not show.
+
+    Parameters
+    ----------
+    report : WebReport
+        Of what is handed over.
+    """
+    named = '; '.join(f'{r.effect} ({r.what})' for r in report.missing if r.state == 'lost')
+    baked = ', '.join(r.effect for r in report.missing if r.state == 'baked')
+    parts = ['The scene is handed over as data: what pvibr draws is not in it']
+    if baked:
+        parts.append(f'pl.ibr.baked() returns a plotter that has {baked}')
+    if named:
+        parts.append(f'Lost in any case: {named}')
+    parts.append("With jupyter_backend='server' a page shows everything; see pl.ibr.web_report()")
+    warnings.warn('. '.join(parts) + '.', PvibrWarning, stacklevel=2)
