@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from pvibr.errors import require
+from pvibr.files import replacing
 
 _CAPTION, _PER_WIDTH = 26, 32  # height of a caption: at least, and the picture's width over it
 
@@ -60,8 +59,8 @@ def save(path, picture):
     from PIL import Image
 
     picture = picture if picture.dtype == np.uint8 else as_bytes(picture)
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(picture).save(path)
+    with replacing(path) as file:
+        Image.fromarray(picture).save(file)
 
 
 def compose(pictures, columns=3) -> np.ndarray:

@@ -12,7 +12,16 @@ import pytest
 import pvibr
 
 ROOT = Path(pvibr.__file__).parent
-RANKS = {'_vtk': 0, 'errors': 0, 'maths': 1, 'gl': 2, 'params': 3, 'frame': 3, 'effect': 3}
+RANKS = {
+    '_vtk': 0,
+    'errors': 0,
+    'files': 0,
+    'maths': 1,
+    'gl': 2,
+    'params': 3,
+    'frame': 3,
+    'effect': 3,
+}
 RANKS |= {
     'casters': 3,
     'lights': 3,
@@ -25,7 +34,15 @@ RANKS |= {
 RANKS |= {'clouds': 4, 'cloud_files': 4, 'cloud_texture': 4}
 RANKS |= {'scenes': 4, 'animation': 4, 'actors': 4, 'effects': 4, 'report': 5, 'pipeline': 5}
 RANKS |= {'shadow_volume': 3, 'buffers': 3, 'outlines': 3, 'shine': 3, 'full_screen': 3}
-RANKS |= {'state_files': 4, 'clock': 5, 'quality': 5, 'web_report': 5, 'component': 6, 'accessor': 6}  # what is not named here is a command: 7
+RANKS |= {
+    'state_files': 4,
+    'clock': 5,
+    'quality': 5,
+    'web_report': 5,
+    'component': 6,
+    'accessor': 6,
+}  # what is not named here is a command: 7
+RANKS |= {'movies': 5, 'large': 5, 'determinism': 0}
 MODULES = sorted(p for p in ROOT.rglob('*.py') if p != ROOT / '__init__.py')
 
 

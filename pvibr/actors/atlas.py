@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from pvibr.actors.turntable import Turntable
+from pvibr.files import replacing
 from pvibr.maths import octahedral
 
 MARGIN = 1.02  # half side of a tile in radii: the silhouette never touches its border
@@ -65,6 +66,8 @@ class Atlas:
         The measured error table, see :mod:`pvibr.actors.measure`; empty before it is measured.
     seconds : float
         What the bake took.
+    turntable : Turntable, optional
+        Pictures from around an axis, where these were asked for.
     """
 
     geometry: np.ndarray
@@ -77,6 +80,7 @@ class Atlas:
     half: bool = False
     errors: dict = field(default_factory=dict)
     seconds: float = 0.0
+    turntable: Turntable | None = None
     #: Whether it has pictures of several phases of a movement, see :mod:`pvibr.actors.phases`.
     phased = False
 
@@ -108,7 +112,10 @@ class Atlas:
     @property
     def nbytes(self) -> int:
         """Bytes of the pictures on the GPU, their smaller levels included."""
-        return (self.geometry.nbytes + self.albedo.nbytes) * 3 // 2
+        pictures = [self.geometry, self.albedo]
+        if self.turntable is not None:
+            pictures += [self.turntable.geometry, self.turntable.albedo]
+        return sum(p.nbytes for p in pictures) * 3 // 2
 
     def textures(self):
         """Return geometry and albedo with all smaller levels of detail beside them.
@@ -126,6 +133,7 @@ class Atlas:
         numbers = np.array([*self.center, self.radius, self.seconds, *np.ravel(self.box)], float)
         grid = np.array([self.views, self.tile, self.half], np.int64)
         out = {'geometry': self.geometry, 'albedo': self.albedo, 'sphere': numbers, 'grid': grid}
+        out |= self.turntable.to_arrays() if self.turntable is not None else {}
         return out | {f'errors.{k}': np.asarray(v) for k, v in self.errors.items()}
 
     @classmethod
@@ -164,7 +172,7 @@ class Atlas:
         geometry, albedo = pictures
         return cls(
             geometry, albedo, sphere[:3], float(sphere[3]), box, views, tile, bool(half), errors,
-            seconds=float(sphere[4]),
+            seconds=float(sphere[4]), turntable=Turntable.from_arrays(arrays),
         )  # fmt: skip
 
     def save(self, path):
@@ -175,14 +183,8 @@ class Atlas:
         path : str or os.PathLike
             Where to; a file that is there is replaced.
         """
-        path = Path(path)
-        temporary = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
-        try:
-            with temporary.open('wb') as file:
-                np.savez(file, **self.to_arrays())
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        with replacing(path) as part, part.open('wb') as file:
+            np.savez(file, **self.to_arrays())
 
     @classmethod
     def load(cls, path) -> Atlas:

@@ -18,7 +18,6 @@ import os
 import re
 import struct
 import time
-import uuid
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +26,7 @@ import numpy as np
 import platformdirs
 
 from pvibr.errors import PvibrWarning
+from pvibr.files import replacing
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -201,7 +201,7 @@ class AtlasCache:
         return self.path / f'{key}{SUFFIX}'
 
     def _entries(self) -> Iterator[Path]:
-        return self.path.glob(f'*{SUFFIX}')
+        return self.path.glob(f'[!.]*{SUFFIX}')
 
     def _ages(self) -> list[tuple[int, int, Path]]:
         """List last use (ns), size (bytes) and file of each entry, the oldest first."""
@@ -226,7 +226,7 @@ class AtlasCache:
     def _sweep(self) -> None:
         """Remove what processes that were killed while writing left behind."""
         limit = time.time() - ABANDONED_SECONDS
-        for file in self.path.glob(f'*{SUFFIX}.*.tmp'):
+        for file in self.path.glob(f'.*{SUFFIX}'):
             with contextlib.suppress(OSError):
                 if file.stat().st_mtime < limit:
                     file.unlink()
@@ -384,17 +384,8 @@ def _digest(value: Any) -> list[Any]:
 
 def _write_whole(file: Path, chunks: list[bytes | memoryview]) -> None:
     """Write under another name, then rename: readers see all of it or nothing."""
-    temporary = file.with_name(f'{file.name}.{uuid.uuid4().hex}.tmp')
-    try:
-        with temporary.open('xb') as stream:
-            stream.writelines(chunks)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(temporary, file)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise
+    with replacing(file) as part, part.open('xb') as stream:
+        stream.writelines(chunks)
 
 
 def _discard(file: Path, error: Exception) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import struct
-import uuid
 from typing import Any
 
 import numpy as np
+
+from pvibr.files import replacing
 
 _COMPONENTS = {'u1': 5121, 'u2': 5123, 'u4': 5125, 'f4': 5126}
 _TYPES = {1: 'SCALAR', 2: 'VEC2', 3: 'VEC3', 4: 'VEC4', 16: 'MAT4'}
@@ -178,12 +179,8 @@ class GlbWriter:
         chunks = _chunk(b'JSON', text + b' ' * (-len(text) % 4))
         if self._buffer:
             chunks += _chunk(b'BIN\0', bytes(self._buffer))
-        temporary = path.with_name(f'.{path.name}.{uuid.uuid4().hex}.tmp')
-        try:
-            temporary.write_bytes(struct.pack('<4sII', b'glTF', 2, 12 + len(chunks)) + chunks)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        with replacing(path) as part:
+            part.write_bytes(struct.pack('<4sII', b'glTF', 2, 12 + len(chunks)) + chunks)
 
 
 def _described(values):

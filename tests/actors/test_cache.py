@@ -175,7 +175,7 @@ def test_a_folder_that_cannot_be_made_costs_one_warning(tmp_path):
 
 
 def test_abandoned_temporary_files_are_swept(tmp_path):
-    old, new = (tmp_path / f'{KEY}.atlas.{name}.tmp' for name in ('old', 'new'))
+    old, new = (tmp_path / f'.{name}.atlas' for name in ('old', 'new'))
     old.write_text('')
     new.write_text('')
     os.utime(old, (1, 1))
