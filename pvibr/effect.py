@@ -48,6 +48,9 @@ class Effect:
     #: What it runs right before, of ``pvibr.effects.ORDER``; by default its class has a place.
     before: str | None = None
 
+    #: What becomes of it where a browser draws the scene, 'shown' as it is, 'baked' by `bake_into`
+    #: or 'lost', and as what, or why.
+    web: tuple[str, str] = ('lost', 'works on frames, and a browser draws its own')
     #: Whether `render` asks ``pipeline.buffers`` for normals and numbers of surfaces.
     surfaces: Any = False
     pipeline: Any = None
@@ -129,6 +132,15 @@ class Effect:
         ----------
         frame : pvibr.frame.Frame
             The frame that `prepare` was given.
+        """
+
+    def bake_into(self, scene):
+        """Hand what it shows to a scene without pvibr; called where `web` says 'baked'.
+
+        Parameters
+        ----------
+        scene : pvibr.baked_scene.BakedScene
+            Takes meshes, copies of them, quads, lines, and what colours surfaces.
         """
 
     def rest(self):

@@ -147,8 +147,8 @@ def shadow_mask(
     sides = sides_of(mesh, two_sided) or (0 if two_sided else _lit_side(light, found))
     total = np.zeros(len(found.points))
     with _hidden(surfaces) as scene:
-        for place in _places(light, samples, extent):
-            total += _lit(scene, place, found, resolution, sides)
+        for place in _spread(_scene_light(light), samples, extent):
+            total += _lit(place, _views(scene, place, resolution), found, sides)
     return found.most(total / samples)
 
 
@@ -542,11 +542,15 @@ def _check_light(light, samples, extent):
         raise ValueError(msg)
 
 
-def _places(light, samples, extent):
-    """Yield lights without extent that stand for one that has it."""
+def _scene_light(light):
     renderer = _vtk.vtkOpenGLRenderer()
     renderer.AddLight(light)
     (found,) = lights_of(renderer)
+    return found
+
+
+def _spread(found, samples, extent):
+    """Yield lights without extent that stand for one that has it."""
     if samples == 1:
         yield found
         return
@@ -566,35 +570,89 @@ def _places(light, samples, extent):
 
 def _lit_side(light, samples) -> int:
     """Return which side of a sheet is turned to a light on the whole, 1 or -1."""
-    (middle,) = _places(light, 1, None)
-    toward = _toward(middle, samples.points)
+    toward = toward_light(_scene_light(light), samples.points)
     return 1 if (np.einsum('ij,ij->i', samples.normals, toward) @ samples.area) >= 0 else -1
 
 
-def _toward(light, points):
-    """Return unit vectors to a light, (m, 3)."""
+def toward_light(light, points) -> np.ndarray:
+    """Return unit vectors to a light, (m, 3).
+
+    Parameters
+    ----------
+    light : pvibr.lights.SceneLight
+        The light.
+    points : numpy.ndarray, shape (m, 3)
+        World units.
+    """
     toward = light.homogeneous()[:3] - (points if light.positional else np.zeros_like(points))
     length = np.linalg.norm(toward, axis=1, keepdims=True)
     return toward / np.where(length > 0, length, 1)
 
 
-def _lit(scene, light, samples, resolution, sides):
+def _views(scene, light, resolution) -> list:
+    """Return what a light without extent sees: views and their depth."""
+    views = light_views(light, scene.bounds, Frame.of(scene.renderer), resolution, 1)
+    return [(view, scene.depth(view, resolution)) for view in views]
+
+
+def _lit(light, views, samples, sides):
     """Return how much of a light without extent reaches each sample."""
-    toward = _toward(light, samples.points)
+    toward = toward_light(light, samples.points)
     reached = samples.facing(toward, sides) > 0
     if light.kind == 'spot':
         reached &= -toward @ np.array(light.direction) > np.cos(np.radians(light.cone))
     normals = samples.turned(toward)
-    frame = Frame.of(scene.renderer)
-    views = light_views(light, scene.bounds, frame, resolution, 1)
-    matrices = [v.texture_from_world()[3] for v in views]
+    matrices = [v.texture_from_world()[3] for v, _ in views]
     ahead = [samples.points @ m[:3] + m[3] for m in matrices]
     nearest = np.argmax(ahead, axis=0)
     found = np.zeros(len(normals))
-    for k, view in enumerate(views):
+    for k, (view, depth) in enumerate(views):
         rows = np.flatnonzero(reached & (nearest == k))
         if len(rows):
-            depth = scene.depth(view, resolution)
             points, turned = samples.points[rows], normals[rows]
             found[rows] = depth_test.seen(view, depth, points, turned, _OFFSET)
     return found
+
+
+class Reach:
+    """How much of some lights reaches places among meshes, which are drawn once for each light.
+
+    Parameters
+    ----------
+    surfaces : sequence of pyvista.PolyData
+        What throws shadows, world units.
+    lights : sequence of pvibr.lights.SceneLight
+        No headlights.
+    resolution : int
+        Texels along a side of a view.
+    samples : int, optional
+        Places on each light, more than 1 for soft shadows.
+    extents : sequence of float, optional
+        How large each light is, see :func:`shadow_mask`.
+    """
+
+    def __init__(self, surfaces, lights, resolution, samples=1, extents=()):
+        self._places: list = []
+        extents = list(extents) or [None] * len(lights)
+        if not any(surface.n_points for surface in surfaces):
+            self._places = [[] for _ in lights]
+            return
+        with _hidden(surfaces) as scene:
+            for light, extent in zip(lights, extents, strict=True):
+                places = _spread(light, samples, extent)
+                self._places.append([(p, _views(scene, p, resolution)) for p in places])
+
+    def of(self, number, samples) -> np.ndarray:
+        """Return how much of a light reaches samples that are turned to it, (m,), 0 to 1.
+
+        Parameters
+        ----------
+        number : int
+            Of the light.
+        samples : Samples
+            The places; both of their sides count.
+        """
+        places = self._places[number]
+        if not places:
+            return np.ones(len(samples.points))
+        return np.mean([_lit(place, views, samples, 0) for place, views in places], axis=0)

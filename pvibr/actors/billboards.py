@@ -116,6 +116,7 @@ class Billboards(Painted, Anchored):
     >>> pl.close()
     """
 
+    web = 'baked', 'quads, turned to the eye as it is now'
     _title = 'Billboards'
 
     visibility = Param(True, 'Whether they are drawn at all.')

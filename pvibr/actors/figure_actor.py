@@ -62,6 +62,7 @@ class FigureActor(FigurePlayer, Anchored, Placed):
     >>> pl.close()
     """
 
+    web = 'baked', 'meshes, posed as they are now'
     visibility = Param(True, 'Whether it is drawn at all.')
 
     #: Frames that are drawn to pick need the pose too.

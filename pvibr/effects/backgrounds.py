@@ -97,6 +97,7 @@ class Backdrop(_Behind, FullScreenImage):
     """
 
     parts = ('image', 'behind', 'backdrop')
+    web = 'lost', 'stays with the screen, and a browser has no such background'
 
 
 class Sky(_Behind):
@@ -123,6 +124,7 @@ class Sky(_Behind):
     >>> pl.show()
     """
 
+    web = 'baked', 'a dome around the scene'
     up = Param((0.0, 0.0, 1.0), 'Where up is in the world.')
     turn = Param(0.0, 'How far it is turned about up.', unit='degrees')
     strength = Param(

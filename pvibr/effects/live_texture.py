@@ -85,6 +85,7 @@ class LiveTexture(Effect):
     >>> pl.close()
     """
 
+    web = 'lost', 'is drawn anew with each frame; what wears it shows its last picture'
     what = Param('color', 'Colours, or depth: white near, black far.', choices=('color', 'depth'))
     background = Param(
         None, "Red, green, blue and alpha of its background; by default the subplot's colour.",

@@ -52,6 +52,7 @@ class Outline(Effect):
     >>> pl.close()
     """
 
+    web = 'baked', 'lines: silhouettes from the eye as it is now, and creases'
     width = Param(2.0, 'Of the lines, whatever the size of the window.', range='[0.5, 16]',
                   unit='px')  # fmt: skip
     color = Param((0.0, 0.0, 0.0), 'Of the lines, red, green, blue.', range='[0, 1]')

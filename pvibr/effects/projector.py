@@ -137,6 +137,7 @@ class _Slide:
 class _Projection(Effect):
     """What one projector and several have in common."""
 
+    web = 'baked', 'colours or textures of surfaces'
     mode = Param(
         'replace', 'What the picture does: takes the place of the surface, lights it as a slide '
         'projector does, covers it by its alpha, or is added.',

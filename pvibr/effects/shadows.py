@@ -62,6 +62,7 @@ class Shadows(Effect):
     >>> pl.close()
     """
 
+    web = 'baked', 'darker colours of surfaces'
     method = Param(
         'pcf', 'How a shadow is found: compared once, compared and filtered, softer with '
         'distance as the size of the light has it, from blurred moments of depth, or counted by '

@@ -8,7 +8,8 @@ from pvibr import _vtk
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture
 
-_NAME = 'pvibr: end of opaque props'
+_MARK = 'pvibr: '  # begins the names of props that are there to call back
+_NAME = f'{_MARK}end of opaque props'
 _COLOR_BIT = 0x4000  # GL_COLOR_BUFFER_BIT
 _FIRST, _NONE = 0x8CE0, 0  # GL_COLOR_ATTACHMENT0, GL_NONE
 # A blit of depth wants the same format on both sides: the window's, whatever it is.
@@ -179,7 +180,7 @@ def is_marker(prop) -> bool:
     prop : vtkProp
         Any.
     """
-    return prop.GetObjectName() == _NAME
+    return prop.GetObjectName().startswith(_MARK)
 
 
 def _no_area():

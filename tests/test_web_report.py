@@ -1,0 +1,162 @@
+"""What a browser shows by itself, and the one warning that says so."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import pvibr
+from pvibr.web_report import PICTURES, WebReport, WebRow, follow_mode
+
+STATES = ('shown', 'baked', 'lost')
+
+
+@pytest.fixture
+def plotter():
+    pl = pv.Plotter(off_screen=True, window_size=(64, 48), shape=(1, 2))
+    ball = pl.add_mesh(pv.Sphere())
+    pl.ibr.add_impostor(ball)
+    pl.ibr.add(pvibr.Bloom())
+    pl.subplot(0, 1)
+    pl.ibr.add_spheres([[0, 0, 0]])
+    yield pl
+    pl.close()
+
+
+def effects():
+    found = [getattr(pvibr, name) for name in pvibr.__all__]
+    return [c for c in found if isinstance(c, type) and issubclass(c, pvibr.Effect)]
+
+
+@pytest.mark.parametrize('kind', effects(), ids=lambda c: c.__name__)
+def test_every_class_says_what_becomes_of_it(kind):
+    state, what = kind.web
+    assert state in STATES
+    assert what
+    if state == 'baked':
+        assert kind.bake_into is not pvibr.Effect.bake_into
+
+
+def test_rows_of_all_subplots(plotter):
+    report = plotter.ibr.web_report('html')
+    assert [(r.effect, r.state, r.subplot) for r in report.rows] == [
+        ('Impostor', 'shown', 0), ('Bloom', 'lost', 0), ('Spheres', 'baked', 1)
+    ]  # fmt: skip
+    assert [r.effect for r in report.missing] == ['Bloom', 'Spheres']
+    assert report.as_dict()['rows'][2]['what'] == 'meshes'
+    assert '1: Spheres' in str(report)
+
+
+@pytest.mark.parametrize('backend', PICTURES)
+def test_pictures_show_everything(plotter, backend):
+    assert not plotter.ibr.web_report(backend).missing
+
+
+def test_what_is_off_is_not_missing(plotter):
+    plotter.subplot(0, 0)
+    plotter.ibr.effects[1].enabled = False
+    states = {r.effect: r.state for r in plotter.ibr.web_report().rows}
+    assert states['Bloom'] == 'off'
+    assert [r.effect for r in plotter.ibr.web_report().missing] == ['Spheres']
+
+
+def test_bad_input(plotter):
+    with pytest.raises(ValueError, match="backend is 'firefox'; it must be one of 'static'"):
+        plotter.ibr.web_report('firefox')
+    plotter.close()
+    with pytest.raises(pvibr.ClosedError):
+        plotter.ibr.web_report()
+
+
+def test_an_empty_report_is_a_table():
+    assert str(WebReport('html', [])) == "effect  with 'html'  as what, or why not"
+
+
+def exports(pl, folder):
+    pl.export_obj(folder / 'scene.obj')
+
+
+@pytest.mark.filterwarnings('ignore::pyvista.PyVistaDeprecationWarning')
+def test_one_warning_where_the_scene_is_handed_over(plotter, tmp_path):
+    plotter.show(auto_close=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        plotter.screenshot()
+        assert plotter.bounds is not None
+        plotter.reset_camera()
+    with pytest.warns(pvibr.PvibrWarning, match=r'baked\(\) .* has Spheres.*any case: Bloom'):
+        exports(plotter, tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        exports(plotter, tmp_path)  # said once
+    plotter.subplot(0, 0)
+    plotter.ibr.clear()
+    plotter.render()
+    with pytest.warns(pvibr.PvibrWarning, match='has Spheres. With'):
+        exports(plotter, tmp_path)  # something else is missing now
+
+
+def test_pages_of_trame_and_html(plotter):
+    pytest.importorskip('trame_pyvista')
+    pytest.importorskip('nest_asyncio2')
+    plotter.show(auto_close=False)
+    with pytest.warns(pvibr.PvibrWarning, match='Bloom'):
+        assert plotter.trame.export_html(None).getvalue()
+
+
+def test_no_warning_without_effects_or_where_all_is_shown(tmp_path):
+    pl = pv.Plotter(off_screen=True)
+    ball = pl.add_mesh(pv.Sphere())
+    before = pl.renderer.GetViewProps().GetNumberOfItems()
+    impostor = pl.ibr.add_impostor(ball)
+    pl.show(auto_close=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        exports(pl, tmp_path)
+        pl.ibr.remove(impostor)
+        assert pl.renderer.GetViewProps().GetNumberOfItems() == before
+        exports(pl, tmp_path)
+    pl.close()
+
+
+def test_the_watch_does_not_show(plotter):
+    plotter.show(auto_close=False)
+    with_watch = plotter.screenshot()
+    for pipeline in plotter.ibr._pipelines:
+        pipeline.watch.set(False)
+    assert np.array_equal(plotter.screenshot(), with_watch)
+    plotter.subplot(0, 0)
+    assert plotter.ibr.buffer('id').max() == 0  # the ball, and nothing else
+
+
+def test_a_page_that_shows_pictures_is_followed(monkeypatch):
+    class State(dict):
+        def change(self, key):
+            self.key = key
+            return lambda f: self.__setitem__('told', f)
+
+    class Ui:
+        pass
+
+    pl = pv.Plotter(off_screen=True)
+    viewer, ui = Ui(), Ui()
+    viewer.SERVER_RENDERING = 'pictures'
+    viewer.server = Ui()
+    viewer.server.state = State(pictures=True)
+    ui._VIEWERS = {pl._id_name: viewer}
+    monkeypatch.setitem(__import__('sys').modules, 'trame_pyvista.ui', ui)
+    assert follow_mode(pl, len)
+    assert viewer.server.state['told'] is len
+    viewer.server.state['pictures'] = False
+    assert not follow_mode(pl, len)
+    pl.close()
+
+
+def test_rows_keep_json_values():
+    assert WebReport('html', [WebRow('A', 'lost', 'why')]).as_dict() == {
+        'backend': 'html',
+        'rows': [{'effect': 'A', 'state': 'lost', 'what': 'why', 'subplot': 0}],
+    }
