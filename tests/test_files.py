@@ -13,10 +13,14 @@ def test_what_fails_leaves_what_was_there(tmp_path):
     with replacing(file) as part:
         part.write_text('first')
     with pytest.raises(RuntimeError), replacing(file) as part:
-        part.write_text('second')
-        raise RuntimeError
+        _fail(part)
     assert file.read_text() == 'first'
     assert [p.name for p in file.parent.iterdir()] == ['a.txt']
+
+
+def _fail(file):
+    file.write_text('second')
+    raise RuntimeError
 
 
 FULL = """
