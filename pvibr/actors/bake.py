@@ -13,6 +13,7 @@ import numpy as np
 from pvibr import _vtk
 from pvibr.actors.atlas import MARGIN, Atlas, bounding_sphere
 from pvibr.actors.parts import as_parts, copy_property
+from pvibr.actors.turntable import Turntable
 from pvibr.gl import Quad, Target, shader_source, texture_limit
 from pvibr.gl.offscreen import hidden_window
 from pvibr.maths import octahedral
@@ -76,7 +77,9 @@ def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **l
     return make_model(parts, cache=cache, progress=progress, **grid).atlas
 
 
-def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress=None) -> Atlas:
+def bake_parts(
+    parts, *, views=16, tile=128, half=False, supersample=2, turns=None, progress=None
+) -> Atlas:
     """Draw the parts of one object from all views into an atlas.
 
     Parameters
@@ -91,6 +94,8 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
         Only views from above (z >= 0) at twice their density.
     supersample : int
         Samples along a side of a texel, 1 or even.
+    turns : Turns, optional
+        Pictures from around an axis, besides.
     progress : callable, optional
         Called with the fraction done, 0 to 1.
 
@@ -120,11 +125,19 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
             tile //= 2  # the smaller levels lie beside the largest
         while views * tile * supersample > limit and supersample > 1:
             supersample //= 2
+        directions = octahedral.view_directions(views, half)
         baker = Baker(window, parts, center, radius, (views, tile, supersample))
         try:
-            geometry, albedo = baker.pictures(half, progress)
+            geometry, albedo = baker.pictures(octahedral.frame(directions), progress)
         finally:
             baker.release()
+        turntable = None
+        if turns is not None:
+            baker = Baker(window, parts, center, radius, (turns.columns, tile, supersample))
+            try:
+                turntable = Turntable(turns, *baker.pictures(turns.frames()))
+            finally:
+                baker.release()
     box = np.stack([points.min(0), points.max(0)]).astype(float)
     return Atlas(
         geometry,
@@ -136,6 +149,7 @@ def bake_parts(parts, *, views=16, tile=128, half=False, supersample=2, progress
         tile,
         half,
         seconds=time.perf_counter() - start,
+        turntable=turntable,
     )
 
 
@@ -183,32 +197,32 @@ class Baker:
         self.camera.SetExplicitProjectionTransformMatrix(matrix)
         self.camera.UseExplicitProjectionTransformMatrixOn()
 
-    def pictures(self, half, progress=None):
+    def pictures(self, frames, progress=None):
         """Return geometry and albedo of all views, (views * tile, views * tile, 4) uint8 each.
 
         Parameters
         ----------
-        half : bool
-            Only views from above.
+        frames : numpy.ndarray, shape (views, views, 3, 3)
+            Rows right, up, toward the eye of each view.
         progress : callable, optional
             Called with the fraction done, 0 to 1.
         """
         strips = []
-        for k, directions in enumerate(octahedral.view_directions(self.views, half)):
-            strips.append(self._row(directions))
+        for k, row in enumerate(frames):
+            strips.append(self._row(row))
             fill_depth(strips[-1][0], self.tile)  # a row at a time stays in the cache
             if progress is not None:
                 progress((k + 1) / self.views)
         return [np.concatenate(s) for s in zip(*strips, strict=True)]
 
-    def _row(self, directions):
+    def _row(self, frames):
         """Return geometry and albedo, (tile, views * tile, 4) uint8 each, of one row of views."""
         side = self.tile * self.scale
         state = self.window.GetState()
         with self.raster.drawing(clear=(0, 0, 0, 0)):
             state.SetEnumState(0x0BE2, False)  # GL_BLEND
             state.SetEnumState(0x0B71, True)  # GL_DEPTH_TEST
-            for i, axes in enumerate(octahedral.frame(directions)):
+            for i, axes in enumerate(frames):
                 state.vtkglViewport(i * side, 0, side, side)
                 state.vtkglScissor(i * side, 0, side, side)
                 self._draw(axes)

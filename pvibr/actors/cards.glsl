@@ -10,7 +10,9 @@
 // uniforms: VTK declares them.
 // IBR_DITHER is a number from 0 to 1 that depends on the pixel alone.
 // Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 1; WRITE_DEPTH 0 or 1; SPLAT 0 or 1;
-// PHASES 1 where an atlas has a page for each phase of movements, and instances move.
+// PHASES 1 where an atlas has a page for each phase of movements, and instances move;
+// TURNED 1 where it has a turntable, whose pictures serve eyes that are level with it; SIDES 1 or 2
+// for a card that stands upright and shows one of these: the first, or that nearest to the eye.
 
 //@vertex.declare
 uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
@@ -31,6 +33,13 @@ uniform vec3 ibr_box_half;
 uniform float ibr_pixel_scale;    // pixels per unit tangent, or per world unit when parallel
 uniform float ibr_sharpness;      // texels per pixel that are asked for
 uniform vec4 ibr_range;           // on-screen diameters in px: appear, whole, fade, gone
+#if TURNED
+uniform vec4 ibr_turn_range;      // the same for those that the eye is level with
+uniform float ibr_turn_level;     // sine of the angle up to which it is
+uniform vec3 ibr_turn_axis;       // of the turntable, model space
+uniform vec3 ibr_turn_start;      // where azimuth is 0
+uniform int ibr_turn_views;       // views around it
+#endif
 uniform mat3 ibr_eye_from_world;
 uniform mat4 ibr_clip_from_eye;
 #if PHASES
@@ -138,7 +147,13 @@ mat3 ibr_frame(vec3 d)
       float stretch = sqrt(max(max(sums.x, sums.y), sums.z));
       float away = ibr_parallel == 1 ? 1.0 : length(c);
       float size = 2.0 * stretch * ibr_pixel_scale / away;
-      bool shown = ibr_look.a > 0.25 && size >= ibr_range.x && size < ibr_range.w
+      vec4 range = ibr_range;
+#if TURNED
+      vec3 upright = normalize(eye_from_q * ibr_turn_axis);
+      float rise = ibr_parallel == 1 ? upright.z : dot(upright, c) / away;
+      if (abs(rise) < ibr_turn_level) { range = ibr_turn_range; }
+#endif
+      bool shown = ibr_look.a > 0.25 && size >= range.x && size < range.w
         && (ibr_parallel == 1 || c.z < stretch);
       if (shown)
       {
@@ -153,6 +168,17 @@ mat3 ibr_frame(vec3 d)
         vec3 helper = abs(d.z) < 0.99 ? vec3(0.0, 0.0, 1.0) : vec3(0.0, 1.0, 0.0);
         vec3 right = normalize(cross(helper, d));
         vec3 up = cross(d, right);
+#if SIDES
+        // The card turns about the axis, and shows the picture from where the eye is.
+        up = ibr_turn_axis;
+        right = normalize(cross(up, d));
+        vec3 ahead = cross(right, up);
+        vec3 other = cross(ibr_turn_axis, ibr_turn_start);
+        float turn = 6.2831853 / float(ibr_turn_views);
+        float view = floor(atan(dot(other, ahead), dot(ibr_turn_start, ahead)) / turn + 0.5);
+        view = mod(view, float(ibr_turn_views));
+        vec3 seen = cos(view * turn) * ibr_turn_start + sin(view * turn) * other;
+#endif
         // The card holds the silhouette of the bounding box, as seen past its nearest point, and
         // never more than the sphere's; half a texel and half a pixel more for the filters.
         float lod = max(floor(log2(float(ibr_tile) / (size * ibr_sharpness))), 0.0);
@@ -176,7 +202,7 @@ mat3 ibr_frame(vec3 d)
         vec4 p = vec4(c + eye_from_q * v, 1.0);
         vertexVCVSOutput = p;
         gl_Position = ibr_clip_from_eye * p;
-        if (size > ibr_range.z)
+        if (size > range.z)
         {
           // A finer level is drawn over it: behind that, by the depth of the object. No further: a
           // ground beneath would hide the feet.
@@ -189,8 +215,8 @@ mat3 ibr_frame(vec3 d)
         vec3 ray = ibr_parallel == 1 ? -d : v - eye;
         ibr_stretch = stretch;
         ibr_card = vec4(0.5 * exp2(lod) / float(ibr_tile), size,
-          (size - ibr_range.z) / max(ibr_range.w - ibr_range.z, 1e-6),
-          ibr_range.y > 0.0 ? (size - ibr_range.x) / max(ibr_range.y - ibr_range.x, 1e-6) : 1.0);
+          (size - range.z) / max(range.w - range.z, 1e-6),
+          range.y > 0.0 ? (size - range.x) / max(range.y - range.x, 1e-6) : 1.0);
 #if PHASES
         vec4 move = texelFetch(ibr_moves, ivec2(i % 1024, i / 1024), 0);
         float rounds = move.x + move.y * ibr_time;
@@ -212,6 +238,15 @@ mat3 ibr_frame(vec3 d)
 #endif
         // Normals go by the inverse transpose; their length, the spread of an average, is kept.
         ibr_eye_normal = n / length(n[0]);
+#if SIDES
+        ibr_eye_normal *= mat3(right, up, ahead) * transpose(mat3(cross(up, seen), up, seen));
+        ivec2 cell = ivec2(int(view) % ibr_views, int(view) / ibr_views);
+        ibr_cell[0] = vec3(vec2(cell), 1.0);
+        ibr_point[0] = vec3(q, 0.0);
+        ibr_ray[0] = vec3(0.0, 0.0, -1.0);
+        vec3 deep = vec3(eye_from_q[0].z, eye_from_q[1].z, eye_from_q[2].z);
+        ibr_depth_row[0] = vec4(dot(deep, right), dot(deep, up), dot(deep, ahead), c.z);
+#else
         vec2 g = (ibr_encode(d) * 0.5 + 0.5) * float(ibr_views - 1);
 #if SPLAT
         vec2 axis = normalize((eye_from_q * right).xy + vec2(1e-30, 0.0));
@@ -247,6 +282,7 @@ mat3 ibr_frame(vec3 d)
           vec3 row = frame * vec3(eye_from_q[0].z, eye_from_q[1].z, eye_from_q[2].z);
           ibr_depth_row[k] = vec4(row, c.z);
         }
+#endif
 #endif
       }
     }

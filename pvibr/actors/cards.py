@@ -10,7 +10,8 @@ import numpy as np
 import pyvista as pv
 
 from pvibr import _vtk
-from pvibr.actors.atlas import MARGIN
+from pvibr.actors.atlas import MARGIN, pyramid
+from pvibr.actors.turntable import LEVEL
 from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 
@@ -50,6 +51,9 @@ class Program:
         Write the depth of each fragment.
     splat : bool
         Draw a box of the view's mean, filtered by the pixel: for what is a few pixels large.
+    sides : int
+        0; of a card that stands upright and shows a turntable's picture: 1 for the first of them,
+        2 for that which is nearest to the eye.
     turns : int
         Draws of each mesh at least, where several meshes take turns from far to near.
     least, largest : float
@@ -62,17 +66,20 @@ class Program:
     corners: int = 4
     depth: bool = False
     splat: bool = False
+    sides: int = 0
     turns: int = 4
     least: float = 0.0
     largest: float = float('inf')
 
-    def defines(self, phased=False) -> str:
+    def defines(self, phased=False, turned=False) -> str:
         """Return the preprocessor lines of the program.
 
         Parameters
         ----------
         phased : bool
             Whether each instance shows a phase of a movement.
+        turned : bool
+            Whether the atlas has a turntable, for eyes that are level with it.
         """
         values = {
             'VIEWS_BLENDED': self.views,
@@ -81,10 +88,12 @@ class Program:
             'WRITE_DEPTH': int(self.depth),
             'SPLAT': int(self.splat),
             'PHASES': int(phased),
+            'TURNED': int(turned),
+            'SIDES': self.sides,
         }
         return DITHER + ''.join(f'#define {k} {v}\n' for k, v in values.items())
 
-    def feature(self, shiny=True, phased=False) -> Feature:
+    def feature(self, shiny=True, phased=False, turned=False) -> Feature:
         """Return the shader text of the program by VTK's tags.
 
         Parameters
@@ -93,9 +102,11 @@ class Program:
             Whether the material has highlights; without, their power is not computed.
         phased : bool
             Whether each instance shows a phase of a movement.
+        turned : bool
+            Whether the atlas has a turntable.
         """
         part = sections(shader_source(__file__))
-        defines = self.defines(phased)
+        defines = self.defines(phased, turned)
         vertex = {
             'VTK::PositionVC::Dec': defines + part['vertex.declare'],
             'VTK::PositionVC::Impl': part['vertex.position'],
@@ -117,6 +128,26 @@ FLAT = Program('flat', views=1, steps=0)
 MIDDLE = Program('middle', views=1, steps=2)
 NEAR = Program('near', views=3, steps=2, depth=True)
 PROGRAMS = (DOT, FLAT, MIDDLE, NEAR)
+BILLBOARD = Program('billboard', views=1, steps=0, sides=1)
+TURNTABLE = Program('turntable', views=1, steps=0, sides=2)
+#: In the order of their cost, those of a turntable included.
+ALL_PROGRAMS = (DOT, BILLBOARD, TURNTABLE, FLAT, MIDDLE, NEAR)
+_NEVER = (1e30, 1e30, 0.0, 0.0)
+
+
+def ends(low, high, fade) -> tuple:
+    """Return on-screen diameters at which a program's instances appear, are whole, fade, are gone.
+
+    Parameters
+    ----------
+    low, high : float
+        Between which it is good and nothing cheaper is, px.
+    fade : float
+        Factor by which the size grows while a level takes over.
+    """
+    if high <= low:
+        return _NEVER
+    return low, low * fade if low > 0 else 0.0, high, high * fade
 
 
 def card_mesh(count, corners, bounds):
@@ -220,7 +251,7 @@ def slabs(depths, turns, unit) -> list[np.ndarray]:
     return [np.searchsorted(rank[a:b] // size, edges) for a, b in pairwise(starts)]
 
 
-def slab_counts(instances, meshes) -> dict[str, int]:
+def slab_counts(instances, meshes, turned=False) -> dict[str, int]:
     """Return how many draws of each program a mesh may need.
 
     Parameters
@@ -229,15 +260,18 @@ def slab_counts(instances, meshes) -> dict[str, int]:
         Of all meshes.
     meshes : int
         How many meshes there are.
+    turned : bool
+        Whether one of them has a turntable.
 
     Returns
     -------
     dict of str to int
-        By the name of the program.
+        By the name of the program, of all that are in use.
     """
     # A block may be partly empty, and each mesh has one such block.
     full = -(-(instances + meshes * BLOCK) // _CHUNK)
-    return {p.name: full + (p.turns if meshes > 1 else 0) for p in PROGRAMS}
+    used = ALL_PROGRAMS if turned else PROGRAMS
+    return {p.name: full + (p.turns if meshes > 1 else 0) for p in used}
 
 
 class Binder:
@@ -311,20 +345,35 @@ class Cards:
             'ibr_has_looks': 0,
             'ibr_multiply': 0,
         }
+        self.turned: dict[str, Texture] = {}
+        turntable = atlas.turntable
+        if turntable is not None:
+            sides = turntable.turns.sides()
+            self.uniforms |= {
+                'ibr_turn_level': LEVEL,
+                'ibr_turn_axis': tuple(map(float, sides[2])),
+                'ibr_turn_start': tuple(map(float, sides[0])),
+            }
         self.unit = unit
-        draws = draws or slab_counts(count, 1)
-        self.layers = {p.name: _Layer(self, p, prop, draws[p.name], bounds) for p in PROGRAMS}
+        draws = draws or slab_counts(count, 1, turntable is not None)
+        used = [p for p in ALL_PROGRAMS if p.name in draws]
+        self.layers = {p.name: _Layer(self, p, prop, draws[p.name], bounds) for p in used}
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
         blocks = sum(layer.blocks.nbytes for layer in self.layers.values() if layer.blocks)
-        return sum(t.nbytes for t in self.textures.values()) + blocks
+        pictures = [*self.textures.values(), *self.turned.values()]
+        return sum(t.nbytes for t in pictures) + blocks
 
     @property
     def failure(self) -> str | None:
         """What went wrong with the shaders, or None."""
         return next((layer.failure for layer in self.layers.values() if layer.failure), None)
+
+    def programs(self) -> list:
+        """Return the programs that are in use, in the order in which they are drawn."""
+        return [layer.program for layer in self.layers.values()]
 
     def actors(self) -> list:
         """Return all actors, those of the far cards first: the order to draw them in."""
@@ -344,6 +393,10 @@ class Cards:
         names = ('ibr_geometry', 'ibr_albedo')
         for name, picture in zip(names, self.atlas.textures(), strict=True):
             self.textures[name] = Texture(window, filter='linear').upload(picture)
+        if (turns := self.atlas.turntable) is not None:
+            for name, picture in zip(names, (turns.geometry, turns.albedo), strict=True):
+                texture = Texture(window, filter='linear')
+                self.turned[name] = texture.upload(pyramid(picture, turns.tile))
         self.textures['ibr_poses'] = Texture(window).upload(pack(rows, _POSE_WIDTH, 4))
         self.textures['ibr_looks'] = Texture(window).upload(np.zeros((1, 1, 4), np.uint8))
         self.uniforms['ibr_texels'] = 1 if rows.ndim == 2 else 3
@@ -393,7 +446,7 @@ class Cards:
             'ibr_cut': 0.5 if frame.picking or frame.casting else 1 / 255,
         }
 
-    def show(self, name, blocks, sizes, cuts, *, unit=None, dithered=False):
+    def show(self, name, blocks, sizes, cuts, *, level=None, unit=None, dithered=False):
         """Draw some blocks by a program, in the order given.
 
         Parameters
@@ -407,6 +460,9 @@ class Cards:
             are gone.
         cuts : numpy.ndarray of int
             Where each draw begins and ends, see :func:`slabs`.
+        level : tuple of 4 float, optional
+            The same as `sizes` for instances that the eye is level with, where the atlas has a
+            turntable.
         unit : int, optional
             1 where an entry of `blocks` is a single instance.
         dithered : bool
@@ -414,7 +470,7 @@ class Cards:
             where cards blend with each other.
         """
         layer = self.layers[name]
-        layer.dithered, layer.unit = dithered, unit or self.unit
+        layer.dithered, layer.unit, layer.level = dithered, unit or self.unit, level or sizes
         layer.show(blocks, sizes, cuts)
 
     def hide(self):
@@ -427,9 +483,9 @@ class Cards:
         self.binder.unbind()
         for layer in self.layers.values():
             layer.release(self.window)
-        for texture in self.textures.values():
+        for texture in (*self.textures.values(), *self.turned.values()):
             texture.release()
-        self.textures, self.window = {}, None
+        self.textures, self.turned, self.window = {}, {}, None
 
 
 class _Layer:
@@ -438,9 +494,10 @@ class _Layer:
     def __init__(self, cards, program, prop, draws, bounds):
         self.cards, self.program = cards, program
         shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
-        self.feature = program.feature(shiny, cards.atlas.phased)
+        turned = cards.atlas.turntable is not None
+        self.feature = program.feature(shiny, cards.atlas.phased, turned)
         self.blocks: Texture | None = None
-        self.sizes = (0.0, 0.0, 1.0, 1.0)
+        self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
         self.dithered, self.unit = False, cards.unit
         self.failure: str | None = None
         self.checked = False
@@ -500,9 +557,18 @@ class _Layer:
         if self.program.corners == 1:
             cards.window.GetState().SetEnumState(_PROGRAM_POINT_SIZE, True)
         textures = {**cards.textures, 'ibr_blocks': self.blocks}
+        if self.program.sides:
+            textures |= cards.turned
         set_uniforms(program, cards.binder.bind(self, textures))
         set_uniforms(program, cards.uniforms)
+        if self.program.sides:
+            turns = cards.atlas.turntable
+            program.SetUniformi('ibr_views', turns.turns.columns)
+            program.SetUniformi('ibr_tile', turns.tile)
+            views = 1 if self.program.sides == 1 else turns.turns.views
+            program.SetUniformi('ibr_turn_views', views)
         program.SetUniform4f('ibr_range', self.sizes)
+        program.SetUniform4f('ibr_turn_range', self.level)
         program.SetUniformf('ibr_dithered', float(self.dithered))
         program.SetUniformi('ibr_unit', self.unit)
         if not self.checked:

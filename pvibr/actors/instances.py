@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from pvibr.actors import looks as look
 from pvibr.actors.anchor import Anchored, anchor, set_bounds
-from pvibr.actors.cards import Binder, slab_counts, slabs
+from pvibr.actors.cards import PROGRAMS, Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import SORTED, Kind, unit_of
 from pvibr.actors.levels import limits_of, make_model
@@ -80,6 +81,7 @@ class Instances(Painted, Anchored):
     >>> pl.close()
     """
 
+    web = 'baked', 'meshes, far ones billboard clouds'
     _title = 'Instances'
 
     max_error = Param(
@@ -334,12 +336,13 @@ class Instances(Painted, Anchored):
             self._uploaded = True
         self._keep_last(frame.renderer)
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
-        stamp = (*camera, frame.size, self._revision, frame.picking, frame.casting)
+        how = frame.picking, frame.casting, frame.quality
+        stamp = (*camera, frame.size, self._revision, *how)
         self._check_cards()
         if stamp == self._stamp:
             return
         self._stamp = stamp
-        limits = [self._limits(kind) for kind in self._kinds]
+        limits = [_coarser(self._limits(kind), frame.quality) for kind in self._kinds]
         chosen = [k.select(frame, limit) for k, limit in zip(self._kinds, limits, strict=True)]
         for program in self._kinds[0].cards.programs():
             self._show_cards(frame, program, [c[program.name] for c in chosen])
@@ -448,6 +451,24 @@ def _from_file(poses, scalars):
         msg = f'scalars is {scalars!r}, a column of text; name one of numbers'
         raise ValueError(msg)
     return poses, values
+
+
+def _coarser(limits, quality):
+    """Return limits by which what is drawn is good for 1 / quality of its size, and so far off."""
+    cards, level = _grown(limits.cards, quality), _grown(limits.level, quality)
+    meshes = tuple(limit / quality for limit in limits.meshes)
+    return replace(limits, cards=cards, mesh=limits.mesh / quality, meshes=meshes, level=level)
+
+
+def _grown(spans, quality):
+    """Return spans of sizes that end at larger ones, each from where the one before it ends."""
+    grown, reached = [], 0.0
+    for name, _, high in spans:
+        # A box of one colour stands for what is a few pixels large, and for nothing else.
+        high = high if name == DOT.name else high / quality
+        grown.append((name, reached, high))
+        reached = high
+    return tuple(grown)
 
 
 def _scene(mesh, poses, index):

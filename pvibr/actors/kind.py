@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pvibr import _vtk
-from pvibr.actors.cards import BLOCK, Cards
+from pvibr.actors.cards import BLOCK, Cards, ends
 from pvibr.actors.meshes import MeshPool
 from pvibr.actors.parts import copy_property
+from pvibr.actors.turntable import LEVEL
 from pvibr.maths.blocks import Blocks, morton_order
 
 # A level takes over from its coarser neighbour while the size grows by this factor. Both are
 # drawn meanwhile; 1.1 pops no less on a walk, and a million instances take a tenth longer.
 _FADE = 1.05
 SORTED = 16_384  # instances up to which each is sorted and culled by itself
+_UNSURE = 1e-4  # what the sine of an angle may be off on the GPU
 _KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
 
 
@@ -29,8 +31,9 @@ class Choice:
         Origin in view coordinates and index of each block, or instance, the farthest first.
     depths : numpy.ndarray, shape (n,)
         Ascending from the farthest.
-    sizes : tuple of 4 float
-        On-screen diameters in pixels at which instances appear, are whole, fade, are gone.
+    sizes, level : tuple of 4 float
+        On-screen diameters in pixels at which instances appear, are whole, fade, are gone; and
+        the same for those that the eye is level with, where a turntable may show them.
     dithered : bool
         Whether the next finer level is the mesh.
     """
@@ -38,7 +41,18 @@ class Choice:
     table: np.ndarray
     depths: np.ndarray
     sizes: tuple
+    level: tuple
     dithered: bool
+
+    @property
+    def least(self) -> float:
+        """The diameter from which any is drawn."""
+        return min(self.sizes[0], self.level[0])
+
+    @property
+    def most(self) -> float:
+        """The diameter up to which any is drawn."""
+        return max(self.sizes[3], self.level[3])
 
 
 def stretches(axes):
@@ -235,16 +249,35 @@ class Kind:
         table = np.empty((len(index), 4), np.float32)
         table[:, :3], table[:, 3] = origins, index
         depths = origins[:, 2] if frame.parallel else -_lengths(origins.T)
+        rises = self._rises(frame, index, origins)
         chosen = {}
-        for name, low, high in limits.cards:
-            fits = (large >= low) & (small < high * _FADE) & (high > low)
-            used = np.flatnonzero(fits)
-            sizes = (low, low * _FADE if low > 0 else 0.0, high, high * _FADE)
-            dithered = high == limits.mesh
-            chosen[name] = Choice(table[used], depths[used], sizes, dithered)
+        for name in self.cards.layers:
+            spans = [_span(cards, name) for cards in (limits.cards, limits.level or limits.cards)]
+            fits = [(large >= a) & (small < b * _FADE) & (b > a) for a, b in spans]
+            if rises is not None:  # the shader decides about those that are close to the bound
+                fits[0] &= rises > LEVEL - _UNSURE
+                fits[1] &= rises < LEVEL + _UNSURE
+            used = np.flatnonzero(fits[0] | fits[1])
+            sizes, level = (ends(low, high, _FADE) for low, high in spans)
+            dithered = limits.mesh in (high for low, high in spans if high > low)
+            chosen[name] = Choice(table[used], depths[used], sizes, level, dithered)
             self.counts[name] = min(len(used) * self.unit, len(self))
         self.large = index[large >= limits.mesh]
         return chosen
+
+    def _rises(self, frame, index, origins):
+        """Return by what sine eyes look down on or up to instances; None where none asks."""
+        turntable = self.atlas.turntable
+        if turntable is None or self.unit > 1:
+            return None
+        axes = np.broadcast_to(turntable.turns.axis, origins.shape)
+        poses = self.poses[self.ids[index]]
+        if poses.ndim == 3:
+            axes = np.einsum('nij,nj->ni', poses[:, :3, :3], axes)
+        axes = axes @ frame.view_from_world[:3, :3].T
+        along = axes[:, 2] if frame.parallel else (axes * origins).sum(1)
+        away = 1.0 if frame.parallel else _lengths(origins.T)
+        return np.abs(along) / np.maximum(_lengths(axes.T) * away, 1e-30)
 
     def refine(self, frame, choice):
         """Sort the single instances of a choice of blocks, those out of its sizes left out.
@@ -272,10 +305,10 @@ class Kind:
         size = 2 * frame.pixel_scale * self.radii[slots] / (1.0 if frame.parallel else away)
         depths = eye[2] if frame.parallel else -away
         # A little more than the shader's own bounds, which decide.
-        used = (size > 0.99 * choice.sizes[0]) & (size < 1.01 * choice.sizes[3])
+        used = (size > 0.99 * choice.least) & (size < 1.01 * choice.most)
         order = np.flatnonzero(used)[np.argsort(depths[used], kind='stable')]
         table[:, 3] = slots
-        return Choice(table[order], depths[order], choice.sizes, choice.dithered)
+        return replace(choice, table=table[order], depths=depths[order])
 
     def select_meshes(self, frame, limits):
         """Show the mesh at the instances that are too near for cards; return actors that are new.
@@ -367,6 +400,11 @@ class Kind:
             for level in self.levels:
                 for part in level.parts:
                     part.actor.ReleaseGraphicsResources(window)
+
+
+def _span(cards, name):
+    """Return the sizes between which a program is drawn; of one that is not there none."""
+    return next((span for other, *span in cards if other == name), (0.0, 0.0))
 
 
 def _lengths(columns):

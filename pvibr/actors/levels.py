@@ -14,14 +14,15 @@ from pvibr import _vtk
 from pvibr.actors.atlas import Atlas
 from pvibr.actors.bake import bake_parts
 from pvibr.actors.cache import AtlasCache, key_of
-from pvibr.actors.cards import PROGRAMS
+from pvibr.actors.cards import ALL_PROGRAMS, PROGRAMS
 from pvibr.actors.decimate import lighter
 from pvibr.actors.measure import measure
 from pvibr.actors.meshes import MeshLevel
 from pvibr.errors import PvibrWarning
 
-VERSION = 19  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 20  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARES = (0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
+_SIDES = {p.name for p in ALL_PROGRAMS if p.sides}
 _HEAVY = 2000  # triangles from which stand-ins pay
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
 _SLACK = 0.5  # px over max_error in the table, whose distances are whole pixels apart
@@ -42,11 +43,15 @@ class Limits:
         From here on meshes are drawn.
     meshes : tuple of float
         For each mesh level the largest diameter at which it is good enough; the first is inf.
+    level : tuple of (str, float, float)
+        As `cards`, with the programs of a turntable, for what the eye is level with; none where
+        there is no turntable.
     """
 
     cards: tuple
     mesh: float
     meshes: tuple
+    level: tuple = ()
 
 
 @dataclass
@@ -91,7 +96,9 @@ class Model:
             Pixels.
         """
         limits, a = self.limits(max_error), self.atlas
-        cards = [f'{name} to {high:.0f} px' for name, low, high in limits.cards if high > low]
+        sides = [(f'{n} from the side', *span) for n, *span in limits.level if n in _SIDES]
+        cards = [f'{name} to {high:.0f} px' for name, low, high in (*sides, *limits.cards)
+                 if high > low]  # fmt: skip
         meshes = [
             f'{level.triangles} triangles '
             + (f'to {limit:.0f} px' if limit < 1e5 else 'at any size')
@@ -138,12 +145,14 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     if not errors:
         never = tuple((p.name, 0.0, 0.0) for p in PROGRAMS)
         return Limits(never, 0.0, (float('inf'), *[0.0] * (mesh_levels - 1)))
-    reached, cards = 0.0, []
-    for program in PROGRAMS:
-        good = min(_good_up_to(errors, program.name, max_error, _BETTER), program.largest)
-        good = max(good, program.least, reached)
-        cards.append((program.name, reached, good))
-        reached = good
+    cards = _spans(errors, PROGRAMS, max_error)
+    reached = cards[-1][2]
+    level: tuple = ()
+    if set(errors) >= _SIDES:
+        level = tuple(
+            (name, *np.minimum(span, reached).tolist())
+            for name, *span in _spans(errors, ALL_PROGRAMS, max_error)
+        )
     meshes = [float('inf')]
     for i in range(1, mesh_levels):
         good = _good_up_to(errors, f'mesh{i}', max_error, _MESH_BETTER)
@@ -151,7 +160,18 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
             # Beyond the table the displacement grows with the size.
             good = max(good, 2 * max_error / max(float(errors[f'mesh{i}.radii']), 1e-9))
         meshes.append(min(good, meshes[-1]))
-    return Limits(tuple(cards), reached, tuple(meshes))
+    return Limits(cards, reached, tuple(meshes), level)
+
+
+def _spans(errors, programs, max_error):
+    """Return for each program, in the order of cost, the sizes at which it is drawn."""
+    reached, spans = 0.0, []
+    for program in programs:
+        good = min(_good_up_to(errors, program.name, max_error, _BETTER), program.largest)
+        good = max(good, program.least, reached)
+        spans.append((program.name, reached, good))
+        reached = good
+    return tuple(spans)
 
 
 def _good_up_to(errors, name, max_error, better):
@@ -218,16 +238,23 @@ def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=1
 
 def _baked(levels, progress, **grid):
     start = time.perf_counter()
+    turns = _turns(levels[0].parts)
     light = _bake_level(levels)
     for level in (light, 0):
+        shown = _bake_parts(levels[: level + 1])
         with progress_bar(progress) as advance:
-            atlas = bake_parts(_bake_parts(levels[: level + 1]), progress=advance, **grid)
+            atlas = bake_parts(shown, turns=turns, progress=advance, **grid)
         model = Model(levels, atlas)
         atlas.errors = measure(model)
         if level == 0 or (atlas.errors['near'][:2, 1] < _BETTER).all():
             break  # else what the pictures show is not the mesh: once more, from the mesh itself
     atlas.seconds = time.perf_counter() - start
     return model
+
+
+def _turns(parts):
+    """Return which pictures from around an axis are asked for, or None."""
+    return next((p.turns for p in parts if p.turns is not None), None)
 
 
 def _levels(parts):
@@ -281,7 +308,7 @@ def content_key(parts, views, tile, half) -> str:
     str
         A key of the cache.
     """
-    values = [VERSION, views, tile, half, SHARES]
+    values = [VERSION, views, tile, half, SHARES, _turns(parts)]
     stand_ins = [q for p in parts for rung in p.stand_ins for q in rung]
     for part in [*parts, *stand_ins]:
         values += [part.alpha_cutoff, *_mesh_values(part.mesh), *look_values(part.actor)]

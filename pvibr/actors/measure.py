@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr import _vtk
-from pvibr.actors.cards import PROGRAMS, Binder
+from pvibr.actors.cards import ALL_PROGRAMS, PROGRAMS, Binder
 from pvibr.actors.kind import Kind
 from pvibr.actors.meshes import MeshPool
+from pvibr.actors.turntable import LEVEL
 from pvibr.errors import ShaderError
 from pvibr.frame import Frame
 from pvibr.gl.offscreen import hidden_window, read_rgba
@@ -49,6 +50,33 @@ def directions(count, half=False):
     """
     k = np.arange(count) + 0.5
     z = 1 - (1.0 if half else 2.0) * k / count
+    return _around(z)
+
+
+def level_directions(count, turns, half=False):
+    """Return directions that are level with a turntable, spread as evenly.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    turns : Turns
+        With the axis.
+    half : bool
+        Only above level.
+
+    Returns
+    -------
+    numpy.ndarray, shape (count, 3)
+        Unit vectors.
+    """
+    k = np.arange(count) + 0.5
+    z = LEVEL * (1 - (1.0 if half else 2.0) * k / count)
+    return _around(z) @ turns.sides()
+
+
+def _around(z):
+    k = np.arange(len(z)) + 0.5
     angle = np.pi * (1 + 5**0.5) * k + 0.7
     r = np.sqrt(1 - z * z)
     return np.stack([r * np.cos(angle), r * np.sin(angle), z], 1)
@@ -69,35 +97,49 @@ def measure(model) -> dict[str, np.ndarray]:
         ``mesh<i>``: an array (k, 2) of the outline's displacement in pixels and of the mean FLIP
         over that of the mesh drawn once per pixel. The displacement is the 99th percentile of
         all views, or a third of the worst view's, where this is more. For meshes
-        ``mesh<i>.radii``: the displacement in radii, measured finely.
+        ``mesh<i>.radii``: the displacement in radii, measured finely. Programs of a turntable are
+        measured in views that are level with it.
 
     Raises
     ------
     ShaderError
         Where the driver does not draw cards.
     """
-    sheet = _Sheet(model)
+    atlas = model.atlas
+    views = directions(_COLUMNS * _ROWS, atlas.half)
+    table = {'sizes': np.array(SIZES, float)} | _measured(model, views, PROGRAMS, meshes=True)
+    if atlas.turntable is not None:
+        views = level_directions(_COLUMNS * _ROWS, atlas.turntable.turns, atlas.half)
+        sides = [p for p in ALL_PROGRAMS if p.sides]
+        table |= _measured(model, views, sides, meshes=False)
+    return table
+
+
+def _measured(model, views, programs, *, meshes):
+    """Return the rows of programs, and of lighter meshes, in some views."""
+    sheet = _Sheet(model, views)
     try:
         reference = sheet.draw_mesh(0)
         # Lighter meshes err much the same from everywhere.
-        meshes = [sheet.draw_mesh(i, _COLUMNS) for i in range(1, len(model.levels))]
+        lighter = range(1, len(model.levels) if meshes else 1)
+        pictures = [sheet.draw_mesh(i, _COLUMNS) for i in lighter]
         rows: dict[str, list] = {}
         truth, last = _filtered(reference), SIZES[-1]
         for size in reversed(SIZES):
             truth, last = box_reduce(truth, last // size), size
             once = _once(reference, size)
             base = _flip(once, truth, size)
-            for i, picture in enumerate(meshes, 1):
+            for i, picture in enumerate(pictures, 1):
                 if size >= min(_MESH_SIZE, SIZES[-1]):
                     row = _row(_first(_once(picture, size), size), _first(truth, size), base, size)
                     rows.setdefault(f'mesh{i}', []).insert(0, row)
-            for program in PROGRAMS:
+            for program in programs:
                 row = _FAR_OFF
                 if size <= _COARSE.get(program.name, size):
                     row = _row(sheet.draw_cards(program.name, size), truth, base, size)
                 rows.setdefault(program.name, []).insert(0, row)
-        table = {'sizes': np.array(SIZES, float)}
-        for i, picture in enumerate(meshes, 1):
+        table: dict[str, np.ndarray] = {}
+        for i, picture in enumerate(pictures, 1):
             # At smaller sizes lighter meshes are no worse than at the first that was measured.
             same = [rows[f'mesh{i}'][0]] * (len(SIZES) - len(rows[f'mesh{i}']))
             rows[f'mesh{i}'] = same + rows[f'mesh{i}']
@@ -165,7 +207,7 @@ def _on_white(picture):
 class _Sheet:
     """Views of a model side by side in a small window of its own."""
 
-    def __init__(self, model):
+    def __init__(self, model, views=None):
         self.model = model
         self.context = hidden_window()
         self.window, self.renderer = self.context.__enter__()
@@ -173,7 +215,8 @@ class _Sheet:
         self.renderer.SetBackgroundAlpha(0.0)
         atlas = model.atlas
         self.spacing = 2 * atlas.radius * _CELL
-        poses = _poses(atlas, self.spacing)
+        views = directions(_COLUMNS * _ROWS, atlas.half) if views is None else views
+        poses = _poses(atlas, self.spacing, views)
         self.kind = Kind(model, np.arange(len(poses)), poses, Binder())
         self.kind.upload(self.window)
         for actor in self.kind.cards.actors():
@@ -242,12 +285,12 @@ class _Sheet:
         self.context.__exit__(None, None, None)
 
 
-def _poses(atlas, spacing):
+def _poses(atlas, spacing, views):
     """Return a pose per view: turned so that the view's direction is +z, moved to its cell."""
     from pvibr.maths.octahedral import frame
 
-    count = _COLUMNS * _ROWS
-    views = directions(count, atlas.half)[np.arange(count) * 7 % count]  # the first few all around
+    count = len(views)
+    views = views[np.arange(count) * 7 % count]  # the first few all around
     rng = np.random.default_rng(7)
     poses = np.tile(np.eye(4), (len(views), 1, 1))
     poses[:, :3, :3] = frame(views)

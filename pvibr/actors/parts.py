@@ -10,6 +10,7 @@ import pyvista as pv
 
 from pvibr import _vtk
 from pvibr.actors.foreign import as_dataset, is_trimesh, read_mesh, scene_instances
+from pvibr.actors.turntable import Turns
 from pvibr.maths.transforms import transform_normals, transform_points
 
 #: Names under which arrays given by value travel through the surface filters.
@@ -53,6 +54,9 @@ class Part:
         Fragments whose alpha (before the uniform opacity) is below are not drawn.
     stand_ins : tuple of tuple of Part
         What may be drawn in its place from ever farther away, where that is not derived from it.
+    turns : Turns, optional
+        Pictures from around an axis that may be drawn in place of the whole mesh; of its first
+        part.
 
     Examples
     --------
@@ -67,6 +71,7 @@ class Part:
     mesh: pv.PolyData
     alpha_cutoff: float | None = None
     stand_ins: tuple = ()
+    turns: Turns | None = None
 
     def polydata_mapper(self):
         """Return a new ``vtkPolyDataMapper`` with the look of the actor's own mapper.
@@ -118,7 +123,8 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
     mesh : pyvista.DataSet, pyvista.MultiBlock, vtkActor, trimesh.Trimesh, trimesh.Scene, path
         Anything that users plot: a dataset (its surface is taken), several blocks (each a part,
         with one colour range), an actor (its look and matrix are copied), a trimesh mesh or
-        scene with its materials, or a file. A part or list of parts is handed back.
+        scene with its materials, or a file. A part or list of parts is handed back, and that
+        of a :class:`pvibr.PlantLevels`.
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the looks; PyVista's global theme.
     alpha_cutoff : float, optional
@@ -156,7 +162,8 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
         raise ValueError(msg)
     if isinstance(mesh, Part):
         return [mesh]
-    if _are_parts(mesh):
+    mesh = mesh if isinstance(mesh, list | tuple) else getattr(mesh, 'parts', mesh)
+    if are_parts(mesh):
         return list(mesh)
     for name in EXTRAS:
         if add_mesh_kwargs.pop(name, None):
@@ -199,7 +206,7 @@ def as_meshes(meshes, **kwargs):
     >>> len(as_meshes([pv.Cube(), pv.Sphere()])), len(as_meshes(pv.Cube()))
     (2, 1)
     """
-    if not isinstance(meshes, list | tuple) or _are_parts(meshes):
+    if not isinstance(meshes, list | tuple) or are_parts(meshes):
         return [as_parts(meshes, **kwargs)]
     if not meshes:
         msg = 'meshes is empty; give at least one mesh.'
@@ -215,7 +222,14 @@ def _numbered(place, mesh, kwargs):
         raise ValueError(msg) from error
 
 
-def _are_parts(mesh):
+def are_parts(mesh) -> bool:
+    """Return whether something is a list of parts: one mesh.
+
+    Parameters
+    ----------
+    mesh : object
+        Anything.
+    """
     is_list = isinstance(mesh, list | tuple)
     return is_list and bool(mesh) and all(isinstance(part, Part) for part in mesh)
 

@@ -22,8 +22,10 @@ from pvibr.actors.levels import VERSION, Model, look_values
 from pvibr.actors.measure import measure
 from pvibr.actors.meshes import MeshLevel
 from pvibr.actors.parts import Part, dressed
+from pvibr.animation.normals import point_normals
 from pvibr.errors import PvibrWarning
 from pvibr.gl.offscreen import hidden_window
+from pvibr.maths import octahedral
 from pvibr.maths.transforms import transform_normals, transform_points
 
 #: Views along a side of the grid of each phase, and sides of its tiles: the first one that fits.
@@ -243,7 +245,7 @@ class Sitter:
             matrix = np.eye(4) if body.node < 0 else world[body.node]
             mesh = body.part.mesh
             points = transform_points(matrix, mesh.points)
-            normals = transform_normals(matrix, mesh.point_data.active_normals)
+            normals = transform_normals(matrix, point_normals(mesh))
         return points - self.center, normals
 
     def parts(self, pose) -> list[Part]:
@@ -261,7 +263,7 @@ class Sitter:
 
 def _own(part) -> Part:
     """Return a part with a mesh of its own."""
-    mesh = part.mesh.copy(deep=False)
+    mesh = part.mesh.copy()  # deep: a shallow one has the same points, which would be moved
     mapper = part.polydata_mapper()
     mapper.SetInputDataObject(mesh)
     return Part(dressed(part, mapper), mesh, part.alpha_cutoff)
@@ -436,13 +438,13 @@ def _baked(sitter, motions, counts, poses, grid, advance):
     start = time.perf_counter()
     box, radius, tile = grid
     parts = sitter.parts(poses[0])
-    pictures = []
+    pictures, frames = [], octahedral.frame(octahedral.view_directions(VIEWS))
     with hidden_window() as (window, _):
         baker = Baker(window, parts, np.zeros(3), radius, (VIEWS, tile, 2))
         try:
             for i, pose in enumerate(poses):
                 put(parts, sitter.shapes(pose))
-                pictures.append(baker.pictures(False))
+                pictures.append(baker.pictures(frames))
                 if advance is not None:
                     advance((i + 1) / len(poses))
         finally:

@@ -13,6 +13,7 @@ from pvibr.actors.decimate import lighter
 from pvibr.actors.meshes import lendable
 from pvibr.actors.parts import Part, as_parts, dressed
 from pvibr.actors.scatter import Groups, clusters, components, dilated, quads
+from pvibr.actors.turntable import Turns
 from pvibr.maths.facing import CLOSE, as_units
 from pvibr.maths.image_error import box_reduce, flip, psnr, silhouette_iou
 
@@ -50,7 +51,8 @@ class PlantLevels:
     Parameters
     ----------
     parts : list of Part
-        For :meth:`plotter.ibr.add_instances`: the mesh, with the quads as its lighter levels.
+        The mesh, with the quads as its lighter levels and what a turntable is to show:
+        :meth:`plotter.ibr.add_instances` takes these, or the levels themselves.
     counts : sequence of 2 int
         Quads of these.
     turntable : dict
@@ -183,7 +185,8 @@ def plant_levels(
     Returns
     -------
     PlantLevels
-        Its ``parts`` for instances, its ``turntable`` and ``billboard`` for billboards.
+        For instances, which draw each level up to the size at which it keeps their error. Its
+        ``turntable`` and ``billboard`` are for billboards.
 
     Raises
     ------
@@ -220,7 +223,9 @@ def plant_levels(
             rungs.append((*rung, *([lighter(kept, share) or kept] if kept is not None else [])))
         counts += [sum(len(g.axes) for g in chosen) for chosen in sets]
         joined.append(replace(part, stand_ins=tuple(rungs)))
-    turntable = _turntable(parts, as_units('axis', axis), views, view_size)
+    axis = as_units('axis', axis)
+    joined[0] = replace(joined[0], turns=Turns(tuple(axis.tolist()), int(views)))
+    turntable = _turntable(parts, axis, views, view_size)
     return PlantLevels(joined, counts.tolist(), turntable)
 
 

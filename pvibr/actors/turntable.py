@@ -1,0 +1,130 @@
+"""Turntables: pictures of an object from around an axis, for eyes that are level with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pvibr.maths.facing import CLOSE
+
+#: Sine of the angle, up or down from level, within which pictures from the side are shown.
+LEVEL = 0.34
+
+
+class Turns(NamedTuple):
+    """Which pictures a turntable has.
+
+    Attributes
+    ----------
+    axis : tuple of 3 float
+        Unit vector, model coordinates.
+    views : int
+        Evenly around it; of one the object looks the same from all sides.
+    """
+
+    axis: tuple[float, float, float]
+    views: int
+
+    @property
+    def columns(self) -> int:
+        """Pictures along a side of the square that they lie in."""
+        return int(np.ceil(np.sqrt(self.views)))
+
+    def sides(self) -> np.ndarray:
+        """Return the axes in which azimuths are told, shape (3, 3).
+
+        Returns
+        -------
+        numpy.ndarray
+            Rows: where azimuth is 0 (x, or y where the axis is close to x), a quarter further
+            counter-clockwise, the axis.
+        """
+        axis = np.array(self.axis)
+        side = np.array([1.0, 0, 0] if abs(axis[0]) < CLOSE else [0, 1.0, 0])
+        first = side - axis * (axis @ side)
+        first /= np.linalg.norm(first)
+        return np.stack([first, np.cross(axis, first), axis])
+
+    def frames(self) -> np.ndarray:
+        """Return right, up and toward the eye of each picture, shape (columns, columns, 3, 3).
+
+        Returns
+        -------
+        numpy.ndarray
+            Where they do not fill the square, the last ones are those from further around.
+
+        Examples
+        --------
+        >>> from pvibr.actors.turntable import Turns
+        >>> Turns((0.0, 0.0, 1.0), 4).frames()[0, 1].round(3).tolist()
+        [[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
+        """
+        first, second, axis = self.sides()
+        angle = 2 * np.pi * np.arange(self.columns**2)[:, None] / self.views
+        toward = np.cos(angle) * first + np.sin(angle) * second
+        up = np.broadcast_to(axis, toward.shape)
+        rows = np.stack([np.cross(up, toward), up, toward], 1)
+        return rows.reshape(self.columns, self.columns, 3, 3)
+
+
+@dataclass
+class Turntable:
+    """Pictures from around an axis.
+
+    Attributes
+    ----------
+    turns : Turns
+        Axis and number.
+    geometry, albedo : numpy.ndarray, shape (side, side, 4), uint8
+        See :class:`pvibr.actors.atlas.Atlas`.
+    """
+
+    turns: Turns
+    geometry: np.ndarray
+    albedo: np.ndarray
+
+    @property
+    def tile(self) -> int:
+        """Texels along a side of a picture."""
+        return len(self.geometry) // self.turns.columns
+
+    def to_arrays(self) -> dict:
+        """Return everything as named arrays, for a file."""
+        turns = np.array([*self.turns.axis, self.turns.views], float)
+        return {'turns': turns, 'turns.geometry': self.geometry, 'turns.albedo': self.albedo}
+
+    @classmethod
+    def from_arrays(cls, arrays) -> Turntable | None:
+        """Make one from named arrays, or None where there is none among them.
+
+        Parameters
+        ----------
+        arrays : mapping of str to numpy.ndarray
+            As :meth:`to_arrays` gives, among others.
+
+        Returns
+        -------
+        Turntable or None
+            The turntable.
+
+        Raises
+        ------
+        ValueError
+            Where they do not fit together.
+        """
+        if 'turns' not in arrays:
+            return None
+        numbers = np.asarray(arrays['turns'], float)
+        pictures = [np.asarray(arrays.get(f'turns.{k}')) for k in ('geometry', 'albedo')]
+        if numbers.shape != (4,) or not (np.isfinite(numbers).all() and numbers[3] >= 1):
+            msg = f'not a turntable: {numbers.tolist()}'
+            raise ValueError(msg)
+        turns = Turns(tuple(numbers[:3].tolist()), int(numbers[3]))
+        side = len(pictures[0]) if pictures[0].ndim else 0
+        good = side and side % turns.columns == 0
+        if not good or any(p.shape != (side, side, 4) or p.dtype != np.uint8 for p in pictures):
+            msg = f'not a turntable of {turns.views} views: pictures must be square, uint8'
+            raise ValueError(msg)
+        return cls(turns, *pictures)
