@@ -10,7 +10,7 @@ import numpy as np
 
 from pvibr.actors import looks as look
 from pvibr.actors.anchor import Anchored, anchor, set_bounds
-from pvibr.actors.cards import PROGRAMS, Binder, slab_counts, slabs
+from pvibr.actors.cards import DOT, Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
 from pvibr.actors.kind import SORTED, Kind, unit_of
 from pvibr.actors.levels import limits_of, make_model
