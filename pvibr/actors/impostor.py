@@ -10,12 +10,13 @@ import numpy as np
 from pvibr.actors.impostor_cards import ImpostorCards
 from pvibr.actors.impostor_costs import Costs
 from pvibr.actors.impostor_images import FINEST, Eyes, Images
+from pvibr.actors.impostor_leaves import Leaves
+from pvibr.actors.impostor_nodes import Nodes
 from pvibr.actors.impostor_sources import Materials, Source
-from pvibr.actors.impostor_tree import Tree
 from pvibr.casters import address
 from pvibr.effect import Effect
-from pvibr.maths.impostors import Card, box_corners, displacement, fit_cards
-from pvibr.maths.views import View, may_see
+from pvibr.maths.impostors import Card, displacement, fit_cards
+from pvibr.maths.views import View, may_see, may_see_boxes
 from pvibr.params import Param
 
 #: Distance of the eye in radii within which there is no image.
@@ -94,18 +95,18 @@ class Impostor(Effect):
             raise ValueError(msg)
         super().__init__(**settings)
         self._materials = Materials()
-        self._sources = [Source(actor, self._materials) for actor in found]
+        self._stand_for(found)
         self._cards = ImpostorCards()
         self._costs = Costs()
-        self._tree: Any = None
+        self._nodes: Any = None
         self._last = np.zeros(0, int)
         self._images: Any = None
         self._props_time = -1
         self._version = 0
-        self._hidden: list[int] = []
         self._frame: Any = None
         self._elsewhere: list | None = None
         self._told: dict = {}
+        self._why = self._leaves.why
         self._drawn_frames = self._frames = 0
         self._want = 0
         self.rendered = 0
@@ -115,7 +116,7 @@ class Impostor(Effect):
     @property
     def props(self) -> tuple:
         """The actors that it stands for; with the last of them it goes."""
-        return tuple(source.actor for source in self._sources)
+        return self._props
 
     def actors(self) -> list:
         """Return the actor of all cards, and those that it stands for."""
@@ -125,25 +126,25 @@ class Impostor(Effect):
         """Return what draws it in the frame that it was prepared for."""
         if self._elsewhere is not None:
             return self._elsewhere
-        hidden = set(self._hidden)
-        real = [s.actor for i, s in enumerate(self._sources) if i not in hidden and s.shown]
+        hidden = set(self._leaves.hidden.tolist())
+        sources = self._leaves.sources
+        real = [s.actor for i, s in enumerate(sources) if i not in hidden and s.shown]
         return [self._cards.actor, *real] if self._cards.actor.GetVisibility() else real
 
     def solids(self) -> list:
         """Return the actors whose meshes throw its shadows."""
-        hidden = set(self._hidden)
-        return [s.actor for i, s in enumerate(self._sources) if i in hidden or s.shown]
+        return self._leaves.shown()
 
     def stamp(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
-        if self._frame is None and not self._hidden:
+        if self._frame is None and not len(self._leaves.hidden):
             self._sync()
         return self._version, self._revision
 
     @property
     def bounds(self) -> tuple[float, ...]:
         """World bounds of all actors that are visible."""
-        found = [s.actor.GetBounds() for s in self._sources if s.shown or self._hidden]
+        found = [actor.GetBounds() for actor in self._leaves.shown()]
         boxes = np.array([b for b in found if b and b[0] <= b[1]]).reshape(-1, 6)
         if not len(boxes):
             return (1.0, -1.0) * 3
@@ -184,7 +185,7 @@ class Impostor(Effect):
 
     def detach(self):
         """Take the cards out of the scene."""
-        self._unhide()
+        self._leaves.show()
         self.pipeline.renderer.RemoveViewProp(self._cards.actor)
         super().detach()
 
@@ -195,7 +196,7 @@ class Impostor(Effect):
 
     def rest(self):
         """Show the actors themselves."""
-        self._unhide()
+        self._leaves.show()
         self._cards.hide()
         self._frame = None
 
@@ -213,7 +214,7 @@ class Impostor(Effect):
         self._elsewhere = None
         if frame is self._frame:
             return
-        self._unhide()
+        self._leaves.show()
         self._sync()
         try:
             self._prepare(frame)
@@ -225,12 +226,12 @@ class Impostor(Effect):
     def _prepare(self, frame):
         if self._cards.failure:
             raise RuntimeError(self._cards.failure)
-        if self._tree is None or (len(self._tree) > self._tree.leaves) != self._is_deep():
+        if self._nodes is None or self._nodes.has_levels != self._is_deep():
             self._build()
         self._fit()
         if self._images.views != self.views:
             self._images.release()
-            self._images = Images(len(self._tree), self.views)
+            self._images = Images(len(self._nodes), self.views)
         eyes = Eyes(frame)
         self._costs.move(frame)
         nodes, why = self._cut(eyes)
@@ -249,24 +250,25 @@ class Impostor(Effect):
         if _is_elsewhere(frame) or frame is not self._frame:
             return
         self._cards.hide()
-        self._unhide()
+        self._leaves.show()
         self._frame = None
 
     # -- what the actors are now -----------------------------------------------------------------
 
+    def _stand_for(self, actors):
+        self._props = tuple(actors)
+        self._leaves = Leaves([Source(actor, self._materials) for actor in actors])
+
     def _sync(self):
         self._forget_removed()
-        changed = [i for i, source in enumerate(self._sources) if source.changed()]
+        changed = self._leaves.update()
         if not changed:
             return
         self._version += 1
-        for i in changed:
-            self._sources[i].update()
-        if self._tree is not None:
+        self._fitted = False
+        if self._nodes is not None:
             self._costs.changed(changed)
-            if self._images is not None:
-                self._images.drop_objects(self._tree.above(changed))
-            self._boxes = None
+            self._images.drop_objects(self._nodes.tree.above(changed))
 
     def _forget_removed(self):
         time = self.pipeline.renderer.GetViewProps().GetMTime()
@@ -274,115 +276,82 @@ class Impostor(Effect):
             return
         self._props_time = time
         present = {address(p) for p in self.pipeline.renderer.GetViewProps()}
-        kept = [i for i, s in enumerate(self._sources) if address(s.actor) in present]
-        if len(kept) == len(self._sources):
+        kept = [actor for actor in self._props if address(actor) in present]
+        if len(kept) == len(self._props):
             return
-        for i in set(range(len(self._sources))) - set(kept):
-            self._sources[i].release(self.pipeline.window)
-        self._sources = [self._sources[i] for i in kept]
+        self._leaves.release(self.pipeline.window)
+        self._stand_for(kept)
         self._version += 1
         self._forget_tree()
 
     def _is_deep(self) -> bool:
-        return bool(self.hierarchical and len(self._sources) > 1)
+        return bool(self.hierarchical and len(self._leaves) > 1)
 
     def _forget_tree(self):
         if self._images is not None:
             self._images.release()
-        self._tree = self._images = None
+        self._nodes = self._images = None
         self._last = np.zeros(0, int)
 
     def _build(self):
         self._forget_tree()
-        centers = np.array([s.center for s in self._sources]).reshape(-1, 3)
-        self._tree = Tree(centers, self._is_deep())
-        self._images = Images(len(self._tree), self.views)
-        self._costs.count(len(self._sources))
-        self._boxes = None
+        self._nodes = Nodes(self._leaves, self._is_deep())
+        self._images = Images(len(self._nodes), self.views)
+        self._costs.count(len(self._leaves))
+        self._fitted = False
 
-    _boxes: Any = None
+    _fitted = False
 
     def _fit(self):
         """Fit the boxes of the tree to the actors, where these changed."""
-        if self._boxes is not None:
+        if self._fitted:
             return
-        sources = self._sources
-        self._fits = np.array([not s.why for s in sources])
-        self._wanted = np.array([s.shown for s in sources])
-        center = np.array([s.center for s in sources])
-        half = np.array([s.half for s in sources])
-        reach = np.abs(half).sum(1)
-        live = (self._fits & self._wanted)[:, None]
-        low = np.where(live, center - reach, np.inf)
-        high = np.where(live, center + reach, -np.inf)
-        tree, n = self._tree, len(sources)
-        low, high = tree.gather(low, np.minimum), tree.gather(high, np.maximum)
-        self._live = tree.gather(live[:, 0], np.logical_or)
-        ends = np.where(self._live[:, None, None], np.stack([low, high], 2), 0.0)
-        self._boxes = ends.reshape(-1, 6)
-        self._center, size = ends.mean(2), (ends[:, :, 1] - ends[:, :, 0]) / 2
-        self._half = size[:, :, None] * np.eye(3)
-        self._center[:n], self._half[:n] = center, half
-        self._radius = np.linalg.norm(size, axis=1)
-        self._radius[:n] = [s.radius for s in sources]
-        if self._live.any():
-            self._cards.fit(
-                n, self._boxes[self._live][-1] if len(tree) > n else _around(ends[self._live])
-            )
+        self._fitted = True
+        self._nodes.fit()
+        if self._nodes.live.any():
+            self._cards.fit(len(self._leaves), self._nodes.bounds)
 
     # -- what is drawn how -----------------------------------------------------------------------
 
     def _cut(self, eyes):
         """Return the nodes that may be images, and for each actor why it is none, where so."""
-        tree, n = self._tree, len(self._sources)
-        why = np.full(n, '', object)
-        for i, source in enumerate(self._sources):
-            if not self._wanted[i]:
-                why[i] = 'hidden'
-            elif source.why:
-                why[i] = source.why
-        here = self._live.copy()
-        here[self._live] = may_see(_view_of(eyes.frame), self._boxes[self._live])
-        why[self._live[:n] & ~here[:n]] = 'out of view'
-        away = eyes.away(self._center)
-        ahead = (away > NEAREST * self._radius) | eyes.parallel
-        scale = eyes.pixels(self._center, self._radius) / away
-        pixels = 2 * self._radius * scale
-        depth, area = self._faces(eyes)
-        seconds = tree.gather(self._costs.meshes(self._sources) * self._live[:n], np.add)
-        busy = tree.gather(self._costs.busy, np.maximum)
-        # Who stands still may go on: slowly, by the size of the scene.
-        speed = max(self._costs.speed, _SLOW * self._radius.max())
-        rate = 0.0 if eyes.parallel else speed * depth * scale / away / self.max_error
-        there = self._images.alive.reshape(len(tree), -1).any(1)
-        rate = rate + np.where(there, 0.0, 1 / _FARTHEST)  # an image that there is costs nothing
-        own = self._costs.images(seconds, rate, busy, area * scale**2)
-        own[self._last] *= _KEPT
+        nodes, n = self._nodes, len(self._leaves)
+        why = self._leaves.why.copy()
+        here = nodes.live & may_see_boxes(_view_of(eyes.frame), nodes.low, nodes.high)
+        why[nodes.live[:n] & ~here[:n]] = 'out of view'
+        away = eyes.away(nodes.center)
+        scale = eyes.pixels(nodes.center, nodes.radius) / away
+        pixels = 2 * nodes.radius * scale
+        ahead = (away > NEAREST * nodes.radius) | eyes.parallel
         usable = ahead & (pixels * 1.2 / self.max_error < min(LARGEST, self._side()))
+        seconds = self._costs.meshes(self._leaves, nodes)
+        own = self._own_costs(eyes, seconds, scale, away)
         cost = np.where(usable, own, np.inf)
         # A mesh is an actor's other choice, and the only one of those that are near.
         near = ~usable[:n]
         dear = (cost[:n] > seconds[:n]) & self.refuse
         cost[:n] = np.where(near | dear, seconds[:n], cost[:n])
-        nodes = tree.cheapest(cost, here)
-        leaves = nodes[nodes < n]
+        found = nodes.tree.cheapest(cost, here)
+        leaves = found[found < n]
         why[leaves[near[leaves]]] = 'near'
         why[leaves[dear[leaves] & ~near[leaves]]] = 'cheaper as a mesh'
-        self._last = nodes
-        keep = (nodes >= n) | ~(near | dear)[np.minimum(nodes, n - 1)]
-        return nodes[keep], why
+        self._last = found
+        keep = (found >= n) | ~(near | dear)[np.minimum(found, n - 1)]
+        return found[keep], why
 
-    def _faces(self, eyes):
-        """Return how deep boxes are from their middle, and the area that they show."""
-        toward = eyes.toward if eyes.parallel else eyes.eye - self._center
-        toward = toward / np.linalg.norm(toward, axis=-1, keepdims=True)
-        along = np.abs(
-            np.einsum('nij,nj->ni', self._half, np.broadcast_to(toward, self._center.shape))
-        )
-        x, y, z = np.moveaxis(np.linalg.norm(self._half, axis=2), 1, 0)
-        dx, dy, dz = (along / np.maximum(np.stack([x, y, z], 1), 1e-300)).T
-        depth = np.minimum(along.sum(1), self._radius)
-        return depth, 4 * (y * z * dx + z * x * dy + x * y * dz)
+    def _own_costs(self, eyes, seconds, scale, away):
+        """Return the seconds of a frame that the image of each node takes."""
+        nodes = self._nodes
+        depth, self._area = nodes.faces(eyes)
+        self._area *= scale**2
+        # Who stands still may go on: slowly, by the size of the scene.
+        speed = max(self._costs.speed, _SLOW * nodes.radius.max())
+        rate = 0.0 if eyes.parallel else speed * depth * scale / away / self.max_error
+        there = self._images.alive.reshape(len(nodes), -1).any(1)
+        rate = rate + np.where(there, 0.0, 1 / _FARTHEST)  # an image that there is costs nothing
+        own = self._costs.images(seconds, rate, self._costs.often(nodes.tree), self._area)
+        own[self._last] *= _KEPT
+        return own
 
     def _side(self):
         """Return the side of the largest pool that the memory allows."""
@@ -407,7 +376,7 @@ class Impostor(Effect):
         # Others' tiles may have been taken meanwhile.
         gone = (view < 0) | ~images.alive[view]
         for node in nodes[gone]:
-            why[self._tree.below(node)] = 'no room' if self._want else 'no time'
+            why[self._nodes.tree.below(node)] = 'no room' if self._want else 'no time'
         images.used[view[~gone]] = frame.index
         self._told['error_px'] = float(worst[~gone].max(initial=0.0))
         return np.stack([view[~gone], nodes[~gone]], 1)
@@ -426,7 +395,7 @@ class Impostor(Effect):
         drawn = 0
         with images.pool.target.drawing():
             for k, node in enumerate(nodes.tolist()):
-                below = [self._sources[i] for i in self._tree.below(node) if self._live[i]]
+                below = [self._leaves.sources[i] for i in self._nodes.below(node)]
                 if drawn and self._costs.expected(below) > left:
                     break
                 index = images.room(node, sizes[k].max(), frame.index)
@@ -446,7 +415,21 @@ class Impostor(Effect):
 
     def _cards_of(self, nodes, eyes):
         """Return cards for new images, as far ahead on the way as the error allows."""
-        boxes = self._center[nodes], box_corners(self._half[nodes]), self._radius[nodes]
+        first = nodes[nodes < len(self._leaves)]
+        cards = (
+            [self._cards_within(first, self._leaves.corners[first], eyes)] if len(first) else []
+        )
+        place = np.flatnonzero(nodes < len(self._leaves)).tolist()
+        for k in np.flatnonzero(nodes >= len(self._leaves)).tolist():
+            corners = self._nodes.corners(nodes[k])[None]
+            cards.append(self._cards_within(nodes[k : k + 1], corners, eyes))
+            place.append(k)
+        return Card(*(np.concatenate(field) for field in zip(*cards, strict=True))).rows(
+            np.argsort(place)
+        )
+
+    def _cards_within(self, nodes, corners, eyes):
+        boxes = self._nodes.center[nodes], corners, self._nodes.radius[nodes]
         card = fit_cards(*boxes, eyes.eye, eyes.up, eyes.toward)
         step = self._costs.step
         if eyes.parallel or not step.any():
@@ -472,32 +455,20 @@ class Impostor(Effect):
         if len(shown):
             rows = self._images.rows(frame, shown[:, 0])
             self._cards.show(frame, rows, self._images.pool)
-            self._costs.measure(frame, self._cards, self._images.drawer, self._areas(eyes, shown))
+            area = float(self._area[shown[:, 1]].sum())
+            self._costs.measure(frame, self._cards, self._images.drawer, area)
         else:
             self._cards.hide()
-        real = np.array([bool(w) and w != 'out of view' for w in why])
-        self._hidden = np.flatnonzero(~real & self._wanted).tolist()
-        for i in self._hidden:
-            self._sources[i].hide()
+        meshes = (why != '') & (why != 'out of view')
+        self._leaves.hide(np.flatnonzero(~meshes & self._leaves.wanted))
         self._told['shown'] = len(shown)
-        self._told['meshes'] = dict(Counter(w for w in why if w and w not in ('hidden',)))
-
-    def _areas(self, eyes, shown):
-        """Return the pixels that cards cover, about."""
-        scale = eyes.pixels(self._center, self._radius) / eyes.away(self._center)
-        return float((self._faces(eyes)[1] * scale**2)[shown[:, 1]].sum())
-
-    def _unhide(self):
-        for i in self._hidden:
-            self._sources[i].show()
-        self._hidden = []
+        self._why = why
 
     def _seen_from(self, frame):
         """Return the actors that may be seen in a frame of another camera, as they are."""
-        hidden = set(self._hidden)
         if self._frame is None:
             self._sync()
-        found = [s.actor for i, s in enumerate(self._sources) if i in hidden or s.shown]
+        found = self._leaves.shown()
         boxes = [a.GetBounds() for a in found]
         keep = [bool(b) and b[0] <= b[1] for b in boxes]
         found = [a for a, k in zip(found, keep, strict=True) if k]
@@ -510,12 +481,10 @@ class Impostor(Effect):
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
-        self._unhide()
         window = None if self.pipeline is None else self.pipeline.window
         self._cards.release(window)
         self._forget_tree()
-        for source in self._sources:
-            source.release(window)
+        self._leaves.release(window)
         self._frame = self._elsewhere = None
 
     def report(self) -> dict:
@@ -528,11 +497,8 @@ class Impostor(Effect):
             'rendered': self.rendered,
             'frames_with_rendering': self._drawn_frames / max(self._frames, 1),
             **self._told,
+            'meshes': dict(Counter(w for w in self._why if w and w != 'hidden')),
         }
-
-
-def _around(ends) -> np.ndarray:
-    return np.stack([ends[:, :, 0].min(0), ends[:, :, 1].max(0)], 1).ravel()
 
 
 def _view_of(frame) -> View:

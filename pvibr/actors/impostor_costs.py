@@ -40,6 +40,7 @@ class Costs:
         self._eye: Any = None
         self._ratio = [1.0]
         self._measured = False
+        self._sums: Any = None
 
     def count(self, actors):
         """Have so many actors.
@@ -49,7 +50,7 @@ class Costs:
         actors : int
             How many.
         """
-        self.busy = np.zeros(actors)
+        self.busy, self._sums = np.zeros(actors), None
 
     def changed(self, actors):
         """Take note of actors that changed since the last frame.
@@ -60,6 +61,7 @@ class Costs:
             Which.
         """
         self.busy[actors] = np.minimum(self.busy[actors] + 0.3, 1.0)
+        self._sums = None
 
     def move(self, frame):
         """Take note of where the eye is.
@@ -79,15 +81,30 @@ class Costs:
         self._eye = frame.eye
         self.busy *= 0.9
 
-    def meshes(self, sources) -> np.ndarray:
-        """Return the seconds of the mesh of each actor.
+    def meshes(self, leaves, nodes) -> np.ndarray:
+        """Return the seconds of the meshes below each node.
 
         Parameters
         ----------
-        sources : sequence of Source
+        leaves : Leaves
             The actors.
+        nodes : Nodes
+            Over them.
         """
-        return np.array([self._of(s) for s in sources])
+        if self._sums is None:
+            seconds = np.array([self._of(source) for source in leaves.sources])
+            self._sums = nodes.tree.gather(seconds * nodes.live[: len(leaves)], np.add)
+        return self._sums
+
+    def often(self, tree) -> np.ndarray | float:
+        """Return for each node the share of frames in which what is below it changed.
+
+        Parameters
+        ----------
+        tree : Tree
+            Over the actors.
+        """
+        return tree.gather(self.busy, np.maximum) if self.busy.max() > 1e-3 else 0.0
 
     def _of(self, source):
         if source.seconds < np.inf:
@@ -147,6 +164,7 @@ class Costs:
         spent.seconds = time.perf_counter() - start
         source = sources[0]
         source.tries += 1
+        self._sums = None
         if source.tries > 1:  # the first draw uploads the mesh and builds its shader
             source.seconds = min(source.seconds, max(spent.seconds - _IMAGE, 1e-6))
             guess = ACTOR + CELL * source.cells

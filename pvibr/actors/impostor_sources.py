@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,10 @@ import numpy as np
 from pvibr import _vtk
 from pvibr.actors.parts import copy_property
 from pvibr.gl.feature import replacements
+from pvibr.maths.impostors import dop_corners
 
+#: Why an actor is no image whose points or matrix are broken.
+NOT_FINITE = 'bounds that are not finite'
 _SURFACE, _PBR = 2, 3  # VTK_SURFACE, VTK_PBR
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper', 'vtkPolyDataMapper')
 # What is kept is the colour before light, which VTK then multiplies by the texture, and the normal
@@ -91,6 +95,12 @@ class Source:
         Why it cannot be an image, empty where it can.
     center, half, radius
         Middle, half edges (rows) and radius about the middle of its box, world units.
+    corners : numpy.ndarray, shape (80, 3)
+        Of a polytope that holds it, from the middle, world units.
+    clocks : list of callable
+        Times of its mapper and data; its actor's own is that of its material and texture, too.
+    pipeline : vtkAlgorithm or None
+        To be brought up to date before these are asked.
     seconds : float
         What its surface takes to be drawn, as measured; inf before.
     """
@@ -99,74 +109,64 @@ class Source:
         self.actor, self.materials = actor, materials
         self.why, self.seconds = 'not drawn yet', np.inf
         self.center, self.half, self.radius = np.zeros(3), np.zeros((3, 3)), 0.0
+        self.corners = np.zeros((80, 3))
         self.cells = self.tries = 0
+        self.clocks: list = []
+        self.pipeline: Any = None
         self._double: Any = None
         self._times: tuple = ()
+        self._watched: tuple = ()
         self._shape: tuple = ()
         self._length = 0.0
-        # Asked for in every frame, of thousands: an attribute of a PyVista actor takes its time.
-        self._show, self.hide, self._clock = (
-            actor.VisibilityOn,
-            actor.VisibilityOff,
-            actor.GetMTime,
-        )
-        self._clocks: list = []
-        self._own, self._rest = -1, []
-        self._pipeline: Any = None
-
-    def changed(self) -> bool:
-        """Tell whether actor, material, texture, mapper or data changed since last asked."""
-        if self._pipeline is not None:
-            self._pipeline.Update()
-        own, rest = self._clock(), [clock() for clock in self._clocks]
-        if own == self._own and rest == self._rest:
-            return False
-        self._own, self._rest = own, rest
-        return True
-
-    def show(self):
-        """Take back that it is hidden, which is no change."""
-        self._show()
-        self._own = self._clock()
+        self._own = np.zeros((80, 3))
 
     @property
     def shown(self) -> bool:
         """Whether the user has it visible."""
         return bool(self.actor.GetVisibility())
 
-    def update(self):
-        """Take over what the actor is now: whether it serves, and its box."""
+    def update(self, dops):
+        """Take over what the actor is now: whether it serves, and its box.
+
+        Parameters
+        ----------
+        dops : dict
+            Polytopes of points that are known, taken further: many actors may share them.
+        """
         self.why = _unfit(self.actor)
         self._watch()
         if self.why:
             return
         data = self.actor.GetMapper().GetInput()
-        self._measure(data)
+        self._measure(data, dops)
         matrix = self.actor.GetMatrix()
         rows = [[matrix.GetElement(i, j) for j in range(4)] for i in range(3)]
         world = np.array(rows)
         bounds = np.reshape(self.actor.GetMapper().GetBounds(), (3, 2))
+        # From the middle: what is far from the origin keeps its digits.
         self.center = world[:, :3] @ bounds.mean(1) + world[:, 3]
         self.half = np.diag(np.diff(bounds, axis=1)[:, 0] / 2) @ world[:, :3].T
         self.radius = float(self._length * np.linalg.norm(world[:, :3], 2))
-        if self.radius == 0.0:
+        self.corners = self._own @ world[:, :3].T
+        if not np.isfinite(self.corners).all() or not np.isfinite(self.center).all():
+            self.why = NOT_FINITE
+        elif self.radius == 0.0:
             self.why = 'a point'
         self._dress(data)
 
     def _watch(self):
-        mapper, clocks = self.actor.GetMapper(), []
-        self._pipeline = None
-        if mapper is not None:
-            clocks.append(mapper.GetMTime)
-            if mapper.GetNumberOfInputPorts() and mapper.GetNumberOfInputConnections(0):
-                clocks.append(mapper.GetInputDataObject(0, 0).GetMTime)
-                source = mapper.GetInputAlgorithm()
-                self._pipeline = None if source.IsA('vtkTrivialProducer') else source
-        # An actor's time is that of its material and texture as well.
-        self._clocks = clocks
-        self.changed()
+        mapper, data, producer = self.actor.GetMapper(), None, None
+        ports = 0 if mapper is None else mapper.GetNumberOfInputPorts()
+        if ports and mapper.GetNumberOfInputConnections(0):
+            data, producer = mapper.GetInputDataObject(0, 0), mapper.GetInputAlgorithm()
+        if (mapper, data, producer) == self._watched:
+            return
+        self._watched = mapper, data, producer
+        self.clocks = [thing.GetMTime for thing in (mapper, data) if thing is not None]
+        simple = producer is None or producer.IsA('vtkTrivialProducer')
+        self.pipeline = None if simple else producer
 
-    def _measure(self, data):
+    def _measure(self, data, dops):
         shape = data, data.GetMTime()
         if shape == self._shape:
             return
@@ -175,10 +175,15 @@ class Source:
         bounds = np.reshape(self.actor.GetMapper().GetBounds(), (3, 2))
         points = data.GetPoints() if data.IsA('vtkPointSet') else None
         if points is None:
-            self._length = float(np.linalg.norm(np.diff(bounds)) / 2)
+            self._own, self._length = _held(np.array(list(product(*bounds))), bounds.mean(1))
             return
-        away = _vtk.vtk_to_numpy(points.GetData()) - bounds.mean(1)
-        self._length = float(np.sqrt(np.einsum('ni,ni->n', away, away).max()))
+        array = points.GetData()
+        key, time = (array.GetAddressAsString(''), *bounds.ravel()), array.GetMTime()
+        if dops.get(key, (-1,))[0] != time:
+            found = _vtk.vtk_to_numpy(array)
+            # Points of no cell may be anything.
+            dops[key] = time, _held(found[np.isfinite(found).all(1)], bounds.mean(1))
+        self._own, self._length = dops[key][1]
 
     def _dress(self, data):
         """Give the double the actor's looks."""
@@ -235,7 +240,12 @@ class Source:
             self._double.SetTexture(None)  # the actor's own
             self._double.ReleaseGraphicsResources(window)
         self._double, self._times = None, ()
-        self._own = -1
+
+
+def _held(points, middle):
+    """Return the corners of a polytope that holds points, from a middle, and their radius."""
+    away = points - middle
+    return dop_corners(away), float(np.sqrt(np.einsum('ni,ni->n', away, away).max()))
 
 
 def _copied(mapper, data):
@@ -271,7 +281,7 @@ def _unfit(actor) -> str:
     if _has_shaders(actor.GetShaderProperty()):
         return 'shaders of its own'
     if not np.isfinite(mapper.GetBounds()).all():
-        return 'bounds that are not finite'
+        return NOT_FINITE
     return ''
 
 

@@ -246,11 +246,33 @@ def may_see(view, bounds) -> np.ndarray:
     >>> may_see(view, [[-1, 1, -1, 1, -1, 1], [90, 91, 0, 1, 0, 1]]).tolist()
     [True, False]
     """
-    points = corners(bounds)
+    low, high = np.moveaxis(np.asarray(bounds, float).reshape(-1, 3, 2), -1, 0)
+    return may_see_boxes(view, low, high)
+
+
+def may_see_boxes(view, low, high) -> np.ndarray:
+    """Tell which boxes reach into a view, as :func:`may_see` does.
+
+    Parameters
+    ----------
+    view : View
+        Where from.
+    low, high : numpy.ndarray, shape (n, 3)
+        Corners, world units.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,), bool
+        Those of which no plane leaves out all.
+    """
     clip = view.clip_from_view @ view.view_from_world
-    x, y, z, w = np.moveaxis(points @ clip[:, :3].T + clip[:, 3], -1, 0)
-    outside = [(side > w).all(-1) for side in (x, -x, y, -y, z)]
-    return ~np.any(outside, axis=0)
+    # Of a box's corners the middle's distance from a plane and its reach along it tell.
+    planes = (
+        np.stack([s * clip[k] for k, s in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1))]) - clip[3]
+    )
+    middle, half = (low + high) / 2, (high - low) / 2
+    outside = middle @ planes[:, :3].T + planes[:, 3] > half @ np.abs(planes[:, :3]).T
+    return ~outside.any(1)
 
 
 def covered(view, bounds, size) -> tuple[int, int, int, int]:

@@ -1,0 +1,104 @@
+"""Where leaves and the nodes over them are, and how they are seen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.actors.impostor_tree import Tree
+
+
+class Nodes:
+    """A tree over leaves, with the box of each node.
+
+    Parameters
+    ----------
+    leaves : pvibr.actors.impostor_leaves.Leaves
+        Up to date.
+    hierarchical : bool
+        Whether there are nodes over leaves at all.
+
+    Attributes
+    ----------
+    tree : Tree
+        Leaves first.
+    center, radius : numpy.ndarray, shape (m, 3) and (m,)
+        Of each node.
+    live : numpy.ndarray, shape (m,), bool
+        Whether there is anything that can be an image.
+    """
+
+    def __init__(self, leaves, hierarchical):
+        self.leaves = leaves
+        self.tree = Tree(leaves.center, hierarchical)
+
+    def __len__(self):
+        return len(self.tree)
+
+    @property
+    def has_levels(self) -> bool:
+        """Whether there are nodes over leaves."""
+        return len(self.tree) > self.tree.leaves
+
+    def fit(self):
+        """Take over what the leaves are now."""
+        leaves, gather = self.leaves, self.tree.gather
+        live = leaves.fits & leaves.wanted
+        low = np.where(live[:, None], leaves.center - leaves.reach, np.inf)
+        high = np.where(live[:, None], leaves.center + leaves.reach, -np.inf)
+        low, high = gather(low, np.minimum), gather(high, np.maximum)
+        self.live = gather(live, np.logical_or)
+        low, high = (np.where(self.live[:, None], a, 0.0) for a in (low, high))
+        self.low, self.high = low, high
+        self.center, size = (low + high) / 2, (high - low) / 2
+        self.radius = np.linalg.norm(size, axis=1)
+        n = len(leaves)
+        half = size[:, :, None] * np.eye(3)
+        half[:n] = leaves.half
+        self.center[:n], self.radius[:n] = leaves.center, leaves.radius
+        self._half = half.reshape(-1, 3)
+        x, y, z = np.maximum(np.linalg.norm(half, axis=2).T, 1e-300)
+        self._faces = 4 * np.stack([y * z / x, z * x / y, x * y / z], 1)
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Bounds of all that is live: x, y and z, low and high."""
+        return np.stack([self.low[self.live].min(0), self.high[self.live].max(0)], 1).ravel()
+
+    def faces(self, eyes):
+        """Return how deep boxes are from their middles, and the area that they show.
+
+        Parameters
+        ----------
+        eyes : pvibr.actors.impostor_images.Eyes
+            Where the eye is.
+        """
+        if eyes.parallel:
+            along = self._half @ eyes.toward
+        else:
+            toward = eyes.eye - self.center
+            toward /= np.maximum(np.linalg.norm(toward, axis=1), 1e-300)[:, None]
+            along = np.einsum('nij,nj->ni', self._half.reshape(-1, 3, 3), toward)
+        along = np.abs(along.reshape(-1, 3))
+        return np.minimum(along.sum(1), self.radius), (along * self._faces).sum(1)
+
+    def below(self, node) -> list[int]:
+        """Return the leaves below a node that can be images.
+
+        Parameters
+        ----------
+        node : int
+            Its number.
+        """
+        return [i for i in self.tree.below(node) if self.live[i]]
+
+    def corners(self, node) -> np.ndarray:
+        """Return the corners of what is below a node, from its middle, shape (k, 3).
+
+        Parameters
+        ----------
+        node : int
+            Its number.
+        """
+        rows = self.below(node)
+        middles = self.leaves.center[rows] - self.center[node]
+        return (middles[:, None] + self.leaves.corners[rows]).reshape(-1, 3)
