@@ -11,6 +11,8 @@ import pyvista as pv
 from pvibr import state_files
 from pvibr.clock import Clock
 from pvibr.errors import ClosedError
+from pvibr.large import Shots
+from pvibr.movies import Film, frame_times, write_movie
 from pvibr.params import Param
 from pvibr.pipeline import Pipeline
 from pvibr.quality import Pace
@@ -50,8 +52,10 @@ class IBRComponent:
         self._time = 0.0
         self._clock = Clock(plotter, self._show_time)
         self._pace = Pace(plotter, lambda: self.moving_ms, lambda: self._clock.ticking)
+        self._shots = Shots(plotter, self._all_effects, self._pace.full)
         self._numbered: list = []
         self._told: list = []
+        self._followers: list = []
         self._closed = False
 
     @property
@@ -69,6 +73,9 @@ class IBRComponent:
         pipeline.watch = Watch(renderer, self._handed_over)
         self._pipelines.append(pipeline)
         return pipeline
+
+    def _all_effects(self):
+        return [effect for pipeline in self._pipelines for effect in pipeline.effects]
 
     @property
     def effects(self) -> tuple:
@@ -338,6 +345,50 @@ class IBRComponent:
         made = Impostor(actors, name=name, **settings)
         return self._add_thing(made, name, None, None, None, render)
 
+    def add_layers(self, groups=None, *, name=None, render=False, **settings):
+        """Draw parts of the scene as pictures, taken again only when they must be.
+
+        Parameters
+        ----------
+        groups : sequence of vtkActor or sequences of them, optional
+            The layers, each one actor or several, in this subplot; by default all actors of the
+            subplot, by their depth.
+        name : str, optional
+            What reports call it; what had the name before is replaced.
+        render : bool, optional
+            Draw at once.
+        **settings
+            See :class:`pvibr.Layers`: ``max_error``, ``max_shade``, ``warp``, ``overscan``,
+            ``resolution``, ``blur``, ``count``, ``budget_ms``, ``refuse``.
+
+        Returns
+        -------
+        pvibr.Layers
+            The layers; their settings can be changed.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where an argument is not allowed; then nothing is added.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> ground, ball = pl.add_mesh(pv.Plane()), pl.add_mesh(pv.Sphere())
+        >>> layers = pl.ibr.add_layers([ground, ball], max_error=0.5, blur=(2, 0))
+        >>> layers.blur
+        (2.0, 0.0)
+        >>> pl.close()
+        """
+        from pvibr.actors.layers import Layers
+
+        self._check_open()
+        made = Layers(groups, name=name, **settings)
+        return self._add_thing(made, name, None, None, None, render)
+
     def add_billboards(
         self, points, image, *, name=None, show_scalar_bar=None, scalar_bar_args=None,
         reset_camera=None, render=False, **kwargs,
@@ -419,7 +470,8 @@ class IBRComponent:
             Draw at once.
         **kwargs
             See :class:`pvibr.Spheres`: ``color``, ``colors``, ``scalars``, ``cmap``, ``clim``,
-            ``visible``, ``lighting``, ``ambient``, ``diffuse``, ``specular``, ``specular_power``.
+            ``visible``, ``opacity``, ``lighting``, ``ambient``, ``diffuse``, ``specular``,
+            ``specular_power``.
 
         Returns
         -------
@@ -446,6 +498,116 @@ class IBRComponent:
 
         self._check_open()
         made = Spheres(centers, radius, name=name, **kwargs)
+        return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
+
+    def add_cylinders(
+        self, points_a, points_b, radius=0.5, *, name=None, show_scalar_bar=None,
+        scalar_bar_args=None, reset_camera=None, render=False, **kwargs,
+    ):  # fmt: skip
+        """Draw cylinders, capsules or tubes, by the million, exact to the pixel.
+
+        Parameters
+        ----------
+        points_a, points_b : array_like, shape (n, 3), or dataset
+            Their ends, world units.
+        radius : float or array_like, shape (n,)
+            Of all or of each, world units.
+        name : str, optional
+            What the plotter and reports call it; what had the name before is replaced.
+        show_scalar_bar : bool, optional
+            As in :meth:`pyvista.Plotter.add_mesh`; by default as the theme has it.
+        scalar_bar_args : dict, optional
+            As in :meth:`pyvista.Plotter.add_mesh`.
+        reset_camera : bool, optional
+            Whether the camera moves to show everything; default where it was never moved.
+        render : bool, optional
+            Draw at once.
+        **kwargs
+            See :class:`pvibr.Cylinders`: ``caps``, ``blend``, ``color``, ``colors``, ``scalars``,
+            ``cmap``, ``clim``, ``visible``, ``opacity``, ``lighting``, ``ambient``, ``diffuse``,
+            ``specular``, ``specular_power``.
+
+        Returns
+        -------
+        pvibr.Cylinders
+            The cylinders; their places, sizes and looks can be changed.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where an argument is not allowed; then nothing is added.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> bonds = pl.ibr.add_cylinders([[0, 0, 0]], [[0, 0, 2]], 0.1, caps='round')
+        >>> len(bonds)
+        1
+        >>> pl.close()
+        """
+        from pvibr.actors.cylinders import Cylinders
+
+        self._check_open()
+        made = Cylinders(points_a, points_b, radius, name=name, **kwargs)
+        return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
+
+    def add_ellipsoids(
+        self, centers, radii=0.5, orientations=None, *, name=None, show_scalar_bar=None,
+        scalar_bar_args=None, reset_camera=None, render=False, **kwargs,
+    ):  # fmt: skip
+        """Draw ellipsoids, by the million, exact to the pixel.
+
+        Parameters
+        ----------
+        centers : array_like, shape (n, 3), or dataset
+            World units.
+        radii : float or array_like, shape (n, 3) or (3,)
+            Half axes of each or of all, world units.
+        orientations : array_like, shape (n, 4), (4,), (n, 3, 3) or (3, 3), optional
+            Quaternions (w, x, y, z), or matrices whose columns are the directions of the axes.
+        name : str, optional
+            What the plotter and reports call it; what had the name before is replaced.
+        show_scalar_bar : bool, optional
+            As in :meth:`pyvista.Plotter.add_mesh`; by default as the theme has it.
+        scalar_bar_args : dict, optional
+            As in :meth:`pyvista.Plotter.add_mesh`.
+        reset_camera : bool, optional
+            Whether the camera moves to show everything; default where it was never moved.
+        render : bool, optional
+            Draw at once.
+        **kwargs
+            See :class:`pvibr.Ellipsoids`: ``color``, ``colors``, ``scalars``, ``cmap``, ``clim``,
+            ``visible``, ``opacity``, ``lighting``, ``ambient``, ``diffuse``, ``specular``,
+            ``specular_power``.
+
+        Returns
+        -------
+        pvibr.Ellipsoids
+            The ellipsoids; their places, sizes and looks can be changed.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where an argument is not allowed; then nothing is added.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> eggs = pl.ibr.add_ellipsoids([[0, 0, 0], [2, 0, 0]], (0.5, 0.5, 0.8))
+        >>> len(eggs)
+        2
+        >>> pl.close()
+        """
+        from pvibr.actors.ellipsoids import Ellipsoids
+
+        self._check_open()
+        made = Ellipsoids(centers, radii, orientations, name=name, **kwargs)
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
     def _add_thing(self, thing, name, bar, bar_args, reset_camera, render):
@@ -595,6 +757,146 @@ class IBRComponent:
     def buffer_objects(self) -> list:
         """Actors and things that the ids of the last `buffer` are indices into."""
         return list(self._numbered)
+
+    def screenshot(
+        self, filename=None, *, scale=None, size=None, transparent_background=None,
+        return_img=True,
+    ):  # fmt: skip
+        """Take a picture, of any size, in which effects have no seams.
+
+        As ``plotter.screenshot``, but tiles of large pictures overlap by as much as the effects
+        look around. Light that spreads over the picture, such as that of :class:`pvibr.Bloom`,
+        is computed at the window's size.
+
+        Parameters
+        ----------
+        filename : path, optional
+            Where to; the ending says in which format.
+        scale : int, optional
+            How many times as large as the window, with lines, points and text as many times as
+            large.
+        size : tuple of 2 int, optional
+            Width and height of the picture in pixels instead; the window has its shape meanwhile,
+            and is at most as large as it is now.
+        transparent_background : bool, optional
+            Whether the background is left out; by default as the theme has it.
+        return_img : bool
+            Whether the picture is returned.
+
+        Returns
+        -------
+        numpy.ndarray, shape (h, w, 3 or 4), uint8, or None
+            Row 0 at the top.
+
+        Raises
+        ------
+        ValueError
+            Where a number is not allowed, or both are given.
+        OSError
+            Where the file cannot be written; what was there is as it was.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+        >>> _ = pl.add_mesh(pv.Sphere())
+        >>> pl.ibr.screenshot(scale=3).shape
+        (144, 192, 3)
+        >>> pl.ibr.screenshot(size=(150, 100)).shape
+        (100, 150, 3)
+        >>> pl.close()
+        """
+        self._check_open()
+        image = self._shots.take(scale, size, transparent_background)
+        if filename is not None:
+            from pvibr.montage import save
+
+            save(filename, image)
+        return image if return_img else None
+
+    def movie(
+        self, path, seconds, *, fps=30.0, start=None, speed=1.0, each=None, resume=True,
+        progress=None,
+    ):  # fmt: skip
+        """Film what happens: each frame is of its own moment, however long it takes to draw.
+
+        Frames are kept beside the movie until it is whole. What was broken off, by an error, a
+        full disk or Ctrl-C, goes on where it stopped when the same call is made again, in another
+        run too; time, cameras, settings and the window must be the same, or it begins anew.
+
+        Parameters
+        ----------
+        path : path
+            A movie (``.mp4``, ``.mov``, ``.mkv``, ``.webm``, ``.avi``: the extra ``movie``), a
+            ``.gif``, or a folder of PNG files.
+        seconds : float
+            How long it is.
+        fps : float
+            Frames a second.
+        start : float, optional
+            The time at the first frame, seconds; by default :attr:`time`.
+        speed : float
+            Seconds in a second of those who look; backward below 0.
+        each : callable, optional
+            Called before each frame with its time, such as to move the camera. Each frame must
+            follow from its time alone.
+        resume : bool
+            Whether frames of an earlier call are used.
+        progress : bool, optional
+            Whether a bar is shown on standard error; by default where that is a terminal.
+
+        Returns
+        -------
+        pathlib.Path
+            The movie, or the folder. Time and cameras are afterwards what they were.
+
+        Raises
+        ------
+        ValueError
+            Where a number or the ending is not allowed.
+        ImportError
+            Where the extra ``movie`` is needed and not installed.
+        OSError
+            Where a file cannot be written.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+        >>> _ = pl.add_mesh(pv.Cone())
+        >>> def turn(time):
+        ...     pl.view_isometric()
+        ...     pl.camera.azimuth = 90 * time
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     pl.ibr.movie(pathlib.Path(folder) / 'cone.gif', 0.5, fps=8, each=turn).name
+        'cone.gif'
+        >>> pl.close()
+        """
+        self._check_open()
+        self.stop()
+        before = self._time
+        start = before if start is None else start
+        times = frame_times(seconds, fps, start, speed)
+        with self._shots.cameras_restored() as marks:
+            marks |= {'start': start, 'speed': speed, 'state': self.state()}
+            film = Film(path, count=len(times), fps=fps, marks=marks, resume=resume)
+
+            def draw(k):
+                self.time = times[k]
+                if each is not None:
+                    each(float(times[k]))
+                return self._shots.take(None, None, False)
+
+            try:
+                write_movie(film, draw, progress=progress)
+            finally:
+                self.time = before
+        return film.path
 
     def report(self) -> Report:
         """Return what ran in the active subplot's last frame, what was skipped and why.
@@ -782,6 +1084,18 @@ class IBRComponent:
         self._numbered = []
         while self._pipelines:
             self._pipelines.pop().release()
+        while self._followers:
+            self._followers.pop()()
+
+    def on_close(self, function):
+        """Call a function when this is closed: for what follows a plotter, such as its panels.
+
+        Parameters
+        ----------
+        function : callable
+            Takes nothing; called once.
+        """
+        self._followers.append(function)
 
     def _on_deleted(self, *_):
         self._closed = True  # too late to release: asking a dying window for its context crashes

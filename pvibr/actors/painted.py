@@ -55,15 +55,23 @@ class Painted:
         if scalars is not None:
             self._map(scalars)
         elif colors is not None:
-            self._colors = look.as_colors(colors, len(self))
+            self._colors = self._as_colors(colors)
         if visible is not None:
             self._visible = self._as_mask(visible)
 
     def _map(self, scalars):
-        values = look.as_scalars(scalars, len(self))
+        values = self._as_scalars(scalars)
         table = self.table or look.color_table(values, **self._table_options)
         self._scalars, self.table = values, table
-        self._colors = look.map_scalars(table, values)
+        self._colors = _mapped(table, values)
+
+    def _as_scalars(self, scalars):
+        """Return checked scalars; for who has several for each item, too."""
+        return look.as_scalars(scalars, len(self))
+
+    def _as_colors(self, colors):
+        """Return checked colours; for who has several for each item, too."""
+        return look.as_colors(colors, len(self))
 
     @property
     def scalars(self):
@@ -100,7 +108,7 @@ class Painted:
         merged = self._table_options | changed | options
         self.table = look.color_table(self._scalars, **merged)
         self._table_options = merged
-        self._colors = look.map_scalars(self.table, self._scalars)
+        self._colors = _mapped(self.table, self._scalars)
         self._repaint()
 
     @property
@@ -110,7 +118,7 @@ class Painted:
 
     @colors.setter
     def colors(self, colors):
-        new = None if colors is None else look.as_colors(colors, len(self))
+        new = None if colors is None else self._as_colors(colors)
         self._scalars = self.table = None
         self._colors = new
         self._repaint()
@@ -147,3 +155,8 @@ class Painted:
     def scalar_title(self) -> str:
         """Return what a scalar bar calls the scalars."""
         return self._name or 'scalars'
+
+
+def _mapped(table, values):
+    """Return the colours of scalars, three more numbers for each."""
+    return look.map_scalars(table, values.ravel()).reshape(*values.shape, 3)

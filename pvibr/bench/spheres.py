@@ -9,7 +9,7 @@ from pvibr import _vtk
 from pvibr.bench.rows import Row
 from pvibr.bench.sprites import frame_ms
 from pvibr.frame import Frame
-from pvibr.maths.sphere_rays import cast, inner
+from pvibr.maths.quadric_rays import cast, inner, meet_spheres
 
 _RADIUS = 0.01  # where they fill a cube of side 2
 _VIEWS = 3
@@ -111,7 +111,7 @@ def ray_error(size) -> float:
     pl.ibr.add_spheres(centers, radii, color='white', diffuse=1.0)
     _look(pl, (0, -6, 1))
     picture = pl.screenshot(None, return_img=True)[..., 0].astype(float)
-    ids, _, normals = cast(Frame.of(pl.renderer), centers, radii)
+    ids, _, normals = cast(Frame.of(pl.renderer), meet_spheres, centers, radii)
     pl.close()
     expected = 255 * np.where(ids >= 0, np.maximum(normals[..., 2], 0), 0)
     return float(np.abs(picture - expected)[inner(ids)].max())

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.actors import sphere_cards
+from pvibr.actors.spheres import Spheres
 from pvibr.frame import Frame
-from pvibr.maths import sphere_rays
+from pvibr.maths import quadric_rays
 
 SIZE = (150, 90)
 
@@ -35,7 +37,8 @@ def aim(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), parallel=None, clip=None):
 
 
 def cast(pl, centers, radii):
-    return sphere_rays.cast(Frame.of(pl.renderer), centers, radii)
+    radii = np.broadcast_to(radii, len(centers))
+    return quadric_rays.cast(Frame.of(pl.renderer), quadric_rays.meet_spheres, centers, radii)
 
 
 def cloud(count=150, seed=0, largest=0.3):
@@ -48,7 +51,7 @@ def compare(pl, things, see, atol=1.01 / 255):
     picture = see.grab(pl)
     far = see.depths(pl)
     ids, depth, normals = cast(pl, things.centers, things.radius)
-    same = sphere_rays.inner(ids)
+    same = quadric_rays.inner(ids)
     colors = things.colors if things.colors is not None else np.full((len(things), 3), 255)
     expected = np.where(
         ids[..., None] >= 0, colors[ids % len(colors)] / 255 * np.maximum(normals[..., 2:], 0), 0
@@ -64,7 +67,8 @@ def compare(pl, things, see, atol=1.01 / 255):
 @pytest.mark.parametrize('parallel', [None, 1.3], ids=['perspective', 'parallel'])
 @pytest.mark.parametrize('largest', [60.0, -1.0], ids=['points', 'quads'])
 def test_pixels_are_those_of_rays(largest, parallel, offset, see, monkeypatch):
-    monkeypatch.setattr(sphere_cards, '_LARGEST_POINT', largest)
+    shape = dataclasses.replace(Spheres.shape, largest_point=largest)
+    monkeypatch.setattr(Spheres, 'shape', shape)
     centers, radii = cloud()
     colors = np.random.default_rng(1).integers(0, 256, (len(centers), 3)).astype(np.uint8)
     pl = plotter()
@@ -114,7 +118,7 @@ def test_small_ones_are_as_large_as_they_are(see):
     assert things.report()['small'] > 0
     ids, depth, normals = cast(pl, centers, 0.08)
     assert ((ids >= 0) == np.isfinite(far)).mean() > 0.999
-    seen = sphere_rays.inner(ids) & (ids >= 0)
+    seen = quadric_rays.inner(ids) & (ids >= 0)
     assert np.abs(picture[..., 0] - normals[..., 2])[seen].max() < 1.01 / 255
     assert np.nanmax(np.abs(far - depth)[ids >= 0]) < 0.1
     pl.close()
@@ -139,7 +143,8 @@ def test_they_meet_meshes_where_spheres_do(see):
 @pytest.mark.parametrize('largest', [60.0, -1.0], ids=['points', 'quads'])
 @pytest.mark.parametrize('extra', ['ssaa', 'peeling', 'edl', 'ssao', 'glass'])
 def test_other_passes_see_them_as_meshes(extra, largest, see, monkeypatch):
-    monkeypatch.setattr(sphere_cards, '_LARGEST_POINT', largest)
+    shape = dataclasses.replace(Spheres.shape, largest_point=largest)
+    monkeypatch.setattr(Spheres, 'shape', shape)
     centers, radii = cloud(12, seed=5, largest=0.4)
     pictures = []
     for exact in (True, False):
@@ -191,7 +196,7 @@ def test_subplots_and_two_plotters(see):
         aim(pl, (0, -6, 1))
         picture = see.grab(pl)[:, 100:]
         ids, _, normals = cast(pl, things.centers, things.radius)
-        good = sphere_rays.inner(ids)
+        good = quadric_rays.inner(ids)
         assert np.abs(picture[..., 0] - np.where(ids >= 0, normals[..., 2], 0))[good].max() < 0.008
         pl.close()
 

@@ -1,9 +1,10 @@
-"""Spheres on the GPU: the programs that draw them, and which of them draws which blocks."""
+"""Quadrics on the GPU: the programs that draw them, and which of them draws which blocks."""
 
 from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pyvista as pv
 
 from pvibr import _vtk
 from pvibr.actors.cards import BLOCK, DULL, card_mesh, pack
+from pvibr.actors.translucent import MOST
 from pvibr.errors import ShaderError
 from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
@@ -18,13 +20,40 @@ from pvibr.maths.blocks import frustum_planes
 
 ROW = 1024  # texels of a row
 _VIEWPORT, _PROGRAM_POINT_SIZE = 0x0BA2, 0x8642  # GL enums
-_LARGEST_POINT = 60.0  # px: every driver draws point sprites so large
 _LARGEST_SMALL = 4.0  # px: those are edges all over, and their depths differ by two pixels
 
 
 @dataclass(frozen=True)
+class Shape:
+    """What kind of quadric is drawn.
+
+    Attributes
+    ----------
+    name : str
+        Stem of its shader, for reports and marks too.
+    texels : int
+        Of an item in the texture of items.
+    looks : int
+        Of an item in the texture of looks.
+    largest_point : float
+        Diameter on the screen up to which point sprites pay, px; every driver draws them of 60.
+    open : bool
+        Whether its inside can be seen where no plane cuts it.
+    defines : tuple of (str, int)
+        What its shader is told.
+    """
+
+    name: str
+    texels: int
+    looks: int = 1
+    largest_point: float = 60.0
+    open: bool = False
+    defines: tuple = ()
+
+
+@dataclass(frozen=True)
 class Way:
-    """How the spheres of a block are drawn.
+    """How the items of a block are drawn.
 
     Attributes
     ----------
@@ -35,9 +64,11 @@ class Way:
     chunk : int
         Cards of one draw.
     depth : bool
-        Whether each pixel has its own depth, not each sphere.
+        Whether each pixel has its own depth, not each item.
     dots : bool
         Whether none is larger than a pixel, so that all of it is drawn.
+    blends : bool
+        Whether what is behind shines through.
     """
 
     name: str
@@ -45,18 +76,29 @@ class Way:
     chunk: int
     depth: bool = True
     dots: bool = False
+    blends: bool = False
 
-    def feature(self) -> Feature:
-        """Return the shader text by VTK's tags."""
-        part = sections(shader_source(__file__))
-        values = {'CORNERS': self.corners, 'DEPTH': int(self.depth), 'BLOCK': BLOCK}
+    def feature(self, shape) -> Feature:
+        """Return the shader text by VTK's tags.
+
+        Parameters
+        ----------
+        shape : Shape
+            What is drawn.
+        """
+        part, own = (sections(shader_source(__file__, stem)) for stem in (None, shape.name))
+        values = {
+            'CORNERS': self.corners, 'DEPTH': int(self.depth), 'TEXELS': shape.texels,
+            'LOOKS': shape.looks, 'INSIDES': int(shape.open or self.corners == 4),
+            **dict(shape.defines),
+        }  # fmt: skip
         defines = ''.join(f'#define {name} {value}\n' for name, value in values.items())
         vertex = {
-            'VTK::PositionVC::Dec': defines + part['vertex.declare'],
+            'VTK::PositionVC::Dec': defines + part['vertex.declare'] + own['vertex.declare'],
             'VTK::PositionVC::Impl': part['vertex.position'],
         }
         fragment = {
-            'VTK::PositionVC::Dec': defines + part['fragment.declare'],
+            'VTK::PositionVC::Dec': defines + part['fragment.declare'] + own['fragment.declare'],
             'VTK::PositionVC::Impl': part['fragment.meet'],
             'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
@@ -64,51 +106,53 @@ class Way:
         if not self.dots:
             cut = part['fragment.cut'] + (part['fragment.depth'] if self.depth else '')
             fragment['VTK::Depth::Impl'] = cut + '//VTK::Depth::Impl\n'
-        return Feature(f'spheres_{self.name}', vertex, fragment)
+        return Feature(f'{shape.name}_{self.name}', vertex, fragment)
 
 
 DOTS = Way('dots', 1, 65_536, depth=False, dots=True)
 SMALL = Way('small', 1, 65_536, depth=False)
 POINTS = Way('points', 1, 65_536)
 QUADS = Way('quads', 4, 16_384)
+BLENDED = Way('blended', 4, 65_536, blends=True)
 #: What is near first: it hides much, and what is hidden need not be lit.
 WAYS = (QUADS, POINTS, SMALL, DOTS)
 _DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
 
 
 class Layer:
-    """The spheres that are drawn in one way: draws of a chunk each that share one mapper.
+    """The items that are drawn in one way: draws of a chunk each that share one mapper.
 
     Parameters
     ----------
-    spheres : pvibr.Spheres
+    quadrics : pvibr.actors.quadrics.Quadrics
         Whose textures and uniforms are used.
     way : Way
         How.
 
     Attributes
     ----------
-    count : int
-        Blocks that are drawn.
+    drawn : int
+        Items that are drawn.
     actors : list of vtkActor
         The draws.
     """
 
-    def __init__(self, spheres, way):
-        self._owner: Any = weakref.ref(spheres)
+    def __init__(self, quadrics, way):
+        self._owner: Any = weakref.ref(quadrics)
         self.way = way
-        self._feature = way.feature()
+        self._feature = way.feature(quadrics.shape)
         self._landed, self._shiny = False, True
         self.failure = ''
-        self.blocks: Texture | None = None
-        self.count = 0
+        self.entries: Texture | None = None
+        self.drawn = 0
         self._mapper = _vtk.vtkPolyDataMapper()
         self._mapper.ScalarVisibilityOff()
         self._mapper.AddObserver('UpdateShaderEvent', self._updater())
-        slots = max(-(-len(spheres) // BLOCK), 1) * BLOCK
+        slots = max(-(-len(quadrics) // BLOCK), 1) * BLOCK
         self._chunk = min(way.chunk, slots)
-        self.bound(spheres.bounds)
-        self.actors = [self._actor(spheres.property) for _ in range(-(-slots // self._chunk))]
+        self.bound(quadrics.bounds)
+        draws = -(-slots // self._chunk) + (MOST if way.blends else 0)
+        self.actors = [self._actor(quadrics.property) for _ in range(draws)]
 
     def bound(self, bounds):
         """Tell VTK where they are.
@@ -124,7 +168,7 @@ class Layer:
         actor = pv.Actor()
         actor.SetMapper(self._mapper)
         actor.SetProperty(prop)
-        actor.ForceOpaqueOn()
+        (actor.ForceTranslucentOn if self.way.blends else actor.ForceOpaqueOn)()
         actor.VisibilityOff()
         actor.PickableOff()
         actor.UseBoundsOff()
@@ -151,27 +195,36 @@ class Layer:
                 (_DULL.detach if shiny else _DULL.attach)(actor)
             self._shiny = shiny
 
-    def show(self, blocks):
-        """Draw blocks.
+    def show(self, entries, unit=BLOCK, cuts=()):
+        """Draw items.
 
         Parameters
         ----------
-        blocks : numpy.ndarray, shape (n, 4)
-            Middle in eye space, and number, of each.
+        entries : numpy.ndarray, shape (n, 4)
+            Middle of the block in eye space, and number, of each block or of each item.
+        unit : int
+            Items of an entry.
+        cuts : sequence of int
+            Entries at which something else is drawn in between.
+
+        Returns
+        -------
+        list of list of vtkActor
+            The draws of each part, in their order.
         """
-        self.count = len(blocks)
-        owner = self._owner()
-        if self.count:
-            self.blocks = self.blocks or Texture(owner._window)
-            self.blocks.upload(pack(blocks.astype(np.float32), ROW, 4))
-        step = self._chunk // BLOCK
-        for i, actor in enumerate(self.actors):
-            first = i * step
-            actor.SetVisibility(first < self.count)
-            if first < self.count:
-                uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-                uniforms.SetUniformi('ibr_first', first * BLOCK)
-                uniforms.SetUniformi('ibr_end', min(first + step, self.count))
+        count, owner = len(entries), self._owner()
+        self.drawn = min(count * unit, len(owner))
+        if count:
+            self.entries = self.entries or Texture(owner.window)
+            self.entries.upload(pack(entries.astype(np.float32), ROW, 4))
+        step, free = self._chunk // unit, iter(self.actors)
+        parts: list = []
+        for first, end in pairwise((0, *cuts, count)):
+            starts = range(first, end, step)
+            parts.append([_span(next(free), k * unit, min(k + step, end)) for k in starts])
+        for actor in free:
+            actor.VisibilityOff()
+        return parts
 
     def _updater(self):
         # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
@@ -187,17 +240,17 @@ class Layer:
 
     def _update(self, program):
         owner = self._owner()
-        state = owner._window.GetState()
+        state = owner.window.GetState()
         if self.way.corners == 1:
             state.SetEnumState(_PROGRAM_POINT_SIZE, True)
-        textures = {**owner._textures, 'ibr_blocks': self.blocks}
-        set_uniforms(program, owner._binder.bind(self, textures))
-        set_uniforms(program, owner._uniforms)
-        set_uniforms(program, _pixel_uniforms(state, owner._uniforms))
+        textures = {**owner.textures, 'ibr_blocks': self.entries}
+        set_uniforms(program, owner.binder.bind(self, textures))
+        set_uniforms(program, owner.uniforms)
+        set_uniforms(program, _pixel_uniforms(state, owner.uniforms))
         if not self._landed:
             self._landed = True
             if not self._feature.landed(program):
-                self.failure = f'the shader text of the spheres ({self.way.name}) did not land'
+                self.failure = f'the shader text of {self._feature.name} did not land'
 
     def release(self, window):
         """Free what it holds on the GPU; the context is current.
@@ -211,12 +264,21 @@ class Layer:
             self._mapper.ReleaseGraphicsResources(window)
             for actor in self.actors:
                 actor.ReleaseGraphicsResources(window)
-        if self.blocks is not None:
-            self.blocks.release()
-            self.blocks = None
+        if self.entries is not None:
+            self.entries.release()
+            self.entries = None
 
 
-def chosen(blocks, frame):
+def _span(actor, first, end):
+    """Have an actor draw from a slot up to an entry."""
+    actor.VisibilityOn()
+    uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+    uniforms.SetUniformi('ibr_first', first)
+    uniforms.SetUniformi('ibr_end', end)
+    return actor
+
+
+def chosen(blocks, frame, largest_point):
     """Return what is drawn, the nearest first, and how.
 
     Parameters
@@ -225,6 +287,8 @@ def chosen(blocks, frame):
         All of them.
     frame : pvibr.frame.Frame
         Camera and size.
+    largest_point : float
+        Diameter up to which point sprites are drawn, px.
 
     Returns
     -------
@@ -238,13 +302,13 @@ def chosen(blocks, frame):
     around = (blocks.reach + blocks.largest)[index]
     planes = frustum_planes(frame.clip_from_view)
     inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > around
-    ways = np.where(inside & (large <= _LARGEST_POINT), WAYS.index(POINTS), WAYS.index(QUADS))
+    ways = np.where(inside & (large <= largest_point), WAYS.index(POINTS), WAYS.index(QUADS))
     ways[inside & (large <= _LARGEST_SMALL)] = WAYS.index(SMALL)
     ways[inside & (large <= 1.0)] = WAYS.index(DOTS)
     return np.column_stack([origins, index]), ways
 
 
-def view_uniforms(frame, count) -> dict:
+def view_uniforms(frame, count, unit) -> dict:
     """Return what both shaders know of the eye.
 
     Parameters
@@ -252,12 +316,15 @@ def view_uniforms(frame, count) -> dict:
     frame : pvibr.frame.Frame
         Camera and size.
     count : int
-        How many spheres there are.
+        How many items there are.
+    unit : int
+        Items of an entry.
     """
     m = frame.clip_from_view
     offset = m[:2, 3] if frame.parallel else -m[:2, 2]
     return {
         'ibr_count': count,
+        'ibr_unit': unit,
         'ibr_parallel': int(frame.parallel),
         'ibr_pixel': float(frame.scale / frame.pixel_scale),
         'ibr_near': float(frame.near),

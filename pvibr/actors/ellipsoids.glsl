@@ -1,0 +1,99 @@
+// Ellipsoids for quadric_cards.glsl. Three texels of each: half axes, world axes, and in the last
+// numbers the centre less that of its block.
+// The picture of an ellipsoid is an ellipse, whose tangents come from the dual quadric; the card is
+// the rectangle about its own axes (Sigg et al., "GPU-Based Ray-Casting of Quadratic Surfaces",
+// Point-Based Graphics 2006, has bounds along x and y alone).
+
+//@vertex.declare
+flat out vec3 ibr_centre; // eye space
+flat out mat3 ibr_scaled; // half axes over their squared lengths, eye space
+
+// Centre and half extents of the picture, and the way of the longer one.
+void ibr_outline(vec3 c, mat3 m, out vec2 middle, out vec2 extent, inout vec2 way)
+{
+  mat3 rows = transpose(m);
+  vec3 x = rows[0], y = rows[1], z = rows[2];
+  vec3 across = vec3(0.0);
+  middle = c.xy;
+  float share = 1.0;
+  if (ibr_parallel == 0)
+  {
+    // In units of the distance: no square leaves what a float can hold.
+    x /= -c.z, y /= -c.z, z /= -c.z;
+    middle /= -c.z;
+    share = 1.0 - dot(z, z);
+    vec3 wx = cross(x, z), wy = cross(y, z);
+    across = vec3(dot(wx, wx), dot(wx, wy), dot(wy, wy));
+    vec2 slopes = middle;
+    middle = (slopes + vec2(dot(x, z), dot(y, z))) / share;
+    x += slopes.x * z;
+    y += slopes.y * z;
+  }
+  vec3 form = (vec3(dot(x, x), dot(x, y), dot(y, y)) - across) / (share * share);
+  float size = max(form.x + form.z, 1e-30);
+#if CORNERS == 4
+  vec3 shape = form / size;
+  float gap = 0.5 * (shape.x - shape.z);
+  float root = length(vec2(gap, shape.y));
+  vec2 axis = gap > 0.0 ? vec2(gap + root, shape.y) : vec2(shape.y, root - gap);
+  if (root > 1e-3) way = normalize(axis);
+#endif
+  vec2 squares = way * way;
+  float mixed = 2.0 * way.x * way.y * form.y;
+  extent = sqrt(max(vec2(dot(squares, form.xz) + mixed, dot(squares.yx, form.xz) - mixed), 0.0));
+}
+
+bool ibr_place(int i, vec3 origin, out IbrCard card)
+{
+  vec4 a = ibr_fetched(ibr_items, 3 * i);
+  vec4 b = ibr_fetched(ibr_items, 3 * i + 1);
+  vec4 d = ibr_fetched(ibr_items, 3 * i + 2);
+  vec3 c = origin + ibr_eye_from_world * vec3(a.w, b.w, d.w);
+  mat3 m = ibr_eye_from_world * mat3(a.xyz, b.xyz, d.xyz);
+  vec3 radii = vec3(length(m[0]), length(m[1]), length(m[2]));
+  float least = ibr_half_pixel(c.z), largest = max(max(radii.x, radii.y), radii.z);
+  if (largest <= 0.0) return false;
+  vec3 drawn = max(radii, least);
+  for (int k = 0; k < 3; k++) m[k] *= drawn[k] / radii[k];
+  for (int k = 0; k < 3; k++) ibr_scaled[k] = m[k] / (drawn[k] * drawn[k]);
+  ibr_centre = c;
+  vec3 toward = vec3(m[0].z, m[1].z, m[2].z);
+  card.front = c.z + 0.667 / length(vec3(ibr_scaled[0].z, ibr_scaled[1].z, ibr_scaled[2].z));
+  card.dot_sized = largest < least;
+  card.way = vec2(1.0, 0.0);
+  card.bounds = vec4(-ibr_none, ibr_none, -ibr_none, ibr_none);
+  if (ibr_parallel == 1 || length(toward) < -0.9999 * c.z)
+  {
+    vec2 middle, extent;
+    ibr_outline(c, m, middle, extent, card.way);
+    middle = vec2(dot(middle, card.way), dot(middle, vec2(-card.way.y, card.way.x)));
+    card.bounds = middle.xxyy + extent.xxyy * vec4(-1.0, 1.0, -1.0, 1.0);
+  }
+  return c.z - length(toward) < -ibr_near;
+}
+
+//@fragment.declare
+flat in vec3 ibr_centre;
+flat in mat3 ibr_scaled;
+
+void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, out vec3 leaves)
+{
+  vec3 away = ibr_centre - from;
+  float along = dot(away, ray) / dot(ray, ray);
+  // In a space where it is the unit sphere, from the foot on.
+  vec3 start = (along * ray - away) * ibr_scaled, way = ray * ibr_scaled;
+  float inverse = 1.0 / dot(way, way);
+  float foot = -dot(start, way) * inverse;
+  start += foot * way;
+  float square = 1.0 - dot(start, start);
+  float half_chord = sqrt(max(square * inverse, 0.0));
+  t = along + foot + vec2(-half_chord, half_chord);
+  hits = bvec2(square >= 0.0);
+  enters = normalize(ibr_scaled * (start - half_chord * way));
+  leaves = normalize(ibr_scaled * (start + half_chord * way));
+}
+
+vec4 ibr_painted(vec3 place)
+{
+  return ibr_look;
+}

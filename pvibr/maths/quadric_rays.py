@@ -1,0 +1,306 @@
+"""Rays against spheres, ellipsoids and cylinders, in double precision: what shaders must show.
+
+Directions of rays may have any length; distances are counted in it. All arrays are broadcast
+against each other: many rays meet one thing, or one ray many things.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+CAPS = ('flat', 'round', None)
+
+
+class Meeting(NamedTuple):
+    """Where rays enter things and where they leave them.
+
+    Attributes
+    ----------
+    hits : numpy.ndarray of bool, shape (2, ...)
+        Whether there is a surface where the ray enters, and where it leaves.
+    distances : numpy.ndarray, shape (2, ...)
+        Along the ray; NaN is allowed where there is no surface.
+    normals : numpy.ndarray, shape (2, ..., 3)
+        Outward, of length 1.
+    """
+
+    hits: np.ndarray
+    distances: np.ndarray
+    normals: np.ndarray
+
+    def first(self, near=0.0):
+        """Return what is seen from a distance on.
+
+        Parameters
+        ----------
+        near : float
+            What is nearer is cut away, and shows the inside of what is cut open.
+
+        Returns
+        -------
+        distance : numpy.ndarray
+            Infinite where nothing is met.
+        normal : numpy.ndarray, shape (..., 3)
+            Toward the start of the ray.
+        inside : numpy.ndarray of bool
+            Whether it is the inside that is seen.
+        """
+        with np.errstate(invalid='ignore'):
+            ahead = self.hits & (self.distances >= near)
+        inside = ~ahead[0]
+        distance = np.where(inside, self.distances[1], self.distances[0])
+        normal = np.where(inside[..., None], -self.normals[1], self.normals[0])
+        return np.where(ahead.any(0), distance, np.inf), normal, inside
+
+
+def meet_spheres(starts, ways, centers, radii) -> Meeting:
+    """Return where rays meet spheres.
+
+    Parameters
+    ----------
+    starts, ways : array_like, shape (..., 3)
+        Starts and directions of rays, world units.
+    centers : array_like, shape (..., 3)
+        World units.
+    radii : array_like, shape (...)
+        World units.
+
+    Returns
+    -------
+    Meeting
+        Where they do.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quadric_rays import meet_spheres
+    >>> meet_spheres([0, 0, 5], [0, 0, -1], [0, 0, 0], 2.0).distances.tolist()
+    [3.0, 7.0]
+    """
+    radii = np.asarray(radii, float)[..., None]
+    return meet_ellipsoids(starts, ways, centers, radii[..., None] * np.eye(3))
+
+
+def meet_ellipsoids(starts, ways, centers, axes) -> Meeting:
+    """Return where rays meet ellipsoids.
+
+    Parameters
+    ----------
+    starts, ways : array_like, shape (..., 3)
+        Starts and directions of rays, world units.
+    centers : array_like, shape (..., 3)
+        World units.
+    axes : array_like, shape (..., 3, 3)
+        Half axes in columns, perpendicular to each other, none of length 0, world units.
+
+    Returns
+    -------
+    Meeting
+        Where they do.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.quadric_rays import meet_ellipsoids
+    >>> meet_ellipsoids([0, 0, 5], [0, 0, -1], [0, 0, 0], np.diag([1, 1, 2])).distances.tolist()
+    [3.0, 7.0]
+    """
+    ways, axes = np.asarray(ways, float), np.asarray(axes, float)
+    # Columns over their squared lengths: what takes the ellipsoid to the unit sphere.
+    scaled = axes / (axes**2).sum(-2, keepdims=True)
+    foot, off = _foot(ways, np.subtract(starts, centers))
+    start, way = _to_local(scaled, off), _to_local(scaled, ways)
+    square = (way**2).sum(-1)
+    along = -(start * way).sum(-1) / square
+    rest = 1 - ((start + along[..., None] * way) ** 2).sum(-1)
+    half = np.sqrt(np.maximum(rest, 0) / square)
+    t = np.stack([along - half, along + half])
+    local = start + t[..., None] * way
+    normals = (scaled * local[..., None, :]).sum(-1)
+    return Meeting(np.stack([rest > 0] * 2), t + foot, _units(normals))
+
+
+def meet_cylinders(starts, ways, middles, halves, radii, caps='flat') -> Meeting:
+    """Return where rays meet cylinders.
+
+    Parameters
+    ----------
+    starts, ways : array_like, shape (..., 3)
+        Starts and directions of rays, world units.
+    middles : array_like, shape (..., 3)
+        World units.
+    halves : array_like, shape (..., 3)
+        From a middle to an end, world units.
+    radii : array_like, shape (...)
+        World units.
+    caps : {'flat', 'round', None}
+        How they end: round ones reach further by the radius; None leaves them open.
+
+    Returns
+    -------
+    Meeting
+        Where they do.
+
+    Examples
+    --------
+    >>> from pvibr.maths.quadric_rays import meet_cylinders
+    >>> for caps in ('flat', 'round'):
+    ...     met = meet_cylinders([0, 0, 5], [0, 0, -1], [0, 0, 0], [0, 0, 2], 1.0, caps)
+    ...     print(met.distances.tolist())
+    [3.0, 7.0]
+    [2.0, 8.0]
+    """
+    ways, halves, radii = (np.asarray(a, float) for a in (ways, halves, radii))
+    length = np.linalg.norm(halves, axis=-1)
+    some = length > 0
+    units = np.where(some[..., None], halves / np.where(some, length, 1)[..., None], [0, 0, 1.0])
+    foot, off = _foot(ways, np.subtract(starts, middles))
+    up, rise = (off * units).sum(-1), (ways * units).sum(-1)
+    start, way = off - up[..., None] * units, ways - rise[..., None] * units
+    square = np.maximum((way**2).sum(-1), 1e-30 * (ways**2).sum(-1))
+    along = -(start * way).sum(-1) / square
+    rest = radii**2 - ((start + along[..., None] * way) ** 2).sum(-1)
+    half = np.sqrt(np.maximum(rest, 0) / square)
+    t = np.stack([along - half, along + half])
+    heights = up + t * rise
+    walls = _units(start + t[..., None] * way)
+    within = rest >= 0
+    if caps == 'flat':
+        found = _flat(t, walls, within & some, up, rise, length, units)
+    elif caps == 'round':
+        found = _round(t, walls, within, heights, off, ways, length, units, radii)
+    else:
+        found = Meeting(within & (np.abs(heights) <= length) & some, t, walls)
+    return found._replace(distances=found.distances + foot)
+
+
+def _flat(t, walls, within, up, rise, length, units):
+    """Cut the part of a ray within an endless cylinder by the planes of both ends."""
+    steep = np.broadcast_to(np.where(np.abs(rise) < 1e-30, 1e-30, rise), t[0].shape)
+    planes = np.sort(np.stack([(-length - up) / steep, (length - up) / steep]), 0)
+    capped = np.stack([planes[0] > t[0], planes[1] < t[1]])
+    distances = np.where(capped, planes, t)
+    facing = np.stack([-np.sign(steep), np.sign(steep)])[..., None] * units
+    hits = np.stack([within & (distances[0] <= distances[1])] * 2)
+    return Meeting(hits, distances, np.where(capped[..., None], facing, walls))
+
+
+def _round(t, walls, within, heights, off, ways, length, units, radii):
+    """Put half a sphere on each end of the part of an endless cylinder."""
+    side = np.where(heights < 0, -1.0, 1.0)
+    beyond = np.abs(heights) > length
+    away = off - (side * length)[..., None] * units
+    square = (ways**2).sum(-1)
+    along = -(away * ways).sum(-1) / square
+    rest = radii**2 - ((away + along[..., None] * ways) ** 2).sum(-1)
+    half = np.sqrt(np.maximum(rest, 0) / square)
+    ball = along + np.stack([-half[0], half[1]])
+    normals = _units(away + ball[..., None] * ways)
+    hits = within & (~beyond | (rest >= 0))
+    return Meeting(hits, np.where(beyond, ball, t), np.where(beyond[..., None], normals, walls))
+
+
+def _foot(ways, off):
+    """Return how far along a ray it is next to a point, and where that is from the point."""
+    along = -(off * ways).sum(-1) / (ways**2).sum(-1)
+    return along, off + along[..., None] * ways
+
+
+def _to_local(columns, vectors):
+    return (columns * vectors[..., :, None]).sum(-2)
+
+
+def _units(vectors):
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1)
+
+
+def cast(frame, meet, *things):
+    """Return what is seen of things at the middle of each pixel.
+
+    Parameters
+    ----------
+    frame : pvibr.frame.Frame
+        Camera and size.
+    meet : callable
+        One of the functions above.
+    *things : numpy.ndarray, shape (n, ...)
+        What it needs of each thing, world units.
+
+    Returns
+    -------
+    ids : numpy.ndarray of int, shape (h, w), top row first
+        The nearest thing; n more where its inside is seen; -1 for none.
+    depth : numpy.ndarray, shape (h, w)
+        Distance along the view's axis; infinite where there is none.
+    normals : numpy.ndarray, shape (h, w, 3)
+        Eye space, toward the eye.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.frame import Frame
+    >>> from pvibr.maths.quadric_rays import cast, meet_spheres
+    >>> frame = Frame(
+    ...     None, None, (3, 3), (0, 0), np.eye(4), np.diag([1.0, 1, -1, 1]),
+    ...     parallel=True, near=0.0, far=10.0, eye=np.zeros(3),
+    ... )  # fmt: skip
+    >>> ids, depth, _ = cast(frame, meet_spheres, [[0, 0, -3]], [0.5])
+    >>> ids.tolist(), float(depth[1, 1])
+    ([[-1, -1, -1], [-1, 0, -1], [-1, -1, -1]], 2.5)
+    """
+    starts, ways = _rays(frame)
+    turn = frame.view_from_world[:3, :3]
+    starts, ways = (starts - frame.view_from_world[:3, 3]) @ turn, ways @ turn
+    ids = np.full(ways.shape[:2], -1)
+    depth = np.full(ways.shape[:2], np.inf)
+    normals = np.zeros_like(ways)
+    count = len(things[0])
+    for i, thing in enumerate(zip(*things, strict=True)):
+        t, normal, inside = meet(starts, ways, *thing).first(frame.near)
+        hit = (t < depth) & (t <= frame.far)
+        ids[hit], depth[hit], normals[hit] = (i + count * inside)[hit], t[hit], normal[hit]
+    return ids, depth, normals @ turn.T
+
+
+def _rays(frame):
+    """Return where the ray of each pixel starts and, per unit of depth, where it goes."""
+    width, height = frame.size
+    x = (np.arange(width) + 0.5) / width * 2 - 1
+    y = 1 - (np.arange(height) + 0.5) / height * 2
+    m = frame.clip_from_view
+    offset = m[:2, 3] if frame.parallel else -m[:2, 2]
+    slopes = (np.stack(np.meshgrid(x, y), -1) - offset) / [m[0, 0], m[1, 1]]
+    starts, ways = np.zeros((2, height, width, 3))
+    (starts if frame.parallel else ways)[..., :2] = slopes
+    ways[..., 2] = -1
+    return starts, ways
+
+
+def inner(ids) -> np.ndarray:
+    """Return the pixels whose neighbours show the same, those at the border left out.
+
+    Parameters
+    ----------
+    ids : numpy.ndarray, shape (h, w)
+        What is seen.
+
+    Returns
+    -------
+    numpy.ndarray of bool, shape (h, w)
+        No edge is beside them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.quadric_rays import inner
+    >>> inner(np.array([[1, 1, 1, 2]] * 3)).tolist()[1]
+    [False, True, False, False]
+    """
+    same = np.ones(ids.shape, bool)
+    for axis in (0, 1):
+        for step in (-1, 1):
+            same &= np.roll(ids, step, axis) == ids
+    same[[0, -1]] = same[:, [0, -1]] = False
+    return same
