@@ -106,8 +106,7 @@ def measure(model) -> dict[str, np.ndarray]:
         Where the driver does not draw cards.
     """
     atlas = model.atlas
-    views = directions(_COLUMNS * _ROWS, atlas.half)
-    table = {'sizes': np.array(SIZES, float)} | _measured(model, views, PROGRAMS, meshes=True)
+    table = {'sizes': np.array(SIZES, float)} | _measured(model, None, PROGRAMS, meshes=True)
     if atlas.turntable is not None:
         views = level_directions(_COLUMNS * _ROWS, atlas.turntable.turns, atlas.half)
         sides = [p for p in ALL_PROGRAMS if p.sides]
@@ -116,7 +115,7 @@ def measure(model) -> dict[str, np.ndarray]:
 
 
 def _measured(model, views, programs, *, meshes):
-    """Return the rows of programs, and of lighter meshes, in some views."""
+    """Return the rows of programs, and of lighter meshes, in some views or from all around."""
     sheet = _Sheet(model, views)
     try:
         reference = sheet.draw_mesh(0)
@@ -215,7 +214,6 @@ class _Sheet:
         self.renderer.SetBackgroundAlpha(0.0)
         atlas = model.atlas
         self.spacing = 2 * atlas.radius * _CELL
-        views = directions(_COLUMNS * _ROWS, atlas.half) if views is None else views
         poses = _poses(atlas, self.spacing, views)
         self.kind = Kind(model, np.arange(len(poses)), poses, Binder())
         self.kind.upload(self.window)
@@ -285,11 +283,12 @@ class _Sheet:
         self.context.__exit__(None, None, None)
 
 
-def _poses(atlas, spacing, views):
+def _poses(atlas, spacing, views=None):
     """Return a pose per view: turned so that the view's direction is +z, moved to its cell."""
     from pvibr.maths.octahedral import frame
 
-    count = len(views)
+    count = _COLUMNS * _ROWS
+    views = directions(count, atlas.half) if views is None else views
     views = views[np.arange(count) * 7 % count]  # the first few all around
     rng = np.random.default_rng(7)
     poses = np.tile(np.eye(4), (len(views), 1, 1))
