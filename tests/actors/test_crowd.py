@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import Body, Clip, Crowd, Figure, Shadows
+from pvibr import Body, Clip, Crowd, Figure, Shadows, Skeleton, Track
 from pvibr.actors import phases
 from pvibr.actors.crowd_kind import Moves
 from pvibr.actors.phases import PhaseAtlas, phase_counts
@@ -297,3 +297,19 @@ def test_rounds():
     assert moves.rounds(motions, 2.0).tolist() == [0.25, 0.25, 1.0]
     rows = moves.rows(motions, 1e6 + 0.5)
     assert rows[:, 0].tolist()[:2] == [0.5, 0.5]
+
+
+@pytest.mark.parametrize('cached', [False, True])
+def test_baking_leaves_rigid_bodies_as_they_are(show, tmp_path, cached):
+    """Meshes without normals that go with a node: seen where they are as data, baked or read."""
+    joint = np.eye(4)[None]
+    rise = Clip('rise', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 2]])])
+    cone = pv.Cone(center=(0, 1, 0), direction=(0, 0, 1))
+    figure = Figure([Body(cone, node=0)], Skeleton([-1], joint), [rise])
+    for _ in range(1 + cached):
+        pl, crowd = show(figure, apart(1), NEAR, cache=tmp_path, max_error=4.0)
+        pl.ibr.time = 0.5
+        grab(pl)
+        (actor,) = (a for kind in crowd._kinds for a in kind.mesh_actors())
+        np.testing.assert_allclose(actor.GetBounds(), crowd.mesh(0).bounds, atol=1e-5)
+        np.testing.assert_allclose(np.mean(actor.GetBounds()[4:]), 1.0, atol=1e-5)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import shutil
+import subprocess
+import sys
 import threading
+import time
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
@@ -71,6 +75,83 @@ def picture_of():
         return imageio.imread(io.BytesIO(part.screenshot()))[..., :3]
 
     return take
+
+
+@pytest.fixture(scope='session')
+def until():
+    """A function: wait until another one returns something true, and return that."""
+
+    def wait(true, seconds=20.0, every=0.05):
+        end = time.monotonic() + seconds
+        while not (found := true()):
+            assert time.monotonic() < end, f'not within {seconds} s'
+            time.sleep(every)
+        return found
+
+    return wait
+
+
+class _Program:
+    """A program that serves pages, and what it says."""
+
+    def __init__(self, log, command, environment):
+        self._log = log
+        with log.open('w') as out:
+            self._process = subprocess.Popen(
+                [sys.executable, *command], stdout=out, stderr=subprocess.STDOUT, env=environment
+            )
+
+    @property
+    def said(self) -> str:
+        return self._log.read_text()
+
+    @property
+    def ended(self) -> bool:
+        return self._process.poll() is not None
+
+    @property
+    def url(self) -> str:
+        """Where its page is, once it says so."""
+        found = re.search(r'http://(localhost|127[.]0[.]0[.]1):\d+/\S*', self.said)
+        assert found or not self.ended, self.said
+        return found[0] if found else ''
+
+    def close(self):
+        """Have it end, as it should have by now; it must have said no error."""
+        try:
+            self._process.wait(20)
+        finally:
+            self._process.kill()
+            self._process.wait()
+        assert self._process.returncode == 0, self.said
+        assert not re.search(r'Traceback|Error|ERR[|]|Warning', self.said), self.said
+
+
+@pytest.fixture(scope='module')
+def cache(tmp_path_factory):
+    """A folder of what is baked, for these tests and the programs that they start."""
+    folder = tmp_path_factory.mktemp('cache')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('PVIBR_CACHE', str(folder))
+        yield folder
+
+
+@pytest.fixture(scope='module')
+def start(tmp_path_factory, until, cache):
+    """A function: start a Python program with arguments, once its page can be opened."""
+    folder = tmp_path_factory.mktemp('programs')
+    environment = os.environ | {'PVIBR_CACHE': str(cache), 'PYTHONUNBUFFERED': '1'}
+    started = []
+
+    def begin(*command):
+        program = _Program(folder / f'{len(started)}.log', command, environment)
+        started.append(program)
+        until(lambda: program.url, 60)
+        return program
+
+    yield begin
+    for program in started:
+        program.close()
 
 
 class _Files(SimpleHTTPRequestHandler):
