@@ -6,6 +6,7 @@ What consists of many small parts needs no triangle for each of them: a leaf is 
 bunch of leaves is three, and a tree that is far is one that turns to the eye.
 """
 
+import numpy as np
 import pyvista as pv
 
 import pvibr
@@ -36,5 +37,15 @@ pl.show(auto_close=False)
 pl.close()
 
 # %%
-# 4. In a scene the ladder takes part by itself: ``pl.ibr.add_instances(levels.parts, poses)``
-# measures each level and draws it where it is good enough.
+# 4. In a scene the ladder takes part by itself: each level is drawn up to the size at which its
+# measured error is below ``max_error``.
+x, y = np.meshgrid(np.linspace(-140, 140, 15), np.linspace(0, 420, 22))
+points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+points[:, :2] += np.random.default_rng(1).uniform(-7, 7, (len(points), 2))
+pl = pv.Plotter(window_size=(1200, 420), border=False)
+pl.add_mesh(pv.Plane(center=(0, 200, 0), i_size=700, j_size=700), color='darkseagreen')
+pl.ibr.add_instances(levels, points, max_error=2.0, name='trees')
+pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, -40, 11), (0, 100, 5), (0, 0, 1)
+pl.show(auto_close=False)
+print(pl.ibr.report())
+pl.close()
