@@ -6,6 +6,7 @@ import numpy as np
 
 from pvibr.full_screen import FullScreen, FullScreenImage
 from pvibr.gl import uniform_matrix
+from pvibr.maths.draping import sample
 from pvibr.params import Param
 from pvibr.pictures import Shown
 
@@ -141,6 +142,11 @@ class Sky(_Behind):
         self._image = None if panorama is None else Shown(panorama, repeat=True)
         super().__init__(**settings)
 
+    @property
+    def panorama(self):
+        """The picture that is shown; None is a gradient."""
+        return self._image
+
     def _entries(self):
         return 'behind', 'gradient' if self._image is None else 'panorama', 'sky'
 
@@ -157,6 +163,43 @@ class Sky(_Behind):
         if self._image is not None and self._image.missing:
             return self._image.missing
         return super().needed(frame) if self.opacity > 0 else 'opacity is 0'
+
+    def bake_into(self, scene):
+        """Hand it to a scene without pvibr.
+
+        Parameters
+        ----------
+        scene : pvibr.baked_scene.BakedScene
+            Takes a dome around everything.
+        """
+        scene.dome(lambda directions: self.colors(directions, scene.frame))
+
+    def colors(self, directions, frame) -> np.ndarray:
+        """Return what is seen of it in some directions.
+
+        Parameters
+        ----------
+        directions : numpy.ndarray, shape (n, 3)
+            World space, of length 1.
+        frame : pvibr.frame.Frame
+            Its time and what is behind it.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n, 3), float64
+            0 to 1.
+        """
+        to = directions @ _axes(self.up, self.turn).T
+        rise = np.arcsin(np.clip(to[:, 2:], -1, 1)) / (np.pi / 2)
+        if self._image is None:
+            end = np.where(rise > 0, self.top, self.bottom)
+            seen = np.array(self.horizon) * (1 - np.abs(rise)) + end * np.abs(rise)
+        else:
+            around = 0.5 - np.arctan2(to[:, 1:2], to[:, :1]) / (2 * np.pi)
+            picture = self._image.picture(frame.time)
+            seen = sample(picture, np.hstack([around, 0.5 + 0.5 * rise]))[:, :3] / 255
+        ground = np.array(frame.renderer.GetBackground())
+        return np.clip(self.opacity * self.strength * seen + (1 - self.opacity) * ground, 0, 1)
 
     def directions(self, frame) -> np.ndarray:
         """Return what brings a place on the screen to a direction.

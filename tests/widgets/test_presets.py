@@ -1,0 +1,81 @@
+"""Sets of settings: all supplied ones are allowed; users' own are kept in one file."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+import pvibr
+from pvibr.params import params_of
+from pvibr_widgets.presets import SUPPLIED, Presets
+
+
+@pytest.fixture
+def presets(tmp_path):
+    return Presets(tmp_path / 'presets.json')
+
+
+@pytest.mark.parametrize('kind', SUPPLIED)
+def test_supplied_sets_are_allowed_and_no_two_are_the_same(kind):
+    params = params_of(getattr(pvibr, kind))
+    looks = []
+    for settings in SUPPLIED[kind].values():
+        looks.append({n: params[n].check(v) for n, v in settings.items()})
+        assert looks[-1] != {n: params[n].default for n in settings}
+    assert all(looks.count(look) == 1 for look in looks)
+
+
+def test_a_set_decides_every_setting(presets):
+    bloom = pvibr.Bloom(calm=1.0)
+    presets.apply(bloom, 'strong')
+    assert (bloom.intensity, bloom.calm) == (2.0, 0.0)
+    presets.apply(bloom, 'defaults')
+    assert bloom.state() == pvibr.Bloom().state()
+
+
+def test_kept_sets_come_back_in_another_session(presets):
+    lens = pvibr.DepthOfField((0, 0, 1), f_number=1.4)
+    presets.keep(lens, ' mine ')
+    other = pvibr.DepthOfField()
+    again = Presets(presets.path)
+    assert again.names(other)[-1] == 'mine'
+    again.apply(other, 'mine')
+    assert (other.f_number, other.target) == (1.4, None)
+    assert 'mine' not in again.names(pvibr.Bloom())
+    again.forget(other, 'mine')
+    assert 'mine' not in presets.names(other)
+
+
+@pytest.mark.parametrize('name', ['', '  ', 'defaults', 'strong'])
+def test_names_that_are_taken_are_refused(presets, name):
+    with pytest.raises(ValueError, match='must be a new one'):
+        presets.keep(pvibr.Bloom(), name)
+    assert not presets.path.exists()
+
+
+def test_unknown_and_supplied_sets_cannot_be_applied_or_forgotten(presets):
+    with pytest.raises(ValueError, match="no preset 'none'; it has: defaults, subtle, strong"):
+        presets.apply(pvibr.Bloom(), 'none')
+    with pytest.raises(ValueError, match='must be one that you kept'):
+        presets.forget(pvibr.Bloom(), 'strong')
+
+
+@pytest.mark.parametrize(
+    'text',
+    ['', '{}', '{"pvibr": "presets", "version": 1}',
+     '{"pvibr": "presets", "version": 1, "presets": {"Bloom": [1]}}',
+     '{"pvibr": "presets", "version": 1, "presets": {"Bloom": {"a": 3}}}'],
+)  # fmt: skip
+def test_a_broken_file_is_said_and_left(presets, text):
+    presets.path.write_text(text)
+    with pytest.raises(ValueError, match=r'presets\.json'):
+        presets.names(pvibr.Bloom())
+    with pytest.raises(ValueError, match=r'presets\.json'):
+        presets.keep(pvibr.Bloom(), 'mine')
+    assert presets.path.read_text() == text
+
+
+def test_the_file_is_where_the_user_says(tmp_path):
+    Presets().keep(pvibr.Bloom(), 'mine')
+    assert os.listdir(tmp_path / 'config') == ['presets.json']

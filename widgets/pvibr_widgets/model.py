@@ -1,0 +1,325 @@
+"""What a control panel shows and does, whatever it is drawn with."""
+
+from __future__ import annotations
+
+import math
+import warnings
+import weakref
+
+from pvibr.component import attach
+from pvibr.errors import ClosedError, PvibrWarning
+from pvibr.params import params_of
+from pvibr_widgets.presets import Presets
+from pvibr_widgets.python_code import code_of
+from pvibr_widgets.rows import Row
+
+
+class Group:
+    """An effect or a thing, with a row for each of its settings.
+
+    Parameters
+    ----------
+    key : str
+        Its subplot's number.
+    name : str
+        What the state calls it.
+    thing : pvibr.Effect
+        In a pipeline.
+    place : str
+        Words before its name, where there are several subplots.
+    presets : Presets
+        Named sets of settings.
+
+    Attributes
+    ----------
+    rows : list of Row
+        In the order of declaration.
+    """
+
+    def __init__(self, key, name, thing, place, presets):
+        self.key, self.name, self.thing, self._presets = key, name, thing, presets
+        self.title = f'{place}{name}'
+        size = _size_of(thing.pipeline.renderer)
+        self.rows = [Row(thing, p, size) for p in params_of(type(thing)).values()]
+
+    @property
+    def enabled(self) -> bool:
+        """Whether it is on."""
+        return self.thing.enabled
+
+    @property
+    def why(self) -> str:
+        """Why it is off, where the pipeline put it off; empty where it is on."""
+        pipeline = self.thing.pipeline
+        if self.enabled or pipeline is None:
+            return ''
+        rows = zip(pipeline.effects, pipeline.report().rows, strict=True)
+        said = next(row.why for effect, row in rows if effect is self.thing)
+        return '' if said == 'enabled is False' else said
+
+    def switch(self, on):
+        """Put it on or off.
+
+        Parameters
+        ----------
+        on : bool
+            Which.
+        """
+        self.thing.enabled = bool(on)
+
+    def remove(self):
+        """Take it out of its subplot."""
+        if self.thing.pipeline is not None:
+            self.thing.pipeline.remove(self.thing)
+
+    @property
+    def presets(self) -> list[str]:
+        """Names of sets of settings, the defaults first."""
+        return self._presets.names(self.thing)
+
+    def apply(self, preset):
+        """Give it a set of settings.
+
+        Parameters
+        ----------
+        preset : str
+            One of `presets`.
+        """
+        self._presets.apply(self.thing, preset)
+
+    def keep(self, preset):
+        """Keep its settings as a set of the user's own.
+
+        Parameters
+        ----------
+        preset : str
+            A new name.
+        """
+        self._presets.keep(self.thing, preset)
+
+    def forget(self, preset):
+        """Remove a set that the user kept.
+
+        Parameters
+        ----------
+        preset : str
+            Its name.
+        """
+        self._presets.forget(self.thing, preset)
+
+
+class Model:
+    """What is in a plotter, as groups of rows, and what can be done with all of it.
+
+    It follows the plotter: whatever code adds, removes or changes is here with the next frame, or
+    after `refresh`.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter or vtkRenderer
+        With a ``plotter.ibr``, or a renderer for :func:`pvibr.attach`.
+    presets : Presets, optional
+        By default those in the user's own file.
+
+    Attributes
+    ----------
+    groups : list of Group
+        What there is.
+    message : str
+        What became of the last thing that was done.
+
+    Examples
+    --------
+    >>> import pvibr
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> bloom = pl.ibr.add(pvibr.Bloom())
+    >>> model = Model(pl)
+    >>> [group.title for group in model.groups]
+    ['Bloom']
+    >>> model.do(model.groups[0].apply, 'strong')
+    >>> bloom.intensity
+    2.0
+    >>> pl.close()
+    >>> model.groups, model.message
+    ([], 'the plotter is closed')
+    """
+
+    def __init__(self, plotter, *, presets=None):
+        self.plotter = plotter
+        self.ibr = plotter.ibr if hasattr(plotter, 'ibr') else attach(plotter)
+        self.groups: list[Group] = []
+        self.message = ''
+        self._presets = Presets() if presets is None else presets
+        self._listeners: list = []
+        self._shown: tuple = ()
+        self._tags: list = []
+        self._watch()
+        self.refresh()
+
+    # -- following the plotter ------------------------------------------------------------------
+
+    def _watch(self):
+        """Refresh after each frame and when the plotter closes, as long as someone holds this."""
+        refresh = weakref.WeakMethod(self.refresh)
+
+        def look(*_):
+            if (method := refresh()) is not None:
+                method()
+
+        self.ibr.on_close(look)
+        window = self._window
+        if window is not None:
+            self._tags = [(window, window.AddObserver('EndEvent', look))]
+
+    @property
+    def _window(self):
+        if hasattr(self.plotter, 'ibr'):
+            return self.plotter.render_window
+        return self.plotter.GetRenderWindow()
+
+    def close(self):
+        """Follow the plotter no more. Calling it again is fine."""
+        while self._tags:
+            window, tag = self._tags.pop()
+            window.RemoveObserver(tag)
+        self._listeners = []
+
+    def listen(self, tell):
+        """Call a function after each change of what is shown.
+
+        Parameters
+        ----------
+        tell : callable
+            Takes whether there are other groups than before.
+        """
+        self._listeners.append(tell)
+
+    def refresh(self):
+        """Look at what is in the plotter, and tell listeners where it is not as before."""
+        contents = self._contents()
+        before = [(g.key, g.name, g.thing) for g in self.groups]
+        now = [(k, n, t) for k, named in contents.items() for n, t in named.items()]
+        rebuilt = [*map(_identity, before)] != [*map(_identity, now)]
+        if rebuilt:
+            self.groups = [Group(k, n, t, self._place(k), self._presets) for k, n, t in now]
+        shown = (self.message, *(_look_of(group) for group in self.groups))
+        if rebuilt or shown != self._shown:
+            self._shown = shown
+            for tell in list(self._listeners):
+                tell(rebuilt)
+
+    def _contents(self) -> dict:
+        try:
+            return self.ibr.contents
+        except ClosedError:
+            self.message = 'the plotter is closed'
+            return {}
+
+    def _place(self, key) -> str:
+        """Return row and column of a subplot in words, where there are several."""
+        place_of = self._place_of()
+        if place_of is None:
+            return ''
+        place = place_of(int(key))
+        return ', '.join(str(int(i)) for i in _as_tuple(place)) + ': '
+
+    def _place_of(self):
+        renderers = getattr(self.plotter, 'renderers', ())
+        return getattr(renderers, 'index_to_loc', None) if len(renderers) > 1 else None
+
+    # -- what users do --------------------------------------------------------------------------
+
+    def do(self, action, *args):
+        """Do what a control asks for, show what came of it, and draw.
+
+        Parameters
+        ----------
+        action : callable
+            Such as a method of a row or a group. Where it raises because of what it was given,
+            why is in `message`; so is what pvibr warns of.
+        *args
+            Its arguments.
+        """
+        self.message = ''
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter('always', PvibrWarning)
+            try:
+                action(*args)
+            except (TypeError, ValueError, OSError, ClosedError) as error:
+                self.message = str(error)
+            self.render()
+        warned = [str(w.message) for w in said if issubclass(w.category, PvibrWarning)]
+        self.message = self.message or '; '.join(warned)
+        self.refresh()
+
+    def render(self):
+        """Draw the plotter, unless it is closed."""
+        if self._window is not None:
+            draw = getattr(self.plotter, 'render', None) or self._window.Render
+            draw()
+
+    def reset(self):
+        """Give everything its defaults."""
+        for group in self.groups:
+            group.apply('defaults')
+
+    def code(self) -> str:
+        """Return Python that gives another plotter the same effects and settings.
+
+        Returns
+        -------
+        str
+            See :func:`pvibr_widgets.python_code.code_of`.
+        """
+        return code_of(self._contents(), self.ibr.time, self._place_of())
+
+    def save(self, path):
+        """Write all settings to a file, see ``pl.ibr.save_state``.
+
+        Parameters
+        ----------
+        path : str
+            Where to.
+        """
+        self.ibr.save_state(_named(path))
+        self.message = f'saved to {path}'
+
+    def load(self, path):
+        """Set all settings to those of a file, see ``pl.ibr.load_state``.
+
+        Parameters
+        ----------
+        path : str
+            The file.
+        """
+        self.ibr.load_state(_named(path))
+
+
+def _identity(entry):
+    key, name, thing = entry
+    return key, name, id(thing)
+
+
+def _look_of(group) -> tuple:
+    """Return what changes when anything that is shown of a group does."""
+    thing = group.thing
+    return id(thing), thing._revision, thing.enabled, *(row.error for row in group.rows)
+
+
+def _size_of(renderer) -> float:
+    """Return the diagonal of what is in a scene, 1 where there is nothing."""
+    bounds = renderer.ComputeVisiblePropBounds()
+    size = math.dist(bounds[::2], bounds[1::2])
+    return size if bounds[0] <= bounds[1] and 0 < size < math.inf else 1.0
+
+
+def _as_tuple(place):
+    return tuple(place) if hasattr(place, '__len__') else (place,)
+
+
+def _named(path):
+    if not str(path).strip():
+        msg = 'path is empty: write the name of a file'
+        raise ValueError(msg)
+    return path

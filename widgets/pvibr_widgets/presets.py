@@ -1,0 +1,236 @@
+"""Named sets of settings: a few for each effect, and those that users keep in a file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import platformdirs
+
+from pvibr import state_files
+from pvibr.params import params_of
+
+#: What is not named here has its default.
+SUPPLIED: dict[str, dict[str, dict]] = {
+    'Shadows': {
+        'crisp': {'method': 'pcf', 'resolution': 4096, 'softness': 0.5},
+        'soft': {'method': 'pcss', 'angle': 3.0},
+        'fast': {'method': 'hard', 'resolution': 1024},
+    },
+    'Bloom': {
+        'subtle': {'threshold': 0.9, 'intensity': 0.4, 'spread': 0.3},
+        'strong': {'threshold': 0.6, 'intensity': 2.0, 'spread': 0.8},
+    },
+    'Glow': {
+        'subtle': {'intensity': 0.5, 'spread': 0.3},
+        'strong': {'intensity': 2.0, 'spread': 0.8},
+    },
+    'Afterglow': {
+        'subtle': {'intensity': 0.5, 'fade': 0.3},
+        'strong': {'intensity': 2.0, 'fade': 2.0},
+    },
+    'Outline': {
+        'subtle': {'width': 1.0, 'opacity': 0.5, 'normal': False},
+        'strong': {'width': 4.0, 'crease': 20.0},
+    },
+    'DepthOfField': {
+        'subtle': {'f_number': 5.6},
+        'strong': {'f_number': 1.2, 'limit': 0.1, 'samples': 96},
+        'fast': {'samples': 16},
+    },
+    'ToneMapping': {
+        'film': {'curve': 'aces'},
+        'neutral': {'curve': 'neutral'},
+        'eye': {'curve': 'agx', 'auto': True},
+    },
+    'Vignette': {
+        'subtle': {'intensity': 0.25},
+        'strong': {'intensity': 0.9, 'radius': 0.3},
+    },
+    'NightVision': {
+        'subtle': {'gain': 2.0, 'grain': 0.05},
+        'strong': {'gain': 12.0, 'grain': 0.3},
+    },
+    'Sky': {
+        'evening': {
+            'top': (0.13, 0.16, 0.35), 'horizon': (0.95, 0.62, 0.40), 'bottom': (0.18, 0.15, 0.16),
+        },
+        'overcast': {
+            'top': (0.62, 0.65, 0.69), 'horizon': (0.80, 0.81, 0.82), 'bottom': (0.40, 0.40, 0.39),
+        },
+    },
+    'Flash': {
+        'subtle': {'intensity': 0.4, 'duration': 0.2},
+        'strong': {'intensity': 1.0, 'duration': 0.8},
+    },
+    'Instances': {
+        'fine': {'max_error': 0.5},
+        'fast': {'max_error': 3.0},
+    },
+    'Crowd': {
+        'fine': {'max_error': 0.5},
+        'fast': {'max_error': 3.0},
+    },
+    'Impostor': {
+        'fine': {'max_error': 0.5},
+        'fast': {'max_error': 3.0, 'budget_ms': 10.0},
+    },
+}  # fmt: skip
+DEFAULTS = 'defaults'
+
+
+class Presets:
+    """Named sets of settings by class of effect.
+
+    Parameters
+    ----------
+    path : str or os.PathLike, optional
+        The file of those that users keep; by default ``presets.json`` in the folder that
+        ``PVIBR_CONFIG`` names, else in the platform's own for settings.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import pvibr
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> presets = Presets(pathlib.Path(folder.name) / 'presets.json')
+    >>> bloom = pvibr.Bloom(threshold=0.7)
+    >>> presets.keep(bloom, 'mine')
+    >>> presets.apply(bloom, 'strong')
+    []
+    >>> presets.apply(bloom, 'mine')
+    []
+    >>> bloom.threshold, presets.names(bloom)
+    (0.7, ['defaults', 'subtle', 'strong', 'mine'])
+    >>> folder.cleanup()
+    """
+
+    def __init__(self, path=None):
+        self.path = _default_path() if path is None else Path(path)
+
+    def names(self, thing) -> list[str]:
+        """Return the names for a thing, its users' last.
+
+        Parameters
+        ----------
+        thing : pvibr.Effect
+            Whose class decides.
+
+        Returns
+        -------
+        list of str
+            ``'defaults'`` first.
+
+        Raises
+        ------
+        OSError, ValueError
+            Where there is a file, but it cannot be read.
+        """
+        kind = type(thing).__name__
+        return [DEFAULTS, *(SUPPLIED.get(kind, {}) | self._kept().get(kind, {}))]
+
+    def apply(self, thing, name) -> list[str]:
+        """Give a thing all settings of a set, its default to each that is not in it.
+
+        Parameters
+        ----------
+        thing : pvibr.Effect
+            What is changed.
+        name : str
+            One of `names`.
+
+        Returns
+        -------
+        list of str
+            Names of settings that the thing does not have, left out.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where there is no such set, or a value is not allowed; nothing is changed.
+        """
+        kind = type(thing).__name__
+        sets = {DEFAULTS: {}} | SUPPLIED.get(kind, {}) | self._kept().get(kind, {})
+        if name not in sets:
+            msg = f'{kind} has no preset {name!r}; it has: {", ".join(sets)}'
+            raise ValueError(msg)
+        defaults = {n: p.default for n, p in params_of(type(thing)).items()}
+        return thing.restore(defaults | sets[name])
+
+    def keep(self, thing, name):
+        """Keep the settings of a thing under a name, for every thing of its class.
+
+        Parameters
+        ----------
+        thing : pvibr.Effect
+            Whose settings.
+        name : str
+            What they are called; a set that a user kept under that name is replaced.
+
+        Raises
+        ------
+        ValueError
+            Where the name is empty or that of a supplied set.
+        OSError
+            Where the file cannot be written; it is as it was.
+        """
+        kind, name = type(thing).__name__, name.strip()
+        if not name or name == DEFAULTS or name in SUPPLIED.get(kind, {}):
+            msg = f'name = {name!r}: must be a new one, of a letter at least'
+            raise ValueError(msg)
+        kept = self._kept()
+        settings = {n: thing.state()[n] for n in params_of(type(thing))}
+        kept.setdefault(kind, {})[name] = settings
+        self._write(kept)
+
+    def forget(self, thing, name):
+        """Remove a set that a user kept.
+
+        Parameters
+        ----------
+        thing : pvibr.Effect
+            Whose class decides.
+        name : str
+            Which.
+
+        Raises
+        ------
+        ValueError
+            Where no user kept it.
+        OSError
+            Where the file cannot be written; it is as it was.
+        """
+        kept, kind = self._kept(), type(thing).__name__
+        if name not in kept.get(kind, {}):
+            msg = f'preset = {name!r}: must be one that you kept'
+            raise ValueError(msg)
+        del kept[kind][name]
+        self._write(kept)
+
+    def _kept(self) -> dict:
+        if not self.path.exists():
+            return {}
+        values, _ = state_files.from_text('presets', state_files.read(self.path), str(self.path))
+        sets = values.get('presets')
+        if not isinstance(sets, dict) or not _is_nested(sets):
+            msg = f'{self.path} is not a file of presets: mend or remove it'
+            raise ValueError(msg)
+        return sets
+
+    def _write(self, kept):
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        state_files.write(self.path, state_files.to_text('presets', {'presets': kept}))
+
+
+def _is_nested(sets) -> bool:
+    """Tell whether it is settings by name by class."""
+    return all(
+        isinstance(named, dict) and all(isinstance(s, dict) for s in named.values())
+        for named in sets.values()
+    )
+
+
+def _default_path() -> Path:
+    folder = os.environ.get('PVIBR_CONFIG')
+    found = Path(folder) if folder else platformdirs.user_config_path('pvibr', appauthor=False)
+    return found.expanduser() / 'presets.json'

@@ -1,0 +1,321 @@
+"""One setting as a control shows it: texts, stops of a slider, and what happens to bad input."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pvibr_widgets.scales import scale_of
+
+
+class Row:
+    """One setting of a thing.
+
+    Whatever is given that is not allowed changes nothing, and is in `error` until something
+    allowed is given.
+
+    Parameters
+    ----------
+    thing : pvibr.Effect
+        Whose setting.
+    param : pvibr.Param
+        The setting.
+    size : float
+        Size of the scene, world units: the end of a slider where its range has none.
+
+    Examples
+    --------
+    >>> import pvibr
+    >>> bloom = pvibr.Bloom()
+    >>> row = Row(bloom, pvibr.Bloom.spread)
+    >>> row.kind, row.label, row.text
+    ('number', 'spread', '0.5')
+    >>> row.write('many')
+    False
+    >>> row.error
+    "Bloom.spread = 'many': must be a float in [0, 1]"
+    >>> row.move(row.scale.last), bloom.spread
+    (True, 1.0)
+    """
+
+    def __init__(self, thing, param, size=1.0):
+        self.thing, self.param, self.name = thing, param, param.name
+        self._refused: tuple = ('', None)
+        self.kind = _kind_of(param)
+        self._scale: Any = scale_of(param, size) if self.kind == 'number' else None
+
+    # -- what is shown --------------------------------------------------------------------------
+
+    @property
+    def value(self):
+        """The setting as it is now."""
+        return getattr(self.thing, self.name)
+
+    @property
+    def label(self) -> str:
+        """Name and unit."""
+        words = self.name.replace('_', ' ')
+        return f'{words} ({self.param.unit})' if self.param.unit else words
+
+    @property
+    def help(self) -> str:
+        """What it means, what is allowed, and the default, in one line."""
+        return self.param.describe()
+
+    @property
+    def optional(self) -> bool:
+        """Whether it may be None, derived from the scene."""
+        return self.param.optional
+
+    @property
+    def derived(self) -> bool:
+        """Whether it is None, derived from the scene."""
+        return self.value is None
+
+    @property
+    def text(self) -> str:
+        """The value as text, empty where it is derived."""
+        return '' if self.derived else text_of(self.value)
+
+    @property
+    def scale(self):
+        """What the stops of a slider stand for; it grows with values beyond its ends."""
+        if not self.derived:
+            self._scale = self._scale.holding(self.value)
+        return self._scale
+
+    @property
+    def stop(self) -> int:
+        """Where a slider stands; in the middle where the value is derived."""
+        scale = self.scale
+        return scale.last // 2 if self.derived else scale.stop(self.value)
+
+    @property
+    def choices(self) -> list[str]:
+        """What can be chosen, in words."""
+        return [text_of(c) or 'none' for c in self.param.choices or ()]
+
+    @property
+    def choice(self) -> int:
+        """Which of the choices it is."""
+        return 0 if self.derived else self.param.choices.index(self.value)
+
+    @property
+    def color(self) -> str:
+        """A colour as ``#rrggbb``."""
+        return to_hex(self.value or (0.0, 0.0, 0.0))
+
+    @property
+    def error(self) -> str:
+        """Why what was given last is not allowed; empty where it is, or was set since."""
+        why, value = self._refused
+        return why if value == self.value else ''
+
+    # -- what users do --------------------------------------------------------------------------
+
+    def set(self, value) -> bool:
+        """Set it.
+
+        Parameters
+        ----------
+        value : object
+            What was given.
+
+        Returns
+        -------
+        bool
+            Whether it is allowed; else nothing changes, and `error` says why.
+        """
+        try:
+            setattr(self.thing, self.name, value)
+        except (TypeError, ValueError) as error:
+            self._refused = str(error), self.value
+            return False
+        self._refused = '', None
+        return True
+
+    def write(self, text) -> bool:
+        """Set it to what a text says.
+
+        Parameters
+        ----------
+        text : str
+            A number, numbers between commas, or any text, as the setting has it.
+
+        Returns
+        -------
+        bool
+            As :meth:`set`.
+        """
+        return self.set(self._parsed(text.strip()))
+
+    def _parsed(self, text):
+        try:
+            if self.param.kind is tuple:
+                return tuple(float(part) for part in text.strip('()[]').split(','))
+            return text if self.param.kind is str else self.param.kind(text)
+        except ValueError:
+            return text  # which the setting refuses, with its own words
+
+    def move(self, stop) -> bool:
+        """Set it to what a stop of its slider stands for.
+
+        Parameters
+        ----------
+        stop : int
+            From 0 to ``scale.last``.
+
+        Returns
+        -------
+        bool
+            As :meth:`set`.
+        """
+        # Where the slider stands already nothing was moved: a finer value stays what it is.
+        if not self.derived and stop == self.stop:
+            return self.set(self.value)
+        return self.set(self.scale.at(stop))
+
+    def choose(self, index) -> bool:
+        """Set it to one of its choices.
+
+        Parameters
+        ----------
+        index : int
+            Which of `choices`.
+
+        Returns
+        -------
+        bool
+            As :meth:`set`.
+        """
+        return self.set(self.param.choices[index])
+
+    def paint(self, color) -> bool:
+        """Set it to a colour.
+
+        Parameters
+        ----------
+        color : str
+            As ``#rrggbb``.
+
+        Returns
+        -------
+        bool
+            As :meth:`set`.
+        """
+        if not self.derived and color == self.color:
+            return self.set(self.value)
+        return self.set(from_hex(color))
+
+    def derive(self, derived) -> bool:
+        """Let it be derived from the scene, or not.
+
+        Parameters
+        ----------
+        derived : bool
+            Else it becomes what its control shows.
+
+        Returns
+        -------
+        bool
+            As :meth:`set`.
+        """
+        if derived == self.derived:
+            return True
+        return self.set(None if derived else self._shown())
+
+    def _shown(self):
+        """Return what a control stands at while the value is derived."""
+        if self.kind == 'number':
+            return self.scale.at(self.stop)
+        if self.kind == 'choice':
+            return self.param.choices[0]
+        empty = {'switch': False, 'text': '', 'color': (0.0, 0.0, 0.0)}
+        return self.param.default or empty.get(self.kind, (0.0, 0.0, 0.0, 1.0))
+
+    def reset(self) -> bool:
+        """Set it to its default.
+
+        Returns
+        -------
+        bool
+            As :meth:`set`.
+        """
+        return self.set(self.param.default)
+
+
+def _kind_of(param) -> str:
+    """Return which control a setting has."""
+    if param.choices is not None:
+        return 'choice'
+    if param.kind is tuple:
+        channels = param.default is not None and len(param.default) == 3
+        bounds = param.range and (param.range.low, param.range.high)
+        return 'color' if channels and bounds == (0, 1) else 'numbers'
+    return {bool: 'switch', int: 'number', float: 'number', str: 'text'}[param.kind]
+
+
+def text_of(value) -> str:
+    """Return a value as people write it.
+
+    Parameters
+    ----------
+    value : bool, int, float, str or tuple of float
+        A setting's value.
+
+    Returns
+    -------
+    str
+        The shortest text that means the same.
+
+    Examples
+    --------
+    >>> text_of((0.5, 2.0)), text_of(1e-7), text_of('add'), text_of(2048)
+    ('0.5, 2', '1e-07', 'add', '2048')
+    """
+    if isinstance(value, tuple):
+        return ', '.join(map(text_of, value))
+    if isinstance(value, float):
+        return repr(int(value)) if value == int(value) and abs(value) < 1e6 else repr(value)
+    return str(value)
+
+
+def to_hex(color) -> str:
+    """Return a colour as ``#rrggbb``.
+
+    Parameters
+    ----------
+    color : tuple of float
+        Red, green, blue from 0 to 1.
+
+    Returns
+    -------
+    str
+        Rounded to 255ths.
+
+    Examples
+    --------
+    >>> to_hex((1.0, 0.5, 0.0)), from_hex('#ff8000')
+    ('#ff8000', (1.0, 0.50196, 0.0))
+    """
+    return '#' + ''.join(f'{round(255 * c):02x}' for c in color)
+
+
+def from_hex(text) -> tuple[float, float, float] | str:
+    """Return the colour that ``#rrggbb`` means.
+
+    Parameters
+    ----------
+    text : str
+        Of six hexadecimal digits.
+
+    Returns
+    -------
+    tuple of float or str
+        Red, green, blue from 0 to 1; the text itself where it is no such colour.
+    """
+    digits = text.removeprefix('#')
+    try:
+        red, green, blue = bytes.fromhex(digits)
+    except ValueError:
+        return text
+    return round(red / 255, 5), round(green / 255, 5), round(blue / 255, 5)

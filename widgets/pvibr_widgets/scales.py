@@ -1,0 +1,180 @@
+"""Where a number stands on a slider: ends where its range has none, decades where it has many."""
+
+from __future__ import annotations
+
+import bisect
+import functools
+import math
+from dataclasses import dataclass
+
+from pvibr.params import Interval
+
+#: How far numbers of a unit usually go; those of the world are shares of the scene's size.
+REACH = {
+    'px': 32, 'texels': 64, 'degrees': 180, 'ms': 100, 's': 10, 'Hz': 60, '1/s': 60,
+    'stops': 8, 'bytes': 2.0**30, 'world': 0.1,
+}  # fmt: skip
+#: The last stop of a slider, unless there are fewer whole numbers.
+STOPS = 200
+_FAR = 50  # a larger ratio of ends, or of an end to the default, is shown in decades
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The ends of a slider, and what lies between them.
+
+    Parameters
+    ----------
+    low, high : float
+        Its ends.
+    log : bool, optional
+        Whether equal steps are equal ratios.
+    whole : bool, optional
+        Whether it has whole numbers only.
+
+    Examples
+    --------
+    >>> decades = Scale(0.01, 100, log=True)
+    >>> decades.at(100), decades.stop(10.0)
+    (1.0, 150)
+    """
+
+    low: float
+    high: float
+    log: bool = False
+    whole: bool = False
+
+    @functools.cached_property
+    def numbers(self) -> tuple:
+        """What its stops stand for, from the first to the last; no two are the same."""
+        steps = STOPS if self.log or not self.whole else min(STOPS, max(self.high - self.low, 1))
+        shares = [i / round(steps) for i in range(round(steps) + 1)]
+        if self.log:
+            found = [float(f'{self.low * (self.high / self.low) ** s:.3g}') for s in shares]
+        else:
+            span = self.high - self.low
+            digits = 1 - math.floor(math.log10(span / steps)) if span else 0
+            found = [round(self.low + span * s, digits) for s in shares]
+        found = [min(max(x, self.low), self.high) for x in found]
+        return tuple(sorted({round(x) if self.whole else x for x in found}))
+
+    @property
+    def last(self) -> int:
+        """Number of the last stop; the first is 0."""
+        return len(self.numbers) - 1
+
+    def at(self, stop) -> float:
+        """Return the number at a stop.
+
+        Parameters
+        ----------
+        stop : int
+            From 0 to `last`; what is beyond is taken for the end.
+
+        Returns
+        -------
+        float or int
+            The number.
+        """
+        return self.numbers[min(max(round(stop), 0), self.last)]
+
+    def stop(self, number) -> int:
+        """Return the stop that is nearest to a number.
+
+        Parameters
+        ----------
+        number : float
+            What is beyond an end is at that end.
+
+        Returns
+        -------
+        int
+            From 0 to `last`.
+        """
+        after = bisect.bisect_left(self.numbers, number)
+        if after == 0 or after > self.last:
+            return min(after, self.last)
+        return after - (number - self.numbers[after - 1] < self.numbers[after] - number)
+
+    def holding(self, number) -> Scale:
+        """Return this scale, grown where a number is beyond its ends.
+
+        Parameters
+        ----------
+        number : float
+            What it must reach.
+
+        Returns
+        -------
+        Scale
+            The same where it does.
+        """
+        if self.low <= number <= self.high:
+            return self
+        low, high = min(self.low, number), max(self.high, number)
+        return Scale(low, high, self.log and low > 0, self.whole)
+
+
+def scale_of(param, size=1.0) -> Scale:
+    """Return the scale of a setting that is a number.
+
+    Parameters
+    ----------
+    param : pvibr.Param
+        Its range is kept; where that has no end, the slider has one by the default or, where there
+        is none, by how far numbers of its unit usually go.
+    size : float, optional
+        Size of the scene, world units.
+
+    Returns
+    -------
+    Scale
+        Every number on it is allowed.
+
+    Examples
+    --------
+    >>> from pvibr import Param
+    >>> scale_of(Param(1.0, 'Error.', range='(0, inf)', unit='px'))
+    Scale(low=0.1, high=10.0, log=True, whole=False)
+    >>> scale_of(Param(0.5, 'Share.', range='[0, 1]'))
+    Scale(low=0.0, high=1.0, log=False, whole=False)
+    """
+    interval, whole = param.range or Interval('(-inf, inf)'), param.kind is int
+    default = abs(param.default or 0.0)
+    reach = REACH.get(param.unit, 1.0) * (size if param.unit == 'world' else 1.0)
+    far = _FAR * default or math.inf
+    if interval.low >= 0 and 0 not in interval and interval.high >= far:
+        (low, high), log = _decades(interval, default, reach), True
+    else:
+        if param.unit in REACH:
+            far = reach = max(reach, 4 * default)
+        low, high = _finite(interval, 4 * default or reach, far)
+        log = interval.low > 0 and high > _FAR * low
+    low, high = _inner(interval, low, high, whole)
+    return Scale(low, high, log, whole)
+
+
+def _decades(interval, default, reach):
+    """Return ends of a range of numbers above 0: decades around what is usual."""
+    usual, spread = (default, 10.0) if default else (reach, 100.0)
+    high = max(usual, interval.low) * spread
+    return max(interval.low, usual / spread), min(high, interval.high)
+
+
+def _finite(interval, reach, far):
+    """Return the ends of a range, in place of those that are very far what is within reach."""
+    low, high = interval.low, interval.high
+    if math.isinf(high) or high - max(low, 0) > far:
+        high = max(low, 0) + reach
+    if math.isinf(low) or min(high, 0) - low > far:
+        low = min(high, 0) - reach
+    return low, high
+
+
+def _inner(interval, low, high, whole):
+    """Return ends that are in the range themselves, and whole where numbers are."""
+    step = 1 if whole else (high - low) / STOPS
+    low = math.ceil(low) if whole else low
+    low = low if low in interval else low + step
+    high = max(math.floor(high), low + 1) if whole else high
+    return low, high if high in interval else high - step
