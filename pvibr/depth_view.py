@@ -219,5 +219,5 @@ def seen_from(frame, view, resolution):
     return replace(
         frame, size=(resolution, resolution), origin=(0, 0), parallel=view.parallel,
         view_from_world=view.view_from_world, clip_from_view=view.clip_from_view,
-        near=view.near, far=view.far, eye=view.eye, casting=True,
+        near=view.near, far=view.far, eye=view.eye, casting=True, quality=1.0,
     )  # fmt: skip

@@ -14,6 +14,7 @@ from pvibr.params import Param
 _STAGES = ('', 'coc', 'near', 'far')
 _TILE = 8  # texels of half size along a side, see depth_of_field.glsl
 #: The focal length that none was given for, as a share of the distance in focus.
+_LEAST = 8  # looks
 _SHARE = 0.1
 
 
@@ -67,7 +68,7 @@ class DepthOfField(Effect):
     )  # fmt: skip
     samples = Param(
         48, 'Most looks around each pixel, in large circles: more is smoother and slower.',
-        range='[8, 512]',
+        range=f'[{_LEAST}, 512]',
     )  # fmt: skip
     high_range = Param(False, 'See colours above 1, which multisampling does not go with.')
     debug = Param(
@@ -167,6 +168,16 @@ class DepthOfField(Effect):
         sharp = max(map(abs, self.circles(frame))) <= 0.5 and not self.debug
         return 'nothing is out of focus by half a pixel' if sharp else True
 
+    def reach(self, frame) -> float:
+        """Return the radius of the largest circle of confusion, in pixels.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            What is drawn.
+        """
+        return max(self.limit * frame.whole[1] / 2, 0.5)
+
     def render(self, frame, picture):
         """Draw the picture as the lens sees it.
 
@@ -179,7 +190,7 @@ class DepthOfField(Effect):
         """
         self._allocate(frame.window, picture.size)
         near, far = (c / 2 for c in self.circles(frame))
-        most = max(self.limit * frame.whole[1] / 2, 0.5)
+        most = self.reach(frame)
         lens = (near, far - near, most)
         scene = {'color': picture.color, 'depth': picture.depth}
         small, layers = self._targets['small'], self._targets['layers']
@@ -190,7 +201,8 @@ class DepthOfField(Effect):
         self._draw(
             'spread', 'spread', {'reach': reach}, {'tiles': self._targets['tiles'].colors[0]}
         )
-        self._draw('gather', 'layers', {'samples': self.samples},
+        samples = max(_LEAST, round(self.samples * frame.quality))
+        self._draw('gather', 'layers', {'samples': samples},
                    {'color': small.colors[0], 'circle': circle, 'tiles': tiles})  # fmt: skip
         found = dict(zip(('behind', 'near', 'cover'), layers.colors, strict=True))
         with picture.drawing():

@@ -233,7 +233,7 @@ class LiveTexture(Effect):
         seen = replace(
             frame, size=(drawn.width, drawn.height), origin=(0, 0), parallel=view.parallel,
             view_from_world=view.view_from_world, clip_from_view=view.clip_from_view,
-            near=view.near, far=view.far, eye=view.eye,
+            near=view.near, far=view.far, eye=view.eye, quality=1.0,
         )  # fmt: skip
         effects = [e for e in self._scene_effects() if e.needed(seen) is True]
         for effect in effects:

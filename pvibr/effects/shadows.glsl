@@ -39,6 +39,13 @@ float ibr_shadow_linear(ibr_Shadow s, float d)
   return s.perspective ? s.near * d / (s.far - d * (s.far - s.near)) : d;
 }
 
+//@disk
+// The first places, spread out to the whole disk: Vogel's are the same for any number but for that.
+vec2 ibr_shadow_tap(int i)
+{
+  return ibr_shadow_disk[i] * sqrt(float(TAPS) / float(ibr_shadow_taps));
+}
+
 //@hard
 float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 {
@@ -88,14 +95,14 @@ float ibr_shadow_test(sampler2DShadow map, ibr_Shadow s)
   // A tap compares the four texels around it with the depth at their middle.
   float reach = s.bias + 0.75 * (abs(s.slope.x) + abs(s.slope.y)) / s.side;
   float lit = 0.0;
-  for (int i = 0; i < TAPS; ++i)
+  for (int i = 0; i < ibr_shadow_taps; ++i)
   {
-    vec2 d = turn * ibr_shadow_disk[i] * ibr_shadow_softness / s.side;
+    vec2 d = turn * ibr_shadow_tap(i) * ibr_shadow_softness / s.side;
     vec2 uv = clamp(s.place.xy + d, 1.0 / s.side, 1.0 - 1.0 / s.side);
     float plane = s.place.z + dot(s.slope, uv - s.place.xy) - reach;
     lit += texture(map, vec3(s.tile.xy + uv * s.tile.zw, min(plane, 1.0)));
   }
-  return lit / float(TAPS);
+  return lit / float(ibr_shadow_taps);
 }
 
 //@pcss
@@ -130,9 +137,9 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
   vec2 reach = clamp(ibr_shadow_cone(s, s.near, to), vec2(least), vec2(0.25));
   float sum = 0.0;
   float found = 0.0;
-  for (int i = 0; i < TAPS; ++i)
+  for (int i = 0; i < ibr_shadow_taps; ++i)
   {
-    vec2 d = turn * ibr_shadow_disk[i] * reach;
+    vec2 d = turn * ibr_shadow_tap(i) * reach;
     float depth = ibr_shadow_hider(map, s, d);
     if (depth < 2.0)
     {
@@ -144,18 +151,18 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
     }
   }
   // Where nothing hides the light there is no second look.
-  int again = found == 0.0 ? 0 : TAPS;
+  int again = found == 0.0 ? 0 : ibr_shadow_taps;
   vec2 radius = clamp(ibr_shadow_cone(s, sum / max(found, 1e-6), to), vec2(least), reach);
   float hidden = 0.0;
   for (int i = 0; i < again; ++i)
   {
     // Low bumps within the filter are far beside the cone to the light: 3 times, as measured.
-    vec2 d = turn * ibr_shadow_disk[i] * radius;
+    vec2 d = turn * ibr_shadow_tap(i) * radius;
     float depth = ibr_shadow_hider(map, s, d);
     vec2 cone = ibr_shadow_cone(s, ibr_shadow_distance(s, min(depth, 1.0)), to);
     hidden += depth < 2.0 && length(d / (cone + least)) <= 3.0 ? 1.0 : 0.0;
   }
-  return 1.0 - hidden / float(TAPS);
+  return 1.0 - hidden / float(ibr_shadow_taps);
 }
 
 //@moments

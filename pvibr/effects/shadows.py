@@ -285,6 +285,7 @@ class Shadows(Effect):
             ('SetUniform2f', 'ibr_shadow_polygon', [-1.0, 0.0] if on_plane else offsets),
             ('SetUniform1fv', 'ibr_shadow_range', len(ranges), ranges),
             ('SetUniformf', 'ibr_shadow_softness', self._softness()),
+            ('SetUniformi', 'ibr_shadow_taps', max(1, round(self._filter()[1] * frame.quality))),
         ]  # fmt: skip
         for maps in lit:
             n = maps.light.number
@@ -360,6 +361,20 @@ class Shadows(Effect):
             if owner is not None:
                 owner.release()
         self._lights, self._drawer, self._volumes, self._last = [], None, None, None
+
+    def bake_into(self, scene):
+        """Hand shadows to a scene without pvibr.
+
+        Parameters
+        ----------
+        scene : pvibr.baked_scene.BakedScene
+            Takes light away from surfaces.
+        """
+        scene.shadow(self.casts, self.receives, self._extent if self.method == 'pcss' else None)
+
+    def _extent(self, light, reach):
+        """Return the size of a light: degrees, or a length in world units."""
+        return (self.radius or reach / 50) if light.positional else self.angle
 
     def _without(self) -> list[str]:
         """Return what casts no shadow, by kind."""
@@ -504,6 +519,7 @@ def _map_parts(text, method, taps, lights) -> list[str]:
         declared_samplers(samplers),
         f'{DITHER}#define TAPS {taps}\n#define WARP {WARP:.1f}\n',
         f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk});\n',
+        text['disk'],
         text['declare'],
         shared['plane'],
         text['moments'] if method in KINDS else '',
