@@ -135,6 +135,14 @@ class Frame:
         """Pixels per unit of tan(angle) in perspective, per world unit in parallel projection."""
         return float(self.clip_from_view[1, 1] * self.size[1] / 2)
 
+    @property
+    def own(self) -> bool:
+        """Whether it is what the renderer's own camera shows, not what a light or another sees."""
+        if self.casting:
+            return False
+        matrix = self.renderer.GetActiveCamera().GetModelViewTransformMatrix()
+        return bool(np.array_equal(_matrix(matrix), self.view_from_world))
+
     def pixel_at(self, point) -> float:
         """Return the size of a pixel at a point, in world units.
 

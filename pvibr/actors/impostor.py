@@ -208,7 +208,7 @@ class Impostor(Effect):
         frame : pvibr.frame.Frame
             The frame about to be drawn.
         """
-        if _is_elsewhere(frame):
+        if not frame.own:
             self._elsewhere = self._seen_from(frame)
             return
         self._elsewhere = None
@@ -247,7 +247,7 @@ class Impostor(Effect):
         frame : pvibr.frame.Frame
             The frame that was drawn.
         """
-        if _is_elsewhere(frame) or frame is not self._frame:
+        if not frame.own or frame is not self._frame:
             return
         self._cards.hide()
         self._leaves.show()
@@ -503,12 +503,3 @@ class Impostor(Effect):
 
 def _view_of(frame) -> View:
     return View(frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel)
-
-
-def _is_elsewhere(frame) -> bool:
-    """Tell whether a frame is not that of the renderer's own camera."""
-    if frame.casting:
-        return True
-    matrix = frame.renderer.GetActiveCamera().GetModelViewTransformMatrix()
-    own = np.array([matrix.GetElement(i, j) for i in range(3) for j in range(4)])
-    return not np.array_equal(own, frame.view_from_world[:3].ravel())

@@ -83,6 +83,7 @@ class Instances(Painted, Anchored):
 
     web = 'baked', 'meshes, far ones billboard clouds'
     _title = 'Instances'
+    _covered = _worn = None
 
     max_error = Param(
         1.0, 'How far an outline may be from that of the mesh.', range='(0, inf)', unit='px'
@@ -249,12 +250,31 @@ class Instances(Painted, Anchored):
         return np.tile(np.rint(np.array(prop.GetColor()) * 255).astype(np.uint8), (len(self), 1))
 
     def _repaint(self):
-        merged = look.merge(len(self), self._colors, self._visible)
+        self._wear(self._worn)
+        self._touch()
+
+    def _wear(self, covered):
+        """Look as users want it, less what others draw."""
+        self._worn = covered
+        shown = self._visible
+        if covered is not None:
+            shown = self.visible.copy()
+            shown[covered] = False
+        merged = look.merge(len(self), self._colors, shown)
         if self.pipeline is not None:
             self.pipeline._make_current()
         for kind in self._kinds:
             kind.set_looks(merged, self._blend == 'multiply')
-        self._touch()
+
+    def cover(self, ids):
+        """Leave instances out of what the scene's own camera shows, since another draws them.
+
+        Parameters
+        ----------
+        ids : numpy.ndarray of int or None
+            Which; None for all to be drawn.
+        """
+        self._covered = ids
 
     def _touch(self):
         self._stamp = None
@@ -273,6 +293,23 @@ class Instances(Painted, Anchored):
         if self.table is not None:
             return super().scalar_title()
         return self.scalar_mapper().GetArrayName() or ''
+
+    def bake_into(self, scene):
+        """Hand the instances to a scene without pvibr.
+
+        Parameters
+        ----------
+        scene : pvibr.baked_scene.BakedScene
+            Takes copies of meshes.
+        """
+        for k, model in self._models.items():
+            ids = np.flatnonzero((self._index == k) & self.visible)
+            scene.copies(
+                self, [level.parts for level in model.levels], self._poses[ids],
+                largest=model.limits(self.max_error).meshes if model.atlas.errors else None,
+                colors=None if self._colors is None else self._colors[ids],
+                multiply=self._blend == 'multiply',
+            )  # fmt: skip
 
     def _parts(self):
         return [p for model in self._models.values() for p in model.levels[0].parts]
@@ -335,6 +372,10 @@ class Instances(Painted, Anchored):
                 kind.upload(frame.window)
             self._uploaded = True
         self._keep_last(frame.renderer)
+        covered = self._covered if frame.own and not frame.picking else None
+        if covered is not self._worn:
+            self._wear(covered)
+            self._stamp = None
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         how = frame.picking, frame.casting, frame.quality
         stamp = (*camera, frame.size, self._revision, *how)
