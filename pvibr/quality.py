@@ -150,10 +150,8 @@ class Pace:
         What draws; anything with ``render()`` and either ``render_window`` or ``renderer``.
     budget : callable
         Returns the milliseconds that a moving frame may take; 0 is any.
-    playing : callable
+    playing : callable, optional
         Tells whether the time goes on by itself.
-    clock : callable, optional
-        Returns seconds.
 
     Attributes
     ----------
@@ -177,9 +175,8 @@ class Pace:
     >>> pl.close()
     """
 
-    def __init__(self, plotter, budget, playing=lambda: False, clock=perf_counter):
+    def __init__(self, plotter, budget, playing=lambda: False):
         self._plotter, self._asked_ms, self._playing = plotter, budget, playing
-        self._clock = clock
         self.budget = Budget()
         self.lowered = False
         self.why = ''
@@ -265,7 +262,7 @@ class Pace:
             # What costs most on a processor, and is seen least while all moves.
             self._samples = window.GetMultiSamples()
             window.SetMultiSamples(0)
-        self._began = self._clock()
+        self._began = perf_counter()
 
     def _on_end(self, window, _event):
         self._put_back(window)
@@ -273,7 +270,7 @@ class Pace:
         if began is None or _is_picking(window):
             return
         window.WaitForCompletion()
-        now = self._clock()
+        now = perf_counter()
         self._note(1e3 * (now - began))
         self.lowered = self._quality < 1
         if self.lowered:
@@ -305,13 +302,13 @@ class Pace:
             # VTK's styles draw a still picture at the end, and take any timer's tick for a move.
             self._stop()
             return True
-        wheels = self._clock() - self._wheeled < SETTLE
+        wheels = perf_counter() - self._wheeled < SETTLE
         moves = wheels or self._playing()
         # No style draws a picture at the end: only where there will be one is less shown.
         return moves and (self.budget.quality == 1 or self._follows())
 
     def _on_wheel(self, *_):
-        self._wheeled = self._clock()
+        self._wheeled = perf_counter()
 
     def _follows(self) -> bool:
         """Have a look at the clock until all is at rest; tell whether there is one to look at."""
@@ -320,7 +317,7 @@ class Pace:
         return self._ticks is not None
 
     def _tick(self):
-        if self._clock() - self._moved < SETTLE:
+        if perf_counter() - self._moved < SETTLE:
             return
         self._stop()
         if self.lowered:
