@@ -1,4 +1,4 @@
-"""What moves the time: the timer of a window, a notebook's loop, or the frames of a movie."""
+"""What moves the time: the timer of a window, the loop of a server, or the frames of a movie."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ PERIOD = 16
 class Clock:
     """Moves a time while a plotter is looked at or filmed.
 
-    In windows and notebooks seconds are those of the wall. A movie that is open decides instead:
-    each frame that is written is one frame's time later than the one before. Off screen nothing
-    else moves the time, so that pictures are the same wherever they are made.
+    In windows, and in pages of notebooks and trame, seconds are those of the wall; a page begins
+    with its first frame. A movie that is open decides instead: each frame that is written is one
+    frame's time later than the one before. Off screen nothing else moves the time, so that
+    pictures are the same wherever they are made.
 
     Parameters
     ----------
@@ -43,6 +44,7 @@ class Clock:
     def __init__(self, plotter, tell):
         self._plotter, self._tell = plotter, tell
         self._ticks: _Timer | _Loop | None = None
+        self._watched: tuple | None = None
         self._films = False
         self.running = False
 
@@ -77,7 +79,17 @@ class Clock:
         self.set(time)
         self.running = True
         self._ticks = ticks(self._plotter, self._tick)
+        renderer = self._plotter.renderer
+        self._watched = renderer, renderer.AddObserver('StartEvent', self._look_for_page)
         self._watch_movie()
+
+    def _look_for_page(self, *_):
+        """Tick for a page, which is opened long after it was asked to play."""
+        if isinstance(self._ticks, _Loop) or not has_page(self._plotter):
+            return
+        if self._ticks is not None:
+            self._ticks.stop()
+        self._ticks = ticks(self._plotter, self._tick)
 
     @property
     def ticking(self) -> bool:
@@ -102,6 +114,10 @@ class Clock:
         ticks, self._ticks = self._ticks, None
         if ticks is not None:
             ticks.stop()
+        watched, self._watched = self._watched, None
+        if watched is not None:
+            renderer, tag = watched
+            renderer.RemoveObserver(tag)
         if self._films:
             self._films = False
             self._plotter.__dict__.pop('write_frame', None)
@@ -149,7 +165,15 @@ class Clock:
         if self._since is None:
             self._since = now
         if self._go(now - self._since):
+            self._draw()
+
+    def _draw(self):
+        """Draw, but not for pages: each that is open draws when it is told, and once is enough."""
+        if not has_page(self._plotter):
             self._plotter.render()
+            return
+        for tell in list(self._plotter._on_render_callbacks):
+            tell(self._plotter)
 
     def _go(self, seconds) -> bool:
         """Take the time that is so many seconds later; tell whether it is another one."""
@@ -177,7 +201,7 @@ class _Timer:
 
 
 class _Loop:
-    """Ticks of the loop in which a notebook and its server run."""
+    """Ticks of the loop in which a server of pages runs, a notebook's or an application's."""
 
     def __init__(self, loop, tick):
         self._loop, self._tick = loop, tick
@@ -225,17 +249,31 @@ def ticks(plotter, tick):
     object or None
         With ``stop()``; None off screen, where nothing ticks.
     """
-    if getattr(plotter, 'notebook', False):
+    if has_page(plotter):
         try:
             return _Loop(asyncio.get_running_loop(), tick)
         except RuntimeError:  # nothing runs
             return None
-    renderer = plotter.renderer
-    window = renderer.GetRenderWindow()
+    window = plotter.renderer.GetRenderWindow()
     interactor = None if window is None else window.GetInteractor()
-    if interactor is None or getattr(plotter, 'off_screen', window.GetOffScreenRendering()):
+    hidden = window is None or getattr(plotter, 'off_screen', window.GetOffScreenRendering())
+    if interactor is None or hidden or getattr(plotter, 'notebook', False):
         return None
     return _Timer(interactor, tick)
+
+
+def has_page(plotter) -> bool:
+    """Tell whether a view of trame shows what a plotter draws.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+        What draws.
+    """
+    # Views ask to be told of each ``plotter.render()``. Where rendering is suppressed, the
+    # browser draws by itself.
+    told = getattr(plotter, '_on_render_callbacks', ())
+    return bool(told) and not getattr(plotter, 'suppress_rendering', False)
 
 
 def _fps_of(writer):

@@ -110,10 +110,10 @@ class IBRComponent:
     def play(self, speed=1.0, loop=None, *, fps=None):
         """Let the time go on by itself, in windows, notebooks and movies.
 
-        A window's time is that of the wall. So is that of a notebook whose pictures come from the
-        server (``jupyter_backend='server'`` or ``'trame'``). While a movie is open, each
-        ``plotter.write_frame()`` moves the time on by one frame's share of a second. Off screen
-        nothing else does: set `time` there.
+        A window's time is that of the wall. So is that of pages whose pictures come from a server
+        (``jupyter_backend='server'`` or ``'trame'``, applications of trame), from the first frame
+        that one asks for. While a movie is open, each ``plotter.write_frame()`` moves the time on
+        by one frame's share of a second. Off screen nothing else does: set `time` there.
 
         Parameters
         ----------
@@ -947,6 +947,56 @@ class IBRComponent:
         subplots = {renderers.index(p.renderer): p.effects for p in self._pipelines}
         return web_report(subplots, backend)
 
+    def baked(self, *, triangles=1_000_000, texture=1024, detail=1 / 1024):
+        """Return a plotter of plain actors that shows the same, for browsers and files.
+
+        Draped pictures and shadows become colours or textures of surfaces, figures are posed as
+        they are now, instances become meshes and billboard clouds, billboards quads, outlines
+        lines. What is lost is named in a warning; see :meth:`web_report`.
+
+        Parameters
+        ----------
+        triangles : int
+            That things may have together in each subplot, and that a surface may be cut into
+            where its colours change.
+        texture : int
+            Texels along a side of textures for projected pictures, where a surface has texture
+            coordinates or xatlas is there (``pip install pvibr[uv]``); 0 has them as colours of
+            points.
+        detail : float
+            Shortest edge that surfaces are cut into, as a share of the scene's diagonal.
+
+        Returns
+        -------
+        pyvista.Plotter
+            A new one, with the same subplots, cameras, lights, backgrounds and size. This one
+            stays as it is.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where a number is not allowed.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> balls = pl.ibr.add_spheres([[0, 0, 0], [2, 0, 0]], color='red')
+        >>> plain = pl.ibr.baked(triangles=500)
+        >>> sum(actor.mapper.dataset.n_cells for actor in plain.actors.values()) <= 500
+        True
+        >>> plain.close()
+        >>> pl.close()
+        """
+        from pvibr.baked import baked
+
+        self._check_open()
+        self._show(None, False)
+        numbers = {'triangles': triangles, 'texture': texture, 'detail': detail}
+        return baked(self._plotter, self._pipelines, **numbers)
+
     def _handed_over(self, **_mode):
         """Warn, once, of what is not in the scene that a browser or a file gets."""
         if self._closed or follow_mode(self._plotter, self._handed_over):
@@ -1127,6 +1177,11 @@ class _Host:
 
     def __init__(self, renderer):
         self.renderer = renderer
+        self._on_render_callbacks: set = set()  # as a plotter's: see `clock.has_page`
+
+    def show_by(self, draw):
+        """Draw by something else than the window's Render."""
+        self._on_render_callbacks = {lambda _: draw()}
 
     def reset_camera(self, *, render=False):
         """Show everything."""
@@ -1134,16 +1189,22 @@ class _Host:
 
     def render(self):
         """Draw."""
-        self.renderer.GetRenderWindow().Render()
+        if not self._on_render_callbacks:
+            self.renderer.GetRenderWindow().Render()
+        for tell in self._on_render_callbacks:
+            tell(self)
 
 
-def attach(renderer) -> IBRComponent:
+def attach(renderer, draw=None) -> IBRComponent:
     """Return ``ibr`` for a plain renderer: VTK scripts, Qt windows, trame applications.
 
     Parameters
     ----------
     renderer : vtkRenderer
         The renderer; asked again, the same component is returned.
+    draw : callable, optional
+        What draws and shows a frame, such as the ``update`` of a view of trame; by default the
+        window's ``Render``. It may be given later, by asking again.
 
     Returns
     -------
@@ -1154,7 +1215,7 @@ def attach(renderer) -> IBRComponent:
     Raises
     ------
     TypeError
-        Where it is no renderer.
+        Where it is no renderer, or `draw` cannot be called.
 
     Examples
     --------
@@ -1169,9 +1230,18 @@ def attach(renderer) -> IBRComponent:
     if not (hasattr(renderer, 'IsA') and renderer.IsA('vtkRenderer')):
         msg = f'renderer = {renderer!r}: must be a vtkRenderer; a plotter has its own plotter.ibr'
         raise TypeError(msg)
-    found = _attached.get(id(renderer))
-    if found is not None and not found._closed and found._plotter.renderer is renderer:
-        return found
+    if draw is not None and not callable(draw):
+        msg = f'draw = {draw!r}: must be a function without arguments, such as view.update'
+        raise TypeError(msg)
+    component = _attached.get(id(renderer))
+    if component is None or component._closed or component._plotter.renderer is not renderer:
+        component = _attach_anew(renderer)
+    if draw is not None:
+        component._plotter.show_by(draw)
+    return component
+
+
+def _attach_anew(renderer):
     component = IBRComponent(_Host(renderer))
     _attached[id(renderer)] = component
     # An observer keeps the component as long as the renderer lives, in a way that Python's

@@ -193,34 +193,87 @@ def test_a_movie_that_does_not_say_is_asked_about():
         clock.write(lambda: None)
 
 
-def test_a_notebook_ticks_in_its_loop():
-    drawn, times = [], []
+def page_of(times):
+    """A plotter that a view of trame shows, which notes when it was told to draw."""
+    shown = []
+    plotter = SimpleNamespace(
+        renderer=_vtk.vtkRenderer(),
+        _on_render_callbacks={lambda _: shown.append(times[-1])},
+        suppress_rendering=False,
+        off_screen=True,
+        render=lambda: pytest.fail('the view draws by itself'),
+    )
+    return plotter, shown
 
-    async def notebook():
-        plotter = SimpleNamespace(notebook=True, render=lambda: drawn.append(times[-1]))
+
+def test_a_page_ticks_in_the_loop_of_its_server():
+    times = []
+    plotter, shown = page_of(times)
+
+    async def server():
         clock = Clock(plotter, times.append)
         clock.start(0.0)
-        while len(drawn) < 3:
+        assert clock.ticking
+        while len(shown) < 3:
             await asyncio.sleep(0.01)
         clock.stop()
         await asyncio.sleep(0.1)
 
-    asyncio.run(notebook())
-    assert drawn == times
+    asyncio.run(server())
+    assert shown == times
     assert len(times) == 3
     assert times == sorted(set(times))
 
 
-def test_a_notebook_s_server_gets_each_picture():
-    """What sends pictures to the browser hears of them from ``plotter.render``."""
+def test_a_page_that_opens_late_begins_with_its_first_frame():
+    times = []
+    plotter, shown = page_of(times)
+    views, plotter._on_render_callbacks = plotter._on_render_callbacks, set()
+    clock = Clock(plotter, times.append)
+    clock.start(0.0)
+
+    async def server():
+        plotter.renderer.InvokeEvent('StartEvent')  # of a picture that nobody looks at
+        await asyncio.sleep(0.1)
+        assert not clock.ticking
+        plotter._on_render_callbacks = views
+        plotter.renderer.InvokeEvent('StartEvent')
+        assert clock.ticking
+        while not shown:
+            await asyncio.sleep(0.01)
+        clock.stop()
+        shown.clear()
+        plotter.renderer.InvokeEvent('StartEvent')
+        assert not clock.ticking
+
+    asyncio.run(server())
+
+
+def test_a_page_that_draws_by_itself_is_not_told():
+    plotter, _ = page_of([])
+    plotter.suppress_rendering = True
+
+    async def server():
+        clock = Clock(plotter, print)
+        clock.start(0.0)
+        assert not clock.ticking
+        clock.stop()
+
+    asyncio.run(server())
+
+
+def test_views_hear_of_each_moment():
+    """As they ask PyVista to be told, and with what they draw by."""
     sent = []
 
     async def notebook():
         pl = pv.Plotter(notebook=True, off_screen=True, window_size=(32, 32))
         pl.ibr.play()
         pl.show(jupyter_backend='none', auto_close=False)
+        assert not pl.ibr.pipeline.time
         pl.add_on_render_callback(lambda pl: sent.append(pl.ibr.time), render_event=False)
-        while len(sent) < 3:
+        pl.render()
+        while len(sent) < 4:
             await asyncio.sleep(0.01)
         pl.close()
 
@@ -229,8 +282,9 @@ def test_a_notebook_s_server_gets_each_picture():
 
 
 def test_a_notebook_without_a_loop_only_films():
-    clock = Clock(SimpleNamespace(notebook=True, mwriter=SimpleNamespace(write_args={'fps': 2})),
-                  print)  # fmt: skip
+    writer = SimpleNamespace(write_args={'fps': 2})
+    plotter = SimpleNamespace(notebook=True, mwriter=writer, renderer=_vtk.vtkRenderer())
+    clock = Clock(plotter, print)
     clock.start(0.0)
     assert clock.running
 

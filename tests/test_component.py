@@ -235,6 +235,16 @@ def test_attach_to_a_plain_renderer():
     window.Finalize()
 
 
+def test_attached_draws_by_what_shows_it():
+    renderer, drawn = _vtk.vtkRenderer(), []
+    with pytest.raises(TypeError, match='such as view'):
+        pvibr.attach(renderer, draw=3)
+    with pvibr.attach(renderer) as ibr:
+        assert pvibr.attach(renderer, draw=lambda: drawn.append(1)) is ibr
+        ibr._plotter.render()
+        assert drawn == [1]
+
+
 def test_attached_is_closed_at_the_end_of_the_program():
     code = (
         'from tests.test_component import *; window, renderer = plain_window();'
