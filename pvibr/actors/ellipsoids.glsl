@@ -8,8 +8,9 @@
 flat out vec3 ibr_centre; // eye space
 flat out mat3 ibr_scaled; // half axes over their squared lengths, eye space
 
-// Centre and half extents of the picture, and the way of the longer one.
-void ibr_outline(vec3 c, mat3 m, out vec2 middle, out vec2 extent, inout vec2 way)
+// Centre and half extents of the picture along a way, that of the longer axis for cards, and across
+// it; the last is half its least width.
+void ibr_outline(vec3 c, mat3 m, out vec2 middle, out vec3 extent, inout vec2 way)
 {
   mat3 rows = transpose(m);
   vec3 x = rows[0], y = rows[1], z = rows[2];
@@ -31,16 +32,17 @@ void ibr_outline(vec3 c, mat3 m, out vec2 middle, out vec2 extent, inout vec2 wa
   }
   vec3 form = (vec3(dot(x, x), dot(x, y), dot(y, y)) - across) / (share * share);
   float size = max(form.x + form.z, 1e-30);
+  form /= size;
+  float gap = 0.5 * (form.x - form.z);
+  float root = length(vec2(gap, form.y));
 #if CORNERS == 4
-  vec3 shape = form / size;
-  float gap = 0.5 * (shape.x - shape.z);
-  float root = length(vec2(gap, shape.y));
-  vec2 axis = gap > 0.0 ? vec2(gap + root, shape.y) : vec2(shape.y, root - gap);
+  vec2 axis = gap > 0.0 ? vec2(gap + root, form.y) : vec2(form.y, root - gap);
   if (root > 1e-3) way = normalize(axis);
 #endif
   vec2 squares = way * way;
   float mixed = 2.0 * way.x * way.y * form.y;
-  extent = sqrt(max(vec2(dot(squares, form.xz) + mixed, dot(squares.yx, form.xz) - mixed), 0.0));
+  vec3 found = vec3(dot(squares, form.xz) + mixed, dot(squares.yx, form.xz) - mixed, 0.5 - root);
+  extent = sqrt(size * max(found, 0.0));
 }
 
 bool ibr_place(int i, vec3 origin, out IbrCard card)
@@ -53,23 +55,30 @@ bool ibr_place(int i, vec3 origin, out IbrCard card)
   vec3 radii = vec3(length(m[0]), length(m[1]), length(m[2]));
   float least = ibr_half_pixel(c.z), largest = max(max(radii.x, radii.y), radii.z);
   if (largest <= 0.0) return false;
-  vec3 drawn = max(radii, least);
-  for (int k = 0; k < 3; k++) m[k] *= drawn[k] / radii[k];
-  for (int k = 0; k < 3; k++) ibr_scaled[k] = m[k] / (drawn[k] * drawn[k]);
-  ibr_centre = c;
-  vec3 toward = vec3(m[0].z, m[1].z, m[2].z);
-  card.front = c.z + 0.667 / length(vec3(ibr_scaled[0].z, ibr_scaled[1].z, ibr_scaled[2].z));
+  float reach = length(vec3(m[0].z, m[1].z, m[2].z));
   card.dot_sized = largest < least;
   card.way = vec2(1.0, 0.0);
   card.bounds = vec4(-ibr_none, ibr_none, -ibr_none, ibr_none);
-  if (ibr_parallel == 1 || length(toward) < -0.9999 * c.z)
+  if (ibr_parallel == 1 || reach < -0.9999 * c.z)
   {
-    vec2 middle, extent;
+    vec2 middle;
+    vec3 extent;
     ibr_outline(c, m, middle, extent, card.way);
+    if (extent.z < 0.5 * ibr_pixel)
+    {
+      // Half as much again, as it tapers.
+      vec3 drawn = max(radii, 1.5 * least);
+      for (int k = 0; k < 3; k++) m[k] *= drawn[k] / radii[k];
+      radii = drawn;
+      extent.xy += 0.75 * ibr_pixel;
+    }
     middle = vec2(dot(middle, card.way), dot(middle, vec2(-card.way.y, card.way.x)));
     card.bounds = middle.xxyy + extent.xxyy * vec4(-1.0, 1.0, -1.0, 1.0);
   }
-  return c.z - length(toward) < -ibr_near;
+  for (int k = 0; k < 3; k++) ibr_scaled[k] = m[k] / (radii[k] * radii[k]);
+  ibr_centre = c;
+  card.front = c.z + 0.667 / length(vec3(ibr_scaled[0].z, ibr_scaled[1].z, ibr_scaled[2].z));
+  return c.z - reach < -ibr_near;
 }
 
 //@fragment.declare

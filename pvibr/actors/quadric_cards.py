@@ -105,7 +105,8 @@ class Way:
         }
         if not self.dots:
             cut = part['fragment.cut'] + (part['fragment.depth'] if self.depth else '')
-            fragment['VTK::Depth::Impl'] = cut + '//VTK::Depth::Impl\n'
+            # Depth peeling sets that of the card first.
+            fragment['VTK::Depth::Impl'] = '//VTK::Depth::Impl\n' + cut
         return Feature(f'{shape.name}_{self.name}', vertex, fragment)
 
 
