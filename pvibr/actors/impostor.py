@@ -10,22 +10,18 @@ import numpy as np
 from pvibr.actors.impostor_cards import ImpostorCards
 from pvibr.actors.impostor_costs import Costs
 from pvibr.actors.impostor_images import FINEST, Eyes, Images
+from pvibr.actors.impostor_instances import InstanceSet
 from pvibr.actors.impostor_leaves import Leaves
-from pvibr.actors.impostor_nodes import Nodes
+from pvibr.actors.impostor_nodes import FARTHEST, NEAREST, Nodes
 from pvibr.actors.impostor_sources import Materials, Source
+from pvibr.actors.instances import Instances
 from pvibr.casters import address
 from pvibr.effect import Effect
-from pvibr.maths.impostors import Card, displacement, fit_cards
 from pvibr.maths.views import View, may_see, may_see_boxes
 from pvibr.params import Param
 
-#: Distance of the eye in radii within which there is no image.
-NEAREST = 1.5
 #: Side of an image in texels above which there is none.
 LARGEST = 1024
-# An image is taken from where the eye will be when it is wrong by this share of what is allowed,
-# going on as it did, and no more frames ahead than these.
-_AHEAD, _FARTHEST = 0.85, 60.0
 # World units a frame, of the radius of everything.
 _SLOW = 1e-4
 # What was drawn one way goes on so unless another is cheaper by this.
@@ -85,15 +81,14 @@ class Impostor(Effect):
 
     def __init__(self, actors, *, name=None, **settings):
         self.name = name
-        found = [actors] if hasattr(actors, 'GetMapper') else list(actors)
-        for actor in found:
-            if not (hasattr(actor, 'IsA') and actor.IsA('vtkActor')):
-                msg = f'actors holds {actor!r}: each must be an actor, as add_mesh returns it'
-                raise TypeError(msg)
-        if not found or len({address(a) for a in found}) < len(found):
-            msg = f'actors has {len(found)}: must be one or more, each of them once'
-            raise ValueError(msg)
+        found = _checked(actors)
         super().__init__(**settings)
+        if not self.hierarchical and any(isinstance(thing, Instances) for thing in found):
+            msg = (
+                'actors has Instances, which are drawn as images of their own: give '
+                'hierarchical=True to have images of many of them, or leave them out'
+            )
+            raise ValueError(msg)
         self._materials = Materials()
         self._stand_for(found)
         self._cards = ImpostorCards()
@@ -120,15 +115,13 @@ class Impostor(Effect):
 
     def actors(self) -> list:
         """Return the actor of all cards, and those that it stands for."""
-        return [self._cards.actor, *self.props]
+        return [self._cards.actor, *(thing for thing in self._things if _is_actor(thing))]
 
     def drawn(self) -> list:
-        """Return what draws it in the frame that it was prepared for."""
+        """Return what draws it in the frame that it was prepared for, less instances."""
         if self._elsewhere is not None:
             return self._elsewhere
-        hidden = set(self._leaves.hidden.tolist())
-        sources = self._leaves.sources
-        real = [s.actor for i, s in enumerate(sources) if i not in hidden and s.shown]
+        real = self._leaves.drawn()
         return [self._cards.actor, *real] if self._cards.actor.GetVisibility() else real
 
     def solids(self) -> list:
@@ -145,6 +138,7 @@ class Impostor(Effect):
     def bounds(self) -> tuple[float, ...]:
         """World bounds of all actors that are visible."""
         found = [actor.GetBounds() for actor in self._leaves.shown()]
+        found += [group.thing.bounds for group in self._leaves.sets]
         boxes = np.array([b for b in found if b and b[0] <= b[1]]).reshape(-1, 6)
         if not len(boxes):
             return (1.0, -1.0) * 3
@@ -185,7 +179,7 @@ class Impostor(Effect):
 
     def detach(self):
         """Take the cards out of the scene."""
-        self._leaves.show()
+        self._leaves.rest()
         self.pipeline.renderer.RemoveViewProp(self._cards.actor)
         super().detach()
 
@@ -196,7 +190,7 @@ class Impostor(Effect):
 
     def rest(self):
         """Show the actors themselves."""
-        self._leaves.show()
+        self._leaves.rest()
         self._cards.hide()
         self._frame = None
 
@@ -226,6 +220,8 @@ class Impostor(Effect):
     def _prepare(self, frame):
         if self._cards.failure:
             raise RuntimeError(self._cards.failure)
+        if not len(self._leaves):
+            return  # instances, none of them
         if self._nodes is None or self._nodes.has_levels != self._is_deep():
             self._build()
         self._fit()
@@ -233,6 +229,7 @@ class Impostor(Effect):
             self._images.release()
             self._images = Images(len(self._nodes), self.views)
         eyes = Eyes(frame)
+        self._allowed = self.max_error / frame.quality
         self._costs.move(frame)
         nodes, why = self._cut(eyes)
         shown = self._draw_images(frame, eyes, nodes, why)
@@ -255,9 +252,12 @@ class Impostor(Effect):
 
     # -- what the actors are now -----------------------------------------------------------------
 
-    def _stand_for(self, actors):
-        self._props = tuple(actors)
-        self._leaves = Leaves([Source(actor, self._materials) for actor in actors])
+    def _stand_for(self, things):
+        self._things = things
+        self._props = tuple(thing if _is_actor(thing) else thing.actor for thing in things)
+        actors = [thing for thing in things if _is_actor(thing)]
+        sets = [InstanceSet(t, self._materials) for t in things if not _is_actor(t)]
+        self._leaves = Leaves([Source(actor, self._materials) for actor in actors], sets)
 
     def _sync(self):
         self._forget_removed()
@@ -276,8 +276,9 @@ class Impostor(Effect):
             return
         self._props_time = time
         present = {address(p) for p in self.pipeline.renderer.GetViewProps()}
-        kept = [actor for actor in self._props if address(actor) in present]
-        if len(kept) == len(self._props):
+        pairs = zip(self._things, self._props, strict=True)
+        kept = [thing for thing, prop in pairs if address(prop) in present]
+        if len(kept) == len(self._things):
             return
         self._leaves.release(self.pipeline.window)
         self._stand_for(kept)
@@ -323,14 +324,15 @@ class Impostor(Effect):
         scale = eyes.pixels(nodes.center, nodes.radius) / away
         pixels = 2 * nodes.radius * scale
         ahead = (away > NEAREST * nodes.radius) | eyes.parallel
-        usable = ahead & (pixels * 1.2 / self.max_error < min(LARGEST, self._side()))
+        usable = ahead & (pixels * 1.2 / self._allowed < min(LARGEST, self._side()))
         seconds = self._costs.meshes(self._leaves, nodes)
         own = self._own_costs(eyes, seconds, scale, away)
         cost = np.where(usable, own, np.inf)
         # A mesh is an actor's other choice, and the only one of those that are near.
+        plain = self._leaves.plain(seconds[:n], pixels[:n], self._area[:n], self._costs.pixel)
         near = ~usable[:n]
-        dear = (cost[:n] > seconds[:n]) & self.refuse
-        cost[:n] = np.where(near | dear, seconds[:n], cost[:n])
+        dear = (cost[:n] > plain) & self.refuse
+        cost[:n] = np.where(near | dear, plain, cost[:n])
         found = nodes.tree.cheapest(cost, here)
         leaves = found[found < n]
         why[leaves[near[leaves]]] = 'near'
@@ -346,9 +348,9 @@ class Impostor(Effect):
         self._area *= scale**2
         # Who stands still may go on: slowly, by the size of the scene.
         speed = max(self._costs.speed, _SLOW * nodes.radius.max())
-        rate = 0.0 if eyes.parallel else speed * depth * scale / away / self.max_error
+        rate = 0.0 if eyes.parallel else speed * depth * scale / away / self._allowed
         there = self._images.alive.reshape(len(nodes), -1).any(1)
-        rate = rate + np.where(there, 0.0, 1 / _FARTHEST)  # an image that there is costs nothing
+        rate = rate + np.where(there, 0.0, 1 / FARTHEST)  # an image that there is costs nothing
         own = self._costs.images(seconds, rate, self._costs.often(nodes.tree), self._area)
         own[self._last] *= _KEPT
         return own
@@ -363,7 +365,7 @@ class Impostor(Effect):
         images = self._images
         view, moved, coarse = images.errors(nodes, eyes)
         worst = np.maximum(moved, coarse)
-        wrong = ~(worst <= self.max_error) | (coarse * FINEST < min(self.max_error, 1.0))
+        wrong = ~(worst <= self._allowed) | (coarse * FINEST < min(self._allowed, 1.0))
         images.used[view[~wrong]] = frame.index
         queue = np.flatnonzero(wrong)
         queue = queue[np.argsort(-worst[queue], kind='stable')]
@@ -384,8 +386,8 @@ class Impostor(Effect):
     def _take(self, frame, eyes, nodes):
         """Draw images of nodes within the budget; return their indices, -1 for those left."""
         images, found = self._images, np.full(len(nodes), -1)
-        card = self._cards_of(nodes, eyes)
-        sizes = images.sizes(card, eyes, self.max_error)
+        card = self._nodes.cards(nodes, eyes, self._costs.step, self._allowed)
+        sizes = images.sizes(card, eyes, self._allowed)
         if self._want and images.pool is not None and images.pool.may_grow:
             images.close_pool()
         area = int((4.0 ** np.ceil(np.log2(sizes.max(1).clip(8, LARGEST)))).sum())
@@ -413,43 +415,6 @@ class Impostor(Effect):
         self._drawn_frames += drawn > 0
         return found
 
-    def _cards_of(self, nodes, eyes):
-        """Return cards for new images, as far ahead on the way as the error allows."""
-        first = nodes[nodes < len(self._leaves)]
-        cards = (
-            [self._cards_within(first, self._leaves.corners[first], eyes)] if len(first) else []
-        )
-        place = np.flatnonzero(nodes < len(self._leaves)).tolist()
-        for k in np.flatnonzero(nodes >= len(self._leaves)).tolist():
-            corners = self._nodes.corners(nodes[k])[None]
-            cards.append(self._cards_within(nodes[k : k + 1], corners, eyes))
-            place.append(k)
-        return Card(*(np.concatenate(field) for field in zip(*cards, strict=True))).rows(
-            np.argsort(place)
-        )
-
-    def _cards_within(self, nodes, corners, eyes):
-        boxes = self._nodes.center[nodes], corners, self._nodes.radius[nodes]
-        card = fit_cards(*boxes, eyes.eye, eyes.up, eyes.toward)
-        step = self._costs.step
-        if eyes.parallel or not step.any():
-            return card
-        scale = eyes.pixels(card.center, card.depth)
-        limit = self.max_error / scale
-        # A card from one step ahead tells how many there may be.
-        slope = displacement(fit_cards(*boxes, eyes.eye + step, eyes.up), eyes.eye)
-        steps = np.minimum(_AHEAD * limit / np.maximum(slope, 1e-12), _FARTHEST)
-        ahead = eyes.eye + steps[:, None] * step
-        far = np.linalg.norm(ahead - boxes[0], axis=1) > NEAREST * boxes[2]
-        guess = fit_cards(*boxes, np.where(far[:, None], ahead, eyes.eye), eyes.up)
-        serves = far & (displacement(guess, eyes.eye) <= 0.95 * limit)
-        return Card(
-            *(
-                np.where(serves.reshape(-1, *[1] * (a.ndim - 1)), a, b)
-                for a, b in zip(guess, card, strict=True)
-            )
-        )
-
     def _show(self, frame, eyes, shown, why):
         self._cards.wear(depth=self.depth, materials=self._materials)
         if len(shown):
@@ -459,8 +424,9 @@ class Impostor(Effect):
             self._costs.measure(frame, self._cards, self._images.drawer, area)
         else:
             self._cards.hide()
-        meshes = (why != '') & (why != 'out of view')
-        self._leaves.hide(np.flatnonzero(~meshes & self._leaves.wanted))
+        for thing in self._leaves.hide(why):
+            if thing.enabled and thing.needed(frame) is True:
+                thing.prepare(frame)  # it may have been before
         self._told['shown'] = len(shown)
         self._why = why
 
@@ -499,6 +465,33 @@ class Impostor(Effect):
             **self._told,
             'meshes': dict(Counter(w for w in self._why if w and w != 'hidden')),
         }
+
+
+def _checked(actors) -> list:
+    """Return what an impostor is asked to stand for, each an actor or instances, and only once."""
+    single = _is_actor(actors) or isinstance(actors, Effect)
+    found = [actors] if single else list(actors)
+    for thing in found:
+        if not _is_actor(thing) and type(thing) is not Instances:
+            msg = (
+                f'actors holds {thing!r}: each must be an actor, as add_mesh returns it, or '
+                'Instances, as add_instances does'
+            )
+            raise TypeError(msg)
+    if not found:
+        msg = 'actors is empty: give one or more'
+        raise ValueError(msg)
+    seen: set = set()
+    for place, thing in enumerate(found):
+        if id(thing) in seen:
+            msg = f'actors[{place}] is there twice: give each of them once'
+            raise ValueError(msg)
+        seen.add(id(thing))
+    return found
+
+
+def _is_actor(thing) -> bool:
+    return hasattr(thing, 'IsA') and thing.IsA('vtkActor')
 
 
 def _view_of(frame) -> View:

@@ -182,7 +182,7 @@ class Images:
             Which of them.
         size : array_like of 2 int
             Texels.
-        sources : iterable of Source
+        sources : iterable of Source or Block
             What is seen.
         parallel : bool
             Whether the view is.
@@ -196,7 +196,7 @@ class Images:
         # GL reads columns: the rows of view from world are those of its inverse.
         turned = seen.view_from_world[:3, :3].ravel().tolist()
         for source in sources:
-            source.draw(self.drawer.inner, turned)
+            source.draw(self.drawer.inner, turned, float(texel.min()))
         for mine, made in zip(self.card, card, strict=True):
             mine[view] = made[k]
         self.card.low[view] -= texel

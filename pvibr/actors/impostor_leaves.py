@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from pvibr import _vtk
@@ -13,10 +15,14 @@ class Leaves:
     Parameters
     ----------
     sources : list of Source
-        One or more.
+        Actors.
+    sets : list of InstanceSet
+        Whose blocks come after them.
 
     Attributes
     ----------
+    sources : list of Source and Block
+        All of them.
     fits, wanted : numpy.ndarray, shape (n,), bool
         Which can be images, and which the user has visible.
     why : numpy.ndarray, shape (n,), object
@@ -27,9 +33,10 @@ class Leaves:
         From the middle, along x, y and z.
     """
 
-    def __init__(self, sources):
-        n = len(sources)
-        self.sources = sources
+    def __init__(self, sources, sets=()):
+        self.sets = list(sets)
+        self.sources = [*sources, *(block for group in sets for block in group.blocks)]
+        n = len(self.sources)
         self.fits, self.wanted = np.zeros(n, bool), np.zeros(n, bool)
         self.why = np.full(n, '', object)
         self.center, self.half = np.zeros((n, 3)), np.zeros((n, 3, 3))
@@ -38,6 +45,8 @@ class Leaves:
         self._dops: dict = {}
         # Attributes of a PyVista actor take their time, so that its methods are looked up once.
         actors = [source.actor for source in sources]
+        ends = np.cumsum([len(actors), *(len(group.blocks) for group in sets)]).tolist()
+        self._ranges = [range(a, b) for a, b in pairwise(ends)]
         self._own = [actor.GetMTime for actor in actors]
         self._off = [actor.VisibilityOff for actor in actors]
         self._on = [actor.VisibilityOn for actor in actors]
@@ -61,15 +70,20 @@ class Leaves:
         later = self._owners[rest > self._seen.GetMTime()]
         changed = sorted({*late.tolist(), *later.tolist()})
         for i in changed:
-            self._take(i)
+            self.sources[i].update(self._dops)
         if changed:
             self._watch()
         self._seen.Modified()
+        for group, rows in zip(self.sets, self._ranges, strict=True):
+            if group.changed():
+                group.update()
+                changed += rows
+        for i in changed:
+            self._take(i)
         return changed
 
     def _take(self, i):
         source = self.sources[i]
-        source.update(self._dops)
         self.fits[i], self.wanted[i] = not source.why, source.shown
         self.why[i] = source.why if source.shown else 'hidden'
         if source.why:
@@ -79,7 +93,7 @@ class Leaves:
         self.reach[i] = np.abs(source.corners).max(0)
 
     def _watch(self):
-        sources = self.sources
+        sources = self.sources[: len(self._own)]
         if len(self._dops) > 2 * len(sources) + 64:
             self._dops.clear()  # of data that changed since
         counts = [len(source.clocks) for source in sources]
@@ -87,20 +101,47 @@ class Leaves:
         self._clocks = [clock for source in sources for clock in source.clocks]
         self._pipelines = [source.pipeline for source in sources if source.pipeline is not None]
 
-    def hide(self, which):
-        """Hide some until :meth:`show`.
+    def plain(self, meshes, pixels, area, pixel) -> np.ndarray:
+        """Return the seconds that each takes where it is no image.
 
         Parameters
         ----------
-        which : numpy.ndarray of int
-            Indices.
+        meshes : numpy.ndarray, shape (n,)
+            Seconds of the meshes.
+        pixels, area : numpy.ndarray, shape (n,)
+            Diameter on the screen, and pixels that it covers.
+        pixel : float
+            Seconds of a pixel of a card.
         """
-        self.hidden = which
-        for i in which.tolist():
+        out = meshes.copy()
+        for group, rows in zip(self.sets, self._ranges, strict=True):
+            rows = slice(rows.start, rows.stop)
+            out[rows] = group.plain(meshes[rows], pixels[rows], area[rows], pixel)
+        return out
+
+    def hide(self, why) -> list:
+        """Hide until :meth:`show` all but what is drawn as it is.
+
+        Parameters
+        ----------
+        why : numpy.ndarray, shape (n,), object
+            Why each is no image; empty for those that images show.
+
+        Returns
+        -------
+        list of pvibr.Instances
+            Those of which other ones than before are left to the images.
+        """
+        imaged = why == ''
+        idle = (imaged | (why == 'out of view')) & self.wanted
+        self.hidden = np.flatnonzero(idle[: len(self._own)])
+        for i in self.hidden.tolist():
             self._off[i]()
+        groups = zip(self.sets, self._ranges, strict=True)
+        return [group.thing for group, rows in groups if group.hide(imaged[rows])]
 
     def show(self):
-        """Show again what was hidden, which is no change."""
+        """Show the actors again that were hidden, which is no change."""
         if len(self.hidden):
             for i in self.hidden.tolist():
                 self._on[i]()
@@ -110,7 +151,18 @@ class Leaves:
     def shown(self) -> list:
         """Return the actors that the user has visible."""
         hidden = set(self.hidden.tolist())
-        return [s.actor for i, s in enumerate(self.sources) if i in hidden or s.shown]
+        actors = enumerate(self.sources[: len(self._own)])
+        return [s.actor for i, s in actors if i in hidden or s.shown]
+
+    def drawn(self) -> list:
+        """Return the actors that are visible now."""
+        return [s.actor for s in self.sources[: len(self._own)] if s.shown]
+
+    def rest(self):
+        """Have everything drawn as it is."""
+        self.show()
+        for group in self.sets:
+            group.show()
 
     def release(self, window):
         """Free the GPU's memory; the context must be alive.
@@ -120,7 +172,7 @@ class Leaves:
         window : vtkOpenGLRenderWindow
             Whose context is current; None where there is none.
         """
-        self.show()
-        for source in self.sources:
-            source.release(window)
+        self.rest()
+        for owner in (*self.sources[: len(self._own)], *self.sets):
+            owner.release(window)
         self._seen = _vtk.vtkTimeStamp()  # all is to be made anew

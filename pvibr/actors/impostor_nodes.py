@@ -5,6 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.actors.impostor_tree import Tree
+from pvibr.maths.impostors import Card, displacement, fit_cards
+
+#: Distance of the eye in radii within which there is no image.
+NEAREST = 1.5
+#: Frames ahead from which an image is taken at most.
+FARTHEST = 60.0
+# And not farther than where it will be wrong by this share of what is allowed.
+_AHEAD = 0.85
 
 
 class Nodes:
@@ -102,3 +110,45 @@ class Nodes:
         rows = self.below(node)
         middles = self.leaves.center[rows] - self.center[node]
         return (middles[:, None] + self.leaves.corners[rows]).reshape(-1, 3)
+
+    def cards(self, nodes, eyes, step, max_error) -> Card:
+        """Return cards for new images, as far ahead on the way as the error allows.
+
+        Parameters
+        ----------
+        nodes : numpy.ndarray of int
+            Numbers.
+        eyes : pvibr.actors.impostor_images.Eyes
+            Where the eye is.
+        step : numpy.ndarray, shape (3,)
+            By which it moves from frame to frame; 0 where that is not known.
+        max_error : float
+            Pixels.
+        """
+        leaves = nodes < len(self.leaves)
+        rows = [np.flatnonzero(leaves), *np.flatnonzero(~leaves)[:, None]]
+        cards = []
+        for row in rows if leaves.any() else rows[1:]:
+            some = nodes[row]
+            corners = self.corners(some[0])[None]
+            if row is rows[0]:
+                corners = self.leaves.corners[some]
+            cards.append(self._cards_within(some, corners, eyes, step, max_error))
+        joined = Card(*(np.concatenate(field) for field in zip(*cards, strict=True)))
+        return joined.rows(np.argsort(np.concatenate(rows)))
+
+    def _cards_within(self, nodes, corners, eyes, step, max_error):
+        boxes = self.center[nodes], corners, self.radius[nodes]
+        card = fit_cards(*boxes, eyes.eye, eyes.up, eyes.toward)
+        if eyes.parallel or not step.any():
+            return card
+        limit = max_error / eyes.pixels(card.center, card.depth)
+        # A card from one step ahead tells how many there may be.
+        slope = displacement(fit_cards(*boxes, eyes.eye + step, eyes.up), eyes.eye)
+        steps = np.minimum(_AHEAD * limit / np.maximum(slope, 1e-12), FARTHEST)
+        ahead = eyes.eye + steps[:, None] * step
+        far = np.linalg.norm(ahead - boxes[0], axis=1) > NEAREST * boxes[2]
+        guess = fit_cards(*boxes, np.where(far[:, None], ahead, eyes.eye), eyes.up)
+        serves = far & (displacement(guess, eyes.eye) <= 0.95 * limit)
+        pairs = zip(guess, card, strict=True)
+        return Card(*(np.where(serves.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in pairs))

@@ -133,7 +133,7 @@ class Source:
         dops : dict
             Polytopes of points that are known, taken further: many actors may share them.
         """
-        self.why = _unfit(self.actor)
+        self.why = unfit(self.actor)
         self._watch()
         if self.why:
             return
@@ -188,7 +188,6 @@ class Source:
     def _dress(self, data):
         """Give the double the actor's looks."""
         actor = self.actor
-        lit = bool(actor.GetProperty().GetLighting())
         mapper, prop = actor.GetMapper(), actor.GetProperty()
         times = mapper, mapper.GetMTime(), prop, prop.GetMTime()
         number = self.materials.number(actor.GetProperty())
@@ -200,21 +199,11 @@ class Source:
         if times == self._times and double.GetMapper().GetInput() is data:
             return
         self._times = times
-        double.SetMapper(_copied(actor.GetMapper(), data))
-        prop = double.GetProperty()
-        copy_property(prop, actor.GetProperty())
-        prop.SetInterpolation(min(prop.GetInterpolation(), 2))
-        prop.SetAmbient(0.0)
-        prop.SetDiffuse(1.0)
-        prop.SetSpecular(0.0)
-        shader = double.GetShaderProperty()
-        shader.ClearAllFragmentShaderReplacements()
-        texts = (('Light', _UNLIT if lit else _PLAIN), ('DepthPeeling', _OUTPUT))
-        for tag, text in texts:
-            shader.AddFragmentShaderReplacement(f'//VTK::{tag}::Impl', True, text, False)
-        shader.GetFragmentCustomUniforms().SetUniformf('ibr_material', float(number))
+        double.SetMapper(copied(actor.GetMapper(), data))
+        copy_property(double.GetProperty(), actor.GetProperty())
+        unlit(double, number)
 
-    def draw(self, renderer, world_from_view):
+    def draw(self, renderer, world_from_view, texel):
         """Draw its surface: colour and coverage, normal and material.
 
         Parameters
@@ -223,6 +212,8 @@ class Source:
             With the view.
         world_from_view : list of 9 float
             By columns, as GL reads it.
+        texel : float
+            Side of a texel, world units: a mesh is the same at any.
         """
         uniforms = self._double.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniformMatrix3x3('ibr_world_from_view', world_from_view)
@@ -248,7 +239,44 @@ def _held(points, middle):
     return dop_corners(away), float(np.sqrt(np.einsum('ni,ni->n', away, away).max()))
 
 
-def _copied(mapper, data):
+def unlit(actor, number):
+    """Have an actor draw colour and coverage, normal and the number of its material.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        With a property and shader texts of its own.
+    number : int
+        From :class:`Materials`.
+    """
+    prop, shader = actor.GetProperty(), actor.GetShaderProperty()
+    lit = bool(prop.GetLighting())
+    prop.SetInterpolation(min(prop.GetInterpolation(), 2))
+    prop.SetAmbient(0.0)
+    prop.SetDiffuse(1.0)
+    prop.SetSpecular(0.0)
+    for tag, text in (('Light', _UNLIT if lit else _PLAIN), ('DepthPeeling', _OUTPUT)):
+        name = f'//VTK::{tag}::Impl'
+        shader.ClearFragmentShaderReplacement(name, True)
+        shader.AddFragmentShaderReplacement(name, True, text, False)
+    shader.GetFragmentCustomUniforms().SetUniformf('ibr_material', float(number))
+
+
+def copied(mapper, data):
+    """Return a mapper of the same looks.
+
+    Parameters
+    ----------
+    mapper : vtkMapper
+        What it is like.
+    data : vtkDataSet
+        What it draws.
+
+    Returns
+    -------
+    vtkMapper
+        A new one.
+    """
     copy = _vtk.vtkPolyDataMapper() if data.IsA('vtkPolyData') else _vtk.vtkDataSetMapper()
     copy.ShallowCopy(mapper)
     copy.SetInputDataObject(data)
@@ -262,8 +290,14 @@ def _data(mapper):
     return mapper.GetInput()
 
 
-def _unfit(actor) -> str:
-    """Return why an image cannot stand for an actor, or nothing."""
+def unfit(actor) -> str:
+    """Return why an image cannot stand for an actor, or nothing.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        Any.
+    """
     mapper, prop = actor.GetMapper(), actor.GetProperty()
     if mapper is None or mapper.GetClassName() not in _MAPPERS:
         return 'a mapper of another kind'
