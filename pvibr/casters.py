@@ -306,7 +306,8 @@ class Casters:
         Things in the pipeline that choose what they draw for each view, such as instances: they
         have ``prepare``, ``finish``, ``bounds``, ``stamp()``, ``actors()`` and ``drawn()``; those
         whose shadows volumes can throw have ``solids()``, actors with what they draw as meshes,
-        and those with a cheaper way to draw depth alone have ``depths()``, actors that do.
+        and those with a cheaper way to draw depth alone have ``depths()``, actors that do; those
+        that reach farther than their bounds in what a light sees have ``cast_bounds``.
     frame : pvibr.frame.Frame, optional
         In whose picture points and lines have their width.
     """
@@ -359,7 +360,8 @@ class Casters:
 
     def bounds(self) -> np.ndarray:
         """Return the world bounds of each, shape (n, 6); of what has none, nothing."""
-        things = np.array([t.bounds for t in self.things], float).reshape(-1, 6)
+        reach = [getattr(t, 'cast_bounds', t.bounds) for t in self.things]
+        things = np.array(reach, float).reshape(-1, 6)
         boxes = np.concatenate([self._boxes, things])
         return boxes[boxes[:, 0] <= boxes[:, 1]]
 

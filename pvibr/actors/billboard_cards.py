@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from pvibr.actors.cards import BLOCK
@@ -54,6 +56,7 @@ class Field:
         self.rotation = _numbers('rotation', rotation, len(self))
         self.turn = _turn(facing, axis, orientation, len(self))
         self.own_up = facing == 'spherical' and axis is not None
+        self._seer: Any = None  # the camera's last frame
         self.set_index(index)
         self._arrange()
 
@@ -163,11 +166,52 @@ class Field:
         """
         eye = -frame.view_from_world[:3, :3].T @ frame.view_from_world[:3, 3] - self.origin
         high = eye.astype(np.float32)
-        return {
+        uniforms = {'ibr_size_scale': 0.0, 'ibr_size_depth': (0.0, 0.0, 0.0, 0.0)}
+        if self.size_unit == 'pixel':
+            uniforms = self._pixel_uniforms(frame)
+        return uniforms | {
             'ibr_eye_high': tuple(map(float, high)),
             'ibr_eye_low': tuple(map(float, eye - high)),
-            'ibr_size_scale': self._pixel(frame) if self.size_unit == 'pixel' else 0.0,
         }
+
+    def _pixel_uniforms(self, frame) -> dict:
+        """Return how large pixels are: those of the camera, also in what a light sees."""
+        if not frame.casting:
+            self._seer = frame
+        seer = self._seer or frame
+        row = (0.0, 0.0, 0.0, 1.0)
+        if not seer.parallel:
+            away = -seer.view_from_world[2]
+            row = (*map(float, away[:3]), float(away[:3] @ self.origin + away[3]))
+        depth = row if frame.casting else (0.0, 0.0, 0.0, 0.0)
+        return {'ibr_size_scale': self._pixel(seer), 'ibr_size_depth': depth}
+
+    def cast_bounds(self) -> np.ndarray:
+        """Return world bounds of the cards as the camera saw them last, shape (6,).
+
+        Returns
+        -------
+        numpy.ndarray
+            Where sizes are in pixels they grow in powers of two, so that what depends on them
+            changes seldom.
+        """
+        if self.size_unit == 'world' or self._seer is None or not len(self):
+            return self.bounds
+        reach = np.hypot(*(np.maximum(self.anchor, 1 - self.anchor) * self.sizes).T)
+        away = 1.0
+        if not self._seer.parallel:
+            row = -self._seer.view_from_world[2]
+            away = np.maximum(self.points @ row[:3] + row[3], 0.0)
+        most = float((reach * away).max()) * self._pixel(self._seer)
+        most = 2.0 ** np.ceil(np.log2(most)) if most > 0 else 0.0
+        return self.bounds + np.array([-most, most] * 3)
+
+    def seen_as(self) -> tuple:
+        """Return what the world size of cards depends on: where it is in pixels, the camera."""
+        if self.size_unit == 'world' or self._seer is None:
+            return ()
+        seer = self._seer
+        return seer.view_from_world.tobytes(), seer.parallel, self._pixel(seer)
 
     def _pixel(self, frame) -> float:
         """Return what a pixel is in world units at a distance of 1."""
@@ -232,6 +276,29 @@ class Field:
         (azimuth,) = azimuths(self.points[i], view, axis, parallel=parallel)
         return int(np.rint((azimuth - self.yaw[i]) / (2 * np.pi) * self.views)) % self.views
 
+    def placed(self, frame, near) -> tuple[np.ndarray, np.ndarray]:
+        """Return how some are turned, (k, 3, 3), and their widths and heights, (k, 2).
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            What is on the screen.
+        near : numpy.ndarray of int
+            Which ones.
+        """
+        turn = self.turn[near] if self.turn.ndim == 2 else self.turn
+        axes = cards(
+            self.points[near], frame.view_from_world, self.facing, towards=self.towards,
+            axis=turn[..., :3] if self.facing == 'cylindrical' or self.own_up else None,
+            orientation=turn if self.facing == 'world' else None,
+            rotation=self.rotation[near], parallel=frame.parallel,
+        )  # fmt: skip
+        sizes = self.sizes[near]
+        if self.size_unit == 'pixel':
+            z = self.points[near] @ frame.view_from_world[2, :3] + frame.view_from_world[2, 3]
+            sizes = sizes * self._pixel(frame) * (1.0 if frame.parallel else -z[:, None])
+        return axes, sizes
+
     def met(self, frame, start, direction) -> list:
         """Return the billboards whose rectangles a ray meets, the nearest first.
 
@@ -253,17 +320,7 @@ class Field:
             along = np.maximum(away @ direction, 0)
             gaps = np.linalg.norm(away - along[:, None] * direction, axis=1)
             near = np.flatnonzero(gaps <= self.radii)
-        turn = self.turn[near] if self.turn.ndim == 2 else self.turn
-        axes = cards(
-            self.points[near], frame.view_from_world, self.facing, towards=self.towards,
-            axis=turn[..., :3] if self.facing == 'cylindrical' or self.own_up else None,
-            orientation=turn if self.facing == 'world' else None,
-            rotation=self.rotation[near], parallel=frame.parallel,
-        )  # fmt: skip
-        sizes = self.sizes[near]
-        if self.size_unit == 'pixel':
-            z = self.points[near] @ frame.view_from_world[2, :3] + frame.view_from_world[2, 3]
-            sizes = sizes * self._pixel(frame) * (1.0 if frame.parallel else -z[:, None])
+        axes, sizes = self.placed(frame, near)
         right, up, normal = np.moveaxis(axes, 2, 0)
         away = self.points[near] - start
         with np.errstate(divide='ignore', invalid='ignore'):

@@ -26,6 +26,8 @@ uniform int ibr_own_up;           // whether a spherical card has an axis, not t
 uniform int ibr_plane;            // toward the view plane, not the view point
 uniform int ibr_parallel;
 uniform float ibr_size_scale;     // pixels to eye units at a distance of 1; 0 where in world units
+uniform vec4 ibr_size_depth;      // dot with place and 1: distance from the eye whose pixels these
+                                  // are, where it is not this one; else 0
 uniform vec4 ibr_turn;            // axis or quaternion of all
 uniform vec2 ibr_anchor;          // what of the card is at the point, 0 to 1
 uniform vec3 ibr_eye_high;        // the eye, relative to the middle of all points
@@ -121,7 +123,15 @@ mat3 ibr_axes(vec3 c, vec4 turn)
       vec4 turn = ibr_texels == 4 ? texelFetch(ibr_points, where + ivec2(3, 0), 0) : ibr_turn;
       vec3 away = (high.xyz - ibr_eye_high) + (low.xyz - ibr_eye_low);
       vec3 c = ibr_eye_from_world * away;
-      if (ibr_size_scale > 0.0) size *= ibr_size_scale * (ibr_parallel == 1 ? 1.0 : -c.z);
+      if (ibr_size_scale > 0.0)
+      {
+        float deep = ibr_parallel == 1 ? 1.0 : -c.z;
+        if (ibr_size_depth != vec4(0.0))
+        {
+          deep = max(dot(ibr_size_depth, vec4(high.xyz + low.xyz, 1.0)), 0.0);
+        }
+        size *= ibr_size_scale * deep;
+      }
       mat3 axes = ibr_axes(c, turn);
       vec2 unit = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
       vec2 off = (unit - ibr_anchor) * size;
@@ -156,6 +166,7 @@ mat3 ibr_axes(vec3 c, vec4 turn)
 uniform sampler2D ibr_sheet;
 uniform float ibr_smallest;       // the last level whose texels are of one image each
 uniform float ibr_cutout;         // alpha from which something is drawn; 0 where it blends
+uniform float ibr_least;          // opacity from which it is
 uniform int ibr_straight;         // colours are not multiplied by alpha
 uniform int ibr_two_views;
 in vec4 vertexVCVSOutput;
@@ -190,15 +201,9 @@ vec4 ibr_sampled(vec4 rect, vec2 texel, float lod)
     ibr_seen = mix(ibr_seen, ibr_sampled(ibr_other, ibr_there, ibr_lod), ibr_share);
   }
   float ibr_coverage = ibr_look.a;
-  if (ibr_cutout > 0.0)
-  {
-    if (ibr_seen.a < ibr_cutout) discard;
-  }
-  else
-  {
-    ibr_coverage *= ibr_seen.a;
-    if (ibr_coverage < 0.5 / 255.0) discard;
-  }
+  if (ibr_cutout == 0.0) ibr_coverage *= ibr_seen.a;
+  else if (ibr_seen.a < ibr_cutout) discard;
+  if (ibr_coverage < ibr_least) discard;
   vec3 ibr_base = ibr_seen.rgb;
   if (ibr_straight == 0) ibr_base /= max(ibr_seen.a, 1.0 / 255.0);
   ibr_base = min(ibr_base, 1.0) * ibr_look.rgb;

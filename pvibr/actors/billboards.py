@@ -100,9 +100,10 @@ class Billboards(Painted, Anchored):
 
     Notes
     -----
-    Cut-outs are opaque to VTK: they cast shadows, each turned to the light, and meet other props
-    by depth. Those that blend cast none; they are drawn from far to near, with other translucent
-    props in between by the middle of these, or pixel by pixel where depth peeling is on.
+    Cut-outs are opaque to VTK and meet other props by depth. Those that blend are drawn from far
+    to near, with other translucent props in between by the middle of these, or pixel by pixel
+    where depth peeling is on. All cast shadows, each turned to the light, as large as the camera
+    sees them; of those that blend, what is at least half opaque does.
 
     Examples
     --------
@@ -170,15 +171,17 @@ class Billboards(Painted, Anchored):
         self._mapper = _vtk.vtkPolyDataMapper()
         self._mapper.ScalarVisibilityOff()
         self._mapper.AddObserver('UpdateShaderEvent', self._updater())
-        draws = -(-max(len(self), 1) // _CHUNK) + (MOST if self.blends else 0)
-        self._draws = [self._actor() for _ in range(draws)]
+        draws = -(-max(len(self), 1) // _CHUNK)
+        # What blends, and beside it, for lights, what of it is at least half opaque.
+        self._draws = [self._actor(self.blends) for _ in range(draws + MOST * self.blends)]
+        self._dense = [self._actor(False) for _ in range(draws)] if self.blends else []
         self._set_bounds()
 
-    def _actor(self):
+    def _actor(self, blends):
         actor = pv.Actor()
         actor.SetMapper(self._mapper)
         actor.SetProperty(self.property)
-        (actor.ForceTranslucentOn if self.blends else actor.ForceOpaqueOn)()
+        (actor.ForceTranslucentOn if blends else actor.ForceOpaqueOn)()
         actor.VisibilityOff()
         actor.PickableOff()
         actor.UseBoundsOff()
@@ -240,7 +243,8 @@ class Billboards(Painted, Anchored):
         """Return what changes whenever what is drawn does, the camera left out."""
         shown = self.visibility and bool(self._anchor.GetVisibility())
         draws = self._live.draws if self._live is not None else 0
-        return self._changes, self._revision, shown, self._step(), draws
+        sizes = self.field.seen_as()
+        return self._changes, self._revision, shown, self._step(), draws, sizes
 
     def _step(self) -> int:
         """Return how many images a flipbook has gone on."""
@@ -250,16 +254,12 @@ class Billboards(Painted, Anchored):
 
     def actors(self) -> list:
         """Return the actors that draw them, those that are not visible now too."""
-        return list(self._draws)
+        return self._draws + self._dense
 
-    def drawn(self) -> list:
-        """Return the actors that `prepare` chose."""
-        return [a for a in self._draws if a.GetVisibility()]
-
-    def depths(self) -> list:
-        """Return the actors that cast shadows: those of cut-outs whose size is of the world."""
-        casts = not self.blends and self.field.size_unit == 'world'
-        return self.drawn() if casts else []
+    @property
+    def cast_bounds(self) -> np.ndarray:
+        """World bounds of what throws shadows, shape (6,)."""
+        return self.field.cast_bounds()
 
     #: Frames that are drawn to pick need them too.
     picks = True
@@ -283,7 +283,7 @@ class Billboards(Painted, Anchored):
         self._hide()
 
     def _hide(self):
-        for actor in self._draws:
+        for actor in self.actors():
             actor.VisibilityOff()
         self._stamp = None
 
@@ -303,14 +303,16 @@ class Billboards(Painted, Anchored):
         stamp: tuple = (*camera, frame.casting, self._changes, self._step(), self._revision)
         others = []
         if self.blends and not frame.casting:
-            others = self._in_turn.others(frame, self._draws)
+            others = self._in_turn.others(frame, self.actors())
             stamp += (self._in_turn.key(others), props.GetMTime())
         if stamp != self._stamp:
             self._choose(frame, others)
             self._stamp = (*stamp[:-1], props.GetMTime()) if others else stamp
 
     def _choose(self, frame, others):
-        entries, unit, cuts = self.field.chosen(frame, [d for d, _ in others], sort=self.blends)
+        dense = self._dense if frame.casting else []
+        sort = self.blends and not dense
+        entries, unit, cuts = self.field.chosen(frame, [d for d, _ in others], sort=sort)
         self._drawn_count = min(len(entries) * unit, len(self))
         if len(entries):
             table = np.zeros((len(entries), 1), np.float32)
@@ -323,10 +325,13 @@ class Billboards(Painted, Anchored):
             'ibr_eye_from_world': uniform_matrix(frame.view_from_world[:3, :3]),
             'ibr_clip_from_eye': uniform_matrix(frame.clip_from_view),
             'ibr_parallel': int(frame.parallel),
+            'ibr_least': 0.5 / max(self.property.GetOpacity(), 1e-6) if dense else 0.5 / 255,
         }
         parts = [_spans(first, end, unit) for first, end in pairwise(cuts)]
         spans = [span for part in parts for span in part]
-        for i, actor in enumerate(self._draws):
+        for actor in self._draws if dense else self._dense:
+            actor.VisibilityOff()
+        for i, actor in enumerate(dense or self._draws):
             actor.SetVisibility(i < len(spans))
             if i < len(spans):
                 uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
@@ -432,7 +437,7 @@ class Billboards(Painted, Anchored):
         self._binder.unbind()
         if self._window is not None:
             self._mapper.ReleaseGraphicsResources(self._window)
-            for actor in self._draws:
+            for actor in self.actors():
                 actor.ReleaseGraphicsResources(self._window)
         for texture in self._textures.values():
             texture.release()
@@ -450,6 +455,55 @@ class Billboards(Painted, Anchored):
             height, width = self._sheet.levels[self._skipped].shape[:2]
             out['texture'] = f'{width} x {height}'
         return out
+
+    def bake_into(self, scene):
+        """Hand them to a scene without pvibr, as they are turned to the eye now.
+
+        Parameters
+        ----------
+        scene : pvibr.baked_scene.BakedScene
+            Takes quads with a picture.
+        """
+        rows = np.flatnonzero(self.visible)
+        field, frame = self.field, scene.frame
+        axes, sizes = field.placed(frame, rows)
+        right, up, _ = np.moveaxis(axes, 2, 0)
+        shares = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+        off = (shares - field.anchor) * sizes[:, None]
+        corners = field.points[rows, None] + off[..., :1] * right[:, None]
+        corners = corners + off[..., 1:] * up[:, None]
+        image, rects = self._picture()
+        height, width = image.shape[:2]
+        rects = rects[self._shown_images(frame, rows)].reshape(-1, 2, 2)
+        places = rects[:, :1] + shares * (rects[:, 1:] - rects[:, :1])
+        scene.quads(
+            self, corners, places / [width, height], image, colors=self._tints()[rows],
+            lighting=bool(self.property.GetLighting()), cutout=None if self.blends else self.cutout,
+        )  # fmt: skip
+
+    def _picture(self):
+        """Return all images as one, row 0 at the top, and the places of each, from below."""
+        if self._sheet is None:
+            return self._live.image(), np.array([[0, 0, *self._live.size]], float)
+        image = self._sheet.levels[0][::-1].astype(float)
+        image[..., :3] *= 255 / np.maximum(image[..., 3:], 1)
+        return np.rint(np.minimum(image, 255)).astype(np.uint8), self._sheet.rects
+
+    def _shown_images(self, frame, rows) -> np.ndarray:
+        """Return the number of the image that some show."""
+        if self._sheet is None:
+            return np.zeros(len(rows), int)
+        turned = (self.field.index[rows] + self._step()) % self.field.n_images
+        views = [self.field.view_of(frame, i) for i in rows] if self.field.views > 1 else 0
+        return turned * self.field.views + views
+
+    def _tints(self):
+        looks = np.full((len(self), 4), 255, np.uint8)
+        if self._colors is not None:
+            looks[:, :3] = self._colors
+        opacity = self._opacity if np.ndim(self._opacity) else self.property.GetOpacity()
+        looks[:, 3] = np.rint(255 * np.asarray(opacity))
+        return looks
 
     # -- picking ------------------------------------------------------------------------------
 

@@ -66,7 +66,7 @@ TURNS = {
 EYES = {'front': (2, -9, 3), 'above': (1, 0.1, 11), 'below': (-3, 4, -9), 'pole': (0, 0, 10)}
 
 
-@pytest.mark.parametrize('offset', [0.0, 1e6])
+@pytest.mark.parametrize('offset', [0.0, 1e6, 1e9])
 @pytest.mark.parametrize('parallel', [None, 3.0], ids=['perspective', 'parallel'])
 @pytest.mark.parametrize('turn', TURNS.values(), ids=TURNS.keys())
 def test_cards_cover_what_the_twin_says(turn, parallel, offset, see):
@@ -341,6 +341,78 @@ def test_cut_outs_throw_shadows_of_their_holes(see):
     assert np.count_nonzero(np.diff(row.astype(int)) == 1) == 2
     billboards.remove()
     assert (grab(pl, see)[..., 0] >= 0.9 * bright).all()
+    pl.close()
+
+
+def lamp(pl, toward=(0, 0, 1)):
+    """Put a floor, a light from one direction, and shadows into a plotter."""
+    pl.add_light(pv.Light(position=toward, light_type='scene light', positional=False))
+    pl.add_mesh(pv.Plane(i_size=80, j_size=80), color='white')
+    pl.ibr.add(pvibr.Shadows())
+
+
+def shadow(picture, pixel):
+    """Return area and middle of what is in shadow on a floor seen from above, world units."""
+    rows, columns = np.nonzero((picture.max(2) < 60) & (picture.max(2) == picture.min(2)))
+    if not len(rows):
+        return 0.0, np.zeros(2)
+    center = np.array([columns.mean() - SIZE[0] / 2, SIZE[1] / 2 - rows.mean()])
+    return len(rows) * pixel**2, center * pixel
+
+
+@pytest.mark.parametrize(
+    ('looks', 'casts'),
+    [
+        ({'opacity': 0.8}, True),
+        ({'opacity': 0.3}, False),
+        ({'opacity': [0.9, 0.2]}, True),
+        ({'cutout': 0.5, 'opacity': 0.7}, True),
+        ({'cutout': 0.5, 'opacity': 0.4}, False),
+    ],
+)
+def test_of_those_that_blend_what_is_half_opaque_throws_shadows(looks, casts, see):
+    image = np.full((32, 32, 4), 255, np.uint8)
+    image[:, :8, 3] = 100  # the left quarter is less than half opaque
+    pl = plotter(lighting='none')
+    lamp(pl)
+    both = [[-4, 0, 3], [4, 0, 3]]
+    points = both if np.ndim(looks['opacity']) else both[:1]
+    looks = {'cutout': None, 'facing': 'world', **looks}
+    colors = [[1.0, 0, 0]] * len(points)
+    thing = pl.ibr.add_billboards(points, image, size=4, colors=colors, **looks)
+    aim(pl, (0, 0, 1), (0, 0, 0), (0, 1, 0), parallel=10)  # below the cards: the floor alone
+    area, center = shadow(grab(pl, see), 0.2)
+    assert area == pytest.approx(12.0 * casts, abs=0.8)
+    if casts:
+        np.testing.assert_allclose(center, [-3.5, 0], atol=0.3)
+    # What light sees is not what the eye sees: from above they blend as before.
+    aim(pl, (0, 0, 6), (0, 0, 0), (0, 1, 0), parallel=10)
+    picture = grab(pl, see)
+    x, y = pixels(pl, [[-3.5, 0, 3]])[0].astype(int)
+    assert picture[y, x, 0] > picture[y, x, 2]
+    assert len(thing.drawn()) >= 1
+    assert all(actor in thing._draws for actor in thing.drawn())
+    pl.close()
+
+
+@pytest.mark.parametrize('cutout', [0.5, None])
+@pytest.mark.parametrize('parallel', [None, 16.0], ids=['perspective', 'parallel'])
+def test_shadows_of_pixel_sizes_are_as_large_as_the_camera_sees_them(parallel, cutout, see):
+    pl = plotter(lighting='none')
+    lamp(pl, (1, 0, 1))
+    thing = pl.ibr.add_billboards([[0, 0, 8.0]], WHITE, size=[[14, 10]], size_unit='pixel',
+                                  cutout=cutout, colors=[[1.0, 0, 0]])  # fmt: skip
+    for far in (60.0, 80.0, 60.0):
+        scale = parallel and parallel * far / 60
+        aim(pl, (0, 0, far), (0, 0, 0), (0, 1, 0), scale)
+        at_floor, at_card = (
+            2 * (scale or z * np.tan(np.pi / 12)) / SIZE[1] for z in (far, far - 8)
+        )
+        area, center = shadow(grab(pl, see), at_floor)
+        assert area == pytest.approx(14 * 10 * at_card**2 * np.sqrt(2), rel=0.12)
+        np.testing.assert_allclose(center, [-8, 0], atol=0.5)
+        reach = np.hypot(7, 5) * at_card
+        assert reach <= thing.cast_bounds[1] <= 2.1 * reach
     pl.close()
 
 
