@@ -336,6 +336,20 @@ def impostors(*, out: _Folder = Path('out'), quick: bool = False) -> None:
 
 
 @bench.command
+def layers(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+    """Measure coherent layers against full rendering.
+
+    Parameters
+    ----------
+    out
+        Folder for the table (JSON) and the plot (PNG).
+    quick
+        Measure a few points only, to see that the bench runs.
+    """
+    _measure('layers', out, quick)
+
+
+@bench.command
 def billboards(*, out: _Folder = Path('out'), quick: bool = False) -> None:
     """Measure billboards, what cut-outs cover, and the levels of a plant.
 

@@ -13,6 +13,7 @@ NAMES = (
     'figures',
     'billboards',
     'impostors',
+    'layers',
     'clouds',
 )
 

@@ -1,0 +1,119 @@
+// Coherent layers: pictures of parts of the scene, shown again by other cameras.
+// The card warps a picture to where its surface is now, and gives each pixel the depth that the
+// place it shows has now, so that layers and all others hide each other as surfaces do.
+// Source: Lengyel and Snyder, "Rendering with Coherent Layers", SIGGRAPH 1997.
+// Spaces: uv = the picture, 0 to 1; clip = VTK's DC times w, of the camera of now.
+
+// Defines: SOFT 1 where depth is blurred; BLENDS 1 where edges are laid over what is there, else
+// they are as hard as those of meshes; LEAST is the coverage from which anything is shown.
+
+//@vertex.declare
+uniform mat3 ibr_clip_from_uv;    // x, y and w
+uniform mat4 ibr_depth_from_uv;   // of (u, v, depth, 1): z, w, and twice nothing
+uniform vec4 ibr_crop;            // part of the picture that shows anything
+out vec2 ibr_uv;
+out vec2 ibr_zw;                  // clip z and w where depth is 0
+flat out vec2 ibr_zw_step;        // and what a depth of 1 adds
+out vec3 ibr_at;                  // clip x, y and w
+
+//@vertex.position
+  {
+    int corner = gl_VertexID % 4;
+    vec2 q = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
+    ibr_uv = mix(ibr_crop.xy, ibr_crop.zw, q);
+    vec3 place = ibr_clip_from_uv * vec3(ibr_uv, 1.0);
+    ibr_zw = (ibr_depth_from_uv * vec4(ibr_uv, 0.0, 1.0)).xy;
+    ibr_zw_step = ibr_depth_from_uv[2].xy;
+    ibr_at = place;
+    gl_Position = vec4(place.xy, 0.0, place.z);
+  }
+
+//@fragment.declare
+uniform sampler2D ibr_picture;    // colour times coverage, coverage
+uniform sampler2D ibr_deep;       // depth, of the picture's own camera
+uniform vec4 ibr_eye_from_clip;   // x and y of the view over those of clip space; z from clip z, w
+uniform vec4 ibr_eye_shift;       // shifts of x and y; constants of z from clip z, w
+uniform int ibr_is_parallel;
+in vec2 ibr_uv;
+in vec2 ibr_zw;
+flat in vec2 ibr_zw_step;
+in vec3 ibr_at;
+
+//@fragment.sample
+  vec4 ibr_color = texture(ibr_picture, ibr_uv);
+  if (ibr_color.a < LEAST) { discard; }
+#if SOFT
+  float ibr_d = texture(ibr_deep, ibr_uv).r;
+#else
+  // Along an edge, the texel in front: where nothing was drawn, depth is 1.
+  ivec2 ibr_low = ivec2(floor(ibr_uv * vec2(textureSize(ibr_deep, 0)) - 0.5));
+  ivec2 ibr_last = textureSize(ibr_deep, 0) - 1;
+  ivec2 ibr_a = clamp(ibr_low, ivec2(0), ibr_last);
+  ivec2 ibr_b = clamp(ibr_low + 1, ivec2(0), ibr_last);
+  float ibr_d = min(
+    min(texelFetch(ibr_deep, ibr_a, 0).r, texelFetch(ibr_deep, ivec2(ibr_b.x, ibr_a.y), 0).r),
+    min(texelFetch(ibr_deep, ivec2(ibr_a.x, ibr_b.y), 0).r, texelFetch(ibr_deep, ibr_b, 0).r));
+#endif
+  vec2 ibr_deepened = ibr_zw + ibr_d * ibr_zw_step;
+  float ibr_z = ibr_deepened.x / ibr_deepened.y;
+  // Only features and passes that ask for places and normals have these computed.
+  float ibr_along = ibr_is_parallel == 1 ? ibr_z * ibr_eye_from_clip.z + ibr_eye_shift.z
+    : ibr_eye_from_clip.w / (ibr_z + ibr_eye_shift.w);
+  vec3 ibr_place = vec3((ibr_at.xy / ibr_at.z + ibr_eye_shift.xy) * ibr_eye_from_clip.xy
+    * (ibr_is_parallel == 1 ? 1.0 : -ibr_along), ibr_along);
+  vec4 vertexVC = vec4(ibr_place, 1.0);
+#define IBR_PLACE ibr_place
+#define IBR_NORMAL ibr_normal
+
+//@fragment.normal
+  vec3 ibr_normal = normalize(cross(dFdx(ibr_place), dFdy(ibr_place)));
+  vec3 normalVCVSOutput = ibr_normal;
+
+//@fragment.depth
+  gl_FragDepth = clamp(ibr_z * 0.5 + 0.5, 0.0, 1.0);
+
+//@fragment.light
+  gl_FragData[0] = vec4(ibr_color.rgb / ibr_color.a, BLENDS == 1 ? ibr_color.a : 1.0);
+
+//@range
+// Least and greatest depth of each block of a picture, 2 and -1 where it shows nothing.
+uniform sampler2D deep;
+uniform int side;                 // texels along a side of a block
+void main()
+{
+  ivec2 low = ivec2(gl_FragCoord.xy) * side;
+  ivec2 high = min(low + side, textureSize(deep, 0));
+  vec2 found = vec2(2.0, -1.0);
+  for (int j = low.y; j < high.y; ++j)
+    for (int i = low.x; i < high.x; ++i)
+    {
+      float d = texelFetch(deep, ivec2(i, j), 0).r;
+      if (d < 1.0) { found = vec2(min(found.x, d), max(found.y, d)); }
+    }
+  gl_FragData[0] = vec4(found, 0.0, 1.0);
+}
+
+//@soften
+// A Gaussian along one axis of colour times coverage, and of depth times coverage.
+uniform sampler2D picture;
+uniform sampler2D deep;           // depth, or depth times coverage
+uniform vec2 axis;                // a texel
+uniform float sigma;              // texels
+uniform int last;                 // whether depth itself goes out
+void main()
+{
+  vec4 sum = vec4(0.0);
+  float depth = 0.0, total = 0.0;
+  int reach = int(ceil(3.0 * sigma));
+  for (int k = -reach; k <= reach; ++k)
+  {
+    float weight = exp(-0.5 * float(k * k) / (sigma * sigma));
+    vec4 color = texture(picture, uv + float(k) * axis);
+    float d = texture(deep, uv + float(k) * axis).r;
+    sum += weight * color;
+    depth += weight * (last == 1 ? d : d * color.a);
+    total += weight;
+  }
+  gl_FragData[0] = sum / total;
+  gl_FragData[1] = vec4(last == 1 ? depth / max(sum.a, 1e-6) : depth / total);
+}

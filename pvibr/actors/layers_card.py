@@ -1,0 +1,175 @@
+"""The quad that shows a layer's picture in the scene, warped, with the depth of what it shows."""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr import _vtk
+from pvibr.actors.cards import card_mesh
+from pvibr.gl import set_uniforms, shader_source, uniform_matrix
+from pvibr.gl.feature import Feature, sections
+
+
+def layer_feature(*, soft, blends) -> Feature:
+    """Return the shader text of a layer by VTK's tags.
+
+    Parameters
+    ----------
+    soft : bool
+        Whether its depth is blurred.
+    blends : bool
+        Whether its edges are laid over what is there; else they are hard.
+    """
+    part = sections(shader_source(__file__, 'layers'))
+    least = '1.0 / 255.0' if blends else '0.5'
+    defines = f'#define SOFT {int(soft)}\n#define BLENDS {int(blends)}\n#define LEAST {least}\n'
+    return Feature(
+        f'layer_{int(soft)}{int(blends)}',
+        {
+            'VTK::PositionVC::Dec': part['vertex.declare'],
+            'VTK::PositionVC::Impl': part['vertex.position'],
+        },
+        {
+            'VTK::PositionVC::Dec': defines + part['fragment.declare'],
+            'VTK::PositionVC::Impl': part['fragment.sample'],
+            'VTK::Normal::Impl': part['fragment.normal'],
+            'VTK::Depth::Impl': part['fragment.depth'] + '//VTK::Depth::Impl\n',
+            'VTK::Light::Impl': '//VTK::Light::Impl\n' + part['fragment.light'],
+        },
+    )
+
+
+class LayerCard:
+    """One quad, for one picture at a time.
+
+    Attributes
+    ----------
+    actor : pyvista.Actor
+        Visible only within frames.
+    failure : str or None
+        What went wrong with the shaders.
+    """
+
+    def __init__(self):
+        self.actor = pv.Actor()
+        self.mapper = _vtk.vtkPolyDataMapper()
+        self.mapper.ScalarVisibilityOff()
+        self.actor.SetMapper(self.mapper)
+        self.actor.prop.lighting = False
+        self.actor.PickableOff()
+        self.actor.UseBoundsOff()
+        self.actor.VisibilityOff()
+        self.failure: str | None = None
+        self._observer = self.mapper.AddObserver('UpdateShaderEvent', self._updater())
+        self._feature: Any = None
+        self._checked = False
+        self._bounds: Any = None
+        self._textures: dict = {}
+        self._uniforms: dict = {}
+        self._units: dict = {}
+
+    def show(self, frame, picture, warp, turn, bounds):
+        """Draw a picture in a frame.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            The frame about to be drawn.
+        picture : LayerPicture
+            What is shown.
+        warp : numpy.ndarray, shape (3, 3)
+            From its pixels to those of the frame.
+        turn : numpy.ndarray, shape (4, 4)
+            View space now from view space when it was taken.
+        bounds : array_like of 6 float
+            World units: VTK leaves out actors whose bounds are out of view.
+        """
+        self._wear(soft=picture.soft, blends=picture.soft or picture.scale > 1)
+        bounds = tuple(map(float, bounds))
+        if bounds != self._bounds:
+            self._bounds = bounds
+            self.mapper.SetInputData(card_mesh(1, 4, bounds))
+        self._textures = {'ibr_picture': picture.color, 'ibr_deep': picture.depth}
+        self._uniforms = _uniforms(frame, picture, warp, turn)
+        self.actor.VisibilityOn()
+
+    def _wear(self, **how):
+        feature = layer_feature(**how)
+        if self._feature is None or feature.name != self._feature.name:
+            if self._feature is not None:
+                self._feature.detach(self.actor)
+            feature.attach(self.actor)
+            self._feature, self._checked = feature, False
+
+    def hide(self):
+        """Draw nothing, and give the texture units back."""
+        self.actor.VisibilityOff()
+        for texture in self._textures.values() if self._units else ():
+            texture.deactivate()
+        self._units = {}
+
+    def _updater(self):
+        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
+        card = weakref.ref(self)
+
+        @_vtk.calldata_type(_vtk.VTK_OBJECT)
+        def update(_mapper, _event, program):
+            alive = card()
+            if alive is not None:
+                alive._update(program)
+
+        return update
+
+    def _update(self, program):
+        if not self._units:
+            self._units = {name: t.activate() for name, t in self._textures.items()}
+        set_uniforms(program, self._units)
+        set_uniforms(program, self._uniforms)
+        if not self._checked:
+            self._checked = True
+            if not self._feature.landed(program):
+                self.failure = f'the shader text {self._feature.name} did not land'
+
+    def release(self, window):
+        """Free the GPU's memory; the context must be alive.
+
+        Parameters
+        ----------
+        window : vtkOpenGLRenderWindow
+            Whose context is current; None where there is none.
+        """
+        self.hide()
+        self._textures = {}
+        if window is not None:
+            self.actor.ReleaseGraphicsResources(window)
+
+
+def _uniforms(frame, picture, warp, turn) -> dict:
+    left, bottom, right, top = picture.rect
+    pixel_from_uv = np.array([[right - left, 0, left], [0, top - bottom, bottom], [0, 0, 1.0]])
+    to_clip = np.array([[2 / frame.size[0], 0, -1], [0, 2 / frame.size[1], -1], [0, 0, 1.0]])
+    # The same factor everywhere is none: large ones would cost digits.
+    shown = to_clip @ warp @ pixel_from_uv
+    ndc_from_uv = np.array([[2.0, 0, 0, -1], [0, 2, 0, -1], [0, 0, 2, -1], [0, 0, 0, 1]])
+    clip = frame.clip_from_view
+    deep = clip @ turn @ np.linalg.inv(picture.clip_from_view) @ ndc_from_uv
+    depths = np.zeros((4, 4))
+    depths[:2] = deep[2:] / np.abs(deep[3]).max()
+    x, y = clip[0, 0], clip[1, 1]
+    if frame.parallel:
+        scale = 1 / x, 1 / y, 1 / clip[2, 2], 0.0
+        shift = -clip[0, 3], -clip[1, 3], -clip[2, 3] / clip[2, 2], 0.0
+    else:
+        scale, shift = (1 / x, 1 / y, 0.0, -clip[2, 3]), (clip[0, 2], clip[1, 2], 0.0, clip[2, 2])
+    return {
+        'ibr_clip_from_uv': uniform_matrix(shown / np.abs(shown[2]).max()),
+        'ibr_depth_from_uv': uniform_matrix(depths),
+        'ibr_crop': tuple(map(float, picture.crop)),
+        'ibr_eye_from_clip': tuple(map(float, scale)),
+        'ibr_eye_shift': tuple(map(float, shift)),
+        'ibr_is_parallel': int(frame.parallel),
+    }

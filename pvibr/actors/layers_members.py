@@ -1,0 +1,189 @@
+"""What is in layers: when it changed, and the light that falls on it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pvibr.casters import address
+
+# The steepest slope of a highlight, cos(angle) ** power, is this times the root of the power.
+_SLOPE = np.exp(-0.5)
+
+
+class Member:
+    """An actor of a layer.
+
+    Parameters
+    ----------
+    actor : vtkActor
+        In a renderer.
+
+    Attributes
+    ----------
+    matrix : numpy.ndarray, shape (4, 4)
+        World from the actor's own space.
+    bounds : tuple of 6 float
+        World units.
+    why : str
+        Why it is in no picture, empty where it is.
+    dull, gloss : float
+        How much lighter its surface and its highlights become where light turns by a radian.
+    version : int
+        How often anything but its place changed.
+    """
+
+    def __init__(self, actor):
+        self.actor, self.key = actor, address(actor)
+        self.matrix, self.bounds = np.eye(4), (1.0, -1.0) * 3
+        self.why, self.dull, self.gloss = 'not drawn yet', 1.0, 0.0
+        self.version = 0
+        self._stamp: Any = None
+        self._shown = False
+        self._hidden = False
+
+    def update(self) -> bool:
+        """Look at the actor; return whether anything about it changed.
+
+        Its own time is no help: that is also of being hidden, here in every frame.
+        """
+        actor = self.actor
+        mapper, prop = actor.GetMapper(), actor.GetProperty()
+        shown = bool(actor.GetVisibility()) or self._hidden
+        data = _updated(mapper)
+        stamp = (
+            shown,
+            *_time_of(mapper),
+            *_time_of(data),
+            *_time_of(prop),
+            *_time_of(actor.GetTexture()),
+            *_time_of(actor.GetBackfaceProperty()),
+        )
+        before, self.matrix = self.matrix, np.reshape(actor.GetMatrix().GetData(), (4, 4))
+        self.bounds = actor.GetBounds() or (1.0, -1.0) * 3
+        if stamp == self._stamp:
+            return not np.array_equal(before, self.matrix)
+        self._stamp, self._shown = stamp, shown
+        self.version += 1
+        self.why = self._unfit(data)
+        self._take_looks(prop)
+        return True
+
+    def _unfit(self, data) -> str:
+        if not self._shown:
+            return 'hidden'
+        if data is None or self.bounds[0] > self.bounds[1]:
+            return 'empty'
+        if not np.isfinite(self.bounds).all():
+            return 'bounds that are not finite'
+        if self.actor.HasTranslucentPolygonalGeometry():
+            return 'translucent'
+        return ''
+
+    def _take_looks(self, prop):
+        self.dull = self.gloss = 0.0
+        if prop.GetLighting():
+            self.dull = 1.0 if prop.GetInterpolation() == 3 else prop.GetDiffuse()  # VTK_PBR
+            self.gloss = prop.GetSpecular() * _SLOPE * max(prop.GetSpecularPower(), 0.0) ** 0.5
+            if prop.GetInterpolation() == 3:
+                # As steep as its normal distribution, whose width is the square of roughness.
+                self.gloss = _SLOPE / max(prop.GetRoughness(), 0.1) ** 2
+
+    def hide(self):
+        """Leave it out of the frame about to be drawn."""
+        self._hidden = True
+        self.actor.VisibilityOff()
+
+    def show(self):
+        """Take that back."""
+        if self._hidden:
+            self._hidden = False
+            self.actor.VisibilityOn()
+
+
+def _updated(mapper):
+    """Return what a mapper draws, up to date; None where it has nothing."""
+    if mapper is None or not mapper.GetNumberOfInputPorts():
+        return None
+    if not mapper.GetNumberOfInputConnections(0):
+        return None
+    source = mapper.GetInputAlgorithm()
+    if not source.IsA('vtkTrivialProducer'):
+        source.Update()
+    return mapper.GetInputDataObject(0, 0)
+
+
+def _time_of(thing) -> tuple:
+    return (None, 0) if thing is None else (address(thing), thing.GetMTime())
+
+
+class Lighting:
+    """The lights of a renderer at one moment.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        Lights that go with its camera are where that is now.
+    """
+
+    def __init__(self, renderer):
+        renderer.UpdateLightsGeometryToFollowCamera()
+        on = [light for light in renderer.GetLights() if light.GetSwitch()]
+        self.kinds = [_kind(light) for light in on]
+        self.colors = np.array([_colors(light) for light in on]).reshape(len(on), -1)
+        self.places = np.array([light.GetTransformedPosition() for light in on]).reshape(-1, 3)
+        ends = np.array([light.GetTransformedFocalPoint() for light in on]).reshape(-1, 3)
+        ways = ends - self.places
+        lengths = np.linalg.norm(ways, axis=1)[:, None]
+        self.ways = ways / np.where(lengths > 0, lengths, 1.0)
+        self.positional = np.array([bool(light.GetPositional()) for light in on], bool)
+
+    def change(self, before, center, radius) -> tuple[float, float]:
+        """Return how much the light differs from that of another moment.
+
+        Parameters
+        ----------
+        before : Lighting
+            Of that moment.
+        center : numpy.ndarray, shape (3,)
+            Middle of what is lit, world units.
+        radius : float
+            Of a sphere around it that holds all.
+
+        Returns
+        -------
+        color : float
+            Of all lights together, as a share of white; inf where there are others.
+        turned : float
+            How far each turned, radians, times its colour; of all together.
+        """
+        if self.kinds != before.kinds:
+            return np.inf, np.inf
+        color = float(np.abs(self.colors - before.colors).max(axis=1, initial=0.0).sum())
+        angle = 2 * np.arcsin(np.clip(np.linalg.norm(self.ways - before.ways, axis=1) / 2, 0, 1))
+        away = np.minimum(
+            np.linalg.norm(self.places - center, axis=1),
+            np.linalg.norm(before.places - center, axis=1),
+        )
+        steps = np.linalg.norm(self.places - before.places, axis=1)
+        near = np.where(steps > 0, np.pi, 0.0)
+        around = np.where(away > radius, steps / np.maximum(away - radius, 1e-300), near)
+        angle = np.where(self.positional, np.maximum(around, angle), angle)
+        strength = self.colors.max(axis=1, initial=0.0)
+        return color, float((strength * np.minimum(angle, np.pi)).sum())
+
+    @property
+    def strength(self) -> float:
+        """Of all lights together, as a share of white."""
+        return float(self.colors.max(axis=1, initial=0.0).sum())
+
+
+def _kind(light) -> tuple:
+    cone = light.GetConeAngle(), light.GetExponent(), tuple(light.GetAttenuationValues())
+    return address(light), light.GetLightType(), light.GetPositional(), *cone
+
+
+def _colors(light) -> np.ndarray:
+    colors = light.GetDiffuseColor(), light.GetSpecularColor(), light.GetAmbientColor()
+    return light.GetIntensity() * np.concatenate(colors)
