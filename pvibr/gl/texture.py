@@ -21,6 +21,7 @@ _FORMATS = {
 # that core profile 3.2 has for certain. VTK hands out the first ones.
 SPARE_UNIT = 0x84C0 + 47
 _FRAGMENT_UNITS = 0x8872  # GL_MAX_TEXTURE_IMAGE_UNITS
+_PACK_ALIGNMENT = 0x0D05  # GL_PACK_ALIGNMENT
 _BYTES = {
     'rgba8': 4, 'rgb8': 3, 'rgba16f': 8, 'rgba32f': 16, 'rg32f': 8, 'r32f': 4, 'r8': 1,
     'depth32f': 4,
@@ -186,6 +187,8 @@ class Texture:
 
     def download(self) -> np.ndarray:
         """Return the texels as an array (height, width, channels), row 0 at v = 0."""
+        # Rows lie close together: windows of Qt have them begin at multiples of four.
+        self.window.GetState().vtkglPixelStorei(_PACK_ALIGNMENT, 1)
         buffer = self.object.Download()
         kind = self.object.GetVTKDataType()
         width, height, channels = *self.size, self.object.GetComponents()

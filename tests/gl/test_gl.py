@@ -45,6 +45,15 @@ def test_an_array_comes_back(window, dtype, channels, size):
     assert texture.nbytes == 0
 
 
+@pytest.mark.parametrize('channels', [1, 2, 3, 4])
+def test_rows_come_back_whatever_the_window_aligns_them_to(window, channels):
+    values = np.random.default_rng(0).integers(0, 255, (5, 7, channels), np.uint8)
+    texture = Texture(window).upload(values)
+    window.GetState().vtkglPixelStorei(0x0D05, 4)  # GL_PACK_ALIGNMENT, as windows of Qt have it
+    np.testing.assert_array_equal(texture.download(), values)
+    texture.release()
+
+
 def test_an_array_replaces_another(window):
     texture = Texture(window)
     for side in (3, 8, 2):
