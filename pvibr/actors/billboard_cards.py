@@ -179,12 +179,11 @@ class Field:
         if not frame.casting:
             self._seer = frame
         seer = self._seer or frame
-        row = (0.0, 0.0, 0.0, 1.0)
-        if not seer.parallel:
-            away = -seer.view_from_world[2]
-            row = (*map(float, away[:3]), float(away[:3] @ self.origin + away[3]))
-        depth = row if frame.casting else (0.0, 0.0, 0.0, 0.0)
-        return {'ibr_size_scale': self._pixel(seer), 'ibr_size_depth': depth}
+        depth = np.zeros(4)
+        if frame.casting:
+            depth = np.array([0.0, 0, 0, 1]) if seer.parallel else -seer.view_from_world[2]
+            depth = np.append(depth[:3], depth[:3] @ self.origin + depth[3])
+        return {'ibr_size_scale': self._pixel(seer), 'ibr_size_depth': tuple(depth.tolist())}
 
     def cast_bounds(self) -> np.ndarray:
         """Return world bounds of the cards as the camera saw them last, shape (6,).

@@ -256,6 +256,14 @@ class Billboards(Painted, Anchored):
         """Return the actors that draw them, those that are not visible now too."""
         return self._draws + self._dense
 
+    def drawn(self) -> list:
+        """Return the actors that `prepare` chose; of those that blend none for a light."""
+        return [a for a in self._draws if a.GetVisibility()]
+
+    def depths(self) -> list:
+        """Return the actors that cast shadows."""
+        return [a for a in self._dense or self._draws if a.GetVisibility()]
+
     @property
     def cast_bounds(self) -> np.ndarray:
         """World bounds of what throws shadows, shape (6,)."""
