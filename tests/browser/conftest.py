@@ -6,6 +6,8 @@ import io
 import os
 import re
 import shutil
+import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -13,6 +15,7 @@ import time
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
+from urllib.parse import urlsplit
 
 import imageio.v3 as imageio
 import pytest
@@ -117,7 +120,9 @@ class _Program:
         return found[0] if found else ''
 
     def close(self):
-        """Have it end, as it should have by now; it must have said no error."""
+        """End it as Ctrl+C does; nothing must stay, and it must have said no error."""
+        port = urlsplit(self.url).port
+        self._process.send_signal(signal.SIGINT)
         try:
             self._process.wait(20)
         finally:
@@ -125,6 +130,8 @@ class _Program:
             self._process.wait()
         assert self._process.returncode == 0, self.said
         assert not re.search(r'Traceback|Error|ERR[|]|Warning', self.said), self.said
+        with socket.socket() as free:
+            assert free.connect_ex(('127.0.0.1', port))
 
 
 @pytest.fixture(scope='module')

@@ -155,7 +155,7 @@ def view_of(pl):
 
 
 def serve():
-    """Serve it until the trigger ``quit``."""
+    """Serve it until Ctrl+C."""
     from trame.app import get_server
     from trame.ui.vuetify3 import VAppLayout
     from trame_pyvista.ui import plotter_ui
@@ -185,7 +185,6 @@ def serve():
 
     server.trigger('look')(lambda: view_of(pl))
     server.trigger('states')(lambda: [row.state for row in pl.ibr.report().rows])
-    server.trigger('quit')(server.stop)
     server.start()
     pl.close()
 
