@@ -165,15 +165,7 @@ class Clock:
         if self._since is None:
             self._since = now
         if self._go(now - self._since):
-            self._draw()
-
-    def _draw(self):
-        """Draw, but not for pages: each that is open draws when it is told, and once is enough."""
-        if not has_page(self._plotter):
-            self._plotter.render()
-            return
-        for tell in list(self._plotter._on_render_callbacks):
-            tell(self._plotter)
+            draw(self._plotter)
 
     def _go(self, seconds) -> bool:
         """Take the time that is so many seconds later; tell whether it is another one."""
@@ -232,6 +224,21 @@ def filming(plotter) -> bool:
     """
     writer = getattr(plotter, 'mwriter', None)
     return writer is not None and not getattr(writer, 'closed', False)
+
+
+def draw(plotter):
+    """Draw a frame, in the window or for each page that is open: they draw when they are told.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+        What draws; anything with ``render()``.
+    """
+    if not has_page(plotter):
+        plotter.render()
+        return
+    for tell in list(plotter._on_render_callbacks):
+        tell(plotter)
 
 
 def ticks(plotter, tick):

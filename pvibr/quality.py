@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from time import perf_counter
 from typing import Any
 
-from pvibr.clock import filming, ticks
+from pvibr.clock import draw, filming, ticks
 
 #: What quality may be: three dB a step.
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
@@ -22,6 +22,8 @@ _MEMORY = 60
 _GAIN = 1.15
 #: Seconds after the last moving frame at which the view is at rest.
 SETTLE = 0.2
+_WHEELS = ('Forward', 'Backward', 'Left', 'Right')
+_BUTTONS = ('Left', 'Middle', 'Right')
 
 
 class Budget:
@@ -186,7 +188,8 @@ class Pace:
         self._tags: list = []
         self._asked = self._takes = False
         self._began: float | None = None
-        self._moved = self._wheeled = -math.inf
+        self._moved = -math.inf
+        self._wheels = False
         self._samples = 0
         self._ticks: Any = None
 
@@ -234,8 +237,9 @@ class Pace:
             (window, 'EndEvent', self._on_end, -1.0),
         ]
         if interactor is not None:
-            wheel = ('Forward', 'Backward', 'Left', 'Right')
-            calls += [(interactor, f'MouseWheel{w}Event', self._on_wheel, 1.0) for w in wheel]
+            events = [(f'MouseWheel{w}Event', self._on_wheel) for w in _WHEELS]
+            events += [(f'{b}ButtonPressEvent', self._on_press) for b in _BUTTONS]
+            calls += [(interactor, *event, 1.0) for event in events]
         self._tags = [(owner, owner.AddObserver(*call)) for owner, *call in calls]
 
     def release(self):
@@ -302,13 +306,18 @@ class Pace:
             # VTK's styles draw a still picture at the end, and take any timer's tick for a move.
             self._stop()
             return True
-        wheels = perf_counter() - self._wheeled < SETTLE
-        moves = wheels or self._playing()
+        moves = self._wheels or self._playing()
+        lowers = moves and self.budget.quality < 1
         # No style draws a picture at the end: only where there will be one is less shown.
-        return moves and (self.budget.quality == 1 or self._follows())
+        follows = lowers and self._follows()
+        self._wheels = self._wheels and follows
+        return follows if lowers else moves
 
     def _on_wheel(self, *_):
-        self._wheeled = perf_counter()
+        self._wheels = True
+
+    def _on_press(self, *_):
+        self._wheels = False
 
     def _follows(self) -> bool:
         """Have a look at the clock until all is at rest; tell whether there is one to look at."""
@@ -320,6 +329,7 @@ class Pace:
         if perf_counter() - self._moved < SETTLE:
             return
         self._stop()
+        self._wheels = False
         if self.lowered:
             self._draw_full()
 
@@ -330,7 +340,7 @@ class Pace:
 
     def _draw_full(self):
         with self.full():
-            self._plotter.render()
+            draw(self._plotter)
 
     # -- pictures that users ask for -------------------------------------------------------------
 
