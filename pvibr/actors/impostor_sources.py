@@ -142,15 +142,16 @@ class Source:
         matrix = self.actor.GetMatrix()
         rows = [[matrix.GetElement(i, j) for j in range(4)] for i in range(3)]
         world = np.array(rows)
+        if not np.isfinite(world).all():
+            self.why = NOT_FINITE
+            return
         bounds = np.reshape(self.actor.GetMapper().GetBounds(), (3, 2))
         # From the middle: what is far from the origin keeps its digits.
         self.center = world[:, :3] @ bounds.mean(1) + world[:, 3]
         self.half = np.diag(np.diff(bounds, axis=1)[:, 0] / 2) @ world[:, :3].T
         self.radius = float(self._length * np.linalg.norm(world[:, :3], 2))
         self.corners = self._own @ world[:, :3].T
-        if not np.isfinite(self.corners).all() or not np.isfinite(self.center).all():
-            self.why = NOT_FINITE
-        elif self.radius == 0.0:
+        if self.radius == 0.0:
             self.why = 'a point'
         self._dress(data)
 
