@@ -577,6 +577,14 @@ GOOD = {'points': [[0, 0, 0]], 'image': WHITE}
         ({'size': -1}, 'size'),
         ({'size': np.nan}, 'size'),
         ({'size': [1, 2, 3]}, 'size'),
+        ({'size': [[1, np.nan]]}, 'size'),
+        ({'size': [[-1, 1]]}, 'size'),
+        ({'size': np.inf, 'size_unit': 'pixel'}, 'size'),
+        ({'image': np.zeros((1, 20_000))}, '20000 x . texels'),
+        ({'image': np.zeros((4, 4, 4, 0))}, 'image'),
+        ({'facing': 'spherical', 'axis': (0, np.nan, 1)}, 'axis'),
+        ({'facing': 'cylindrical', 'axis': [[0, 0, 0]]}, 'axis'),
+        ({'facing': 'world', 'orientation': (0, 0, 0, 0)}, 'orientation'),
         ({'facing': 'cylinder'}, 'facing'),
         ({'towards': 'eye'}, 'towards'),
         ({'facing': 'cylindrical', 'axis': (0, 0, 0)}, 'axis'),
@@ -608,6 +616,48 @@ def test_bad_input_is_refused_and_adds_nothing(wrong, words):
         pl.ibr.add_billboards(**GOOD, shininess=3)
     assert not pl.ibr.effects
     assert not list(pl.renderer.GetViewProps())
+    pl.close()
+
+
+@pytest.mark.parametrize('content', [b'', b'no picture', None], ids=['empty', 'text', 'half'])
+def test_a_file_that_is_no_picture_is_named_and_adds_nothing(content, tmp_path):
+    import imageio.v3 as iio
+
+    file = tmp_path / 'broken.png'
+    noise = np.random.default_rng(0).integers(0, 256, (64, 64, 4), np.uint8)
+    iio.imwrite(file, noise)
+    file.write_bytes(file.read_bytes()[:3000] if content is None else content)
+    pl = plotter()
+    with pytest.raises(ValueError, match=r'broken\.png'):
+        pl.ibr.add_billboards([[0, 0, 0]], file)
+    assert not pl.ibr.effects
+    assert not list(pl.renderer.GetViewProps())
+    pl.close()
+
+
+def test_images_larger_than_the_driver_takes_lose_their_largest_levels(see, monkeypatch):
+    monkeypatch.setattr('pvibr.actors.images.texture_limit', lambda _: 64)
+    image = np.full((256, 256, 4), (255, 0, 0, 255), np.uint8)
+    image[:, 128:, :3] = (0, 0, 255)
+    pl = plotter((0, -10, 0))
+    thing = pl.ibr.add_billboards([[0, 0, 0]], image, size=3)
+    picture = grab(pl, see)
+    left, right = pixels(pl, [[-0.7, 0, 0], [0.7, 0, 0]])[:, 0].astype(int)
+    assert picture[50, left].tolist() == [255, 0, 0]
+    assert picture[50, right].tolist() == [0, 0, 255]
+    assert thing.report()['texture'] == '64 x 64'
+    pl.close()
+
+
+def test_images_that_do_not_fit_at_all_are_left_out_with_a_warning(see, monkeypatch):
+    monkeypatch.setattr('pvibr.actors.images.texture_limit', lambda _: 8)
+    images = [np.full((5, 7, 4), k, np.uint8) for k in range(30)]
+    pl = plotter((0, -10, 0))
+    pl.add_mesh(pv.Sphere(radius=0.5), color='red', lighting=False)
+    pl.ibr.add_billboards(np.zeros((30, 3)) - [0, 2, 0], images)
+    with pytest.warns(pvibr.PvibrWarning, match='the driver takes 8'):
+        picture = grab(pl, see)
+    assert picture[50, 80].tolist() == [255, 0, 0]  # the rest is there
     pl.close()
 
 
