@@ -162,9 +162,9 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
         raise ValueError(msg)
     if isinstance(mesh, Part):
         return [mesh]
-    mesh = mesh if isinstance(mesh, list | tuple) else getattr(mesh, 'parts', mesh)
-    if are_parts(mesh):
-        return list(mesh)
+    found = mesh if isinstance(mesh, list | tuple) else getattr(mesh, 'parts', None)
+    if are_parts(found):
+        return list(found)
     for name in EXTRAS:
         if add_mesh_kwargs.pop(name, None):
             msg = f'{name} is not drawn for instances; add it as an actor of its own.'
