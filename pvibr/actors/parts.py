@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -162,7 +163,7 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
         raise ValueError(msg)
     if isinstance(mesh, Part):
         return [mesh]
-    found = mesh if isinstance(mesh, list | tuple) else getattr(mesh, 'parts', None)
+    found: Any = mesh if isinstance(mesh, list | tuple) else getattr(mesh, 'parts', None)
     if are_parts(found):
         return list(found)
     for name in EXTRAS:
