@@ -13,6 +13,8 @@ from pvibr_widgets.presets import Presets
 from pvibr_widgets.python_code import code_of
 from pvibr_widgets.rows import Row
 
+_MOST_OPEN = 3  # groups that show their rows at once
+
 
 class Group:
     """An effect or a thing, with a row for each of its settings.
@@ -29,6 +31,8 @@ class Group:
         Words before its name, where there are several subplots.
     presets : Presets
         Named sets of settings.
+    is_open : bool
+        Whether its rows are shown.
 
     Attributes
     ----------
@@ -36,8 +40,9 @@ class Group:
         In the order of declaration.
     """
 
-    def __init__(self, key, name, thing, place, presets):
+    def __init__(self, key, name, thing, place, presets, is_open=True):
         self.key, self.name, self.thing, self._presets = key, name, thing, presets
+        self.is_open = is_open
         self.title = f'{place}{name}'
         size = _size_of(thing.pipeline.renderer)
         self.rows = [Row(thing, p, size) for p in params_of(type(thing)).values()]
@@ -153,6 +158,7 @@ class Model:
         self._presets = Presets() if presets is None else presets
         self._listeners: list = []
         self._shown: tuple = ()
+        self._is_doing = False
         self._tags: list = []
         self._watch()
         self.refresh()
@@ -197,12 +203,21 @@ class Model:
 
     def refresh(self):
         """Look at what is in the plotter, and tell listeners where it is not as before."""
-        contents = self._contents()
-        before = [(g.key, g.name, g.thing) for g in self.groups]
-        now = [(k, n, t) for k, named in contents.items() for n, t in named.items()]
-        rebuilt = [*map(_identity, before)] != [*map(_identity, now)]
+        if self._is_doing:
+            return
+        before = {(g.key, g.name, id(g.thing)): g for g in self.groups}
+        now = {
+            (key, name, id(thing)): thing
+            for key, named in self._contents().items()
+            for name, thing in named.items()
+        }
+        rebuilt = [*before] != [*now]
         if rebuilt:
-            self.groups = [Group(k, n, t, self._place(k), self._presets) for k, n, t in now]
+            is_open = len(now) <= _MOST_OPEN
+            self.groups = [
+                before.get(at) or Group(*at[:2], thing, self._place(at[0]), self._presets, is_open)
+                for at, thing in now.items()
+            ]
         shown = (self.message, *(_look_of(group) for group in self.groups))
         if rebuilt or shown != self._shown:
             self._shown = shown
@@ -241,7 +256,7 @@ class Model:
         *args
             Its arguments.
         """
-        self.message = ''
+        self.message, self._is_doing = '', True
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter('always', PvibrWarning)
             try:
@@ -250,7 +265,8 @@ class Model:
                 self.message = str(error)
             self.render()
         warned = [str(w.message) for w in said if issubclass(w.category, PvibrWarning)]
-        self.message = self.message or '; '.join(warned)
+        self.message, self._is_doing = self.message or '; '.join(warned), False
+        self._shown = ()  # what was typed and refused is to be put back too
         self.refresh()
 
     def render(self):
@@ -294,11 +310,6 @@ class Model:
             The file.
         """
         self.ibr.load_state(_named(path))
-
-
-def _identity(entry):
-    key, name, thing = entry
-    return key, name, id(thing)
 
 
 def _look_of(group) -> tuple:
