@@ -377,6 +377,20 @@ def clouds(*, out: _Folder = Path('out'), quick: bool = False) -> None:
     _measure('clouds', out, quick)
 
 
+@bench.command
+def moving(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+    """Measure frames of the demo's forest while it is dragged, and the full picture after it.
+
+    Parameters
+    ----------
+    out
+        Folder for the table (JSON) and the plot (PNG).
+    quick
+        Measure a few points only, to see that the bench runs.
+    """
+    _measure('moving', out, quick)
+
+
 def _measure(name, out, quick):
     from pvibr.bench import main
 

@@ -78,6 +78,11 @@ class IBRComponent:
         return [effect for pipeline in self._pipelines for effect in pipeline.effects]
 
     @property
+    def quality(self) -> float:
+        """Of the last frame: 1, or less where the view moves and `moving_ms` is too short."""
+        return self._pace.latest
+
+    @property
     def effects(self) -> tuple:
         """Effects and things in the active subplot, in the order in which they run."""
         return self.pipeline.effects

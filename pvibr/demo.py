@@ -257,7 +257,7 @@ def _errors(numbers):
 
 
 def _walk(scene, max_error, frames, size):
-    plotter = _scenery(scene, max_error, size, off_screen=False)
+    plotter = scenery(scene, max_error, size, off_screen=False)
     plotter.show(interactive_update=True, auto_close=False)
     for camera in scene.path(frames):
         if plotter.render_window is None:  # closed on the way
@@ -271,7 +271,7 @@ def _walk(scene, max_error, frames, size):
 def _film(scene, max_error, frames, size, file):
     import imageio
 
-    plotter = _scenery(scene, max_error, size, off_screen=True)
+    plotter = scenery(scene, max_error, size, off_screen=True)
     plotter.show(auto_close=False)
     file.parent.mkdir(parents=True, exist_ok=True)
     with imageio.get_writer(file, fps=FPS, macro_block_size=2) as writer:
@@ -282,7 +282,25 @@ def _film(scene, max_error, frames, size, file):
     plotter.close()
 
 
-def _scenery(scene, max_error, size, *, off_screen):
+def scenery(scene, max_error, size, *, off_screen):
+    """Return a plotter with a landscape, as the window of the demo shows it.
+
+    Parameters
+    ----------
+    scene : pvibr.scenes.landscape.Landscape
+        Terrain, trees and light.
+    max_error : float
+        Pixels.
+    size : tuple of 2 int
+        Of the window, pixels.
+    off_screen : bool
+        Whether there is no window on a screen.
+
+    Returns
+    -------
+    pyvista.Plotter
+        Not shown yet; its camera is at the beginning of the trail.
+    """
     plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), lighting='none')
     for light in scene.lights():
         plotter.add_light(light)

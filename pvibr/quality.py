@@ -193,6 +193,11 @@ class Pace:
         self._samples = 0
         self._ticks: Any = None
 
+    @property
+    def latest(self) -> float:
+        """Quality of the frame that was drawn last, or is now."""
+        return self._quality
+
     def quality(self, renderer) -> float:
         """Return the quality of the frame that a renderer is about to draw.
 

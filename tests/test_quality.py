@@ -150,9 +150,10 @@ def test_a_drag_lowers_and_its_end_is_full(slow):
     assert show.seen == [1.0]
     drag(pl)
     assert show.seen[-1] == pytest.approx(0.25)
+    assert pl.ibr.quality == show.seen[-1]
     assert 'moving_ms is 100' in str(pl.ibr.report())
     release(pl)
-    assert show.seen[-1] == 1.0
+    assert show.seen[-1] == pl.ibr.quality == 1.0
 
 
 def test_frames_in_time_are_full(slow):

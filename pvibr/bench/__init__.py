@@ -15,6 +15,7 @@ NAMES = (
     'impostors',
     'layers',
     'clouds',
+    'moving',
 )
 
 
