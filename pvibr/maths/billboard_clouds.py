@@ -415,7 +415,8 @@ def _polished(surface, normals, offsets, bound):
     normals, offsets = _needed(surface, normals, offsets, bound)
     for _ in range(_ROUNDS):
         owner, _ = _assigned(surface, normals, offsets, bound, bound)
-        normals, offsets = _fitted(surface, normals, offsets, owner, bound)
+        # A little within: what rounding put beyond the bound would be no plane's.
+        normals, offsets = _fitted(surface, normals, offsets, owner, bound * (1 - _SMALL))
     normals, offsets = _needed(surface, normals, offsets, bound)
     owner, _ = _assigned(surface, normals, offsets, bound, bound)
     return _used(normals, offsets, owner)
