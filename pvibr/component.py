@@ -312,8 +312,9 @@ class IBRComponent:
 
         Parameters
         ----------
-        actors : vtkActor or sequence of vtkActor
-            In the active subplot, as :meth:`pyvista.Plotter.add_mesh` returns them.
+        actors : vtkActor, pvibr.Instances, or sequence of these
+            In the active subplot, as :meth:`pyvista.Plotter.add_mesh` and :meth:`add_instances`
+            return them; instances with ``hierarchical=True`` only.
         name : str, optional
             What reports call it; what had the name before is replaced.
         render : bool, optional

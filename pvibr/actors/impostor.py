@@ -39,8 +39,8 @@ class Impostor(Effect):
 
     Parameters
     ----------
-    actors : vtkActor or sequence of vtkActor
-        In the subplot that this is added to.
+    actors : vtkActor, pvibr.Instances, or sequence of these
+        In the subplot that this is added to; instances with `hierarchical` only.
     name : str, optional
         What reports call it.
     **settings
@@ -49,9 +49,10 @@ class Impostor(Effect):
     Raises
     ------
     TypeError
-        Where an actor is none.
+        Where one is neither.
     ValueError
-        Where there is none, one is given twice, or a setting is out of range.
+        Where there is none, one is given twice, instances without `hierarchical`, or a setting
+        is out of range.
 
     Examples
     --------
@@ -110,7 +111,7 @@ class Impostor(Effect):
 
     @property
     def props(self) -> tuple:
-        """The actors that it stands for; with the last of them it goes."""
+        """What stands in the scene for those that it is of; with the last of them it goes."""
         return self._props
 
     def actors(self) -> list:

@@ -330,7 +330,7 @@ def _hierarchy(settings, results):
     actors = scatter(settings.many, settings.crowd_cells, 2.2)
     side = 2.2 * np.sqrt(settings.many)
     start = np.array([0.0, -0.8 * side, 0.1 * side])
-    cameras = [(np.add(start, (x, 0, 0)), (x, 0, 0), (0, 0, 1)) for x in np.arange(20) * 0.02]
+    cameras = [(np.add(start, (x, 0, 0)), (x, 0, 0), (0, 0, 1)) for x in np.arange(60) * 0.02]
     with _stage(settings, actors) as stage:
         stage.look(cameras[0])
         impostor = stage.plotter.ibr.add_impostor(actors, hierarchical=True)

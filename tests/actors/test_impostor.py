@@ -267,7 +267,8 @@ def test_the_memory_is_kept_and_pictures_are_right_all_the_same():
     assert displaced(mesh, card) <= 1.5
 
 
-def test_a_hierarchy_shares_images_within_the_same_error():
+@pytest.mark.parametrize(('parallel', 'offset'), [(False, 0.0), (True, 0.0), (False, 1e6)])
+def test_a_hierarchy_shares_images_within_the_same_error(parallel, offset):
     plotters, actors = [], []
     for _ in range(2):
         pl = pv.Plotter(off_screen=True, window_size=(320, 240))
@@ -278,7 +279,11 @@ def test_a_hierarchy_shares_images_within_the_same_error():
             )
             for k in range(16)
         ]
-        pl.camera_position = [(2.25, -30, 15), (2.25, 2.25, 0), (0, 0, 1)]
+        for actor in row:
+            actor.position = (offset,) * 3
+        places = np.array([(2.25, -30, 15), (2.25, 2.25, 0)]) + offset
+        pl.camera_position = [*places, (0, 0, 1)]
+        pl.camera.parallel_projection, pl.camera.parallel_scale = parallel, 8.0
         pl.show(auto_close=False)
         plotters.append(pl)
         actors.append(row)
@@ -293,7 +298,7 @@ def test_a_hierarchy_shares_images_within_the_same_error():
         if not azimuth:
             assert impostor.report()['shown'] < 8
     for row in actors:
-        row[5].position = (0, 0, 0.5)
+        row[5].position = (offset, offset, offset + 0.5)
     found = []
     for pl in plotters:
         pl.render()
