@@ -45,14 +45,18 @@ in vec3 ibr_at;
 #if SOFT
   float ibr_d = texture(ibr_deep, ibr_uv).r;
 #else
-  // Along an edge, the texel in front: where nothing was drawn, depth is 1.
-  ivec2 ibr_low = ivec2(floor(ibr_uv * vec2(textureSize(ibr_deep, 0)) - 0.5));
+  // Nothing was drawn where depth is 1: only what is covered counts, by its share.
+  vec2 ibr_texel = ibr_uv * vec2(textureSize(ibr_deep, 0)) - 0.5;
   ivec2 ibr_last = textureSize(ibr_deep, 0) - 1;
-  ivec2 ibr_a = clamp(ibr_low, ivec2(0), ibr_last);
-  ivec2 ibr_b = clamp(ibr_low + 1, ivec2(0), ibr_last);
-  float ibr_d = min(
-    min(texelFetch(ibr_deep, ibr_a, 0).r, texelFetch(ibr_deep, ivec2(ibr_b.x, ibr_a.y), 0).r),
-    min(texelFetch(ibr_deep, ivec2(ibr_a.x, ibr_b.y), 0).r, texelFetch(ibr_deep, ibr_b, 0).r));
+  vec2 ibr_f = fract(ibr_texel);
+  ivec2 ibr_a = clamp(ivec2(floor(ibr_texel)), ivec2(0), ibr_last);
+  ivec2 ibr_b = clamp(ivec2(floor(ibr_texel)) + 1, ivec2(0), ibr_last);
+  vec4 ibr_ds = vec4(texelFetch(ibr_deep, ibr_a, 0).r,
+    texelFetch(ibr_deep, ivec2(ibr_b.x, ibr_a.y), 0).r,
+    texelFetch(ibr_deep, ivec2(ibr_a.x, ibr_b.y), 0).r, texelFetch(ibr_deep, ibr_b, 0).r);
+  vec4 ibr_w = vec4(1.0 - ibr_f.x, ibr_f.x, 1.0 - ibr_f.x, ibr_f.x)
+    * vec4(1.0 - ibr_f.y, 1.0 - ibr_f.y, ibr_f.y, ibr_f.y) * (1.0 - step(1.0, ibr_ds));
+  float ibr_d = dot(ibr_w, ibr_ds) / max(dot(ibr_w, vec4(1.0)), 1e-6);
 #endif
   vec2 ibr_deepened = ibr_zw + ibr_d * ibr_zw_step;
   float ibr_z = ibr_deepened.x / ibr_deepened.y;

@@ -108,6 +108,7 @@ class Layers(Effect):
         self._version = 0
         self._frame: Any = None
         self._elsewhere: list | None = None
+        self._taking = False
         if self._groups is not None:
             self._layers = [Layer([Member(a) for a in group]) for group in self._groups]
             self._members = {m.key: m for layer in self._layers for m in layer.members}
@@ -238,7 +239,7 @@ class Layers(Effect):
             self._elsewhere = self._seen_from(frame)
             return
         self._elsewhere = None
-        if frame is self._frame:
+        if frame is self._frame or self._taking:
             return
         self.rest()
         self._update_members()
@@ -265,7 +266,9 @@ class Layers(Effect):
     def _update_members(self):
         """Look at all actors; those that were taken out of the subplot go."""
         self._gather()
-        changed = [m.update() for m in self._members.values()]
+        effects = self.pipeline.effects if self.pipeline is not None else ()
+        draws = {address(e.texture): e.draws for e in effects if hasattr(e, 'draws')}
+        changed = [m.update(draws) for m in self._members.values()]
         self._version += any(changed)
 
     def _gather(self):
@@ -341,14 +344,14 @@ class Layers(Effect):
 
     def _scene(self) -> tuple[list, tuple]:
         """Return the effects that the look of surfaces depends on, and when they changed."""
+        lives = [e for e in self.pipeline.effects if hasattr(e, 'draws')]
         effects = [
             e for e in self.pipeline.effects
-            if e.enabled and not hasattr(e, 'render') and e not in self.pipeline.things
+            if e.enabled and not hasattr(e, 'render') and e not in (*self.pipeline.things, *lives)
         ]  # fmt: skip
         if not effects:
             return [], ()
-        key = tuple((id(e), e._revision, getattr(e, 'draws', 0)) for e in effects)
-        effects = [e for e in effects if not hasattr(e, 'draws')]  # textures that are drawn
+        key = tuple((id(e), e._revision, _draws(getattr(e, 'lives', ()))) for e in effects)
         others = [t for t in self.pipeline.things if t is not self and t.enabled]
         self._surfaces.update([t for t in self.pipeline.things if t is not self])
         actors, _ = self._surfaces.chosen(None)
@@ -364,12 +367,16 @@ class Layers(Effect):
         wrong.sort(key=lambda k: -k.residual)
         left = np.inf if self.budget_ms is None else self.budget_ms / 1e3
         taken = 0
-        for layer in wrong:
-            if taken and layer.seconds > left:
-                layer.late()
-                continue
-            self._drawer = self._drawer or Drawer(now.frame.renderer)
-            left, taken = left - layer.take(now, self._drawer), taken + 1
+        self._taking = True  # who draws shadows meanwhile has all things prepared again
+        try:
+            for layer in wrong:
+                if taken and layer.seconds > left:
+                    layer.late()
+                    continue
+                self._drawer = self._drawer or Drawer(now.frame.renderer)
+                left, taken = left - layer.take(now, self._drawer), taken + 1
+        finally:
+            self._taking = False
         if not taken:
             return
         self._drawer.done()
@@ -423,6 +430,11 @@ class Layers(Effect):
             'residual_px': max((layer.residual_shown for layer in self._layers), default=0.0),
             **told,
         }
+
+
+def _draws(lives) -> tuple:
+    """Return how often live textures were drawn."""
+    return tuple((id(live), live.draws) for live in lives)
 
 
 def _several(name, value):

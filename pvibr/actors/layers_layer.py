@@ -226,8 +226,8 @@ class Layer:
         self._tries += 1
         # The first one uploads meshes and builds shaders.
         self.seconds = spent if self._tries <= 2 else self.seconds + _NEWS * (spent - self.seconds)
-        for member in shown:
-            member.update()
+        for member in shown:  # what drawing them did to them is no change
+            member.settle()
         self._key, self._start = self._stamp(now), [m.matrix for m in shown]
         self._light, self._used = now.light, self._want
         self.fit = self.picture.fit(now.frame, None, now.owner.warp)

@@ -40,35 +40,47 @@ class Member:
         self.why, self.dull, self.gloss = 'not drawn yet', 1.0, 0.0
         self.version = 0
         self._stamp: Any = None
+        self._draws: dict = {}
         self._shown = False
         self._hidden = False
 
-    def update(self) -> bool:
-        """Look at the actor; return whether anything about it changed.
+    def update(self, draws) -> bool:
+        """Look at the actor; its own time is no help: that is also of being hidden.
 
-        Its own time is no help: that is also of being hidden, here in every frame.
+        Parameters
+        ----------
+        draws : dict
+            How often textures that are drawn were drawn, by address.
+
+        Returns
+        -------
+        bool
+            Whether anything about it changed.
         """
-        actor = self.actor
-        mapper, prop = actor.GetMapper(), actor.GetProperty()
-        shown = bool(actor.GetVisibility()) or self._hidden
-        data = _updated(mapper)
-        stamp = (
-            shown,
-            *_time_of(mapper),
-            *_time_of(data),
-            *_time_of(prop),
-            *_time_of(actor.GetTexture()),
-            *_time_of(actor.GetBackfaceProperty()),
-        )
+        actor, self._draws = self.actor, draws
+        data, stamp = self._look()
         before, self.matrix = self.matrix, np.reshape(actor.GetMatrix().GetData(), (4, 4))
         self.bounds = actor.GetBounds() or (1.0, -1.0) * 3
         if stamp == self._stamp:
             return not np.array_equal(before, self.matrix)
-        self._stamp, self._shown = stamp, shown
+        self._stamp = stamp
         self.version += 1
         self.why = self._unfit(data)
-        self._take_looks(prop)
+        self._take_looks(actor.GetProperty())
         return True
+
+    def settle(self):
+        """Take what it is now for what it was when last looked at: drawing may touch actors."""
+        self._stamp = self._look()[1]
+
+    def _look(self) -> tuple:
+        """Return the data that it draws, and what changes whenever its looks do."""
+        actor = self.actor
+        mapper, worn = actor.GetMapper(), _time_of(actor.GetTexture())
+        data = _updated(mapper)
+        self._shown = bool(actor.GetVisibility()) or self._hidden
+        things = mapper, data, actor.GetProperty(), actor.GetBackfaceProperty()
+        return data, (self._shown, worn, self._draws.get(worn[0]), *map(_time_of, things))
 
     def _unfit(self, data) -> str:
         if not self._shown:
