@@ -357,6 +357,29 @@ def test_closed_in_a_drag(slow):
     assert 'screenshot' not in vars(pl)
 
 
+def test_a_page_dragged_on_a_server(slow):
+    web = pytest.importorskip('vtkmodules.vtkWebCore')
+    app, buttons = web.vtkWebApplication(), web.vtkWebInteractionEvent.LEFT_BUTTON
+    pl = stage()
+    show = pl.ibr.add(Show())
+    pl.show(auto_close=False)
+    pl.iren.interactor.EnableRenderOff()  # servers draw only to send
+
+    def mouse(x, pressed=buttons):
+        event = web.vtkWebInteractionEvent()
+        event.SetButtons(pressed)
+        event.SetX(x)
+        event.SetY(0.5)
+        app.HandleInteractionEvent(pl.render_window, event)
+        app.InvalidateCache(pl.render_window)
+        app.StillRenderToBuffer(pl.render_window, 0, 90)
+        return show.seen[-1]
+
+    qualities = [mouse(0.4 + 0.02 * k) for k in range(6)]
+    assert qualities[-1] == pytest.approx(0.25)
+    assert mouse(0.5, pressed=0) == 1.0
+
+
 def test_nothing_is_watched_where_nothing_is_left(slow):
     pl = stage()
     show = pl.ibr.add(Show())
