@@ -115,7 +115,6 @@ class Leaves:
         """
         out = meshes.copy()
         for group, rows in zip(self.sets, self._ranges, strict=True):
-            rows = slice(rows.start, rows.stop)
             out[rows] = group.plain(meshes[rows], pixels[rows], area[rows], pixel)
         return out
 

@@ -16,8 +16,8 @@ _SHARES = np.array([[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 def _icosahedral() -> np.ndarray:
     """Return the corners and the middles of the edges of an icosahedron, one of each pair."""
     gold = (1 + 5**0.5) / 2
-    first = [(0, 1, gold), (0, 1, -gold), (1, 0, 0)]
-    first += [(1, j * gold, k * gold**2) for j in (1, -1) for k in (1, -1)]
+    first: list[tuple[float, ...]] = [(0, 1, gold), (0, 1, -gold), (1, 0, 0)]
+    first += [(1, j * gold, k * (gold + 1)) for j in (1, -1) for k in (1, -1)]
     normals = np.array([np.roll(n, shift) for n in first for shift in range(3)])
     return normals / np.linalg.norm(normals, axis=1)[:, None]
 
