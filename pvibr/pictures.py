@@ -287,6 +287,20 @@ class Shown:
             self._at = k
         return self._texture
 
+    def picture(self, time=0.0, fps=None, loop=True) -> np.ndarray:
+        """Return the picture of a time, (h, w, 4) uint8, row 0 at the top.
+
+        Parameters
+        ----------
+        time : float, optional
+            Seconds.
+        fps, loop : float, bool, optional
+            See :meth:`Pictures.at`.
+        """
+        if self.live is not None:
+            return self.live.image()
+        return self.pictures.read(self.pictures.at(time, fps, loop))
+
     def release(self):
         """Free what it holds on the GPU and close films; the context is current."""
         if self._texture is not None:

@@ -6,6 +6,7 @@ import sys
 import warnings
 import weakref
 from dataclasses import asdict, dataclass
+from typing import Any
 
 from pvibr import _vtk
 from pvibr.errors import PvibrWarning
@@ -198,7 +199,8 @@ def follow_mode(plotter, changed) -> bool:
         Called when the page begins or ceases to draw by itself.
     """
     ui = sys.modules.get('trame_pyvista.ui') or sys.modules.get('pyvista.trame.ui')
-    viewer = getattr(ui, '_VIEWERS', {}).get(getattr(plotter, '_id_name', None))
+    viewers: dict[Any, Any] = getattr(ui, '_VIEWERS', {})
+    viewer: Any = viewers.get(getattr(plotter, '_id_name', None))
     key = getattr(viewer, 'SERVER_RENDERING', None)
     if key is None or not viewer.server.state[key]:
         return False

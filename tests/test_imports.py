@@ -39,10 +39,16 @@ RANKS |= {
     'clock': 5,
     'quality': 5,
     'web_report': 5,
+    'baked': 5,
+    'baked_copies': 5,
+    'baked_paint': 5,
+    'baked_props': 5,
+    'baked_scene': 5,
+    'baked_surfaces': 5,
     'component': 6,
     'accessor': 6,
 }  # what is not named here is a command: 7
-RANKS |= {'movies': 5, 'large': 5, 'determinism': 0}
+RANKS |= {'movies': 5, 'large': 5, 'montage': 3, 'determinism': 0}
 MODULES = sorted(p for p in ROOT.rglob('*.py') if p != ROOT / '__init__.py')
 
 

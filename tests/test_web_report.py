@@ -93,9 +93,9 @@ def test_one_warning_where_the_scene_is_handed_over(plotter, tmp_path):
         warnings.simplefilter('error')
         exports(plotter, tmp_path)  # said once
     plotter.subplot(0, 0)
-    plotter.ibr.clear()
+    plotter.ibr.add(pvibr.Vignette())
     plotter.render()
-    with pytest.warns(pvibr.PvibrWarning, match='has Spheres. With'):
+    with pytest.warns(pvibr.PvibrWarning, match='any case: Bloom .*; Vignette'):
         exports(plotter, tmp_path)  # something else is missing now
 
 

@@ -486,7 +486,8 @@ class Billboards(Painted, Anchored):
         places = rects[:, :1] + shares * (rects[:, 1:] - rects[:, :1])
         scene.quads(
             self, corners, places / [width, height], image, colors=self._tints()[rows],
-            lighting=bool(self.property.GetLighting()), cutout=None if self.blends else self.cutout,
+            lighting=bool(self.property.GetLighting()),
+            cutout=None if self.blends else self.cutout,
         )  # fmt: skip
 
     def _picture(self):

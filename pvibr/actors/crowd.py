@@ -11,6 +11,7 @@ from pvibr.actors.levels import progress_bar
 from pvibr.actors.phases import make_phases
 from pvibr.actors.poses import as_poses
 from pvibr.effect import Effect
+from pvibr.maths.transforms import trs
 
 
 class Crowd(Instances):
@@ -218,13 +219,20 @@ class Crowd(Instances):
             As :meth:`pvibr.Figure.mesh`, computed in float64.
         """
         mesh = self._cast.shown(index, self._now())
-        pose = self._poses[index]
-        matrix = np.eye(4)
-        if pose.ndim == 1:
-            matrix[:3, 3] = pose
-        else:
-            matrix = pose
-        return mesh.transform(matrix, inplace=False)
+        return mesh.transform(_matrix(self._poses[index]), inplace=False)
+
+    def bake_into(self, scene):
+        """Hand each figure as it is now to a scene without pvibr.
+
+        Parameters
+        ----------
+        scene : pvibr.baked_scene.BakedScene
+            Takes meshes.
+        """
+        for i in np.flatnonzero(self.visible):
+            color = None if self._colors is None else self._colors[i]
+            for part in self._cast.parts(int(i), self._now(), _matrix(self._poses[i])):
+                scene.part(self, part, color=color, multiply=self._blend == 'multiply')
 
     # -- the life of an effect ---------------------------------------------------------------
 
@@ -261,6 +269,11 @@ class Crowd(Instances):
     def report(self) -> dict:
         """Return bytes, what was drawn, and up to which sizes it is drawn how."""
         return super().report() | {'bytes': sum(kind.nbytes for kind in self._kinds)}
+
+
+def _matrix(pose) -> np.ndarray:
+    """Return a pose as a matrix, (4, 4)."""
+    return pose if pose.ndim == 2 else trs(pose)[0]
 
 
 def _each(name, values, count, dtype=float) -> np.ndarray:

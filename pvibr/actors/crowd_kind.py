@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from pvibr.actors.figure_bodies import posed_part
 from pvibr.actors.figure_player import Moment
 from pvibr.actors.kind import Kind
 from pvibr.actors.posed_meshes import PosedPool
@@ -250,6 +251,25 @@ class Cast:
             for k, place in enumerate(places):
                 out[place] = Moment(worlds[k] if still else poses[k], worlds[k], self.box)
         return out
+
+    def parts(self, member, time, matrix) -> list:
+        """Return the meshes of a member as it is, with their looks, in world units.
+
+        Parameters
+        ----------
+        member : int
+            Which one.
+        time : float
+            Seconds of the plotter.
+        matrix : numpy.ndarray, shape (4, 4)
+            World from figure.
+        """
+        clips, seconds = self.seconds(time, np.array([member]))
+        pose = self.pose(int(clips[0]), float(seconds[0]))
+        return [
+            posed_part(self.figure, i, body.part, matrix, pose, self.skinning)
+            for i, body in enumerate(self.bodies)
+        ]
 
     def shown(self, member, time):
         """Return the mesh of a member as it is, in the figure's space.

@@ -8,6 +8,7 @@ from pvibr.actors import looks as look
 from pvibr.actors.billboard_cards import as_points
 from pvibr.actors.quadric_cards import Shape
 from pvibr.actors.quadrics import Quadrics, checked_lengths
+from pvibr.actors.unit_meshes import along, balls, linear, tubes
 from pvibr.maths.quadric_rays import CAPS, meet_cylinders
 
 
@@ -124,6 +125,26 @@ class Cylinders(Quadrics):
         _, lengths, units = self._halves()
         rows = [np.column_stack([middles, self._radii]), np.column_stack([units, lengths])]
         return np.stack(rows, 1)
+
+    def _bodies(self):
+        halves, radii = self._halves()[0], self._radii
+        middles = self._balls()[0]
+        first = last = self._colors
+        levels = tubes(self.property, self.caps == 'flat')
+        with np.errstate(invalid='ignore'):  # those without length have no tube
+            if self._colors is None or self._colors.ndim == 2:
+                found = [(*levels, along(middles, halves, radii), self._colors)]
+            else:
+                first, last = np.moveaxis(self._colors, 1, 0)
+                found = [
+                    (*levels, along(middles + side * halves / 2, halves / 2, radii), colors)
+                    for side, colors in ((-1, first), (1, last))
+                ]
+        if self.caps == 'round':
+            size = radii[:, None, None] * np.eye(3)
+            for ends, colors in zip(self._ends, (first, last), strict=True):
+                found.append((*balls(self.property), linear(ends, size), colors))
+        return found
 
     def _meet(self, start, way, index):
         middles, halves = self._balls()[0][index], self._halves()[0][index]

@@ -7,6 +7,7 @@ import numpy as np
 from pvibr.actors.billboard_cards import as_points
 from pvibr.actors.quadric_cards import Shape
 from pvibr.actors.quadrics import Quadrics, checked_lengths
+from pvibr.actors.unit_meshes import balls, linear
 from pvibr.maths.quadric_rays import meet_ellipsoids
 from pvibr.maths.quaternions import to_matrices
 
@@ -113,6 +114,9 @@ class Ellipsoids(Quadrics):
 
     def _rows(self, middles):
         return np.concatenate([self.axes().swapaxes(1, 2), middles[:, :, None]], 2)
+
+    def _bodies(self):
+        return [(*balls(self.property), linear(self._centers, self.axes()), self._colors)]
 
     def _meet(self, start, way, index):
         return meet_ellipsoids(start, way, self._centers[index], self.axes()[index])

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pyvista as pv
 
 from pvibr.actors.anchor import Anchored, anchor, set_bounds
-from pvibr.actors.figure_bodies import PosedBody, as_bodies, moved_bounds
+from pvibr.actors.figure_bodies import PosedBody, as_bodies, moved_bounds, posed_part
 from pvibr.actors.figure_picking import nearest_hit, stand_in
 from pvibr.actors.figure_player import FigurePlayer
 from pvibr.actors.picking import pixel_ray
 from pvibr.actors.placing import Placed
 from pvibr.actors.posing import Posing
-from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.params import Param
 
 
@@ -299,6 +297,23 @@ class FigureActor(FigurePlayer, Anchored, Placed):
         vertices = sum(len(b.body.points) for b in self._posed)
         return {'bytes': held, 'vertices': vertices, 'poses': self.posed}
 
+    def bake_into(self, scene):
+        """Hand its bodies as they are now to a scene without pvibr.
+
+        Parameters
+        ----------
+        scene : pvibr.baked_scene.BakedScene
+            Takes meshes.
+        """
+        parts = self._posed_parts(self._now_shown().pose)
+        for i in self._seen():
+            scene.part(self, parts[i])
+
+    def _posed_parts(self, pose) -> list:
+        how = self._matrix, pose, self.skinning, self.bulge
+        bodies = enumerate(self._bodies)
+        return [posed_part(self.figure, i, body.part, *how) for i, body in bodies]
+
     # -- picking -----------------------------------------------------------------------------
 
     def posed_meshes(self) -> list:
@@ -313,16 +328,9 @@ class FigureActor(FigurePlayer, Anchored, Placed):
         if self._meshes[0] != self._changes:
             self._meshes = (
                 self._changes,
-                [self._posed_mesh(i, moment.pose) for i in range(len(self._bodies))],
+                [part.mesh for part in self._posed_parts(moment.pose)],
             )
         return self._meshes[1]
-
-    def _posed_mesh(self, index, pose):
-        mesh = self._bodies[index].part.mesh.copy(deep=False)
-        points, normals = self.figure.posed(index, pose, self.skinning, self.bulge)
-        mesh.SetPoints(pv.vtk_points(transform_points(self._matrix, points)))
-        mesh.point_data['Normals'] = transform_normals(self._matrix, normals)
-        return mesh
 
     def pick(self, x, y):
         """Return what of the figure is under a pixel.

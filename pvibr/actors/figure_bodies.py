@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pyvista as pv
 
 from pvibr import _vtk
-from pvibr.actors.parts import as_parts, dressed
+from pvibr.actors.parts import Part, as_parts, dressed
 from pvibr.actors.posing import SAMPLERS, Mould, Place, posed_feature
 from pvibr.gl.doubles import is_cut_out
+from pvibr.maths.transforms import transform_normals, transform_points
 
 #: How far a box is made larger than what is seen to be needed, so that it seldom changes.
 _ROOM = 0.25
@@ -439,3 +442,33 @@ def _low(bounds):
 
 def _high(bounds):
     return np.asarray(bounds)[1::2]
+
+
+def posed_part(figure, index, part, matrix, pose, skinning, bulge=1.0) -> Part:
+    """Return a body as it is in a pose, as a part in world units.
+
+    Parameters
+    ----------
+    figure : pvibr.Figure
+        The figure.
+    index : int
+        Which of its bodies.
+    part : pvibr.actors.parts.Part
+        The body with its look.
+    matrix : numpy.ndarray, shape (4, 4)
+        World from figure.
+    pose : Pose
+        See :meth:`pvibr.Figure.posed`.
+    skinning, bulge : object
+        As there.
+
+    Returns
+    -------
+    pvibr.actors.parts.Part
+        With a mesh of its own, points in float64.
+    """
+    mesh = part.mesh.copy(deep=False)
+    points, normals = figure.posed(index, pose, skinning, bulge)
+    mesh.SetPoints(pv.vtk_points(transform_points(matrix, points)))
+    mesh.point_data['Normals'] = transform_normals(matrix, normals)
+    return replace(part, mesh=mesh)

@@ -11,9 +11,18 @@ from pvibr.actors.anchor import Anchored, set_bounds
 from pvibr.actors.anchor import anchor as new_anchor
 from pvibr.actors.billboard_cards import as_points, checked_opacity
 from pvibr.actors.cards import BLOCK, PBR, Binder, pack
+from pvibr.actors.occlusion import Occlusion
 from pvibr.actors.painted import Painted
 from pvibr.actors.picking import Hit, pixel_ray
-from pvibr.actors.quadric_cards import BLENDED, ROW, WAYS, Layer, Shape, chosen, view_uniforms
+from pvibr.actors.quadric_cards import (
+    BLENDED,
+    ROW,
+    WAYS,
+    Layer,
+    Shape,
+    seen_blocks,
+    view_uniforms,
+)
 from pvibr.actors.translucent import InTurn, depths_of
 from pvibr.gl import Texture
 from pvibr.maths.blocks import Blocks, morton_order
@@ -61,6 +70,7 @@ class Quadrics(Painted, Anchored):
         Where an argument is not allowed.
     """
 
+    web = 'baked', 'meshes'
     visibility = Param(True, 'Whether they are drawn at all.')
     #: Frames that are drawn to pick need them too.
     picks = True
@@ -90,6 +100,7 @@ class Quadrics(Painted, Anchored):
         self._stale = {'ibr_items', 'ibr_looks'}
         set_bounds(self._anchor, self.bounds)
         self._layers = [Layer(self, way) for way in (*WAYS, BLENDED)]
+        self._occlusion, self._hidden = Occlusion(self), 0
         self._share_opacity()
 
     # -- what a shape says --------------------------------------------------------------------
@@ -108,6 +119,10 @@ class Quadrics(Painted, Anchored):
 
     def _meet(self, start, way, index) -> Meeting:
         """Return where a ray meets some of them."""
+        raise NotImplementedError
+
+    def _bodies(self) -> list:
+        """Return what they are made of: levels, sizes, matrices, and rows of colours or None."""
         raise NotImplementedError
 
     # -- what they are ------------------------------------------------------------------------
@@ -220,14 +235,17 @@ class Quadrics(Painted, Anchored):
             self._stamp = (*stamp[:-1], props.GetMTime()) if others else stamp
 
     def _show_opaque(self, frame, _others):
-        blocks, ways = chosen(self._blocks, frame, self.shape.largest_point)
+        seen = seen_blocks(self._blocks, frame, self.shape.largest_point)
+        hidden = self._occlusion.hidden(frame, seen)
+        self._hidden = min(int(hidden.sum()) * BLOCK, len(self))
         for k, layer in enumerate(self._layers):
-            layer.show(blocks[ways == k])
+            layer.show(seen.entries[(seen.ways == k) & ~hidden])
 
     def _show_blended(self, frame, others):
         """Show all that may be seen from far to near, other props in between."""
         for layer in self._layers[:-1]:
             layer.show(np.zeros((0, 4)))
+        self._hidden = 0
         seen = self._blocks.seen(frame)[0]
         slots = (seen[:, None] * BLOCK + np.arange(BLOCK)).ravel()
         slots = slots[slots < len(self)]
@@ -301,6 +319,7 @@ class Quadrics(Painted, Anchored):
         self.binder.unbind()
         for layer in self._layers:
             layer.release(self.window)
+        self._occlusion.release(self.window)
         for texture in self.textures.values():
             texture.release()
         self.textures, self.window, self._stamp = {}, None, None
@@ -309,10 +328,33 @@ class Quadrics(Painted, Anchored):
         """Return bytes, how many there are, and how many are drawn in which way."""
         textures = [*self.textures.values(), *(t for a in self._layers if (t := a.entries))]
         return {
-            'bytes': sum(t.nbytes for t in textures),
+            'bytes': sum(t.nbytes for t in textures) + self._occlusion.nbytes,
             self.shape.name: len(self),
             **{layer.way.name: layer.drawn for layer in self._layers},
+            'hidden': self._hidden,
         }
+
+    def bake_into(self, scene):
+        """Hand them to a scene without pvibr.
+
+        Parameters
+        ----------
+        scene : pvibr.baked_scene.BakedScene
+            Takes copies of meshes.
+        """
+        rows = np.flatnonzero(self.visible & (self._balls()[1] > 0))
+        for levels, largest, matrices, colors in self._bodies():
+            shown = rows[np.isfinite(matrices[rows]).all((1, 2))]
+            colors = None if colors is None else colors[shown]
+            if self._opacity.ndim:
+                colors = self._with_opacity(colors, shown)
+            scene.copies(self, levels, matrices[shown], largest=largest, colors=colors)
+
+    def _with_opacity(self, colors, rows):
+        if colors is None:
+            plain = np.rint(255 * np.array(self.property.GetColor())).astype(np.uint8)
+            colors = np.tile(plain, (len(rows), 1))
+        return np.column_stack([colors, np.rint(255 * self._opacity[rows]).astype(np.uint8)])
 
     # -- picking ------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ import numpy as np
 from pvibr.actors.billboard_cards import as_points
 from pvibr.actors.quadric_cards import Shape
 from pvibr.actors.quadrics import Quadrics, checked_lengths
+from pvibr.actors.unit_meshes import balls, linear
 from pvibr.maths.quadric_rays import meet_spheres
 
 
@@ -88,6 +89,10 @@ class Spheres(Quadrics):
 
     def _rows(self, middles):
         return np.column_stack([middles, self._radii])[:, None]
+
+    def _bodies(self):
+        matrices = linear(self._centers, self._radii[:, None, None] * np.eye(3))
+        return [(*balls(self.property), matrices, self._colors)]
 
     def _meet(self, start, way, index):
         return meet_spheres(start, way, self._centers[index], self._radii[index])

@@ -156,6 +156,20 @@ class Outline(Effect):
         with picture.drawing_over():
             self._tiles.draw(self._sparse('lines'), {'reach': reach, **look}, textures, 'over')
 
+    def bake_into(self, scene):
+        """Hand its lines to a scene without pvibr.
+
+        Parameters
+        ----------
+        scene : pvibr.baked_scene.BakedScene
+            Takes lines in space.
+        """
+        if self.ids or self.depth or self.normal:
+            scene.lines(
+                self._actors, color=self.color, width=self.width, opacity=self.opacity,
+                crease=self.crease if self.normal else None,
+            )  # fmt: skip
+
     def _edges(self, frame, picture, reach):
         """Draw the edges, choose the tiles that lines reach, and return the edges' texture."""
         window, half = frame.window, [-(-n // 2) for n in picture.size]

@@ -452,6 +452,24 @@ class _Projection(Effect):
         found.set_active_scalars('projected', preference=to[:-1])
         return found
 
+    def bake_into(self, scene):
+        """Hand its pictures to a scene without pvibr.
+
+        Parameters
+        ----------
+        scene : pvibr.baked_scene.BakedScene
+            Takes colours for surfaces.
+        """
+
+        def draped(samples, surfaces, side):
+            side = 0 if self.facing > 90 else side
+            return self._mixed(samples, surfaces, scene.frame.time, side)[0]
+
+        scene.drape(
+            draped, mode=self.mode, lit=self.lit, dim=self.dim, receives=self.actors,
+            casts=self.casters,
+        )  # fmt: skip
+
     def _mixed(self, samples, surfaces, time, side):
         """Return colours (n, 4) uint8, whether any picture shows there, and how many do."""
         looks = self._looks(samples, surfaces, time, side)

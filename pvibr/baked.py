@@ -1,0 +1,178 @@
+"""Plotters without pvibr that show the same, for browsers and files."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.baked_scene import BakedScene
+from pvibr.casters import address
+from pvibr.errors import PvibrWarning
+from pvibr.frame import Frame
+from pvibr.web_report import web_report
+
+_LIMITS = {'triangles': (1, 10**9), 'texture': (0, 16_384)}
+
+
+def baked(host, pipelines, *, triangles=1_000_000, texture=1024, detail=1 / 1024):
+    """Return a plotter of plain actors that shows what another one shows.
+
+    Parameters
+    ----------
+    host : pyvista.Plotter or object
+        With ``renderer``, and as a plotter with ``renderers``.
+    pipelines : sequence of pvibr.pipeline.Pipeline
+        Its subplots' effects and things.
+    triangles : int
+        That things may have together in a subplot, and what surfaces may be cut into.
+    texture : int
+        Texels along a side of textures for projected pictures; 0 has them as colours of points.
+    detail : float
+        Shortest edge that surfaces are cut into for them, as a share of the scene's diagonal.
+
+    Returns
+    -------
+    pyvista.Plotter
+        With the same subplots, cameras, lights, backgrounds and size.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where a number is not allowed.
+    """
+    _check(triangles, texture, detail)
+    renderers = list(getattr(host, 'renderers', [host.renderer]))
+    effects = {p.renderer: [e for e in p.effects if e.enabled] for p in pipelines}
+    made = _like(host, renderers)
+    try:
+        cameras: dict = {}
+        dropped: dict = {}
+        for number, renderer in enumerate(renderers):
+            made.renderers.set_active_renderer(*np.atleast_1d(made.renderers.index_to_loc(number)))
+            pipeline = next((p for p in pipelines if p.renderer is renderer), None)
+            scene = BakedScene(
+                _frame(renderer, pipeline), triangles=int(triangles), detail=float(detail),
+                texels=int(texture),
+            )  # fmt: skip
+            here = effects.get(renderer, [])
+            for effect in here:
+                if effect.web[0] == 'baked' and effect.needed(scene.frame) is True:
+                    effect.bake_into(scene)
+            _copy_view(renderer, made.renderer, cameras)
+            shadows = any(e.web[0] == 'baked' and hasattr(e, 'casts') for e in here)
+            _copy_lights(renderer, made.renderer, still=shadows)
+            scene.add_to(made, _props(renderer, here))
+            made.renderer.ResetCameraClippingRange()
+            dropped |= scene.dropped
+    except BaseException:
+        made.close()
+        raise
+    _warn(web_report({renderers.index(r): e for r, e in effects.items()}, 'client'), dropped)
+    return made
+
+
+def _check(triangles, texture, detail):
+    for name, value in (('triangles', triangles), ('texture', texture)):
+        low, high = _LIMITS[name]
+        if isinstance(value, bool) or not isinstance(value, int | np.integer):
+            msg = f'{name} is {value!r}; it must be a whole number'
+            raise TypeError(msg)
+        if not low <= value <= high:
+            msg = f'{name} is {value}; it must be from {low} to {high}'
+            raise ValueError(msg)
+    if not (np.isreal(detail) and 1e-5 <= detail <= 1):
+        msg = f'detail is {detail!r}; it must be a share of the diagonal from 1e-05 to 1'
+        raise ValueError(msg)
+
+
+def _like(host, renderers) -> pv.Plotter:
+    """Return an empty plotter with the same subplots."""
+    window = host.renderer.GetRenderWindow()
+    options: dict[str, Any] = {
+        'window_size': list(window.GetSize()) if window is not None else None
+    }
+    options['off_screen'] = bool(getattr(host, 'off_screen', True))
+    options['theme'] = getattr(host, 'theme', None)
+    options['notebook'] = getattr(host, 'notebook', None)
+    layout = getattr(host, 'renderers', None)
+    if layout is not None:
+        shape = layout.shape
+        options['shape'] = shape if len(shape) == 2 else f'1|{len(renderers) - 1}'
+        groups = [(slice(a, c + 1), slice(b, d + 1)) for a, b, c, d in layout.groups]
+        options['groups'] = groups or None
+    made = pv.Plotter(lighting='none', **options)
+    for old, new in zip(renderers, made.renderers, strict=True):
+        new.SetViewport(old.GetViewport())
+    return made
+
+
+def _frame(renderer, pipeline) -> Frame:
+    if getattr(renderer, 'camera_set', True) is False:
+        renderer.view_isometric(render=False) if hasattr(renderer, 'view_isometric') else None
+    return Frame.of(renderer, time=0.0 if pipeline is None else pipeline.time)
+
+
+def _copy_view(old, new, cameras):
+    """Have a renderer look as another does; cameras that were shared are."""
+    camera = old.GetActiveCamera()
+    key = address(camera)
+    if key not in cameras:
+        cameras[key] = new.GetActiveCamera()
+        cameras[key].DeepCopy(camera)
+    new.SetActiveCamera(cameras[key])
+    if hasattr(new.GetActiveCamera(), 'is_set'):
+        new.GetActiveCamera().is_set = True
+    new.SetBackground(old.GetBackground())
+    new.SetBackground2(old.GetBackground2())
+    new.SetGradientBackground(old.GetGradientBackground())
+    new.SetTwoSidedLighting(old.GetTwoSidedLighting())
+
+
+def _copy_lights(old, new, *, still):
+    """Give a renderer the lights of another; those of a camera stand still where shadows do."""
+    old.UpdateLightsGeometryToFollowCamera()
+    for light in old.GetLights():
+        copy = pv.Light()
+        copy.DeepCopy(light)
+        if still and light.LightTypeIsCameraLight():
+            copy.SetLightTypeToSceneLight()
+            copy.SetTransformMatrix(None)
+            copy.SetPosition(light.GetTransformedPosition())
+            copy.SetFocalPoint(light.GetTransformedFocalPoint())
+        new.AddLight(copy)
+
+
+def _props(renderer, effects) -> list:
+    """Return what is in a renderer beside the actors of things, with the names it has there."""
+    hidden = set()
+    for thing in effects:
+        if not callable(getattr(thing, 'drawn', None)):
+            continue
+        mine = {address(a) for a in (*thing.actors(), *thing.props)}
+        shown = thing.props if thing.web[0] == 'shown' else ()
+        hidden |= mine - {address(a) for a in shown}
+    names = {address(a): n for n, a in getattr(renderer, 'actors', {}).items()}
+    props = [p for p in renderer.GetViewProps() if address(p) not in hidden]
+    return [(names.get(address(p)), p) for p in props if not _is_frame(renderer, p)]
+
+
+def _is_frame(renderer, prop) -> bool:
+    """Tell whether a prop is the border of a subplot, which the new one has by itself."""
+    border = getattr(renderer, '_border_actor', None)
+    return border is not None and prop is border
+
+
+def _warn(report, dropped):
+    lost = [f'{r.effect} ({r.what})' for r in report.missing if r.state == 'lost']
+    parts = []
+    if lost:
+        parts.append(f'not in the baked plotter: {", ".join(lost)}')
+    for name, count in dropped.items():
+        parts.append(
+            f'{count} of {name}, the smallest on the screen, are left out: give more triangles'
+        )
+    if parts:
+        warnings.warn('; '.join(parts), PvibrWarning, stacklevel=4)

@@ -1,0 +1,408 @@
+"""A subplot as plain meshes: what effects and things hand over, put together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.actors.decimate import lighter
+from pvibr.actors.parts import as_parts
+from pvibr.baked_copies import Copies, chosen_levels
+from pvibr.baked_paint import Paint
+from pvibr.baked_props import copied
+from pvibr.baked_surfaces import Surface, surface_of_part, tiled
+from pvibr.casters import address
+from pvibr.gl.scene_pass import is_marker
+from pvibr.outlines import outline
+
+_SURFACE = 2  # VTK_SURFACE
+#: How far lines are before the surface that they are on, as a share of the way to the eye.
+_BEFORE = 2e-3
+#: The radius of a dome around the scene, in those of the sphere around everything and the eye.
+_DOME, _DOME_SIDES = 4.0, 96
+SKY = 'sky'
+
+
+class BakedScene:
+    """What a subplot becomes.
+
+    Parameters
+    ----------
+    frame : pvibr.frame.Frame
+        The eye, the renderer and the time.
+    triangles : int
+        That everything of pvibr's may have together; surfaces may be cut into as many.
+    detail : float
+        Shortest edge that surfaces are cut into, as a share of the scene's diagonal.
+    texels : int
+        Along a side of textures for projected pictures; 0 for none.
+    """
+
+    def __init__(self, frame, *, triangles, detail, texels):
+        self.frame = frame
+        self.triangles, self.detail, self.texels = triangles, detail, texels
+        self.dropped: dict[str, int] = {}
+        self._pieces: list = []
+        self._cards: list[Surface] = []
+        self._groups: list[Copies] = []
+        self._requests: list = []
+        self._lines: list = []
+        self._dome: Any = None
+
+    # -- what effects and things call ----------------------------------------------------------
+
+    def part(self, owner, part, *, color=None, multiply=False):
+        """Add a mesh where it stands.
+
+        Parameters
+        ----------
+        owner : pvibr.Effect
+            What it is of.
+        part : pvibr.actors.parts.Part
+            The mesh in world units, with its look.
+        color : numpy.ndarray, shape (3,), uint8, optional
+            Of all of it.
+        multiply : bool, optional
+            Whether it multiplies the mesh's own, or takes their place.
+        """
+        self._pieces.append((owner, part, color, multiply))
+
+    def copies(
+        self, owner, levels, poses, *, largest=None, colors=None, multiply=False, scales=None
+    ):
+        """Add a mesh many times.
+
+        Parameters
+        ----------
+        owner : pvibr.Effect
+            What they are of.
+        levels : sequence of sequence of pvibr.actors.parts.Part
+            The mesh, then ever lighter ones.
+        poses : numpy.ndarray, shape (n, 3) or (n, 4, 4)
+            World from model.
+        largest : sequence of float, optional
+            For each level the largest diameter in pixels at which it is good enough; by default
+            only the first is.
+        colors : numpy.ndarray, shape (n, 3), uint8, optional
+            Of each.
+        multiply : bool, optional
+            Whether they multiply the mesh's own colours, or take their place.
+        scales : numpy.ndarray, shape (n,), optional
+            Of each, about the mesh's origin.
+        """
+        if len(poses):
+            largest = largest or (np.inf, *[0.0] * (len(levels) - 1))
+            matrices = _matrices(np.asarray(poses, float), scales)
+            levels = [list(level) for level in levels]
+            self._groups.append(Copies(owner, levels, largest, matrices, colors, multiply))
+
+    def quads(self, owner, corners, coordinates, image, *, colors, lighting, cutout):
+        """Add rectangles with a picture.
+
+        Parameters
+        ----------
+        owner : pvibr.Effect
+            What they are of.
+        corners : numpy.ndarray, shape (n, 4, 3)
+            Counter-clockwise from the lower left, world units.
+        coordinates : numpy.ndarray, shape (n, 4, 2)
+            Of the corners in the picture.
+        image : numpy.ndarray, shape (h, w, 4), uint8
+            Row 0 at the top.
+        colors : numpy.ndarray, shape (n, 4), uint8
+            Multiply the picture.
+        lighting : bool
+            Whether light falls on them.
+        cutout : float or None
+            Alpha from which it is drawn; None blends.
+        """
+        count = len(corners)
+        if not count:
+            return
+        material = pv.Property(color='white', lighting=lighting, interpolation='Phong')
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
+        normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+        faces = 4 * np.arange(count)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+        made = Surface(
+            corners.reshape(-1, 3), faces.reshape(-1, 3), normals.repeat(4, 0),
+            coordinates.reshape(-1, 2), colors.repeat(4, 0), image, material, owner,
+            cutout=cutout, repeat=False,
+        )  # fmt: skip
+        self._cards.append(made)
+
+    def shadow(self, casts, receives, extents=None):
+        """Take light away where surfaces hide lights; see :meth:`Paint.shadow`.
+
+        Parameters
+        ----------
+        casts, receives : None, callable or sequence
+            Which actors and things.
+        extents : callable, optional
+            A light and how far it reaches to its size.
+        """
+        self._requests.append(
+            lambda paint: paint.shadow(
+                chosen(casts), chosen(receives), self._sized(extents) if extents else None
+            )
+        )
+
+    def drape(self, draped, *, mode, lit, dim, receives, casts):
+        """Lay pictures onto surfaces; see :meth:`Paint.drape`.
+
+        Parameters
+        ----------
+        draped, mode, lit, dim : object
+            As there.
+        receives, casts : None, callable or sequence
+            Which actors and things.
+        """
+        self._requests.append(
+            lambda paint: paint.drape(draped, mode, lit, dim, chosen(receives), chosen(casts))
+        )
+
+    def lines(self, owners, *, color, width, opacity, crease):
+        """Draw silhouettes, borders and creases as lines.
+
+        Parameters
+        ----------
+        owners : None or sequence
+            Actors and things; all by default.
+        color : tuple of 3 float
+            Of the lines.
+        width : float
+            Pixels.
+        opacity : float
+            Of the lines.
+        crease : float or None
+            Least angle of creases, degrees; None for no creases.
+        """
+        self._lines.append((chosen(owners), color, width, opacity, crease))
+
+    def dome(self, color_of):
+        """Put a dome around the scene.
+
+        Parameters
+        ----------
+        color_of : callable
+            Unit directions (n, 3) to colours (n, 3), 0 to 1.
+        """
+        self._dome = color_of
+
+    # -- what becomes of it --------------------------------------------------------------------
+
+    def add_to(self, plotter, props):
+        """Add all of it to the active subplot of a plotter.
+
+        Parameters
+        ----------
+        plotter : pyvista.Plotter
+            Where to.
+        props : sequence of (str or None, vtkProp)
+            What else is in the subplot, by name.
+        """
+        plain = [_Plain(name, p) for name, p in props if p.GetVisibility() and not is_marker(p)]
+        own = self._own()
+        needs = bool(self._requests or self._lines)
+        surfaces = [s for p in plain for s in p.surfaces(needs)] + own
+        if surfaces and self._requests:
+            own = self._painted(surfaces, plain, own)
+        for one in plain:
+            one.add_to(plotter)
+        for surface in sorted(own, key=_last_if_cut):
+            surface.add_to(plotter)
+        self._add_lines(plotter, surfaces)
+        self._add_dome(plotter)
+
+    def _painted(self, surfaces, plain, own):
+        options = {'detail': self.detail, 'texels': self.texels, 'most': self.triangles}
+        paint = Paint(self.frame, surfaces, **options)
+        for request in self._requests:
+            request(paint)
+        for one in plain:
+            one.paint(paint)
+        return [paint.painted(s) for s in own]
+
+    def _own(self) -> list[Surface]:
+        """Return the surfaces of things, within the number of triangles."""
+        cards = sum(len(s.faces) for s in self._cards)
+        most = max(self.triangles - cards, 0)
+        pieces = _within(self._pieces, most)
+        parts = [_colored(*piece) for piece in pieces]
+        most -= sum(len(s.faces) for s in parts)
+        levels = chosen_levels(self._groups, self.frame, max(most, 0))
+        for group, level in zip(self._groups, levels, strict=True):
+            left_out = int((level < 0).sum())
+            if left_out:
+                name = group.owner.name
+                self.dropped[name] = self.dropped.get(name, 0) + left_out
+            parts += group.surfaces(level)
+        return parts + self._cards
+
+    def _sized(self, extents):
+        """Return what tells the size of a light: from its own settings, or how far it reaches."""
+
+        def size(light):
+            bounds = np.reshape(self.frame.renderer.ComputeVisiblePropBounds(), (3, 2))
+            return extents(light, float(np.linalg.norm(bounds.mean(1) - light.position)))
+
+        return size
+
+    def _add_lines(self, plotter, surfaces):
+        for mine, color, width, opacity, crease in self._lines:
+            found = [_outlined(s, self.frame, crease) for s in surfaces if mine(s)]
+            found = [lines for lines in found if lines.n_cells]
+            if not found:
+                continue
+            lines = found[0] if len(found) == 1 else found[0].append_polydata(*found[1:])
+            lines.points = _before(self.frame, np.asarray(lines.points, float))
+            plotter.add_mesh(
+                lines, color=color, line_width=width, opacity=opacity, lighting=False,
+                reset_camera=False, render=False, copy_mesh=False,
+            )  # fmt: skip
+
+    def _add_dome(self, plotter):
+        if self._dome is None:
+            return
+        bounds = np.reshape(plotter.renderer.ComputeVisiblePropBounds(), (3, 2))
+        seen = bounds[0, 0] <= bounds[0, 1]
+        middle = bounds.mean(1) if seen else self.frame.eye
+        reach = np.linalg.norm(np.ptp(bounds, axis=1)) / 2 if seen else 1.0
+        radius = _DOME * max(reach, np.linalg.norm(self.frame.eye - middle))
+        ball = pv.Sphere(1.0, theta_resolution=2 * _DOME_SIDES, phi_resolution=_DOME_SIDES)
+        directions = np.asarray(ball.points, float)
+        colors = np.rint(255 * np.clip(self._dome(directions), 0, 1)).astype(np.uint8)
+        dome = pv.PolyData.from_regular_faces(
+            directions * radius + middle, np.asarray(ball.regular_faces)[:, ::-1]
+        )
+        dome['colors'] = colors
+        plotter.add_mesh(
+            dome, scalars='colors', rgb=True, lighting=False, name=SKY, reset_camera=False,
+            render=False, copy_mesh=False, culling='back', pickable=False,
+        )  # fmt: skip
+
+
+class _Plain:
+    """A prop of the subplot, as it is or as surfaces that are coloured anew."""
+
+    def __init__(self, name, prop):
+        self.name, self.prop = name, prop
+        self.found: list[Surface] = []
+        self._changed = False
+
+    def surfaces(self, needed) -> list[Surface]:
+        """Return it as surfaces; none where it has none or none are needed."""
+        if needed and _has_surface(self.prop):
+            try:
+                parts = as_parts(self.prop)
+            except (TypeError, ValueError):
+                return []
+            self.found = [surface_of_part(part, self.prop) for part in parts]
+            for surface in self.found:
+                surface.name = self.name if len(parts) == 1 else ''
+        return self.found
+
+    def paint(self, paint):
+        """Colour its surfaces."""
+        painted = [paint.painted(s) for s in self.found]
+        self._changed = any(a is not b for a, b in zip(painted, self.found, strict=True))
+        self.found = painted
+
+    def add_to(self, plotter):
+        """Add it to a plotter."""
+        if self._changed:
+            for surface in self.found:
+                surface.add_to(plotter)
+            return
+        prop = copied(self.prop, plotter)
+        if prop is not None:
+            plotter.add_actor(
+                prop, name=self.name, reset_camera=False, render=False,
+                pickable=bool(self.prop.GetPickable()),
+            )  # fmt: skip
+
+
+def chosen(choice):
+    """Return what tells of a surface whether an actor or thing is chosen.
+
+    Parameters
+    ----------
+    choice : None, callable or sequence
+        All; those for which it returns true; or those in it.
+    """
+    if choice is None:
+        return lambda surface: True
+    if callable(choice):
+        return lambda surface: bool(choice(surface.owner))
+    wanted = {_key(one) for one in choice}
+    return lambda surface: _key(surface.owner) in wanted
+
+
+def _key(one):
+    return address(one) if hasattr(one, 'GetAddressAsString') else id(one)
+
+
+def _has_surface(prop) -> bool:
+    if not prop.IsA('vtkActor') or prop.GetMapper() is None:
+        return False
+    if prop.IsA('vtkSkybox') or prop.IsA('vtkCubeAxesActor') or prop.IsA('vtkAxesActor'):
+        return False
+    return prop.GetProperty().GetRepresentation() == _SURFACE
+
+
+def _last_if_cut(surface) -> bool:
+    return surface.cutout is not None  # soft edges blend with what is behind
+
+
+def _matrices(poses, scales):
+    matrices = poses if poses.ndim == 3 else np.tile(np.eye(4), (len(poses), 1, 1))
+    if poses.ndim == 2:
+        matrices[:, :3, 3] = poses
+    if scales is not None:
+        matrices = matrices.copy()
+        matrices[:, :3, :3] *= np.asarray(scales, float)[:, None, None]
+    return matrices
+
+
+def _within(pieces, most):
+    """Return pieces that have no more triangles than that together, where they can be lighter."""
+    total = sum(part.mesh.n_cells for _, part, *_ in pieces)
+    if total <= most:
+        return pieces
+    share = max(most / total, 1e-3)
+    return [(owner, lighter(part, share) or part, *rest) for owner, part, *rest in pieces]
+
+
+def _colored(owner, part, color, multiply) -> Surface:
+    surface = surface_of_part(part, owner)
+    if color is None:
+        return surface
+    return tiled(surface, np.eye(4)[None], np.asarray(color)[None], multiply)
+
+
+def _outlined(surface, frame, crease):
+    camera = frame.renderer.GetActiveCamera()
+    size = tuple(int(n) for n in frame.whole)
+    if surface.cutout is not None:
+        return pv.PolyData()  # its outline is in its picture
+    mesh = surface.mesh()
+    found = [outline(mesh, camera, hidden=True, size=size)]
+    if crease is not None and surface.normals is None:
+        creases = mesh.clean().extract_feature_edges(
+            crease, boundary_edges=False, non_manifold_edges=False, manifold_edges=False
+        )
+        creases.clear_data()
+        found.append(creases)
+    found = [one for one in found if one.n_cells]
+    if not found:
+        return pv.PolyData()
+    return found[0] if len(found) == 1 else found[0].append_polydata(found[1])
+
+
+def _before(frame, points):
+    """Return points a little nearer to the eye, so that they are before their surfaces."""
+    if not frame.parallel:
+        return points + _BEFORE * (frame.eye - points)
+    away = -(points @ frame.view_from_world[2, :3] + frame.view_from_world[2, 3])
+    return points + _BEFORE * away[:, None] * frame.view_from_world[2, :3]
