@@ -183,9 +183,16 @@ class _Timer:
     """Ticks of a window's interactor."""
 
     def __init__(self, interactor, tick):
-        self._interactor = interactor
-        self._observer = interactor.AddObserver('TimerEvent', lambda *_: tick())
+        self._interactor, self._tick = interactor, tick
+        self._observer = interactor.AddObserver('TimerEvent', self._on_timer)
+        # While a button is held, VTK tells its style alone, and those that only look on.
+        interactor.GetCommand(self._observer).PassiveObserverOn()
         self._timer = interactor.CreateRepeatingTimer(PERIOD)
+
+    def _on_timer(self, interactor, _event):
+        # The style takes any timer's tick for one more move of the mouse, as far as the last one.
+        interactor.SetLastEventPosition(interactor.GetEventPosition())
+        self._tick()
 
     def stop(self):
         self._interactor.RemoveObserver(self._observer)

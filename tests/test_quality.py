@@ -461,6 +461,21 @@ def test_playing_is_in_time_and_full_a_moment_later(window):
     assert not window.timers
 
 
+def test_time_goes_on_in_a_drag_and_turns_nothing(window, monkeypatch):
+    monkeypatch.setattr('pvibr.clock.perf_counter', lambda: window.slow.now)
+    camera = window.window.GetRenderers().GetFirstRenderer().GetActiveCamera()
+    window.ibr.play()
+    window.tick()
+    drag(window)
+    place, time = camera.GetPosition(), window.ibr.time
+    for _ in range(3):
+        window.slow.now += 1.0
+        window.tick()
+    assert camera.GetPosition() == place
+    assert window.ibr.time >= time + 3.0
+    release(window)
+
+
 def test_standing_still_while_playing_is_full(window):
     window.ibr.play(speed=0.0)
     for _ in range(6):
