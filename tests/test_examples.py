@@ -1,6 +1,7 @@
 """Every example runs as it is, with fewer instances and lighter meshes, and shows something."""
 
 import ast
+import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pyvista as pv
 FOLDER = Path(__file__).parents[1] / 'examples'
 SMALL = {'COUNT': 120, 'TRIANGLES': 29_000, 'VIEWS': 8, 'SIZE': 120}
 #: Extras that not everyone has.
-EXTRAS = {'mujoco': 'simulate'}
+EXTRAS = {'mujoco': 'simulate', 'trame': 'jupyter', 'trame_pyvista': 'jupyter'}
 EXAMPLES = sorted(FOLDER.glob('*.py'))
 
 
@@ -50,6 +51,14 @@ def pictures(monkeypatch, tmp_path):
         '_before_close_callback',
         lambda plotter: found.append(plotter.screenshot(return_img=True)),
     )
+
+    def serve(_server, **_):
+        found.extend(
+            p.screenshot(return_img=True) for p in pv.plotting.plotter._ALL_PLOTTERS.values()
+        )
+
+    with contextlib.suppress(ImportError):
+        monkeypatch.setattr('trame_server.Server.start', serve)
     return found
 
 

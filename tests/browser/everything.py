@@ -42,6 +42,11 @@ def _figure():
     return pvibr.Figure([body], pvibr.Skeleton([-1], still), [clip])
 
 
+def _cone(pl):
+    cone = pv.Cone(center=(0, 0, 2.5), height=3, radius=1, resolution=99)
+    return pl.add_mesh(cone, name='wall', color='red')
+
+
 def _wall():
     wall = pv.Plane(center=(0, 2, 1), direction=(0, -1, 0), i_size=2, j_size=4)
     wall.active_texture_coordinates = (wall.points[:, [0, 2]] / [4, 2] + [0.5, 0]).astype('f4')
@@ -96,13 +101,10 @@ THINGS = {
     'Instances': lambda pl: pl.ibr.add_instances(pv.Cone(resolution=24), RINGS, color='green'),
     'Billboards': lambda pl: pl.ibr.add_billboards(RINGS, DISC, size=0.9),
     'Spheres': lambda pl: pl.ibr.add_spheres(RINGS, 0.5, color='navy'),
-    'Impostor': lambda pl: pl.ibr.add_impostor(
-        pl.add_mesh(
-            pv.Cone(center=(0, 0, 2.5), height=3, radius=1, resolution=99),
-            name='wall',
-            color='red',
-        )
-    ),
+    'Cylinders': lambda pl: pl.ibr.add_cylinders(RINGS, RINGS + np.eye(3)[2], 0.3, color='navy'),
+    'Ellipsoids': lambda pl: pl.ibr.add_ellipsoids(RINGS, (0.6, 0.4, 0.2), color='navy'),
+    'Impostor': lambda pl: pl.ibr.add_impostor(_cone(pl)),
+    'Layers': lambda pl: pl.ibr.add_layers([_cone(pl)]),
     'FigureActor': lambda pl: pl.ibr.add_figure(_figure(), clip='rise'),
     'Crowd': lambda pl: pl.ibr.add_figure(_figure(), RINGS, clip='rise', max_error=8),
 }

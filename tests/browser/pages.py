@@ -1,0 +1,88 @@
+"""What tests ask of views in pages: their pictures, and what these should be."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+
+import numpy as np
+
+from tests.browser import everything
+
+#: Mean difference of 8-bit colours that JPEG may make.
+JPEG = 3.0
+
+
+def difference(a, b):
+    """Return the mean difference of two pictures, inf where their sizes differ."""
+    return np.abs(np.subtract(a, b, dtype=float)).mean() if a.shape == b.shape else np.inf
+
+
+class View:
+    """A view of trame in a page, or in a frame of one."""
+
+    def __init__(self, page, picture_of, until, place=None):
+        self.page, self._picture_of, self._until = page, picture_of, until
+        self._place = place or page
+        self._place.locator('img').wait_for()
+
+    @classmethod
+    def opened(cls, page, program, picture_of, until):
+        """Open the page of :mod:`everything`."""
+        page.set_viewport_size({'width': 480, 'height': 320})
+        page.goto(program.url)
+        return cls(page, picture_of, until)
+
+    def tell(self, name, *args):
+        """Call a trigger of the application."""
+        return self.page.evaluate(f'trame.trigger({json.dumps(name)}, {json.dumps(args)})')
+
+    @property
+    def picture(self):
+        """What is seen."""
+        return self._picture_of(self._place.locator('img'))
+
+    def shows(self, expected, bound=JPEG):
+        """Wait until a picture is seen; return how far it is from it."""
+        seen = []
+
+        def near():
+            seen.append(difference(self.picture, expected))
+            return seen[-1] <= bound
+
+        with contextlib.suppress(AssertionError):
+            self._until(near, 15)
+        return min(seen)
+
+    def drag(self, start, end, steps=4):
+        """Drag with the left button, positions as shares of the view."""
+        box = self._place.locator('canvas').bounding_box()
+        places = np.linspace(start, end, steps + 1) * [box['width'], box['height']]
+        places += [box['x'], box['y']]
+        mouse = self.page.mouse
+        mouse.move(*places[0])
+        mouse.down()
+        for place in places[1:]:
+            mouse.move(*place)
+        mouse.up()
+
+
+class Reference:
+    """The same scene off screen, in this process."""
+
+    def __init__(self, **looks):
+        self._pl = everything.plotter(**looks)
+        self._pl.show(auto_close=False)
+
+    def picture(self, look, name, column=0, **settings):
+        """Return the picture from a camera, of one effect or thing."""
+        pl = self._pl
+        pl.subplot(0, column)
+        pl.window_size = look['size']
+        pl.camera_position = look['camera']
+        pl.ibr.time = look['time']
+        everything.show_only(pl, name)
+        for key, value in settings.items():
+            setattr(pl.ibr.effects[0], key, value)
+        pl.render()
+        return pl.screenshot(return_img=True)

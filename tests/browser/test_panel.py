@@ -1,0 +1,179 @@
+"""The control panel of a page, used with keys, mouse and fingers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('trame_pyvista', reason="needs trame: pip install 'pvibr[jupyter]'")
+pytestmark = pytest.mark.browser
+
+APP = Path(__file__).parents[2] / 'examples' / 'panel.py'
+
+
+@pytest.fixture(scope='module')
+def served(start, tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('PVIBR_CONFIG', str(tmp_path_factory.mktemp('config')))
+        yield start(str(APP), '--server', '--port', '0')
+
+
+class Panel:
+    """A page with a panel and a picture; it begins with the defaults and one group open."""
+
+    def __init__(self, page, url, picture_of, until):
+        self.page, self._picture_of, self._until = page, picture_of, until
+        page.set_viewport_size({'width': 700, 'height': 620})
+        page.goto(url)
+        page.wait_for_selector('img')
+        page.get_by_role('button', name='Reset all').click()
+        self.plain = self.settled()
+        self.group('Vignette').locator('summary').press('Enter')
+
+    def group(self, title):
+        """Find an effect's part of the panel."""
+        return self.page.locator('details').filter(has=self.page.get_by_text(title, exact=True))
+
+    def control(self, label, role='slider'):
+        return self.group('Vignette').get_by_role(role, name=label, exact=True)
+
+    @property
+    def picture(self):
+        return self._picture_of(self.page.locator('img')).astype(float)
+
+    def settled(self):
+        """Return the picture once it is the same twice."""
+        seen = [self.picture]
+
+        def same():
+            seen.append(self.picture)
+            return np.array_equal(*seen[-2:])
+
+        self._until(same, every=0.3)
+        return seen[-1]
+
+    def shows(self, expected, near=1.5):
+        """Wait for a picture."""
+        self._until(lambda: np.abs(self.picture - expected).mean() <= near)
+
+    def changed(self, since, far=3.0):
+        """Wait for another picture, and return it."""
+        self._until(lambda: np.abs(self.picture - since).mean() > far)
+        return self.settled()
+
+
+@pytest.fixture
+def panel(page, served, picture_of, until, quiet):
+    quiet.append('405')  # wslink asks whether there is a launcher
+    return Panel(page, served.url, picture_of, until)
+
+
+def test_a_slider_by_keys(panel):
+    slider = panel.control('intensity')
+    slider.focus()
+    panel.page.keyboard.press('End')
+    dark = panel.changed(panel.plain)
+    assert panel.control('intensity', 'textbox').input_value() == '1'
+    panel.page.keyboard.press('Home')
+    panel.changed(dark)
+    assert panel.control('intensity', 'textbox').input_value() == '0'
+    # Tabs go on through the row, the group and the page: nothing holds the focus.
+    names = set()
+    for _ in range(60):
+        panel.page.keyboard.press('Tab')
+        names.add(panel.page.evaluate('document.activeElement.ariaLabel'))
+    assert {'intensity', 'reset intensity', 'reset color', 'remove Vignette'} <= names
+
+
+def test_a_slider_by_mouse(panel):
+    box = panel.control('intensity').bounding_box()
+    y = box['y'] + box['height'] / 2
+    mouse = panel.page.mouse
+    mouse.move(box['x'] + box['width'] / 2, y)
+    mouse.down()
+    for k in range(20):  # faster than pictures are drawn
+        mouse.move(box['x'] + box['width'] * (0.5 + k / 38), y)
+    mouse.up()
+    panel.changed(panel.plain)
+    assert float(panel.control('intensity', 'textbox').input_value()) > 0.9
+    assert int(panel.control('intensity').input_value()) > 180
+
+
+def test_a_slider_by_finger(panel):
+    session = panel.page.context.new_cdp_session(panel.page)
+    session.send('Emulation.setTouchEmulationEnabled', {'enabled': True})
+    box = panel.control('intensity').bounding_box()
+
+    def touch(kind, share):
+        point = {'x': box['x'] + share * box['width'], 'y': box['y'] + box['height'] / 2}
+        points = [] if kind == 'touchEnd' else [point]
+        session.send('Input.dispatchTouchEvent', {'type': kind, 'touchPoints': points})
+
+    touch('touchStart', 0.5)
+    for share in (0.7, 0.9, 0.98):
+        touch('touchMove', share)
+    touch('touchEnd', 0)
+    panel.changed(panel.plain)
+    assert float(panel.control('intensity', 'textbox').input_value()) > 0.9
+
+
+def test_a_text_that_is_wrong_is_said_and_put_back(panel, until):
+    field = panel.control('radius', 'textbox')
+    field.fill('far')
+    field.press('Enter')
+    alert = panel.group('Vignette').get_by_role('alert').filter(has_text='must be')
+    until(alert.count)
+    assert "Vignette.radius = 'far': must be a float in [0, 4]" in alert.inner_text()
+    assert field.input_value() == '0.4'
+    field.fill('0.1')
+    field.press('Enter')
+    until(lambda: not alert.count())
+    panel.changed(panel.plain)
+
+
+def test_off_presets_and_colours(panel):
+    group = panel.group('Vignette')
+    group.get_by_role('checkbox', name='Vignette on').click()
+    without = panel.changed(panel.plain)
+    group.get_by_role('checkbox', name='Vignette on').click()
+    panel.shows(panel.plain)
+    group.get_by_role('combobox', name='preset of Vignette').fill('strong')
+    group.get_by_role('button', name='Apply').click()
+    strong = panel.changed(panel.plain)
+    assert strong.mean() < panel.plain.mean() < without.mean()
+    group.locator('input[type=color]').fill('#ffffff')
+    assert panel.changed(strong).mean() > without.mean()
+
+
+def test_python_and_files_of_settings(panel, tmp_path, until):
+    page = panel.page
+    panel.control('intensity').press('End')
+    dark = panel.changed(panel.plain)
+    page.get_by_role('button', name='Copy as Python').click()
+    code = page.get_by_role('textbox', name='Python')
+    until(lambda: code.count() and 'intensity=1.0' in code.input_value())
+    with page.expect_download() as download:
+        page.get_by_role('button', name='Save').click()
+    saved = Path(download.value.path()).read_text()
+    assert json.loads(saved)['subplots']['0']['Vignette']['intensity'] == 1.0
+    page.get_by_role('button', name='Reset all').click()
+    panel.shows(panel.plain)
+    (tmp_path / 'look.json').write_text(saved)
+    page.locator('input[type=file]').set_input_files(tmp_path / 'look.json')
+    panel.shows(dark)
+    (tmp_path / 'bad.json').write_text('{"time": NaN}')
+    page.locator('input[type=file]').set_input_files(tmp_path / 'bad.json')
+    status = page.get_by_role('status')
+    until(lambda: 'no JSON that pvibr wrote' in status.inner_text())
+
+
+def test_two_pages_agree(panel, served, picture_of, until):
+    other = Panel(panel.page.context.new_page(), served.url, picture_of, until)
+    assert other.plain.shape == panel.plain.shape
+    panel.control('intensity').press('End')
+    panel.changed(panel.plain)
+    until(lambda: other.control('intensity', 'textbox').input_value() == '1')
+    other.page.close()
