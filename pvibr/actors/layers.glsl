@@ -4,8 +4,8 @@
 // Source: Lengyel and Snyder, "Rendering with Coherent Layers", SIGGRAPH 1997.
 // Spaces: uv = the picture, 0 to 1; clip = VTK's DC times w, of the camera of now.
 
-// Defines: SOFT 1 where depth is blurred; BLENDS 1 where edges are laid over what is there, else
-// they are as hard as those of meshes; LEAST is the coverage from which anything is shown.
+// Defines: BLENDS 1 where edges are laid over what is there, else they are as hard as those of
+// meshes; LEAST is the coverage from which anything is shown.
 
 //@vertex.declare
 uniform mat3 ibr_clip_from_uv;    // x, y and w
@@ -42,22 +42,7 @@ in vec3 ibr_at;
 //@fragment.sample
   vec4 ibr_color = texture(ibr_picture, ibr_uv);
   if (ibr_color.a < LEAST) { discard; }
-#if SOFT
   float ibr_d = texture(ibr_deep, ibr_uv).r;
-#else
-  // Nothing was drawn where depth is 1: only what is covered counts, by its share.
-  vec2 ibr_texel = ibr_uv * vec2(textureSize(ibr_deep, 0)) - 0.5;
-  ivec2 ibr_last = textureSize(ibr_deep, 0) - 1;
-  vec2 ibr_f = fract(ibr_texel);
-  ivec2 ibr_a = clamp(ivec2(floor(ibr_texel)), ivec2(0), ibr_last);
-  ivec2 ibr_b = clamp(ivec2(floor(ibr_texel)) + 1, ivec2(0), ibr_last);
-  vec4 ibr_ds = vec4(texelFetch(ibr_deep, ibr_a, 0).r,
-    texelFetch(ibr_deep, ivec2(ibr_b.x, ibr_a.y), 0).r,
-    texelFetch(ibr_deep, ivec2(ibr_a.x, ibr_b.y), 0).r, texelFetch(ibr_deep, ibr_b, 0).r);
-  vec4 ibr_w = vec4(1.0 - ibr_f.x, ibr_f.x, 1.0 - ibr_f.x, ibr_f.x)
-    * vec4(1.0 - ibr_f.y, 1.0 - ibr_f.y, ibr_f.y, ibr_f.y) * (1.0 - step(1.0, ibr_ds));
-  float ibr_d = dot(ibr_w, ibr_ds) / max(dot(ibr_w, vec4(1.0)), 1e-6);
-#endif
   vec2 ibr_deepened = ibr_zw + ibr_d * ibr_zw_step;
   float ibr_z = ibr_deepened.x / ibr_deepened.y;
   // Only features and passes that ask for places and normals have these computed.
@@ -95,6 +80,23 @@ void main()
       if (d < 1.0) { found = vec2(min(found.x, d), max(found.y, d)); }
     }
   gl_FragData[0] = vec4(found, 0.0, 1.0);
+}
+
+//@spread
+// Depth for linear filters: beside what is covered it goes on, where nothing is it would be 1.
+uniform sampler2D deep;
+void main()
+{
+  ivec2 at = ivec2(gl_FragCoord.xy), end = textureSize(deep, 0) - 1;
+  float own = texelFetch(deep, at, 0).r;
+  vec2 found = vec2(0.0);
+  for (int j = -1; j <= 1; ++j)
+    for (int i = -1; i <= 1; ++i)
+    {
+      float d = texelFetch(deep, clamp(at + ivec2(i, j), ivec2(0), end), 0).r;
+      found += d < 1.0 ? vec2(d, 1.0) : vec2(0.0);
+    }
+  gl_FragData[0] = vec4(own < 1.0 || found.y == 0.0 ? own : found.x / found.y);
 }
 
 //@soften

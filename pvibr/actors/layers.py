@@ -71,8 +71,8 @@ class Layers(Effect):
         range='(0, 1]',
     )  # fmt: skip
     warp = Param(
-        'affine', 'What a warp may be; projective ones follow a plane, and serve longer.',
-        choices=('affine', 'projective'),
+        'projective', 'What a warp may be: affine alone, or after that of the plane which fits '
+        'best, and which is exact where the eye stays.', choices=('affine', 'projective'),
     )  # fmt: skip
     overscan = Param(
         0.15, 'What pictures show beyond each side of the screen, of its width and height.',
@@ -95,7 +95,6 @@ class Layers(Effect):
 
     def __init__(self, groups=None, *, name=None, **settings):
         self.name = name
-        settings = {k: _several(k, v) for k, v in settings.items()}
         self._groups = None if groups is None else _checked_groups(groups)
         super().__init__(**settings)
         self._members: dict[str, Member] = {}
@@ -113,6 +112,12 @@ class Layers(Effect):
             self._layers = [Layer([Member(a) for a in group]) for group in self._groups]
             self._members = {m.key: m for layer in self._layers for m in layer.members}
             self._make_cards()
+
+    def __setattr__(self, name, value):
+        super().__setattr__(name, _several(name, value))
+
+    def _checked(self, settings):
+        return super()._checked({k: _several(k, v) for k, v in settings.items()})
 
     def __len__(self):
         return len(self._layers)

@@ -14,21 +14,19 @@ from pvibr.gl import set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 
 
-def layer_feature(*, soft, blends) -> Feature:
+def layer_feature(*, blends) -> Feature:
     """Return the shader text of a layer by VTK's tags.
 
     Parameters
     ----------
-    soft : bool
-        Whether its depth is blurred.
     blends : bool
         Whether its edges are laid over what is there; else they are hard.
     """
     part = sections(shader_source(__file__, 'layers'))
     least = '1.0 / 255.0' if blends else '0.5'
-    defines = f'#define SOFT {int(soft)}\n#define BLENDS {int(blends)}\n#define LEAST {least}\n'
+    defines = f'#define BLENDS {int(blends)}\n#define LEAST {least}\n'
     return Feature(
-        f'layer_{int(soft)}{int(blends)}',
+        f'layer_{int(blends)}',
         {
             'VTK::PositionVC::Dec': part['vertex.declare'],
             'VTK::PositionVC::Impl': part['vertex.position'],
@@ -88,7 +86,7 @@ class LayerCard:
         bounds : array_like of 6 float
             World units: VTK leaves out actors whose bounds are out of view.
         """
-        self._wear(soft=picture.soft, blends=picture.soft or picture.scale > 1)
+        self._wear(blends=picture.blends)
         bounds = tuple(map(float, bounds))
         if bounds != self._bounds:
             self._bounds = bounds
@@ -97,8 +95,8 @@ class LayerCard:
         self._uniforms = _uniforms(frame, picture, warp, turn)
         self.actor.VisibilityOn()
 
-    def _wear(self, **how):
-        feature = layer_feature(**how)
+    def _wear(self, *, blends):
+        feature = layer_feature(blends=blends)
         if self._feature is None or feature.name != self._feature.name:
             if self._feature is not None:
                 self._feature.detach(self.actor)

@@ -13,8 +13,8 @@ from pvibr.actors.layers_picture import LayerPicture
 from pvibr.casters import sized
 from pvibr.maths.views import may_see
 
-#: Seconds that a pixel of a card takes, and frames that a layer is left to VTK at most.
-PIXEL, REST = 1.2e-8, 64
+#: Frames that a layer is left to VTK at most.
+REST = 64
 # Shares of the new value in running means; what layers gain before they are used, as a factor.
 _NEWS, _GAIN = 0.2, 1.1
 
@@ -77,7 +77,7 @@ class Layer:
         self.taken = self.frames = 0
         self.reasons: Counter = Counter()
         self.rate, self.seconds = 1.0, 0.0
-        self._tries = 0
+        self._alone = 0.0  # seconds of the actors in it
         self._rests = self._pause = 0
         self._key: tuple = ()
         self._start: list = []
@@ -128,7 +128,8 @@ class Layer:
         settings : Settings
             How a picture is to be taken.
         """
-        self._want, self.wrong, self.fit, self.residual = settings, False, None, 0.0
+        self._want, self.wrong, self.fit = settings, False, None
+        self.residual = self.residual_shown = 0.0
         bounds = self.bounds
         if not len(bounds):
             self.state = 'empty'
@@ -139,7 +140,9 @@ class Layer:
         self.frames += 1
         if self._rests:
             self._rests -= 1
-            self.state = 'left to VTK'
+            return
+        if now.owner.refuse and self._is_dear():
+            self._rest()
             return
         self.why = self._stale(now)
         self.wrong = bool(self.why)
@@ -218,14 +221,15 @@ class Layer:
         shown = [m for m in self.members if not m.why]
         self.reasons[self.why] += 1
         start = time.perf_counter()
-        view = self.picture.aim(now.frame, self.bounds, self._want)
+        view, alone = self.picture.aim(now.frame, self.bounds, self._want), 0.0
         if view is not None:
-            self._draw(now, drawer, view, [m.actor for m in shown])
+            alone = self._draw(now, drawer, view, [m.actor for m in shown])
         spent = time.perf_counter() - start
         self.taken += 1
-        self._tries += 1
-        # The first one uploads meshes and builds shaders.
-        self.seconds = spent if self._tries <= 2 else self.seconds + _NEWS * (spent - self.seconds)
+        # The first ones upload meshes and build shaders.
+        news = 1.0 if self.taken <= 2 else _NEWS
+        self.seconds += news * (spent - self.seconds)
+        self._alone += news * (alone - self._alone)
         for member in shown:  # what drawing them did to them is no change
             member.settle()
         self._key, self._start = self._stamp(now), [m.matrix for m in shown]
@@ -233,11 +237,9 @@ class Layer:
         self.fit = self.picture.fit(now.frame, None, now.owner.warp)
         self.residual_shown = self.fit.residual
         self.state = 'taken'
-        if now.owner.refuse:
-            self._refuse()
         return spent
 
-    def _draw(self, now, drawer, view, actors):
+    def _draw(self, now, drawer, view, actors) -> float:
         picture, frame = self.picture, now.frame
         seen = replace(
             frame, size=tuple(picture.texels), origin=(0, 0), clip_from_view=view.clip_from_view
@@ -246,18 +248,20 @@ class Layer:
         for effect in effects:
             effect.prepare(seen)
         with sized(actors if picture.scale != 1 else (), frame, seen, 1.0):
-            picture.draw(drawer, view, actors)
+            seconds = picture.draw(drawer, view, actors)
         for effect in effects:
             effect.finish(seen)
+        return seconds
 
-    def _refuse(self):
-        """Leave the layer to VTK for a while, where pictures cost more than they save."""
-        if self._tries < 4:
-            return
-        cost = self.rate * self.seconds + PIXEL * self.picture.area
-        if cost * _GAIN > self.seconds:
-            self._pause = min(2 * self._pause + 4, REST)
-            self._rests, self.rate = self._pause, 0.5
+    def _is_dear(self) -> bool:
+        """Tell whether the picture costs more than it saves."""
+        cost = self.rate * self.seconds + self.picture.pixel * self.picture.area
+        return self.taken > 1 and cost * _GAIN > self._alone
+
+    def _rest(self):
+        """Leave the layer to VTK for a while, each time for longer."""
+        self._pause = min(2 * self._pause + 4, REST)
+        self._rests, self.rate, self.state = self._pause, 0.5, 'left to VTK'
 
     def away(self) -> float:
         """Return how far the layer reaches along the view.

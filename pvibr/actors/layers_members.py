@@ -36,6 +36,12 @@ class Member:
 
     def __init__(self, actor):
         self.actor, self.key = actor, address(actor)
+        # Asked for in every frame: an attribute of a PyVista actor takes its time.
+        self._mapper, self._prop, self._back = (
+            actor.GetMapper, actor.GetProperty, actor.GetBackfaceProperty
+        )  # fmt: skip
+        self._texture, self._visible = actor.GetTexture, actor.GetVisibility
+        self._place, self._box = actor.GetMatrix, actor.GetBounds
         self.matrix, self.bounds = np.eye(4), (1.0, -1.0) * 3
         self.why, self.dull, self.gloss = 'not drawn yet', 1.0, 0.0
         self.version = 0
@@ -57,16 +63,16 @@ class Member:
         bool
             Whether anything about it changed.
         """
-        actor, self._draws = self.actor, draws
+        self._draws = draws
         data, stamp = self._look()
-        before, self.matrix = self.matrix, np.reshape(actor.GetMatrix().GetData(), (4, 4))
-        self.bounds = actor.GetBounds() or (1.0, -1.0) * 3
+        before, self.matrix = self.matrix, np.reshape(self._place().GetData(), (4, 4))
+        self.bounds = self._box() or (1.0, -1.0) * 3
         if stamp == self._stamp:
             return not np.array_equal(before, self.matrix)
         self._stamp = stamp
         self.version += 1
         self.why = self._unfit(data)
-        self._take_looks(actor.GetProperty())
+        self._take_looks(self._prop())
         return True
 
     def settle(self):
@@ -75,11 +81,10 @@ class Member:
 
     def _look(self) -> tuple:
         """Return the data that it draws, and what changes whenever its looks do."""
-        actor = self.actor
-        mapper, worn = actor.GetMapper(), _time_of(actor.GetTexture())
+        mapper, worn = self._mapper(), _time_of(self._texture())
         data = _updated(mapper)
-        self._shown = bool(actor.GetVisibility()) or self._hidden
-        things = mapper, data, actor.GetProperty(), actor.GetBackfaceProperty()
+        self._shown = bool(self._visible()) or self._hidden
+        things = mapper, data, self._prop(), self._back()
         return data, (self._shown, worn, self._draws.get(worn[0]), *map(_time_of, things))
 
     def _unfit(self, data) -> str:

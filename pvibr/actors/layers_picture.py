@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,8 @@ from pvibr.maths.views import View, corners, may_see
 
 #: A picture is taken again where its texels became so many times as long, or as short.
 GROWN, SHRUNK = 1.25, 0.5
+#: Seconds that a pixel of a card takes, before any was measured.
+PIXEL = 1e-8
 #: Blocks of a picture along its longer side; each gives two characteristic points.
 BLOCKS = 64
 _SIGMAS, _WIDEST = 3.0, 6.0  # of a Gaussian: where it ends, and texels that are blurred at most
@@ -92,6 +95,8 @@ class LayerPicture:
         Width and height.
     scale : float
         Texels of a pixel of then, along a side.
+    pixel : float
+        Seconds that a pixel of its card takes, about.
     """
 
     def __init__(self):
@@ -105,8 +110,9 @@ class LayerPicture:
         self._may_go = np.inf
         self._pixels, self._points = np.zeros((0, 2)), np.zeros((0, 3))
         self._view_from_pixel, self._plane = np.eye(3), np.zeros(3)
-        self.texels, self.scale = [0, 0], 1.0
+        self.texels, self.scale, self.pixel = [0, 0], 1.0, PIXEL
         self._target: Any = None
+        self._spread: Any = None
         self._soft: list = []
         self._ranges: Any = None
         self._quads: dict[str, Quad] = {}
@@ -124,9 +130,9 @@ class LayerPicture:
         return not len(self._points)
 
     @property
-    def soft(self) -> bool:
-        """Whether it is blurred."""
-        return bool(self._soft)
+    def blends(self) -> bool:
+        """Whether its edges are soft: blurred, or of several texels a pixel."""
+        return bool(self._soft) or self.scale > 1
 
     @property
     def color(self):
@@ -135,8 +141,8 @@ class LayerPicture:
 
     @property
     def depth(self):
-        """Texture of depth, 0 to 1; where it is blurred, of the mean depth."""
-        return self._soft[-1].colors[1] if self._soft else self._target.depth
+        """Texture of depth, 0 to 1, to be filtered; where it is blurred, of the mean depth."""
+        return self._soft[-1].colors[1] if self._soft else self._spread.colors[0]
 
     @property
     def area(self) -> float:
@@ -157,7 +163,8 @@ class LayerPicture:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for t in (self._target, self._ranges, *self._soft) if t is not None)
+        targets = self._target, self._spread, self._ranges, *self._soft
+        return sum(target.nbytes for target in targets if target is not None)
 
     # -- whether it serves ------------------------------------------------------------------------
 
@@ -280,7 +287,7 @@ class LayerPicture:
             frame.view_from_world, self.clip_from_view, frame.near, frame.far, frame.parallel
         )
 
-    def draw(self, drawer, view, actors):
+    def draw(self, drawer, view, actors) -> float:
         """Draw actors into it, in the view that :meth:`aim` returned.
 
         Parameters
@@ -291,8 +298,15 @@ class LayerPicture:
             See there.
         actors : iterable of vtkActor
             Of the layer.
+
+        Returns
+        -------
+        float
+            Seconds that the actors alone took.
         """
         window = drawer.window
+        window.WaitForCompletion()
+        start = time.perf_counter()
         self._target = self._sized(self._target, window, (self.settings.format,), depth=True)
         state = window.GetState()
         with self._target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
@@ -302,8 +316,14 @@ class LayerPicture:
             drawer.inner.UpdateLightsGeometryToFollowCamera()
             drawer.inner.UpdateLights()
             drawer.draw(actors)
-        self._soften(window)
+        window.WaitForCompletion()
+        seconds = time.perf_counter() - start
+        if self.settings.blur:
+            self._soften(window)
+        else:
+            self._spread_depth(window)
         self._find_points(window)
+        return seconds
 
     def _sized(self, target, window, formats, *, depth=False):
         if target is not None:
@@ -314,13 +334,20 @@ class LayerPicture:
         width, height = self.texels
         return Target(window, width, height, formats, depth=depth, filter='linear')
 
+    def _spread_depth(self, window):
+        """Have depth that can be filtered."""
+        for target in self._soft:
+            target.release()
+        self._soft = []
+        self._spread = self._sized(self._spread, window, ('r32f',))
+        quad, start = self._quad(window, 'spread'), time.perf_counter()
+        self._spread.draw(quad, {}, {'deep': self._target.depth})
+        window.WaitForCompletion()
+        # A card asks for about as much.
+        self.pixel = (time.perf_counter() - start) / np.prod(self.texels)
+
     def _soften(self, window):
-        """Blur colour and depth, where that is wanted."""
-        if not self.settings.blur:
-            for target in self._soft:
-                target.release()
-            self._soft = []
-            return
+        """Blur colour and depth."""
         formats = (self.settings.format, 'r32f')
         old = self._soft or [None, None]
         self._soft = [self._sized(target, window, formats) for target in old]
@@ -382,10 +409,11 @@ class LayerPicture:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for owner in (self._target, self._ranges, *self._soft, *self._quads.values()):
+        targets = self._target, self._spread, self._ranges, *self._soft
+        for owner in (*targets, *self._quads.values()):
             if owner is not None:
                 owner.release()
-        self._target = self._ranges = None
+        self._target = self._spread = self._ranges = None
         self._soft, self._quads = [], {}
         self.forget()
 

@@ -429,8 +429,8 @@ def test_a_blurred_layer_is_soft_and_the_others_are_sharp():
     away = distance_transform_edt(~ball)
     assert np.abs(sharp - soft)[(away > 0) & (away < 3)].mean() > 5
     assert np.abs(sharp - soft)[away > 14].max() <= 8
-    # What leaves the ball is beside it.
-    assert sharp[away < 12].mean() == pytest.approx(soft[away < 12].mean(), abs=2)
+    # What leaves the ball is beside it, but for what the ground hides.
+    assert sharp[away < 12].mean() == pytest.approx(soft[away < 12].mean(), abs=8)
     scene.layers.blur = 40.0
     _, flat = scene.pictures()
     assert np.isfinite(flat).all()
@@ -461,11 +461,14 @@ def test_a_budget_takes_the_worst_first_and_the_rest_later():
 
 def test_layers_that_are_no_cheaper_are_left_to_vtk():
     scene = Scene(refuse=True)
+    states = set()
     for k in range(8):
         scene.yaw(15 * (-1) ** k)
         plain, drawn = scene.pictures()
         assert np.abs(plain - drawn).mean() < 1.0
-    assert 'left to VTK' in scene.told('state')
+        states |= set(scene.told('state'))
+    assert 'left to VTK' in states
+    assert all(rate < 1 for rate in scene.told('rate'))
 
 
 def test_it_goes_and_comes_again():
