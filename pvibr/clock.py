@@ -183,19 +183,27 @@ class _Timer:
     """Ticks of a window's interactor."""
 
     def __init__(self, interactor, tick):
-        self._interactor, self._tick = interactor, tick
-        self._observer = interactor.AddObserver('TimerEvent', self._on_timer)
+        self._interactor, self._tick, self._held = interactor, tick, False
+        calls = self._look_on, self._on_timer
+        self._observers = [interactor.AddObserver('TimerEvent', call) for call in calls]
         # While a button is held, VTK tells its style alone, and those that only look on.
-        interactor.GetCommand(self._observer).PassiveObserverOn()
+        interactor.GetCommand(self._observers[0]).PassiveObserverOn()
         self._timer = interactor.CreateRepeatingTimer(PERIOD)
 
-    def _on_timer(self, interactor, _event):
+    def _look_on(self, interactor, _event):
         # The style takes any timer's tick for one more move of the mouse, as far as the last one.
         interactor.SetLastEventPosition(interactor.GetEventPosition())
-        self._tick()
+        self._held = is_dragged(interactor.GetRenderWindow())
+        if self._held:
+            self._tick()
+
+    def _on_timer(self, *_):
+        if not self._held:
+            self._tick()
 
     def stop(self):
-        self._interactor.RemoveObserver(self._observer)
+        for observer in self._observers:
+            self._interactor.RemoveObserver(observer)
         self._interactor.DestroyTimer(self._timer)
 
 
@@ -274,6 +282,20 @@ def ticks(plotter, tick):
     if interactor is None or hidden or getattr(plotter, 'notebook', False):
         return None
     return _Timer(interactor, tick)
+
+
+def is_dragged(window) -> bool:
+    """Tell whether an interactor's style or a widget asks for frames in time.
+
+    Parameters
+    ----------
+    window : vtkRenderWindow or None
+        Whose update rate is above that of a still picture meanwhile.
+    """
+    interactor = None if window is None else window.GetInteractor()
+    if interactor is None:
+        return False
+    return window.GetDesiredUpdateRate() > interactor.GetStillUpdateRate()
 
 
 def has_page(plotter) -> bool:

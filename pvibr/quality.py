@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from time import perf_counter
 from typing import Any
 
-from pvibr.clock import draw, filming, ticks
+from pvibr.clock import draw, filming, is_dragged, ticks
 
 #: What quality may be: three dB a step.
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
@@ -307,7 +307,7 @@ class Pace:
             return False
         if _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
             return False
-        if _is_dragged(window):
+        if is_dragged(window):
             # VTK's styles draw a still picture at the end, and take any timer's tick for a move.
             self._stop()
             return True
@@ -363,13 +363,6 @@ class Pace:
 
         self._plotter.screenshot = screenshot
         self._takes = True
-
-
-def _is_dragged(window) -> bool:
-    """Tell whether an interactor's style or a widget asks for frames in time."""
-    interactor = window.GetInteractor()
-    still = math.inf if interactor is None else interactor.GetStillUpdateRate()
-    return window.GetDesiredUpdateRate() > still
 
 
 def _is_picking(window) -> bool:
