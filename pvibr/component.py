@@ -1003,6 +1003,56 @@ class IBRComponent:
         numbers = {'triangles': triangles, 'texture': texture, 'detail': detail}
         return baked(self._plotter, self._pipelines, **numbers)
 
+    def export_glb(self, path, **options):
+        """Write the active subplot as binary glTF, baked: meshes, colours, textures, the camera.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            The file, which ends in ``.glb``.
+        **options
+            See :meth:`baked`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where a number or the name is not allowed; then nothing is written.
+        OSError
+            Where the file cannot be written; what was there stays.
+        ClosedError
+            Where the plotter is closed.
+
+        Notes
+        -----
+        glTF knows no backgrounds, volumes and text; these are left out. What PyVista's own
+        ``export_gltf`` leaves out is there: what alpha cuts out, surfaces without light, textures
+        that are not nearest texels, colours of vertices as other programs read them.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> balls = pl.ibr.add_spheres([[0, 0, 0], [2, 0, 0]], color='red')
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     pl.ibr.export_glb(pathlib.Path(folder) / 'balls.glb', triangles=1000)
+        ...     print(*[p.name for p in pathlib.Path(folder).iterdir()])
+        balls.glb
+        >>> pl.close()
+        """
+        from pvibr.baked_glb import checked_path, write_glb
+
+        path = checked_path(path)
+        number = self._number_of(self._plotter.renderer)
+        plain = self.baked(**options)
+        try:
+            write_glb(plain.renderers[number], path)
+        finally:
+            plain.close()
+
+    def _number_of(self, renderer) -> int:
+        return list(getattr(self._plotter, 'renderers', [renderer])).index(renderer)
+
     def _handed_over(self, **_mode):
         """Warn, once, of what is not in the scene that a browser or a file gets."""
         if self._closed or follow_mode(self._plotter, self._handed_over):

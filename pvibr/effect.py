@@ -116,6 +116,21 @@ class Effect:
         """
         return True
 
+    def reach(self, frame) -> float:
+        """Return how far around itself a pixel looks: tiles of large pictures overlap by it.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            A tile.
+
+        Returns
+        -------
+        float
+            Pixels.
+        """
+        return 0.0
+
     def prepare(self, frame):
         """Do what must be done before the frame is drawn.
 

@@ -8,14 +8,12 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from pvibr.animation.given import as_figure
-from pvibr.montage import require_ffmpeg
+from pvibr.movies import MOVIES
 from pvibr.offscreen import SKY
 
-MOVIES = ('.mp4', '.mov', '.mkv', '.webm', '.avi', '.gif')
 #: Moments of a clip that the camera sees whole.
 MOMENTS = 12
 #: How much more than the figure is seen.
@@ -76,9 +74,8 @@ def main(
         size = [n + n % 2 for n in size]  # as most codecs want them
     plotter, actor = _stage(figure, clip, file, size, skinning, off_screen=True)
     if movie is not None:
-        n_frames = _n_frames(figure, clip, speed, seconds, fps)
         actor.play(clip, speed=speed)
-        _film(plotter, Path(movie), n_frames, fps)
+        plotter.ibr.movie(movie, _length(figure, clip, speed, seconds), fps=fps, progress=True)
     else:
         movie = out or f'{Path(file).stem}.png'
         plotter.ibr.time = frame or 0.0
@@ -101,8 +98,6 @@ def _check(movie, frame, out):
     if ending not in MOVIES:
         msg = f'--movie is {str(movie)!r}; it must end in one of {", ".join(MOVIES)}.'
         raise ValueError(msg)
-    if ending != '.gif':
-        require_ffmpeg()
 
 
 def _clip_of(figure, name):
@@ -121,13 +116,14 @@ def _clips(figure, chosen):
     return table
 
 
-def _n_frames(figure, clip, speed, seconds, fps):
-    if seconds is None:
-        if clip is None or not clip.duration:
-            msg = f'nothing in {figure.name or "the file"} moves: give --seconds, or --frame 0.'
-            raise ValueError(msg)
-        seconds = clip.duration / abs(speed)
-    return max(1, round(seconds * fps))
+def _length(figure, clip, speed, seconds):
+    """Return the seconds of a movie: by default once through the clip."""
+    if seconds is not None:
+        return seconds
+    if clip is None or not clip.duration:
+        msg = f'nothing in {figure.name or "the file"} moves: give --seconds, or --frame 0.'
+        raise ValueError(msg)
+    return clip.duration / abs(speed)
 
 
 def _stage(figure, clip, file, size, skinning, *, off_screen):
@@ -164,25 +160,6 @@ def _look(plotter, corners, up):
     eye = middle + (near + reach).max() * way
     plotter.camera_position = [tuple(eye), tuple(middle), tuple(up)]
     plotter.reset_camera_clipping_range()
-
-
-def _film(plotter, movie, n_frames, fps):
-    movie.parent.mkdir(parents=True, exist_ok=True)
-    # Under another name until it is whole: who stops it keeps what was there.
-    part = movie.with_name(f'{movie.stem}.part{movie.suffix}')
-    try:
-        if movie.suffix.lower() == '.gif':
-            plotter.open_gif(str(part), fps=fps)
-        else:
-            plotter.open_movie(str(part), framerate=fps, macro_block_size=2)
-        plotter.ibr.play()
-        console = Console(stderr=True)
-        for _ in track(range(n_frames), f'writing {movie}', console=console):
-            plotter.write_frame()
-        plotter.mwriter.close()
-        part.replace(movie)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _show(figure, clip, file, size, speed, skinning):

@@ -41,6 +41,7 @@ RANKS |= {
     'web_report': 5,
     'baked': 5,
     'baked_copies': 5,
+    'baked_glb': 5,
     'baked_paint': 5,
     'baked_props': 5,
     'baked_scene': 5,

@@ -65,13 +65,16 @@ def test_a_movie_that_fails_leaves_what_was_there(file, tmp_path, monkeypatch, c
     movie = tmp_path / 'ball.gif'
     movie.write_text('before')
 
-    def full(plotter):
+    def full(*_, **__):
         raise OSError('disk full')
 
-    monkeypatch.setattr(pv.Plotter, 'write_frame', full)
+    monkeypatch.setattr('imageio.get_writer', full)
     assert main(['play', file, '--movie', str(movie), *SIZE]) == 2
     assert 'disk full' in capsys.readouterr().err
-    assert [p.read_text() for p in tmp_path.iterdir()] == ['before']
+    assert movie.read_text() == 'before'
+    monkeypatch.undo()
+    assert main(['play', file, '--movie', str(movie), *SIZE]) == 0
+    assert [p.name for p in tmp_path.iterdir()] == ['ball.gif']
 
 
 @pytest.mark.parametrize(

@@ -169,14 +169,14 @@ class DepthOfField(Effect):
         return 'nothing is out of focus by half a pixel' if sharp else True
 
     def reach(self, frame) -> float:
-        """Return the radius of the largest circle of confusion, in pixels.
+        """Return the radius of the largest circle of confusion, and of its tiles, in pixels.
 
         Parameters
         ----------
         frame : pvibr.frame.Frame
             What is drawn.
         """
-        return max(self.limit * frame.whole[1] / 2, 0.5)
+        return self.limit * frame.whole[1] + 4 * _TILE
 
     def render(self, frame, picture):
         """Draw the picture as the lens sees it.
@@ -190,7 +190,7 @@ class DepthOfField(Effect):
         """
         self._allocate(frame.window, picture.size)
         near, far = (c / 2 for c in self.circles(frame))
-        most = self.reach(frame)
+        most = max(self.limit * frame.whole[1] / 2, 0.5)
         lens = (near, far - near, most)
         scene = {'color': picture.color, 'depth': picture.depth}
         small, layers = self._targets['small'], self._targets['layers']
