@@ -4,6 +4,7 @@ import pyvista as pv
 import trimesh
 
 import pvibr
+from pvibr import _vtk
 from pvibr.clouds import billboard_cloud
 from pvibr.maths.image_error import silhouette_iou
 from pvibr.scenes.trees import tree_parts
@@ -189,3 +190,123 @@ def test_a_point_is_no_cloud():
         pv.PolyData(np.ones((3, 3)), faces=[3, 0, 1, 2]).ibr.billboard_cloud()
     with pytest.raises(ValueError, match='empty'):
         pv.PolyData().ibr.billboard_cloud()
+
+
+def scene(add, bounds, view, *, light=(1, -1, 2), floor=False, **kwargs):
+    """Return a plotter with one light and what is added, looked at as in :func:`picture`."""
+    low, high = np.reshape(bounds, (3, 2)).T
+    middle, size = (low + high) / 2, np.linalg.norm(high - low)
+    pl = pv.Plotter(off_screen=True, window_size=(120, 120), lighting='none', **kwargs)
+    pl.background_color = 'white'
+    position = tuple(middle + 5 * size * np.array(light))
+    pl.add_light(pv.Light(position=position, focal_point=tuple(middle), light_type='scene light',
+                          positional=False))  # fmt: skip
+    if floor:
+        pl.add_mesh(pv.Plane(center=(0, 0, low[2] - 0.1), i_size=9, j_size=9), color='lightblue')
+    add(pl)
+    direction = np.array(view) / np.linalg.norm(view)
+    pl.camera_position = [tuple(middle + 2.2 * size * direction), tuple(middle), (0, 0, 1)]
+    return pl
+
+
+def taken(pl):
+    pl.reset_camera_clipping_range()
+    image = pl.screenshot().astype(float)
+    pl.close()
+    return image
+
+
+@pytest.fixture(scope='module')
+def ways(torus, cloud):
+    """Functions that add the mesh, and its cloud, to a plotter."""
+    return lambda pl: pl.add_mesh(torus, color='red', smooth_shading=True), cloud.add_to
+
+
+def test_its_normals_follow_a_light_that_moves(torus, ways):
+    lights = [(1, 0, 0.5), (-1, 0.3, 0.5), (0, 1, 1), (0.2, -1, 0.1), (0.3, 0.2, -1)]
+    mesh, card = ([taken(scene(add, torus.bounds, VIEWS[0], light=light)) for light in lights]
+                  for add in ways)  # fmt: skip
+    both = coverage(mesh[0]) * coverage(card[0]) > 0
+    away = np.array([[np.abs(a - b)[both].mean() for b in mesh] for a in card])
+    assert (away.argmin(1) == np.arange(len(lights))).all()
+    assert away.diagonal().max() < 30
+    others = away[~np.eye(len(lights), dtype=bool)]
+    assert others.mean() > 2 * away.diagonal().mean()
+
+
+BESIDE = {
+    'shadows': lambda pl: pl.ibr.add(pvibr.Shadows()),
+    'shadows of VTK': lambda pl: pl.enable_shadows(),
+    'outlines': lambda pl: pl.ibr.add(pvibr.Outline()),
+    'a lens': lambda pl: pl.ibr.add(pvibr.DepthOfField()),
+    'SSAO': lambda pl: pl.enable_ssao(radius=0.3),
+    'EDL': lambda pl: pl.enable_eye_dome_lighting(),
+    'SSAA': lambda pl: pl.enable_anti_aliasing('ssaa'),
+    'glass': lambda pl: pl.add_mesh(pv.Sphere(center=(1, 1, 1)), color='lime', opacity=0.5),
+    'glass, peeled': lambda pl: (
+        pl.enable_depth_peeling(8),
+        pl.add_mesh(pv.Sphere(center=(1, 1, 1)), color='lime', opacity=0.5),
+    ),
+}
+
+
+@pytest.mark.parametrize('enable', BESIDE.values(), ids=BESIDE.keys())
+def test_it_stands_beside_everything_as_the_mesh_does(enable, torus, ways):
+    pictures = []
+    for add in ways:
+        pl = scene(add, torus.bounds, VIEWS[0], floor=True)
+        enable(pl)
+        pictures.append(taken(pl))
+    away = np.abs(pictures[0] - pictures[1]).max(2)
+    assert away.mean() < 12
+    assert (away > 60).mean() < 0.08
+
+
+def test_its_shadow_is_that_of_the_mesh_with_its_hole(torus, ways):
+    lit, dark = [], []
+    for add in ways:
+        for found in (lit, dark):
+            pl = scene(add, torus.bounds, VIEWS[0], light=(0.8, 0.8, 1), floor=True)
+            pl.camera_position = [(0.1, 0, 14), (-0.5, -0.5, 0), (0, 1, 0)]
+            if found is dark:
+                pl.ibr.add(pvibr.Shadows())
+            found.append(taken(pl))
+    floor = np.all([image[..., 2] > image[..., 0] + 5 for image in lit], 0)
+    masks = [((a - b).max(2) > 40) & floor for a, b in zip(lit, dark, strict=True)]
+    assert masks[0].sum() > 200
+    assert silhouette_iou(*(m.astype(float) for m in masks)) > 0.75
+
+
+def test_holes_are_not_picked(cloud, torus):
+    pl = pv.Plotter(off_screen=True, window_size=(120, 120))
+    actor = cloud.add_to(pl)
+    pl.camera_position = [(0, 0, 8), (0, 0, 0), (0, 1, 0)]
+    pl.show(auto_close=False)
+    selector = _vtk.vtkHardwareSelector()
+    selector.SetRenderer(pl.renderer)
+
+    def found(x, y):
+        selector.SetArea(x, y, x, y)
+        nodes = selector.Select()
+        props = [nodes.GetNode(k).GetProperties() for k in range(nodes.GetNumberOfNodes())]
+        return [p.Get(_vtk.vtkSelectionNode.PROP()) for p in props]
+
+    ring = np.flatnonzero(coverage(pl.screenshot())[60])
+    assert not ((ring > 55) & (ring < 65)).any()
+    assert found(60, 60) == []
+    assert found(int(ring[len(ring) // 8]), 60) == [actor]
+    pl.close()
+
+
+def test_it_is_taken_out_and_put_in_two_plotters(cloud, torus):
+    images = []
+    for _ in range(2):
+        pl = scene(cloud.add_to, torus.bounds, VIEWS[0])
+        pl.show(auto_close=False)
+        (actor,) = pl.actors.values()
+        pl.remove_actor(actor)
+        assert (pl.screenshot() == 255).all()
+        cloud.add_to(pl, reset_camera=False)
+        images.append(taken(pl))
+    assert np.array_equal(*images)
+    assert coverage(images[0]).sum() > 100
