@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from pvibr.bench.peers import LOD_REDUCTION, PART, glyph_seconds
+from pvibr.errors import require
 from pvibr.maths.image_error import flip, psnr, silhouette_iou
-from pvibr.montage import compose, error_colors, require_ffmpeg, save
+from pvibr.montage import compose, error_colors, save
 from pvibr.offscreen import (
     SAMPLES,
     SKY,
@@ -93,7 +93,7 @@ def main(
     >>> main(count=50, out=folder)  # doctest: +SKIP
     """
     if movie is not None:
-        require_ffmpeg()
+        require('imageio_ffmpeg', 'movie', 'Movies')
     scene = landscape(count)
     if window:
         _walk(scene, max_error, frames or MOVIE_FRAMES, size)
@@ -269,16 +269,14 @@ def _walk(scene, max_error, frames, size):
 
 
 def _film(scene, max_error, frames, size, file):
-    import imageio
-
     plotter = scenery(scene, max_error, size, off_screen=True)
-    plotter.show(auto_close=False)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with imageio.get_writer(file, fps=FPS, macro_block_size=2) as writer:
-        for camera in track(scene.path(frames), f'writing {file}', console=Console(stderr=True)):
-            plotter.camera_position = camera
-            plotter.reset_camera_clipping_range()
-            writer.append_data(plotter.screenshot(return_img=True))
+    cameras = scene.path(frames)
+
+    def walk(seconds):
+        plotter.camera_position = cameras[round(seconds * FPS)]
+        plotter.reset_camera_clipping_range()
+
+    plotter.ibr.movie(file, frames / FPS, fps=FPS, each=walk, progress=True)
     plotter.close()
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.errors import require
 from pvibr.files import replacing
 
 _CAPTION, _PER_WIDTH = 26, 32  # height of a caption: at least, and the picture's width over it
@@ -108,14 +107,3 @@ def _captioned(picture, text):
     font = ImageFont.load_default(size=height * 0.66)
     ImageDraw.Draw(line).text((4, 3), text, fill='black', font=font)
     return np.concatenate([np.asarray(line), as_bytes(picture)])
-
-
-def require_ffmpeg():
-    """Check that movies can be written.
-
-    Raises
-    ------
-    ImportError
-        If what writes them is not installed; it says how to install it.
-    """
-    require('imageio_ffmpeg', 'movie', 'Movies')
