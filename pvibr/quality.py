@@ -12,14 +12,16 @@ from pvibr.clock import draw, filming, is_dragged, ticks
 
 #: What quality may be: three dB a step.
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
-#: Most levels that one frame costs: it may have been slow for another reason.
+#: Most levels that one frame costs.
 _LEAP = 4
 #: Share of the budget below which a frame is easy, and easy frames after which quality rises.
 _EASY, _PATIENCE = 0.6, 5
 #: Moving frames for which it is known how long a level took; the double after each mistake.
 _MEMORY = 60
+#: Share of the last frame in how long a level takes: one frame may be slow for another reason.
+_WEIGHT = 0.4
 #: How much faster a level must be to be worth less quality.
-_GAIN = 1.15
+_GAIN = 1.25
 #: Seconds after the last moving frame at which the view is at rest.
 SETTLE = 0.2
 _WHEELS = ('Forward', 'Backward', 'Left', 'Right')
@@ -59,6 +61,7 @@ class Budget:
 
     def _forget(self):
         self._level = self._frame = self._easy = self._stuck = 0
+        self._raised = False
         self._memory = _MEMORY
         self._took: dict[int, tuple[float, int]] = {}
         self._rests: list[float] = []
@@ -98,34 +101,34 @@ class Budget:
         self._frame += 1
         self._stuck = max(0, self._stuck - 1)
         before = self._known(self._level)
-        self._took[self._level] = ms, self._frame
-        if ms > self.ms:
-            self._lower(ms, before)
-        elif ms < _EASY * self.ms:
+        mean = ms if before is None else before + _WEIGHT * (ms - before)
+        self._took[self._level] = mean, self._frame
+        raised, self._raised = self._raised, False
+        self._easy = self._easy + 1 if mean < _EASY * self.ms else 0
+        if min(ms, mean) > self.ms:
+            if raised:  # too early
+                self._memory *= 2
+            self._lower(mean)
+        elif self._easy >= _PATIENCE:
             self._raise()
-        else:
-            self._easy = 0
 
-    def _lower(self, ms, before):
-        self._easy = 0
+    def _lower(self, ms):
         if self._stuck:
             return
-        if self._level < len(LEVELS) - 1:
-            if before is not None:  # tried again too early
-                self._memory *= 2
-            self._level = min(self._level + _steps(ms / self.ms), len(LEVELS) - 1)
+        last = len(LEVELS) - 1
+        if self._level < last:
+            self._level = min(self._level + _steps(ms / self.ms), last)
             return
         times = {k: self._known(k) for k in self._took}
         self._level = min(k for k, t in times.items() if t is not None and t <= _GAIN * ms)
-        self._stuck = self._memory
+        self._stuck = _MEMORY
 
     def _raise(self):
-        self._easy += 1
-        if self._easy < _PATIENCE or not self._level:
+        if not self._level:
             return
         finer = self._known(self._level - 1)
         if finer is None or finer <= self.ms:
-            self._level, self._easy = self._level - 1, 0
+            self._level, self._easy, self._raised = self._level - 1, 0, True
 
     def _known(self, level):
         """Return the milliseconds of a level, None where that is unknown or long ago."""

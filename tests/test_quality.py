@@ -1,3 +1,4 @@
+import asyncio
 import gc
 import weakref
 from types import SimpleNamespace
@@ -61,6 +62,23 @@ def test_it_finds_a_quality_in_time_and_keeps_it(full, power, fixed):
         assert slow <= 0.05
     turns = np.count_nonzero(np.diff(np.sign(np.diff(seen))))
     assert turns <= 100  # of 2000: it does not swing
+
+
+def test_one_slow_frame_is_no_reason():
+    budget = Budget(100.0)
+    drive(budget, lambda q: 50.0, 10)
+    budget.moved(160.0)
+    assert budget.quality == 1.0
+    budget.moved(160.0)
+    assert budget.quality < 1.0
+
+
+@pytest.mark.parametrize(('full', 'least'), [(60.0, 0.9), (150.0, 0.45), (400.0, 0.12)])
+def test_noise_neither_swings_it_nor_pulls_it_down(full, least):
+    rng = np.random.default_rng(0)
+    seen = drive(Budget(100.0), lambda q: full * q * rng.lognormal(0, 0.15), 1000)
+    assert np.mean(seen) > least
+    assert np.count_nonzero(np.diff(seen)) < 30
 
 
 def test_quality_rises_where_frames_become_easy():
@@ -327,6 +345,47 @@ def test_a_plotter_at_rest_beside_one_that_moves(slow):
     resting.render()
     assert shows[0].seen[-1] < 1.0
     assert set(shows[1].seen) == {1.0}
+
+
+def test_two_that_watch_one_window(slow):
+    window, renderers = _vtk.vtkRenderWindow(), [_vtk.vtkRenderer() for _ in range(2)]
+    window.SetSize(96, 64)
+    window.SetMultiSamples(4)
+    ui = pytest.importorskip('vtkmodules.vtkRenderingUI')
+    interactor = ui.vtkGenericRenderWindowInteractor()
+    interactor.SetRenderWindow(window)
+    shows = []
+    for renderer in renderers:
+        window.AddRenderer(renderer)
+        shows.append(attach(renderer).add(Show()))
+    window.Render()
+    window.SetDesiredUpdateRate(30.0)
+    for _ in range(4):
+        window.Render()
+        assert window.GetMultiSamples() == 4
+    assert all(show.seen[-1] < 1.0 for show in shows)
+    for renderer in renderers:
+        attach(renderer).close()
+    assert window.GetMultiSamples() == 4
+
+
+def test_the_wheel_in_a_page(slow):
+    pl = stage()
+    show = pl.ibr.add(Show())
+    pl.show(auto_close=False)
+    # As views of trame do, which then have the server draw and send.
+    pl.add_on_render_callback(lambda plotter: plotter.render_window.Render(), render_event=False)
+
+    async def turn():
+        for _ in range(4):
+            event(pl, 'MouseWheelForwardEvent', 40)
+        assert show.seen[-1] < 1.0
+        slow.now += SETTLE
+        while pl.ibr._pace.lowered:
+            await asyncio.sleep(0.01)
+
+    asyncio.run(asyncio.wait_for(turn(), 60))
+    assert show.seen[-1] == 1.0
 
 
 def test_an_error_while_moving_lets_nothing_lie(slow):
