@@ -22,16 +22,18 @@ def served(start, tmp_path_factory):
 
 
 class Panel:
-    """A page with a panel and a picture; it begins with the defaults and one group open."""
+    """A page with a panel and a picture; it has the defaults and one group open."""
 
-    def __init__(self, page, url, picture_of, until):
+    def __init__(self, page, url, picture_of, until, plain=None):
         self.page, self._picture_of, self._until = page, picture_of, until
         page.set_viewport_size({'width': 700, 'height': 620})
         page.goto(url)
         page.wait_for_selector('img')
         page.get_by_role('button', name='Reset all').click()
-        self.plain = self.settled()
-        self.group('Vignette').locator('summary').press('Enter')
+        self.plain = self.settled() if plain is None else plain
+        self.shows(self.plain)
+        if not self.group('Vignette').evaluate('group => group.open'):
+            self.group('Vignette').locator('summary').press('Enter')
 
     def group(self, title):
         """Find an effect's part of the panel."""
@@ -65,10 +67,18 @@ class Panel:
         return self.settled()
 
 
+@pytest.fixture(scope='module')
+def plain():
+    """The picture with all defaults, as the first page has it."""
+    return []
+
+
 @pytest.fixture
-def panel(page, served, picture_of, until, quiet):
+def panel(page, served, picture_of, until, quiet, plain):
     quiet.append('405')  # wslink asks whether there is a launcher
-    return Panel(page, served.url, picture_of, until)
+    panel = Panel(page, served.url, picture_of, until, *plain)
+    plain[:] = [panel.plain]
+    return panel
 
 
 def test_a_slider_by_keys(panel):
@@ -171,8 +181,8 @@ def test_python_and_files_of_settings(panel, tmp_path, until):
 
 
 def test_two_pages_agree(panel, served, picture_of, until):
-    other = Panel(panel.page.context.new_page(), served.url, picture_of, until)
-    assert other.plain.shape == panel.plain.shape
+    page = panel.page.context.new_page()
+    other = Panel(page, served.url, picture_of, until, panel.plain)
     panel.control('intensity').press('End')
     panel.changed(panel.plain)
     until(lambda: other.control('intensity', 'textbox').input_value() == '1')

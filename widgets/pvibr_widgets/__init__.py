@@ -1,1 +1,39 @@
-"""Control panels for what pvibr draws: in notebooks, in trame applications and in Qt windows."""
+"""Control panels for what pvibr draws: in notebooks, in trame applications and in Qt windows.
+
+A panel has a row for each setting of whatever is in the plotter, and follows it.
+
+Examples
+--------
+>>> import pvibr_widgets
+>>> pvibr_widgets.Presets().path.name
+'presets.json'
+"""
+
+from __future__ import annotations
+
+import importlib
+
+_EXPORTS = {
+    'Model': 'pvibr_widgets.model',
+    'Presets': 'pvibr_widgets.presets',
+    'menu_item': 'pvibr_widgets.pages',
+    'notebook_panel': 'pvibr_widgets.notebook',
+    'panel': 'pvibr_widgets.choice',
+    'qt_dock': 'pvibr_widgets.qt',
+    'trame_panel': 'pvibr_widgets.pages',
+}
+
+__all__ = [*_EXPORTS]  # noqa: PLE0604, RUF100
+
+
+def __getattr__(name):
+    if name not in _EXPORTS:
+        msg = f'module {__name__!r} has no attribute {name!r}'
+        raise AttributeError(msg)
+    value = getattr(importlib.import_module(_EXPORTS[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__():
+    return sorted({*globals(), *__all__})

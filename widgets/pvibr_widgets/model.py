@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import warnings
 import weakref
@@ -246,7 +247,20 @@ class Model:
     # -- what users do --------------------------------------------------------------------------
 
     def do(self, action, *args):
-        """Do what a control asks for, show what came of it, and draw.
+        """Do what a control asks for, draw, and show what came of it.
+
+        Parameters
+        ----------
+        action : callable
+            See :meth:`act`.
+        *args
+            Its arguments.
+        """
+        self.act(action, *args)
+        self.show()
+
+    def act(self, action, *args):
+        """Do what a control asks for; `show` draws it.
 
         Parameters
         ----------
@@ -256,24 +270,38 @@ class Model:
         *args
             Its arguments.
         """
-        self.message, self._is_doing = '', True
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter('always', PvibrWarning)
-            try:
-                action(*args)
-            except (TypeError, ValueError, OSError, ClosedError) as error:
-                self.message = str(error)
-            self.render()
-        warned = [str(w.message) for w in said if issubclass(w.category, PvibrWarning)]
-        self.message, self._is_doing = self.message or '; '.join(warned), False
+        self.message = ''
+        with self._hearing():
+            action(*args)
+
+    def show(self):
+        """Draw the plotter, unless it is closed, and tell listeners what is shown now."""
+        if self._window is not None:
+            draw = getattr(self.plotter, 'render', None) or self._window.Render
+            with self._hearing():
+                draw()
         self._shown = ()  # what was typed and refused is to be put back too
         self.refresh()
 
-    def render(self):
-        """Draw the plotter, unless it is closed."""
-        if self._window is not None:
-            draw = getattr(self.plotter, 'render', None) or self._window.Render
-            draw()
+    @contextlib.contextmanager
+    def _hearing(self):
+        """Keep what pvibr says as the message; listeners are told afterwards, once."""
+        self._is_doing = True
+        try:
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter('always', PvibrWarning)
+                yield
+        except (TypeError, ValueError, OSError, ClosedError) as error:
+            self.message = str(error)
+        finally:
+            self._is_doing = False
+        for warning in said:
+            if issubclass(warning.category, PvibrWarning):
+                self.message = self.message or str(warning.message)
+            else:
+                warnings.warn_explicit(
+                    warning.message, warning.category, warning.filename, warning.lineno
+                )
 
     def reset(self):
         """Give everything its defaults."""

@@ -1,0 +1,74 @@
+"""The panel that fits where a plotter is looked at."""
+
+from __future__ import annotations
+
+import sys
+
+
+def panel(plotter, **settings):
+    """Return a control panel that fits where this runs.
+
+    Where a trame page is being laid out it is put there, a plotter in a Qt window gets a dock, and
+    in a notebook it is what the cell shows.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+        What is controlled.
+    **settings
+        Of :func:`trame_panel`, :func:`qt_dock` or :func:`notebook_panel`.
+
+    Returns
+    -------
+    object
+        What that function returns.
+
+    Raises
+    ------
+    RuntimeError
+        Where there is none of these.
+    TypeError
+        Where a setting is unknown there.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> panel(pl)
+    Traceback (most recent call last):
+    RuntimeError: no page, Qt window or notebook to put a panel into: call trame_panel, qt_dock ...
+    """
+    if _is_laid_out():
+        from pvibr_widgets.pages import trame_panel
+
+        return trame_panel(plotter, **settings)
+    if hasattr(plotter, 'app_window') or _is_qt_widget(plotter):
+        from pvibr_widgets.qt import qt_dock
+
+        return qt_dock(plotter, **settings)
+    if _is_notebook():
+        from pvibr_widgets.notebook import notebook_panel
+
+        return notebook_panel(plotter, **settings)
+    msg = (
+        'no page, Qt window or notebook to put a panel into: call trame_panel, qt_dock or '
+        'notebook_panel of pvibr_widgets yourself'
+    )
+    raise RuntimeError(msg)
+
+
+def _is_laid_out() -> bool:
+    """Tell whether a page of trame is being laid out: only then elements are open."""
+    core = sys.modules.get('trame_client.widgets.core')
+    return core is not None and bool(core.HTML_CTX.element_stack)
+
+
+def _is_qt_widget(plotter) -> bool:
+    return 'qtpy' in sys.modules and hasattr(plotter, 'windowHandle')
+
+
+def _is_notebook() -> bool:
+    """Tell whether a kernel runs this."""
+    ipython = sys.modules.get('IPython')
+    shell = None if ipython is None else ipython.get_ipython()
+    return shell is not None and hasattr(shell, 'kernel')

@@ -1,0 +1,362 @@
+"""The control panel in pages of trame: applications, and notebooks whose pictures trame sends."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from importlib import resources
+from typing import Any
+
+from pvibr.errors import require
+from pvibr.state_files import to_text
+from pvibr_widgets.model import Group, Model
+from pvibr_widgets.rows import Row
+
+_numbers = itertools.count()
+_QUIET = 0.06  # seconds without a message from the page, after which it is told what is shown
+#: What a page may ask for, and as what its value is taken; None takes none.
+_PAGE_ACTIONS: dict[str, Any] = {'help': bool, 'code': None, 'load': str, 'reset_all': None}
+_GROUP_ACTIONS: dict[str, Any] = {
+    'open': bool, 'switch': bool, 'remove': None, 'apply': str, 'keep': str, 'forget': str,
+}  # fmt: skip
+_ROW_ACTIONS: dict[str, Any] = {
+    'move': int, 'choose': int, 'set': bool, 'derive': bool, 'write': str, 'paint': str,
+    'reset': None,
+}  # fmt: skip
+_METHODS = {'help': 'show_help', 'code': 'show_code'}
+
+
+def trame_panel(plotter, server=None, *, update=None, presets=None):
+    """Put a control panel where a trame page is being laid out.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter or vtkRenderer
+        What is controlled.
+    server : trame.Server, str or None
+        The page's, or its name.
+    update : callable, optional
+        Sends a picture to the page, after each change: where the page's view is none of PyVista's,
+        its ``update``.
+    presets : Presets, optional
+        By default those in the file of whoever runs the server.
+
+    Returns
+    -------
+    PagePanel
+        With the :class:`pvibr_widgets.model.Model` as its ``model``, and the element of the page
+        as its ``element``.
+
+    Raises
+    ------
+    ImportError
+        Where there is no trame.
+
+    Examples
+    --------
+    >>> from trame.app import get_server
+    >>> from trame.ui.vuetify3 import SinglePageLayout
+    >>> import pvibr
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> bloom = pl.ibr.add(pvibr.Bloom())
+    >>> server = get_server('pvibr-example', client_type='vue3')
+    >>> with SinglePageLayout(server) as layout:
+    ...     with layout.content:
+    ...         panel = trame_panel(pl, server)
+    >>> panel.act('write', panel.shown['groups'][0]['id'], 'spread', '0.25')
+    '0.25'
+    >>> bloom.spread
+    0.25
+    >>> pl.close()
+    """
+    return PagePanel(Model(plotter, presets=presets), _server_of(server), update)
+
+
+def menu_item(plotter, *, presets=None):
+    """Return what adds a control panel to the menu that PyVista lays over its pages.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        What is shown and controlled.
+    presets : Presets, optional
+        By default those in the user's own file.
+
+    Returns
+    -------
+    callable
+        For ``plotter_ui(plotter, add_menu_items=...)``, and in notebooks for
+        ``plotter.show(jupyter_kwargs={'add_menu_items': ...})``.
+
+    Raises
+    ------
+    ImportError
+        Where there is no trame.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> add = menu_item(pl)
+    >>> callable(add)
+    True
+    """
+    html = require('trame.widgets.html', 'jupyter', 'Panels in pages')
+    core = require('trame_client.widgets.core', 'jupyter', 'Panels in pages')
+
+    def add(*_args, **_kwargs):
+        server = core.HTML_CTX.element_stack[-1].server
+        shown = f'pvibr_drawer_{next(_numbers)}'
+        server.state[shown] = False
+        html.Button(
+            'pvibr', type='button', click=f'{shown} = !{shown}', style='min-height: 28px',
+            __properties=['aria-expanded'], aria_expanded=(shown,),
+        )  # fmt: skip
+        with html.Div(v_show=(shown,), classes='pvibr-drawer'):
+            html.Button('Close', type='button', click=f'{shown} = false', style='min-height: 28px')
+            trame_panel(plotter, server, presets=presets)
+
+    return add
+
+
+class PagePanel:
+    """A control panel in a page; it shows a variable of the server's state.
+
+    Parameters
+    ----------
+    model : pvibr_widgets.model.Model
+        What is shown.
+    server : trame.Server
+        The page's.
+    update : callable, optional
+        Sends a picture to the page.
+
+    Attributes
+    ----------
+    model : pvibr_widgets.model.Model
+        The same.
+    element : trame element
+        What is in the page.
+    name : str
+        Of the variable.
+    """
+
+    def __init__(self, model, server, update=None):
+        self.model, self._server, self._update = model, server, update
+        self.name = f'pvibr_panel_{next(_numbers)}'
+        self._helps, self._code = False, ''
+        self._draw: Any = None
+        self._push: Any = None
+        self.element = self._laid_out()
+        model.listen(self._changed)
+        self._show()
+
+    def _laid_out(self):
+        html = require('trame.widgets.html', 'jupyter', 'Panels in pages')
+        client = require('trame.widgets.client', 'jupyter', 'Panels in pages')
+        act, save = f'{self.name}_act', f'{self.name}_save'
+        self._server.controller.trigger(act)(self.act)
+        self._server.controller.trigger(save)(self.state_text)
+        text = _text_of('panel.html').partition('-->')[2]
+        for word, name in (('PANEL', self.name), ('ACT', act), ('SAVE', save)):
+            text = text.replace(word, name)
+        with html.Div(text, trame_server=self._server) as element:
+            client.Style(_text_of('panel.css'))
+        return element
+
+    @property
+    def shown(self) -> dict:
+        """What the page shows, as values that JSON keeps."""
+        return {
+            'message': self.model.message,
+            'help': self._helps,
+            'code': self._code,
+            'groups': [_group_shown(group) for group in self.model.groups],
+        }
+
+    def state_text(self) -> str:
+        """Return all settings as the text of a file.
+
+        Returns
+        -------
+        str
+            JSON, as ``pl.ibr.save_state`` writes it.
+        """
+        return to_text('state', self.model.ibr.state())
+
+    # -- what pages ask for -----------------------------------------------------------------------
+
+    def act(self, action, *args) -> str:
+        """Do what a control of a page asks for.
+
+        The picture is drawn a moment later, once for all that was asked for until then.
+
+        Parameters
+        ----------
+        action : str
+            What.
+        *args
+            The group's id, the setting's name, and the value, as far as it needs them. What is
+            not understood is said in the page and does nothing.
+
+        Returns
+        -------
+        str
+            The setting's value as text, empty where it is about none.
+        """
+        target, rest = self._target_of(action, args)
+        if target is None:  # gone meanwhile, or nothing that this page has
+            return ''
+        if isinstance(target, Group) and action == 'open':
+            target.is_open = bool(rest and rest[0])
+            return ''
+        self.model.act(
+            lambda: getattr(target, _METHODS.get(action, action))(*_given(action, rest))
+        )
+        self._draw_later()
+        return target.text if isinstance(target, Row) else ''
+
+    def _target_of(self, action, args):
+        """Return what does an action, and its arguments; None where there is no such thing."""
+        if action in _PAGE_ACTIONS:
+            return self, args
+        group = next((g for g in self.model.groups if args[:1] == (_id_of(g),)), None)
+        if group is None or action in _GROUP_ACTIONS:
+            return group, args[1:]
+        row = next((r for r in group.rows if args[1:2] == (r.name,)), None)
+        return (row if action in _ROW_ACTIONS else None), args[2:]
+
+    def show_help(self, helps):
+        """Show or hide what settings mean.
+
+        Parameters
+        ----------
+        helps : bool
+            Which.
+        """
+        self._helps = helps
+
+    def show_code(self):
+        """Show all of it as Python."""
+        self._code = self.model.code()
+
+    def load(self, text):
+        """Set all settings to those in the text of a file.
+
+        Parameters
+        ----------
+        text : str
+            As `state_text` returns it.
+        """
+        self.model.ibr.load_state_text(text)
+
+    def reset_all(self):
+        """Give everything its defaults."""
+        self.model.reset()
+
+    # -- what is told to pages --------------------------------------------------------------------
+
+    def _draw_later(self):
+        """Draw once for all that comes until then: sliders are faster than pictures."""
+        self._cancel_push()
+        loop = _loop()
+        if loop is None:
+            self._drawn()
+        elif self._draw is None:
+            self._draw = loop.call_later(0.01, self._drawn)
+
+    def _drawn(self):
+        self._draw = None
+        self.model.show()
+        if self._update is not None:
+            self._update()
+
+    def _changed(self, _rebuilt):
+        """Tell the page when it is quiet: a slider that is being moved must not be put back."""
+        self._cancel_push()
+        loop = _loop()
+        if loop is None:
+            self._show()
+        else:
+            self._push = loop.call_later(_QUIET, self._show)
+
+    def _cancel_push(self):
+        if self._push is not None:
+            self._push.cancel()
+            self._push = None
+
+    def _show(self):
+        self._push = None
+        with self._server.state as state:
+            state[self.name] = self.shown
+
+    def close(self):
+        """Follow the plotter no more. Calling it again is fine."""
+        self.model.close()
+        self._cancel_push()
+        if self._draw is not None:
+            self._draw.cancel()
+            self._draw = None
+
+
+def _given(action, values):
+    """Return arguments of an action as it takes them, from what a page sent."""
+    convert = _PAGE_ACTIONS.get(action) or _GROUP_ACTIONS.get(action) or _ROW_ACTIONS.get(action)
+    if convert is None:
+        return ()
+    if len(values) != 1 or not isinstance(values[0], (str, bool, int, float)):
+        msg = f'{action} {values!r:.60}: must have one value'
+        raise ValueError(msg)
+    return (convert(values[0]),)
+
+
+def _group_shown(group) -> dict:
+    try:
+        presets, why = group.presets, group.why
+    except (OSError, ValueError) as error:
+        presets, why = [], str(error)
+    return {
+        'id': _id_of(group),
+        'title': group.title,
+        'enabled': group.enabled,
+        'why': why,
+        'open': group.is_open,
+        'presets': presets,
+        'rows': [_row_shown(row) for row in group.rows],
+    }
+
+
+def _row_shown(row) -> dict:
+    shown = {n: getattr(row, n) for n in ('name', 'kind', 'label', 'help', 'text', 'error')}
+    shown |= {'optional': row.optional, 'derived': row.derived}
+    if row.kind == 'number':
+        shown |= {'last': row.scale.last, 'stop': row.stop}
+    elif row.kind == 'choice':
+        shown |= {'choices': row.choices, 'choice': row.choice}
+    elif row.kind == 'color':
+        shown['color'] = row.color
+    elif row.kind == 'switch':
+        shown['value'] = bool(row.value)
+    return shown
+
+
+def _id_of(group) -> str:
+    """Return a name of a group that no other one gets while it is there."""
+    return f'{group.key}_{id(group.thing)}'
+
+
+def _text_of(name) -> str:
+    return resources.files('pvibr_widgets').joinpath(name).read_text(encoding='utf-8')
+
+
+def _loop():
+    try:
+        return asyncio.get_running_loop()
+    except RuntimeError:
+        return None
+
+
+def _server_of(server):
+    app = require('trame.app', 'jupyter', 'Panels in pages')
+    return app.get_server(server) if server is None or isinstance(server, str) else server
