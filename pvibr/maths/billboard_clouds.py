@@ -16,6 +16,7 @@ _CHUNK = 1 << 20  # numbers in an array of a block: what stays in the cache is f
 _MISSING = 1.0  # votes against a plane by what it just misses, over votes for it
 _CORE, _CENTRED = 0.3, 0.5  # of the bound: what is as near as this has so many votes more
 _FLAT = 1e-2  # of its area: what a triangle counts that stands on a plane
+_FINEST = 1e-4  # of half the diagonal: a smaller bound would need too many bins of votes
 _SMALL = 1e-9  # of epsilon: what rounding may add to a distance
 _ROUNDS = 3  # of finding the best plane for each triangle and the best fit of each plane
 
@@ -104,7 +105,8 @@ def greedy_planes(points, faces, epsilon) -> Planes:
     Raises
     ------
     ValueError
-        Where epsilon is not positive, or there is no triangle.
+        Where epsilon is not positive or below 1/10 000 of half the diagonal of the bounding box,
+        or there is no triangle.
 
     Examples
     --------
@@ -119,7 +121,10 @@ def greedy_planes(points, faces, epsilon) -> Planes:
         msg = f'epsilon is {epsilon!r}; it must be a finite length above 0.'
         raise ValueError(msg)
     low, high = points.min(0), points.max(0)
-    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 or 1.0
+    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 or float(epsilon)
+    if epsilon < _FINEST * radius:
+        msg = f'epsilon is {epsilon!r}; for this mesh it must be {_FINEST * radius:.3g} at least.'
+        raise ValueError(msg)
     surface = _Surface((points - center) / radius, faces)
     bound = float(epsilon) / radius * (1 - _SMALL)
     normals, offsets = _Greedy(surface, bound).planes()

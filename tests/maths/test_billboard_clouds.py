@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 import pyvista as pv
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from pvibr.actors.parts import as_parts
 from pvibr.maths.billboard_clouds import Planes, greedy_planes, kmeans_planes
 from pvibr.maths.packing import largest_scale, shelves
 
@@ -29,6 +32,29 @@ def test_every_corner_is_within_the_bound(name, share):
     assert planes.displacements(points, faces).max() <= epsilon
     assert np.allclose(np.linalg.norm(planes.normals, axis=1), 1)
     assert set(planes.owner) == set(range(len(planes)))
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.2), st.sampled_from([1, 20, 200]))
+def test_every_corner_of_any_triangles_is_within_the_bound(seed, share, count):
+    rng = np.random.default_rng(seed)
+    sizes = rng.choice([1e-3, 0.05, 1.0], (count, 1, 1))
+    flat = rng.choice([0.0, 1.0], (count, 1, 3), p=[0.3, 0.7])  # walls, lines and points too
+    points = rng.normal(size=(count, 1, 3)) + sizes * flat * rng.normal(size=(count, 3, 3))
+    points, faces = points.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
+    epsilon = share * np.linalg.norm(np.ptp(points, axis=0)) + 1e-9
+    planes = greedy_planes(points, faces, epsilon)
+    assert planes.displacements(points, faces).max() <= epsilon
+
+
+@pytest.mark.data
+@pytest.mark.parametrize('share', [0.01, 0.02, 0.04])
+def test_every_corner_of_a_building_is_within_the_bound(share, data_dir):
+    (part,) = as_parts(data_dir / 'meshes/city/building_H.gltf')
+    points, faces = triangles(part.mesh)
+    epsilon = share * np.linalg.norm(np.ptp(points, axis=0))
+    planes = greedy_planes(points, faces, epsilon)
+    assert planes.displacements(points, faces).max() <= epsilon
 
 
 @pytest.mark.parametrize('scale', [1e-9, 1e9])
@@ -89,6 +115,8 @@ def test_what_cannot_be_is_refused():
     points, faces = triangles(MESHES['box'])
     with pytest.raises(ValueError, match='planes'):
         kmeans_planes(points, faces, 0)
+    with pytest.raises(ValueError, match='epsilon is 1e-06'):
+        greedy_planes(points, faces, 1e-6)
     with pytest.raises(ValueError, match='no triangle'):
         kmeans_planes(points, faces[:0], 3)
 
