@@ -131,6 +131,9 @@ def test_choices_and_colours(lamp):
     mode = row(lamp, 'mode')
     mode.choose(2)
     assert (lamp.mode, mode.choice) == ('', 2)
+    for index in (-1, 3):
+        assert not mode.choose(index)
+    assert lamp.mode == ''
     tint = row(lamp, 'tint')
     tint.paint(tint.color)
     assert lamp.tint == (1.0, 0.5, 0.0)

@@ -187,6 +187,8 @@ class Row:
         bool
             As :meth:`set`.
         """
+        if not 0 <= index < len(self.choices):
+            return self.set(index)  # which is none of them
         return self.set(self.param.choices[index])
 
     def paint(self, color) -> bool:
