@@ -48,6 +48,10 @@ class Leaves:
         ends = np.cumsum([len(actors), *(len(group.blocks) for group in sets)]).tolist()
         self._ranges = [range(a, b) for a, b in pairwise(ends)]
         self._own = [actor.GetMTime for actor in actors]
+        # It tells the latest of all their times at once; it draws nothing.
+        self._actors = _vtk.vtkPropAssembly()
+        for actor in actors:
+            self._actors.AddPart(actor)
         self._off = [actor.VisibilityOff for actor in actors]
         self._on = [actor.VisibilityOn for actor in actors]
         self._pipelines: list = []
@@ -64,11 +68,11 @@ class Leaves:
         """Take over what changed since last asked, and return which did."""
         for pipeline in self._pipelines:
             pipeline.Update()
-        own = np.array([clock() for clock in self._own])
-        rest = np.array([clock() for clock in self._clocks], own.dtype)
-        late = np.flatnonzero(own > max(self._seen.GetMTime(), self._shown.GetMTime()))
-        later = self._owners[rest > self._seen.GetMTime()]
-        changed = sorted({*late.tolist(), *later.tolist()})
+        mark = max(self._seen.GetMTime(), self._shown.GetMTime())
+        late = self._actors.GetMTime() > mark
+        own = [i for i, clock in enumerate(self._own) if clock() > mark] if late else []
+        rest = np.array([clock() for clock in self._clocks], np.int64)
+        changed = sorted({*own, *self._owners[rest > self._seen.GetMTime()].tolist()})
         for i in changed:
             self.sources[i].update(self._dops)
         if changed:
