@@ -100,26 +100,34 @@ void main()
 }
 
 //@soften
-// A Gaussian along one axis of colour times coverage, and of depth times coverage.
+// A Gaussian along one axis of colour times coverage, and of depth times coverage. Its weights
+// come from each other: Turkowski, "Incremental Computation of the Gaussian", GPU Gems 3, 2007.
 uniform sampler2D picture;
-uniform sampler2D deep;           // depth, or depth times coverage
+uniform sampler2D deep;           // depth; then depth times coverage, and coverage in full
 uniform vec2 axis;                // a texel
 uniform float sigma;              // texels
 uniform int last;                 // whether depth itself goes out
 void main()
 {
   vec4 sum = vec4(0.0);
-  float depth = 0.0, total = 0.0;
+  vec2 depth = vec2(0.0);
+  float total = 0.0;
+  float weight = 1.0, step = exp(-0.5 / (sigma * sigma)), faster = step * step;
   int reach = int(ceil(3.0 * sigma));
-  for (int k = -reach; k <= reach; ++k)
+  for (int k = 0; k <= reach; ++k)
   {
-    float weight = exp(-0.5 * float(k * k) / (sigma * sigma));
-    vec4 color = texture(picture, uv + float(k) * axis);
-    float d = texture(deep, uv + float(k) * axis).r;
-    sum += weight * color;
-    depth += weight * (last == 1 ? d : d * color.a);
-    total += weight;
+    for (int side = k == 0 ? 1 : -1; side <= 1; side += 2)
+    {
+      vec2 at = uv + float(side * k) * axis;
+      vec4 color = texture(picture, at);
+      vec2 d = texture(deep, at).rg;
+      sum += weight * color;
+      depth += weight * (last == 1 ? d : vec2(d.r, 1.0) * color.a);
+      total += weight;
+    }
+    weight *= step;
+    step *= faster;
   }
   gl_FragData[0] = sum / total;
-  gl_FragData[1] = vec4(last == 1 ? depth / max(sum.a, 1e-6) : depth / total);
+  gl_FragData[1] = vec4(last == 1 ? vec2(depth.r / max(depth.g, 1e-30)) : depth / total, 0.0, 1.0);
 }

@@ -138,10 +138,10 @@ class Layer:
             self.state = 'out of view'
             return
         self.frames += 1
-        if self._rests:
+        if self._rests and not settings.blur:
             self._rests -= 1
             return
-        if now.owner.refuse and self._is_dear():
+        if now.owner.refuse and not settings.blur and self._is_dear():
             self._rest()
             return
         self.why = self._stale(now)

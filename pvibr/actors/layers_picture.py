@@ -28,7 +28,7 @@ GROWN, SHRUNK = 1.25, 0.5
 PIXEL = 1e-8
 #: Blocks of a picture along its longer side; each gives two characteristic points.
 BLOCKS = 64
-_SIGMAS, _WIDEST = 3.0, 6.0  # of a Gaussian: where it ends, and texels that are blurred at most
+_SIGMAS, _WIDEST = 3.0, 3.0  # of a Gaussian: where it ends, and texels that are blurred at most
 _BLEND, _ALPHA, _REST, _ONE = 0x0BE2, 0x0302, 0x0303, 1  # GL enums
 _TEXTS = sections(shader_source(__file__, 'layers'))
 
@@ -348,7 +348,7 @@ class LayerPicture:
 
     def _soften(self, window):
         """Blur colour and depth."""
-        formats = (self.settings.format, 'r32f')
+        formats = (self.settings.format, 'rg32f')
         old = self._soft or [None, None]
         self._soft = [self._sized(target, window, formats) for target in old]
         quad = self._quad(window, 'soften')

@@ -431,6 +431,8 @@ def test_a_blurred_layer_is_soft_and_the_others_are_sharp():
     assert np.abs(sharp - soft)[away > 14].max() <= 8
     # What leaves the ball is beside it, but for what the ground hides.
     assert sharp[away < 12].mean() == pytest.approx(soft[away < 12].mean(), abs=8)
+    steps = np.abs(np.diff(soft, axis=1))[(away < 14)[:, 1:]]  # no edge is left, nor noise
+    assert steps.max() < 60
     scene.layers.blur = 40.0
     _, flat = scene.pictures()
     assert np.isfinite(flat).all()
