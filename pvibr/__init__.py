@@ -80,6 +80,7 @@ _EXPORTS = {
     'Track': 'pvibr.animation.clip',
     'Vignette': 'pvibr.effects.screen',
     'attach': 'pvibr.component',
+    'deterministic': 'pvibr.determinism',
     'joint_mask': 'pvibr.animation.blending',
     'outline': 'pvibr.outlines',
     'plant_levels': 'pvibr.actors.scatter_levels',

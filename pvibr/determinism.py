@@ -1,0 +1,89 @@
+"""Pictures that do not depend on how fast the machine is."""
+
+from __future__ import annotations
+
+from contextlib import ContextDecorator
+from time import perf_counter
+
+#: What two pictures may differ by, as pytest-pyvista counts it (``error_value``): on the machine
+#: and driver that made the first one, on other machines with that driver, with another driver.
+THRESHOLDS = {'same machine': 0.0, 'same driver': 10.0, 'other driver': 200.0}
+
+_on = False
+
+
+class deterministic(ContextDecorator):
+    """Draw the same bits in every run: nothing depends on time that was measured.
+
+    For pictures that are compared with earlier ones. While it is on,
+
+    - no frame is of less quality because the view moves (``pl.ibr.moving_ms`` is 0);
+    - what is drawn as an image and what as a mesh is chosen by costs that are written down, not
+      by those of this machine, and budgets in milliseconds have no end;
+    - ``pl.ibr.play()`` goes on by a sixtieth of a second at each look at the clock.
+
+    Seeds and dithers are always fixed. The same bits come from the same driver on the same
+    machine; what others may differ by, see ``docs/regression.md``.
+
+    Parameters
+    ----------
+    on : bool
+        Whether it is on from now on: at once, and until the end of a ``with`` block.
+
+    Examples
+    --------
+    For a whole program or, in ``conftest.py``, for all tests:
+
+    >>> import pvibr
+    >>> _ = pvibr.deterministic()
+
+    For a block, or for a function as ``@pvibr.deterministic()``; and off again:
+
+    >>> with pvibr.deterministic(False):
+    ...     pass
+    >>> _ = pvibr.deterministic(False)
+    """
+
+    def __init__(self, on=True):
+        if not isinstance(on, bool):
+            msg = f'on = {on!r}: must be True or False'
+            raise TypeError(msg)
+        global _on
+        self._wanted, self._before = on, [_on]
+        _on = on
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        global _on
+        _on = self._before[0]
+
+
+def is_deterministic() -> bool:
+    """Tell whether nothing may depend on time that is measured.
+
+    Returns
+    -------
+    bool
+        As :class:`deterministic` said last.
+    """
+    return _on
+
+
+def elapsed(start, nominal) -> float:
+    """Return the seconds since a moment, for who chooses by them.
+
+    Parameters
+    ----------
+    start : float
+        Of ``time.perf_counter()``.
+    nominal : float
+        Seconds that are said where nothing may depend on what is measured.
+
+    Returns
+    -------
+    float
+        Seconds.
+    """
+    return nominal if _on else perf_counter() - start
