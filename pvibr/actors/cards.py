@@ -158,7 +158,7 @@ def card_mesh(count, corners, bounds):
     count : int
         Cards.
     corners : int
-        Vertices of each: 1, or those of a convex polygon.
+        1 or 4 vertices each.
     bounds : array_like of 6 float
         World bounds of what they show: VTK leaves out actors whose bounds are out of view.
 
@@ -170,8 +170,7 @@ def card_mesh(count, corners, bounds):
     low, high = np.asarray(bounds, float).reshape(3, 2).T
     points = np.empty((count * corners, 3))
     points[0::2], points[1::2] = low, high
-    fan = [[0, k, k + 1] for k in range(1, corners - 1)]
-    cell = np.array([0]) if corners == 1 else np.ravel(fan)
+    cell = np.array([0]) if corners == 1 else np.array([0, 1, 2, 0, 2, 3])
     cells = (np.arange(count)[:, None] * corners + cell).astype(np.int32).ravel()
     mesh = _vtk.vtkPolyData()
     vertices = _vtk.vtkPoints()

@@ -1,10 +1,10 @@
-// Impostors: an octagon for each image in a pool of tiles, with the depth of what it shows.
+// Impostors: one quad for each image in a pool of tiles, with the depth of what it shows.
 // The vertex shader lays the card where its image was taken; the fragment shader finds the place
 // in the world that the texel shows, hands its colour, normal and material to VTK's own lighting
 // and writes its depth, so that what interpenetrates does so on cards, too.
 // Sources: Schaufler, "Dynamically Generated Impostors", GI Workshop 1995; "Nailboards: A
 // Rendering Primitive for Image Caching in Dynamic Scenes", EGWR 1997.
-// Spaces: eye = VTK's VC. A card has 6 texels of ibr_cards, see ImpostorCards.
+// Spaces: eye = VTK's VC. A card has 5 texels of ibr_cards, see ImpostorCards.
 // Defines: MATERIALS 1 where there are several.
 
 //@vertex.declare
@@ -19,10 +19,10 @@ out vec4 vertexVCVSOutput;
 
 //@vertex.position
   {
-    int card = gl_VertexID / 8;
-    int corner = gl_VertexID % 8 / 2;
+    int card = gl_VertexID / 4;
+    int corner = gl_VertexID % 4;
     bool live = card < ibr_count;
-    ivec2 at = live ? ivec2(card % 128 * 6, card / 128) : ivec2(0);
+    ivec2 at = live ? ivec2(card % 128 * 5, card / 128) : ivec2(0);
     vec4 origin = texelFetch(ibr_cards, at, 0);
     vec4 right = texelFetch(ibr_cards, at + ivec2(1, 0), 0);
     vec4 up = texelFetch(ibr_cards, at + ivec2(2, 0), 0);
@@ -30,12 +30,6 @@ out vec4 vertexVCVSOutput;
     ibr_rect = texelFetch(ibr_cards, at + ivec2(4, 0), 0);
     ibr_planes = vec3(right.w, up.w, origin.w);
     vec2 q = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
-    // Each corner is cut off: two vertices on the sides that meet there, in turn.
-    float cut = texelFetch(ibr_cards, at + ivec2(5, 0), 0)[corner];
-    bool is_upward = corner % 2 == gl_VertexID % 2;
-    vec2 inward = (1.0 - 2.0 * q) * cut;
-    if (is_upward) { q.y += inward.y / length(up.xyz); }
-    else { q.x += inward.x / length(right.xyz); }
     ibr_uv = q * ibr_rect.zw;
     vertexVCVSOutput = vec4(origin.xyz + q.x * right.xyz + q.y * up.xyz, 1.0);
     gl_Position = ibr_clip_from_eye * vertexVCVSOutput;

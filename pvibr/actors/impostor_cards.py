@@ -13,7 +13,7 @@ from pvibr.actors.cards import DULL, card_mesh
 from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 
-_ROW, _TEXELS, _CORNERS = 128, 6, 8  # cards of a row of the table, texels of a card
+_ROW, _TEXELS = 128, 5  # cards of a row of the table, texels of a card
 
 
 def card_feature(*, depth, shiny, several) -> Feature:
@@ -107,7 +107,7 @@ class ImpostorCards:
             low, high = bounds[::2], bounds[1::2]
         self._room = max(self._room, count)
         self._bounds = np.stack([low, high], 1).ravel()
-        self.mapper.SetInputData(card_mesh(self._room, _CORNERS, self._bounds))
+        self.mapper.SetInputData(card_mesh(self._room, 4, self._bounds))
 
     def wear(self, *, depth, materials):
         """Have the shader that is asked for, and its materials.
@@ -137,10 +137,10 @@ class ImpostorCards:
         ----------
         frame : pvibr.frame.Frame
             The frame about to be drawn.
-        rows : numpy.ndarray, shape (n, 6, 4)
+        rows : numpy.ndarray, shape (n, 5, 4)
             Of each card, in view space: corner and the distance of the image's eye; right side
             and near; upper side and far; that eye, or the direction of sight, and whether it is
-            one; corner in the pool and sides, in texels; what is cut off its corners.
+            one; corner in the pool and sides, in texels.
         pool : TilePool
             With the images.
         """

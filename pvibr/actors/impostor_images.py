@@ -14,7 +14,7 @@ from pvibr.maths.impostors import Card, card_view, displacement, stretch_of
 RESERVE = 1.15
 #: An image is drawn again where this many of its texels or more fall on a pixel, along a side.
 FINEST = 4.0
-_SHAPES: tuple = ((3,), (3,), (3, 3), (2,), (2,), (4,), (), ())  # of a card's fields
+_SHAPES: tuple = ((3,), (3,), (3, 3), (2,), (2,), (), ())  # of a card's fields
 
 
 class Images:
@@ -222,7 +222,7 @@ class Images:
         right, up, back = (card.axes[:, k] @ turn.T for k in range(3))
         wide, high = (card.high - card.low).T
         parallel = self.parallel[views]
-        rows = np.zeros((len(views), 6, 4))
+        rows = np.zeros((len(views), 5, 4))
         rows[:, 0, :3] = middle + card.low[:, :1] * right + card.low[:, 1:] * up
         rows[:, 0, 3] = np.where(parallel, self.planes[views].mean(1), card.away)
         rows[:, 1, :3], rows[:, 2, :3] = wide[:, None] * right, high[:, None] * up
@@ -230,7 +230,6 @@ class Images:
         rows[:, 3, :3] = np.where(parallel[:, None], -back, middle + card.eye @ turn.T)
         rows[:, 3, 3] = parallel
         rows[:, 4, :2], rows[:, 4, 2:] = self.tile[views, :2], self.size[views]
-        rows[:, 5] = card.cut
         return rows
 
     @property

@@ -41,9 +41,6 @@ class Card(NamedTuple):
         Rows right, up and toward the eye; orthonormal.
     low, high : numpy.ndarray, shape (n, 2)
         The rectangle along right and up, from `center`.
-    cut : numpy.ndarray, shape (n, 4)
-        How far from its corners, along both sides, the object begins: of the lower left one, and
-        on counter-clockwise.
     away : numpy.ndarray, shape (n,)
         Distance of the eye from the card; 1 in a parallel view.
     depth : numpy.ndarray, shape (n,)
@@ -55,7 +52,6 @@ class Card(NamedTuple):
     axes: np.ndarray
     low: np.ndarray
     high: np.ndarray
-    cut: np.ndarray
     away: np.ndarray
     depth: np.ndarray
 
@@ -182,17 +178,7 @@ def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:
         away = np.ones_like(away)
     sides = np.stack([x, y], -1)
     depth = np.minimum(np.abs(z).max(1), radius)
-    low, high = sides.min(1), sides.max(1)
-    return Card(center, out, axes, low, high, _cut(sides, low, high), away, depth)
-
-
-def _cut(sides, low, high):
-    found = []
-    for wide, tall in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-        along = np.array([wide, tall])
-        corner = np.where(along > 0, high, low) @ along
-        found.append(corner - (sides @ along).max(1))
-    return np.maximum(np.stack(found, 1), 0.0)
+    return Card(center, out, axes, sides.min(1), sides.max(1), away, depth)
 
 
 def _facing(back, up):

@@ -44,23 +44,6 @@ def test_the_rectangle_is_the_smallest_that_holds_the_box(toward):
         assert np.abs(seen[:, 2]).max() <= 1
 
 
-@pytest.mark.parametrize('toward', [None, np.array([0.6, 0.0, 0.8])])
-def test_no_corner_is_cut_too_deep(toward):
-    center, half, radius = boxes(20)
-    eye = np.array([30.0, -20.0, 10.0])
-    card = fit_cards(center, box_corners(half), radius, eye, [0, 0, 1], toward)
-    points = box_corners(half)
-    x, y, z = np.moveaxis(np.einsum('nij,nkj->nki', card.axes, points), -1, 0)
-    scale = 1.0 if toward is not None else card.away[:, None] / (card.away[:, None] - z)
-    places = np.stack([x * scale, y * scale], -1)
-    ends = card.low, card.high
-    for k, (right, top) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
-        corner = np.stack([ends[right][:, 0], ends[top][:, 1]], 1)
-        away = np.abs(places - corner[:, None]).sum(2).min(1)
-        assert away == pytest.approx(card.cut[:, k], abs=1e-12)
-    assert (card.cut > 0).any(1).all()
-
-
 @pytest.mark.parametrize('offset', [0.0, 1e6])
 def test_no_point_of_the_box_is_displaced_by_more_than_is_said(offset):
     center, half, radius = boxes(30, offset)
