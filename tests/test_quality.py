@@ -249,17 +249,29 @@ def busy(pl):
     pl.camera_position = [(6, -8, 5), (0, 0, 0), (0, 0, 1)]
 
 
-def test_at_rest_every_bit_is_as_before(slow):
+BESIDE = {
+    'nothing': lambda pl: None,
+    'SSAO': lambda pl: pl.enable_ssao(),
+    'EDL': lambda pl: pl.enable_eye_dome_lighting(),
+    'peeling': lambda pl: pl.enable_depth_peeling(),
+    'SSAA': lambda pl: pl.enable_anti_aliasing('ssaa'),
+    'glass': lambda pl: pl.add_mesh(pv.Sphere(center=(-2, 0, 1)), opacity=0.5),
+}
+
+
+@pytest.mark.parametrize('beside', BESIDE)
+def test_at_rest_every_bit_is_as_before(slow, beside):
     pl = stage()
     busy(pl)
+    BESIDE[beside](pl)
     pl.show(auto_close=False)
     pl.render()
     before = picture(pl)
-    camera = pl.camera_position
+    camera = _vtk.vtkCamera()
+    camera.DeepCopy(pl.camera)
     drag(pl)
     assert pl.ibr._pace.lowered
-    pl.camera_position = camera
-    pl.renderer.ResetCameraClippingRange()
+    pl.camera.DeepCopy(camera)
     pl.render_window.Render()
     less = picture(pl)
     assert abs(less.astype(int) - before).mean() > 0.1
