@@ -365,7 +365,7 @@ class IBRComponent:
             Draw at once.
         **settings
             See :class:`pvibr.Layers`: ``max_error``, ``max_shade``, ``warp``, ``overscan``,
-            ``resolution``, ``blur``, ``count``, ``budget_ms``, ``refuse``.
+            ``resolution``, ``blur``, ``count``, ``budget_ms``, ``memory``, ``refuse``.
 
         Returns
         -------

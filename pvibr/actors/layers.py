@@ -11,6 +11,7 @@ from pvibr.actors.layers_layer import Layer, Now, around
 from pvibr.actors.layers_members import Lighting, Member
 from pvibr.actors.layers_picture import Settings
 from pvibr.casters import Casters, Surfaces, address
+from pvibr.determinism import is_deterministic
 from pvibr.effect import Effect
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.scene_pass import is_marker
@@ -90,6 +91,10 @@ class Layers(Effect):
     budget_ms = Param(
         None, 'What may be taken again in a frame, the worst first; None for all that is wrong.',
         range='[0, inf)', unit='ms', kind=float,
+    )  # fmt: skip
+    memory = Param(
+        2**29, 'What pictures may take; their resolution is less where it is short.',
+        range='[65536, inf)', unit='bytes',
     )  # fmt: skip
     refuse = Param(True, 'Whether what is cheaper drawn by VTK is left to it, as measured here.')
 
@@ -309,7 +314,9 @@ class Layers(Effect):
             if keys == fit.keys() and count == self.count and went <= room:
                 return
         numbers, away = _numbers(frame, [m.bounds for m in fit.values()], self.count)
-        self._split = set(fit), self.count, frame.eye, _NEAR * min(away, default=0.0)
+        # What reaches over all has its middle anywhere.
+        room = min((a for a, n in zip(away, numbers, strict=True) if n < self.count), default=0.0)
+        self._split = set(fit), self.count, frame.eye, _NEAR * room
         groups: dict[int, list] = {}
         for number, member in zip(numbers, fit.values(), strict=True):
             groups.setdefault(number, []).append(member)
@@ -345,7 +352,8 @@ class Layers(Effect):
             v[min(k, len(v) - 1)] if v else d for v, d in zip(values, (smooth, 0.0), strict=True)
         )
         wide = any(e.enabled and e.high_range for e in self.pipeline.effects)
-        return Settings(resolution, blur, self.overscan, 'rgba16f' if wide else 'rgba8')
+        share = self.memory / len(self._layers)
+        return Settings(resolution, blur, self.overscan, 'rgba16f' if wide else 'rgba8', share)
 
     def _scene(self) -> tuple[list, tuple]:
         """Return the effects that the look of surfaces depends on, and when they changed."""
@@ -370,7 +378,8 @@ class Layers(Effect):
         """Take the pictures that do not serve, the worst first, within the budget."""
         wrong = [k for k in self._layers if k.wrong]
         wrong.sort(key=lambda k: -k.residual)
-        left = np.inf if self.budget_ms is None else self.budget_ms / 1e3
+        endless = self.budget_ms is None or is_deterministic()
+        left = np.inf if endless else self.budget_ms / 1e3
         taken = 0
         self._taking = True  # who draws shadows meanwhile has all things prepared again
         try:

@@ -29,6 +29,7 @@ PIXEL = 1e-8
 #: Blocks of a picture along its longer side; each gives two characteristic points.
 BLOCKS = 64
 _SIGMAS, _WIDEST = 3.0, 3.0  # of a Gaussian: where it ends, and texels that are blurred at most
+_TEXEL_BYTES = 16  # colour, depth, and depth to be filtered; more where colours are floats
 _BLEND, _ALPHA, _REST, _ONE = 0x0BE2, 0x0302, 0x0303, 1  # GL enums
 _TEXTS = sections(shader_source(__file__, 'layers'))
 
@@ -46,12 +47,15 @@ class Settings(NamedTuple):
         What it shows beyond each side of the screen, as a share of that.
     format : str
         Of its colours.
+    memory : float
+        Bytes that it may take.
     """
 
     resolution: float
     blur: float
     overscan: float
     format: str
+    memory: float
 
 
 class Fit(NamedTuple):
@@ -278,6 +282,7 @@ class LayerPicture:
         if settings.blur:
             scale = min(scale, _WIDEST / settings.blur)
         scale = min(scale, 0.999 * texture_limit(frame.window) / (last - first).max())
+        scale = min(scale, (settings.memory / _TEXEL_BYTES / np.prod(last - first)) ** 0.5)
         self.texels = np.ceil((last - first) * scale).astype(int).tolist()
         self.scale = scale
         last = first + np.array(self.texels) / scale

@@ -450,6 +450,14 @@ def test_coarse_layers_have_few_texels():
     assert scene.told('texels')[2][0] <= 0.51 * fine.told('texels')[2][0]
 
 
+def test_little_memory_is_kept():
+    scene = Scene(memory=2**19)
+    plain, drawn = scene.pictures()
+    assert scene.layers.report()['bytes'] < 2**19
+    assert np.abs(plain - drawn).mean() < 3
+    assert displaced(plain, drawn, 90) <= 3
+
+
 def test_a_budget_takes_the_worst_first_and_the_rest_later():
     scene = Scene(budget_ms=0.0)
     counts = []
