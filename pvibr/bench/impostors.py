@@ -322,7 +322,7 @@ def _meeting(settings, images, samples):
 def _linear(stage):
     near, far = stage.renderer.GetActiveCamera().GetClippingRange()
     depth = stage.depth().astype(float)
-    return np.where(depth < 1, near * far / (far - depth * (far - near)), np.inf)
+    return np.where(depth < 1, near * far / (far - depth * (far - near)), 0.0)
 
 
 def _hierarchy(settings, results):
