@@ -20,10 +20,11 @@ bool ibr_place(int i, vec3 origin, out IbrCard card)
   ibr_middle = vec4(c, r);
   ibr_axis = vec4(u, axis.w);
   card.front = c.z + 0.667 * item.w;
+  card.back = c.z - axis.w * abs(u.z) - r;
   card.dot_sized = item.w + axis.w < least;
   card.way = vec2(1.0, 0.0);
   if (item.w <= 0.0 || (CAPS != 2 && axis.w <= 0.0)) return false;
-  if (c.z - axis.w * abs(u.z) - r >= -ibr_near) return false;
+  if (card.back >= -ibr_near) return false;
   vec3 a = c - axis.w * u, b = c + axis.w * u;
 #if CORNERS == 4
   vec2 run = b.xy - a.xy;

@@ -78,6 +78,7 @@ bool ibr_place(int i, vec3 origin, out IbrCard card)
   for (int k = 0; k < 3; k++) ibr_scaled[k] = m[k] / (radii[k] * radii[k]);
   ibr_centre = c;
   card.front = c.z + 0.667 / length(vec3(ibr_scaled[0].z, ibr_scaled[1].z, ibr_scaled[2].z));
+  card.back = c.z - max(reach, length(vec3(m[0].z, m[1].z, m[2].z)));
   return c.z - reach < -ibr_near;
 }
 

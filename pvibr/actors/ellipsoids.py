@@ -54,7 +54,7 @@ class Ellipsoids(Quadrics):
     """
 
     _title = 'Ellipsoids'
-    shape = Shape('ellipsoids', texels=3, largest_point=12.0)
+    shape = Shape('ellipsoids', texels=3, largest_point=12.0, fill=0.4)
 
     def __init__(self, centers, radii=0.5, orientations=None, **looks):
         self._centers = as_points(centers)

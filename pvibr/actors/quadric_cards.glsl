@@ -10,6 +10,8 @@
 // double precision.
 // CORNERS is 4, or 1 for point sprites. DEPTH is 1 where each pixel has its own: then drivers light
 // also what is hidden. The others, a few pixels large, are as deep as the mean of their front.
+// HIDES is 1 where only depth is drawn, to find what is hidden: nowhere more than will be covered,
+// by samples anywhere in a pixel too, and not nearer.
 // ibr_first, the first slot of a draw, and ibr_end, the entry after its last, are an actor's custom
 // uniforms: VTK declares them.
 
@@ -35,6 +37,7 @@ struct IbrCard
   vec4 bounds;     // low and high along `way`, low and high across it, slopes or parallel x and y
   vec2 way;        // of length 1; (1, 0) for point sprites
   float front;     // z of the whole where pixels have none of their own
+  float back;      // the least z
   bool dot_sized;  // smaller than a pixel
 };
 
@@ -95,18 +98,22 @@ vec2 ibr_ndc(vec2 p, vec2 way)
       if (card.dot_sized) ibr_look.a = -ibr_look.a;
       vec2 middle = ibr_ndc(0.5 * (card.bounds.xz + card.bounds.yw), card.way);
       vec2 pixel = floor((0.5 * middle + 0.5) * ibr_size);
+      vec2 zw = ibr_zw_from_z.xz * (HIDES == 1 ? card.back : card.front) + ibr_zw_from_z.yw;
+      float z = DEPTH == 1 ? 0.0 : zw.x / zw.y;
 #if CORNERS == 1
-      vec2 zw = ibr_zw_from_z.xz * card.front + ibr_zw_from_z.yw;
       if (card.dot_sized) middle = (pixel + 0.5) / ibr_size * 2.0 - 1.0;
-      gl_Position = vec4(middle, DEPTH == 1 ? 0.0 : zw.x / zw.y, 1.0);
+      gl_Position = vec4(middle, z, 1.0);
       vec2 side = (card.bounds.yw - card.bounds.xz) * ibr_ndc_from_slope.xy * ibr_size * 0.5;
-      gl_PointSize = card.dot_sized ? 1.0 : max(side.x, side.y) + 0.1;
+      gl_PointSize = card.dot_sized ? 1.0 : max(side.x, side.y) + (HIDES == 1 ? -0.9 : 0.1);
 #else
       int corner = gl_VertexID % 4;
       vec2 unit = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
       // A little larger, and not far beyond the picture.
       vec2 scale = 1.0 / ibr_ndc_from_slope.xy, across = vec2(-card.way.y, card.way.x);
       vec2 margin = vec2(-0.1, 0.1) * scale.y / ibr_size.y;
+#if HIDES == 1
+      margin *= -9.0;
+#endif
       vec2 reach = 1.1 * vec2(dot(abs(card.way), scale), dot(abs(across), scale));
       vec2 centre = -ibr_ndc_from_slope.zw * scale;
       centre = vec2(dot(centre, card.way), dot(centre, across));
@@ -114,7 +121,7 @@ vec2 ibr_ndc(vec2 p, vec2 way)
         (centre - reach).xxyy, (centre + reach).xxyy);
       vec2 at = ibr_ndc(mix(bounds.xz, bounds.yw, unit), card.way);
       if (card.dot_sized) at = (pixel + unit) / ibr_size * 2.0 - 1.0;
-      gl_Position = vec4(at, 0.0, 1.0);
+      gl_Position = vec4(at, z, 1.0);
 #endif
     }
   }
@@ -152,6 +159,9 @@ flat in vec4 ibr_look;
 
 //@fragment.cut
   if (!ibr_met && ibr_look.a > 0.0) discard;
+#if HIDES == 1 && CORNERS == 4
+  if (ibr_along < ibr_near) discard;
+#endif
 
 //@fragment.depth
   {

@@ -37,6 +37,8 @@ class Shape:
         Of an item in the texture of looks.
     largest_point : float
         Diameter on the screen up to which point sprites pay, px; every driver draws them of 60.
+    fill : float
+        Share of the sphere about an item that its picture fills, roughly.
     open : bool
         Whether its inside can be seen where no plane cuts it.
     defines : tuple of (str, int)
@@ -47,6 +49,7 @@ class Shape:
     texels: int
     looks: int = 1
     largest_point: float = 60.0
+    fill: float = 1.0
     open: bool = False
     defines: tuple = ()
 
@@ -69,6 +72,8 @@ class Way:
         Whether none is larger than a pixel, so that all of it is drawn.
     blends : bool
         Whether what is behind shines through.
+    hides : bool
+        Whether nothing but depth is drawn, and not nearer than the back: for what is behind.
     """
 
     name: str
@@ -77,6 +82,7 @@ class Way:
     depth: bool = True
     dots: bool = False
     blends: bool = False
+    hides: bool = False
 
     def feature(self, shape) -> Feature:
         """Return the shader text by VTK's tags.
@@ -88,6 +94,7 @@ class Way:
         """
         part, own = (sections(shader_source(__file__, stem)) for stem in (None, shape.name))
         values = {
+            'HIDES': int(self.hides),
             'CORNERS': self.corners, 'DEPTH': int(self.depth), 'TEXELS': shape.texels,
             'LOOKS': shape.looks, 'INSIDES': int(shape.open or self.corners == 4),
             **dict(shape.defines),
@@ -103,6 +110,9 @@ class Way:
             'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
         }
+        if self.hides:
+            tags = 'VTK::Color::Impl', 'VTK::Normal::Impl', 'VTK::Light::Impl'
+            fragment |= dict.fromkeys(tags, '\n')
         if not self.dots:
             cut = part['fragment.cut'] + (part['fragment.depth'] if self.depth else '')
             # Depth peeling sets that of the card first.
@@ -115,6 +125,11 @@ SMALL = Way('small', 1, 65_536, depth=False)
 POINTS = Way('points', 1, 65_536)
 QUADS = Way('quads', 4, 16_384)
 BLENDED = Way('blended', 4, 65_536, blends=True)
+#: What is drawn ahead to find what is behind it: as point sprites, and as quads.
+HIDING = (
+    Way('hiding_points', 1, 65_536, depth=False, hides=True),
+    Way('hiding_quads', 4, 16_384, depth=False, hides=True),
+)
 #: What is near first: it hides much, and what is hidden need not be lit.
 WAYS = (QUADS, POINTS, SMALL, DOTS)
 _DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
@@ -153,7 +168,8 @@ class Layer:
         self._chunk = min(way.chunk, slots)
         self.bound(quadrics.bounds)
         draws = -(-slots // self._chunk) + (MOST if way.blends else 0)
-        self.actors = [self._actor(quadrics.property) for _ in range(draws)]
+        prop = pv.Property(lighting=False) if way.hides else quadrics.property
+        self.actors = [self._actor(prop) for _ in range(draws)]
 
     def bound(self, bounds):
         """Tell VTK where they are.
@@ -279,8 +295,30 @@ def _span(actor, first, end):
     return actor
 
 
-def chosen(blocks, frame, largest_point):
-    """Return what is drawn, the nearest first, and how.
+@dataclass
+class Seen:
+    """Blocks in view, the nearest first.
+
+    Attributes
+    ----------
+    entries : numpy.ndarray, shape (n, 4)
+        Middle in eye space, and number.
+    ways : numpy.ndarray, shape (n,)
+        Which of `WAYS` draws them.
+    around : numpy.ndarray, shape (n,)
+        Radius of the sphere about the middle that holds all, world units.
+    areas : numpy.ndarray, shape (n,)
+        Of the screen that their items cover, each for itself, pixels.
+    """
+
+    entries: np.ndarray
+    ways: np.ndarray
+    around: np.ndarray
+    areas: np.ndarray
+
+
+def seen_blocks(blocks, frame, shape) -> Seen:
+    """Return what may be seen, the nearest first, and how it is drawn.
 
     Parameters
     ----------
@@ -288,25 +326,24 @@ def chosen(blocks, frame, largest_point):
         All of them.
     frame : pvibr.frame.Frame
         Camera and size.
-    largest_point : float
-        Diameter up to which point sprites are drawn, px.
+    shape : Shape
+        Of the items.
 
     Returns
     -------
-    rows : numpy.ndarray, shape (n, 4)
-        Middle in eye space, and number, of each block.
-    ways : numpy.ndarray, shape (n,)
-        Which of `WAYS`.
+    Seen
+        Blocks that reach into the picture.
     """
     with np.errstate(divide='ignore', invalid='ignore'):  # the eye may be in the middle of one
-        index, origins, _, large = (a[::-1] for a in blocks.seen(frame))
+        index, origins, small, large = (a[::-1] for a in blocks.seen(frame))
     around = (blocks.reach + blocks.largest)[index]
     planes = frustum_planes(frame.clip_from_view)
     inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > around
-    ways = np.where(inside & (large <= largest_point), WAYS.index(POINTS), WAYS.index(QUADS))
+    ways = np.where(inside & (large <= shape.largest_point), WAYS.index(POINTS), WAYS.index(QUADS))
     ways[inside & (large <= _LARGEST_SMALL)] = WAYS.index(SMALL)
     ways[inside & (large <= 1.0)] = WAYS.index(DOTS)
-    return np.column_stack([origins, index]), ways
+    areas = shape.fill * BLOCK * np.pi / 16 * (small + np.minimum(large, frame.size[1])) ** 2
+    return Seen(np.column_stack([origins, index]), ways, around, areas)
 
 
 def view_uniforms(frame, count, unit) -> dict:

@@ -161,7 +161,7 @@ class Quadrics(Painted, Anchored):
         self._blocks = None
         bounds = self.bounds
         set_bounds(self._anchor, bounds)
-        for layer in self._layers:
+        for layer in (*self._layers, *self._occlusion.layers):
             layer.bound(bounds)
         self._drop('ibr_items', 'ibr_looks')
 
@@ -235,7 +235,7 @@ class Quadrics(Painted, Anchored):
             self._stamp = (*stamp[:-1], props.GetMTime()) if others else stamp
 
     def _show_opaque(self, frame, _others):
-        seen = seen_blocks(self._blocks, frame, self.shape.largest_point)
+        seen = seen_blocks(self._blocks, frame, self.shape)
         hidden = self._occlusion.hidden(frame, seen)
         self._hidden = min(int(hidden.sum()) * BLOCK, len(self))
         for k, layer in enumerate(self._layers):

@@ -12,6 +12,7 @@ bool ibr_place(int i, vec3 origin, out IbrCard card)
   card.way = vec2(1.0, 0.0);
   card.bounds = vec4(ibr_span(c, r, card.way), ibr_span(c, r, card.way.yx));
   card.front = c.z + 0.667 * item.w;
+  card.back = c.z - r;
   card.dot_sized = item.w < r;
   return item.w > 0.0 && c.z - item.w < -ibr_near;
 }

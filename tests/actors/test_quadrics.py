@@ -377,12 +377,13 @@ def test_translucent_ones_are_in_order(kind, peeling, other, see):
         if kind == 'spheres':
             pl.ibr.add_spheres(places, 0.4, **looks)
         elif kind == 'cylinders':
-            pl.ibr.add_cylinders(places - [0, 0, 0.4], places + [0, 0, 0.4], 0.4, **looks)
+            up = np.array([0, 0, 0.4])
+            pl.ibr.add_cylinders(places - up, places + up, 0.4, **looks)
         else:
             pl.ibr.add_ellipsoids(places, (0.4, 0.3, 0.4), **looks)
         if other:
-            pl.add_mesh(pv.Plane(center=(0, 0.5, 0), direction=(0, 1, 0)), color='white', opacity=0.5,
-                        lighting=False)  # fmt: skip
+            sheet = pv.Plane(center=(0, 0.5, 0), direction=(0, 1, 0))
+            pl.add_mesh(sheet, color='white', opacity=0.5, lighting=False)
         if peeling:
             pl.enable_depth_peeling()
         aim(pl, (0, -6, 0.01))
