@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -224,3 +226,32 @@ def test_without_ipywidgets_the_error_names_the_extra(monkeypatch):
     with pytest.raises(ImportError, match=r"pip install 'pvibr\[jupyter\]'"):
         import pvibr_widgets.notebook  # noqa: F401
     assert pv.OFF_SCREEN
+
+
+def test_messages_in_other_threads_are_answered_where_the_window_is(pl):
+    """As JupyterLab sends them, beside the cells; all that came meanwhile is one picture."""
+    from pvibr_widgets.notebook import notebook_panel
+
+    drawn = []
+    pl.render_window.AddObserver('EndEvent', lambda *_: drawn.append(threading.get_ident()))
+
+    async def cell():
+        panel = notebook_panel(pl)
+        slider = controls(panel, 'intensity')['slider']
+
+        def drag():
+            for stop in range(0, 200, 10):
+                sent(slider, stop)
+
+        thread = threading.Thread(target=drag)
+        thread.start()
+        thread.join()  # a cell that is busy
+        assert pl.ibr.effects[0].intensity == 1.0
+        assert drawn == []
+        await asyncio.sleep(0.05)
+        assert pl.ibr.effects[0].intensity == 3.8
+        assert (slider.value, controls(panel, 'intensity')['text'].value) == (190, '3.8')
+        panel.close()
+
+    asyncio.run(cell())
+    assert drawn == [threading.get_ident()]

@@ -100,7 +100,8 @@ def test_states_go_out_and_come_in(panel, pl):
         ('move', 'BLOOM', 'intensity', [1]), ('move', 'BLOOM', 'intensity', 1, 2),
         ('__init__', 'BLOOM', 'intensity', 1), ('set', 'BLOOM', '__class__', 1), ('close',),
         ('write', 'BLOOM', 'intensity', '-1'), ('paint', 'BLOOM', 'intensity', {}),
-        ('choose', 'BLOOM', 'blend', 'add'), ('choose', 'BLOOM', 'blend', 99), ('load', 3), ('load', '[' * 10_000),
+        ('choose', 'BLOOM', 'blend', 'add'), ('choose', 'BLOOM', 'blend', 99),
+        ('load', 3), ('load', '[' * 10_000),
         ('keep', 'BLOOM', ''), ('apply', 'BLOOM', '../x'), ('set', 'BLOOM', ['intensity'], 1),
     ],
 )  # fmt: skip

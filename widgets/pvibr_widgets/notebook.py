@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import html
 import io
+import threading
+from collections import deque
 from typing import Any
 
 from pvibr.errors import require
@@ -80,6 +83,7 @@ class Panel(W.VBox):
 
     def __init__(self, model, *, picture=False):
         self.model = model
+        self._home = _Home(model)
         self.groups: list[GroupBox] = []
         self._shell: Any = None
         self.path = W.Text('pvibr.json', description='File', layout=_WIDE)
@@ -91,13 +95,13 @@ class Panel(W.VBox):
         self._groups = W.VBox()
         self._picture = W.Image(format='png') if picture else None
         super().__init__(self._build(), layout={'max_width': '48em'})
-        self.help.observe(lambda _: self._changed(False), 'value')
+        self.help.observe(lambda _: self._home.do(lambda: None), 'value')
         model.listen(self._changed)
         self._follow_cells()
         self._changed(True)
 
     def _build(self):
-        do, model = self.model.do, self.model
+        do, model = self._home.do, self.model
         tools = W.HBox(
             [
                 _button(
@@ -164,16 +168,55 @@ class Panel(W.VBox):
         return next(box for box in self.groups if box.group.name == name)
 
     def _changed(self, rebuilt):
+        if self._home.is_behind and not rebuilt:  # newer values of the page must stay
+            return
         if rebuilt:
             for box in self.groups:
                 _close(box)
-            self.groups = [GroupBox(self.model, group) for group in self.model.groups]
+            self.groups = [GroupBox(self._home, group) for group in self.model.groups]
             self._groups.children = self.groups
-        self._message.value = html.escape(self.model.message)
+        _say(self._message, '<span role="status">{}</span>', self.model.message)
         for box in self.groups:
             box.update_rows(self.help.value)
         if self._picture is not None and self.model.groups:
             self._picture.value = _png_of(self.model.plotter)
+
+
+class _Home:
+    """Does things where the plotter was made: messages of pages may come in other threads.
+
+    A window draws in one thread only. JupyterLab has the messages of widgets answered beside the
+    cells, in a thread of their own; so they wait here until the kernel's loop has time, and all
+    that came until then is drawn once.
+    """
+
+    def __init__(self, model):
+        self._model, self._thread = model, threading.get_ident()
+        self._waiting: deque = deque()
+        try:
+            self._loop: Any = asyncio.get_running_loop()
+        except RuntimeError:
+            self._loop = None
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether something waits."""
+        return bool(self._waiting)
+
+    def do(self, action, *args):
+        """Do something, now or soon."""
+        if self._loop is None or self._thread == threading.get_ident():
+            self._model.do(action, *args)
+        else:
+            self._waiting.append((action, args))
+            self._loop.call_soon_threadsafe(self._catch_up)
+
+    def _catch_up(self):
+        if self._waiting:
+            while self._waiting:
+                action, args = self._waiting.popleft()
+                self._model.act(action, *args)
+            self._model.show()
 
 
 class GroupBox(W.VBox):
@@ -181,8 +224,8 @@ class GroupBox(W.VBox):
 
     Parameters
     ----------
-    model : pvibr_widgets.model.Model
-        What does things.
+    home : object
+        Its ``do`` does things.
     group : pvibr_widgets.model.Group
         What is shown.
 
@@ -194,21 +237,20 @@ class GroupBox(W.VBox):
         One for each setting.
     """
 
-    def __init__(self, model, group):
+    def __init__(self, home, group):
         self.group = group
-        do = model.do
-        self._do = do
+        self._do = do = home.do
         self.title = W.ToggleButton(
             value=group.is_open, description=group.title, layout=_WIDE, tooltip='show its settings'
         )
         self.enabled = W.Checkbox(
-            group.enabled, description='on', indent=False, layout={'width': '4em'}
+            group.enabled, description='on', indent=False, layout={'width': '5em'}
         )
         self.remove = _button('Remove', f'remove {group.title}', lambda: do(group.remove))
         self.preset = W.Dropdown(description='Preset', layout=_WIDE)
         self.name = W.Text(placeholder='name', tooltip='name of a new preset', layout=_NAME)
         self._why = W.HTML()
-        self.rows = [RowView(model, row) for row in group.rows]
+        self.rows = [RowView(home, row) for row in group.rows]
         self._body = W.VBox([self._sets(), *self.rows])
         head = W.HBox([self.title, self.enabled, self.remove])
         super().__init__([head, self._why, self._body])
@@ -261,14 +303,14 @@ class GroupBox(W.VBox):
             Whether explanations are shown.
         """
         self.enabled.value = self.group.enabled
-        self._why.value = _ERROR.format(html.escape(self.group.why)) if self.group.why else ''
+        _say(self._why, _ERROR, self.group.why)
         try:
             names, chosen = tuple(self.group.presets), self.preset.value
             if names != self.preset.options:
                 self.preset.options = names
                 self.preset.value = chosen if chosen in names else names[0]
         except (OSError, ValueError) as error:
-            self._why.value = _ERROR.format(html.escape(str(error)))
+            _say(self._why, _ERROR, str(error))
         for view in self.rows:
             view.update_value(helps)
 
@@ -278,8 +320,8 @@ class RowView(W.VBox):
 
     Parameters
     ----------
-    model : pvibr_widgets.model.Model
-        What does things.
+    home : object
+        Its ``do`` does things.
     row : pvibr_widgets.rows.Row
         What is shown.
 
@@ -292,10 +334,10 @@ class RowView(W.VBox):
         it has.
     """
 
-    def __init__(self, model, row):
+    def __init__(self, home, row):
         self.row = row
-        self._do = model.do
-        self._is_updating = False
+        self._do = home.do
+        self._updating = 0  # the thread that shows what is
         self.controls: dict[str, Any] = dict(self._made())
         self._help = W.HTML(_HELP.format(html.escape(row.help)))
         self._error = W.HTML()
@@ -337,7 +379,7 @@ class RowView(W.VBox):
 
     def _control(self, key, control, action):
         def moved(change):
-            if not self._is_updating:
+            if self._updating != threading.get_ident():
                 self._do(action, change['new'])
 
         control.observe(moved, 'value')
@@ -355,7 +397,7 @@ class RowView(W.VBox):
         shown = {'text': row.text, 'switch': bool(row.value), 'derived': row.derived}
         if row.kind in ('choice', 'color'):
             shown[row.kind] = getattr(row, row.kind)
-        self._is_updating = True
+        self._updating = threading.get_ident()
         try:
             if (slider := self.controls.get('slider')) is not None:
                 slider.max = row.scale.last
@@ -363,9 +405,14 @@ class RowView(W.VBox):
             for key in shown.keys() & self.controls.keys():
                 self.controls[key].value = shown[key]
         finally:
-            self._is_updating = False
+            self._updating = 0
         self._help.layout.display = None if helps else 'none'
-        self._error.value = _ERROR.format(html.escape(row.error)) if row.error else ''
+        _say(self._error, _ERROR, row.error)
+
+
+def _say(line, form, text):
+    line.value = form.format(html.escape(text)) if text else ''
+    line.layout.display = None if text else 'none'
 
 
 def _close(box):
