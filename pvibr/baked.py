@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from pvibr.baked_scene import BakedScene
+from pvibr.baked_scene import BakedScene, names_of
 from pvibr.casters import address
 from pvibr.errors import PvibrWarning
 from pvibr.frame import Frame
@@ -120,11 +120,11 @@ def _copy_view(old, new, cameras):
     camera = old.GetActiveCamera()
     key = address(camera)
     if key not in cameras:
-        cameras[key] = new.GetActiveCamera()
+        cameras[key] = new.camera
         cameras[key].DeepCopy(camera)
-    new.SetActiveCamera(cameras[key])
-    if hasattr(new.GetActiveCamera(), 'is_set'):
-        new.GetActiveCamera().is_set = True
+    new.camera = cameras[key]
+    new.camera.is_set = True
+    new.camera.parallel_projection = bool(camera.GetParallelProjection())
     new.SetBackground(old.GetBackground())
     new.SetBackground2(old.GetBackground2())
     new.SetGradientBackground(old.GetGradientBackground())
@@ -137,7 +137,11 @@ def _copy_lights(old, new, *, still):
     for light in old.GetLights():
         copy = pv.Light()
         copy.DeepCopy(light)
-        if still and light.LightTypeIsCameraLight():
+        if light.LightTypeIsHeadlight():  # vtk.js knows those of a camera only
+            copy.SetLightTypeToCameraLight()
+            copy.SetPosition(0, 0, 1)
+            copy.SetFocalPoint(0, 0, 0)
+        elif still and light.LightTypeIsCameraLight():
             copy.SetLightTypeToSceneLight()
             copy.SetTransformMatrix(None)
             copy.SetPosition(light.GetTransformedPosition())
@@ -154,7 +158,7 @@ def _props(renderer, effects) -> list:
         mine = {address(a) for a in (*thing.actors(), *thing.props)}
         shown = thing.props if thing.web[0] == 'shown' else ()
         hidden |= mine - {address(a) for a in shown}
-    names = {address(a): n for n, a in getattr(renderer, 'actors', {}).items()}
+    names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if address(p) not in hidden]
     return [(names.get(address(p)), p) for p in props if not _is_frame(renderer, p)]
 

@@ -65,7 +65,7 @@ class Copies:
         center = (points.min(0) + points.max(0)) / 2
         radius = np.linalg.norm(points - center, axis=1).max()
         axes = self.matrices[:, :3, :3]
-        radii = radius * np.abs(np.linalg.det(axes)) ** (1 / 3)
+        radii = radius * np.linalg.norm(axes, axis=1).max(1)
         centers = axes @ center + self.matrices[:, :3, 3]
         away = np.maximum(np.linalg.norm(centers - frame.eye, axis=1), frame.near)
         return 2 * radii * frame.pixel_scale / (1.0 if frame.parallel else away)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pyvista as pv
 
 from pvibr import _vtk
@@ -24,9 +25,7 @@ def copied(prop, plotter):
         None where there is no such copy.
     """
     if prop.IsA('vtkCubeAxesActor'):
-        axes = _like(prop)
-        axes.SetCamera(plotter.renderer.GetActiveCamera())
-        return axes
+        return _axes(prop, plotter)
     if prop.IsA('vtkActor') and prop.GetMapper() is not None:
         return _actor(prop)
     if prop.IsA('vtkVolume') and prop.GetMapper() is not None:
@@ -34,12 +33,61 @@ def copied(prop, plotter):
     return _like(prop)
 
 
+def _axes(prop, plotter):
+    """Have a plotter draw axes like some; None, since it has them then."""
+    if hasattr(plotter, 'show_bounds') and not plotter.renderer.cube_axes_actor:
+        plotter.show_bounds(
+            bounds=prop.GetBounds(), color=prop.GetTitleTextProperty(0).GetColor(),
+            grid='back' if prop.GetDrawXGridlines() else None, render=False,
+            location='outer' if prop.GetDrawXGridlines() else 'closest',
+            show_xaxis=bool(prop.GetXAxisVisibility()), show_yaxis=bool(prop.GetYAxisVisibility()),
+            show_zaxis=bool(prop.GetZAxisVisibility()),
+            show_xlabels=bool(prop.GetXAxisLabelVisibility()),
+            show_ylabels=bool(prop.GetYAxisLabelVisibility()),
+            show_zlabels=bool(prop.GetZAxisLabelVisibility()),
+        )  # fmt: skip
+
+
 def _like(prop):
     copy = prop.NewInstance()
     copy.ShallowCopy(prop)
+    if prop.IsA('vtkCornerAnnotation'):
+        copy.CopyAllTextsFrom(prop)
+        copy.SetTextProperty(prop.GetTextProperty())
+        copy.SetMaximumFontSize(prop.GetMaximumFontSize())
+        copy.SetLinearFontScaleFactor(prop.GetLinearFontScaleFactor())
+        copy.SetNonlinearFontScaleFactor(prop.GetNonlinearFontScaleFactor())
     if prop.IsA('vtkScalarBarActor'):
         copy.SetUnconstrainedFontSize(prop.GetUnconstrainedFontSize())
+        table = prop.GetLookupTable().NewInstance()
+        table.DeepCopy(prop.GetLookupTable())
+        copy.SetLookupTable(table)
     return copy
+
+
+def range_teller(bar):
+    """Return an actor that draws nothing: from its mapper vtk.js knows the range of a table.
+
+    Parameters
+    ----------
+    bar : vtkScalarBarActor
+        With the table.
+
+    Returns
+    -------
+    pyvista.Actor
+        Of one triangle without area.
+    """
+    speck = pv.PolyData.from_regular_faces(np.zeros((3, 3)), [[0, 1, 2]])
+    speck['range'] = np.resize(bar.GetLookupTable().GetRange(), 3)
+    mapper = pv.DataSetMapper(speck)
+    mapper.SetLookupTable(bar.GetLookupTable())
+    mapper.scalar_range = bar.GetLookupTable().GetRange()
+    mapper.SetScalarModeToUsePointFieldData()
+    mapper.SelectColorArray('range')
+    actor = pv.Actor(mapper=mapper)
+    actor.UseBoundsOff()
+    return actor
 
 
 def _actor(prop):

@@ -11,7 +11,7 @@ from pvibr.actors.decimate import lighter
 from pvibr.actors.parts import as_parts
 from pvibr.baked_copies import Copies, chosen_levels
 from pvibr.baked_paint import Paint
-from pvibr.baked_props import copied
+from pvibr.baked_props import copied, range_teller
 from pvibr.baked_surfaces import Surface, surface_of_part, tiled
 from pvibr.casters import address
 from pvibr.gl.scene_pass import is_marker
@@ -270,12 +270,12 @@ class BakedScene:
         middle = bounds.mean(1) if seen else self.frame.eye
         reach = np.linalg.norm(np.ptp(bounds, axis=1)) / 2 if seen else 1.0
         radius = _DOME * max(reach, np.linalg.norm(self.frame.eye - middle))
-        ball = pv.Sphere(1.0, theta_resolution=2 * _DOME_SIDES, phi_resolution=_DOME_SIDES)
-        directions = np.asarray(ball.points, float)
+        ball = pv.Sphere(radius=1.0, theta_resolution=2 * _DOME_SIDES, phi_resolution=_DOME_SIDES)
+        points = np.asarray(ball.points, float) * radius + middle
+        away = points - self.frame.eye  # it is far away: seen from the eye it has no other side
+        directions = away / np.linalg.norm(away, axis=1, keepdims=True)
         colors = np.rint(255 * np.clip(self._dome(directions), 0, 1)).astype(np.uint8)
-        dome = pv.PolyData.from_regular_faces(
-            directions * radius + middle, np.asarray(ball.regular_faces)[:, ::-1]
-        )
+        dome = pv.PolyData.from_regular_faces(points, np.asarray(ball.regular_faces)[:, ::-1])
         dome['colors'] = colors
         plotter.add_mesh(
             dome, scalars='colors', rgb=True, lighting=False, name=SKY, reset_camera=False,
@@ -321,6 +321,8 @@ class _Plain:
                 prop, name=self.name, reset_camera=False, render=False,
                 pickable=bool(self.prop.GetPickable()),
             )  # fmt: skip
+            if prop.IsA('vtkScalarBarActor'):
+                plotter.add_actor(range_teller(prop), reset_camera=False, render=False)
 
 
 def chosen(choice):
@@ -337,6 +339,18 @@ def chosen(choice):
         return lambda surface: bool(choice(surface.owner))
     wanted = {_key(one) for one in choice}
     return lambda surface: _key(surface.owner) in wanted
+
+
+def names_of(renderer) -> dict:
+    """Return what a renderer calls its actors, by their address.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        One of PyVista's has names.
+    """
+    actors = getattr(renderer, 'actors', None)
+    return {address(a): n for n, a in actors.items()} if isinstance(actors, dict) else {}
 
 
 def _key(one):

@@ -44,8 +44,8 @@ class Surface:
         Whether its back faces are never seen.
     cutout : float or None
         Alpha below which nothing is drawn; what is above is opaque.
-    repeat : bool
-        Whether the texture goes on beyond its edges.
+    repeat, smooth : bool
+        Whether the texture goes on beyond its edges, and between its texels.
     """
 
     points: np.ndarray
@@ -59,6 +59,7 @@ class Surface:
     closed: bool = False
     cutout: float | None = None
     repeat: bool = True
+    smooth: bool = True
     name: str = field(default='')
 
     @property
@@ -157,7 +158,7 @@ class Surface:
         elif (image[..., 3] == 255).all():
             image = image[..., :3]
         texture = pv.Texture(np.ascontiguousarray(image))
-        texture.interpolate, texture.repeat = True, self.repeat
+        texture.interpolate, texture.repeat = self.smooth, self.repeat
         texture.SetEdgeClamp(not self.repeat)
         return texture
 
@@ -202,7 +203,7 @@ def surface_of_part(part, owner) -> Surface:
         np.array(mesh.points, float), faces, None if normals is None else np.array(normals, float),
         None if coordinates is None else np.array(coordinates, float),
         None if of_cells else colors, texture, material_of(prop), owner,
-        closed=sides_of(mesh, None) == 1, cutout=part.alpha_cutoff,
+        closed=sides_of(mesh, None) == 1, cutout=part.alpha_cutoff, smooth=_is_smooth(part.actor),
     )  # fmt: skip
     if of_cells:
         surface = surface.exploded()
@@ -228,9 +229,18 @@ def material_of(prop):
     return copy
 
 
+def _texture_of(actor):
+    return actor.GetTexture() or actor.GetProperty().GetTexture('albedoTex')
+
+
+def _is_smooth(actor) -> bool:
+    texture = _texture_of(actor)
+    return texture is None or bool(texture.GetInterpolate())
+
+
 def _image_of(actor):
     """Return the picture that an actor wears, (h, w, 4), or None."""
-    texture = actor.GetTexture() or actor.GetProperty().GetTexture('albedoTex')
+    texture = _texture_of(actor)
     if texture is None:
         return None
     texture.Update()

@@ -124,7 +124,8 @@ def _row(effect, subplot, backend):
         return WebRow(effect.name, 'off', 'enabled is False', subplot)
     if backend in PICTURES:
         return WebRow(effect.name, 'shown', 'in pictures that are drawn here', subplot)
-    return WebRow(effect.name, *effect.web, subplot)
+    state, what = effect.web
+    return WebRow(effect.name, state, what, subplot)
 
 
 class Watch:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
-from pvibr.actors.parts import as_parts
+from pvibr.actors.parts import as_parts, copy_property
 
 #: Sides around of each level.
 _SIDES = (48, 24, 12, 6)
@@ -35,7 +35,7 @@ def balls(prop) -> tuple[list, tuple]:
     (True, inf)
     """
     meshes = [pv.Sphere(radius=1.0, theta_resolution=n, phi_resolution=n // 2) for n in _SIDES]
-    return [_level(mesh, prop) for mesh in meshes], _largest()
+    return [_level(mesh, prop, True) for mesh in meshes], _largest()
 
 
 def tubes(prop, capped) -> tuple[list, tuple]:
@@ -57,12 +57,13 @@ def tubes(prop, capped) -> tuple[list, tuple]:
     """
     sizes = {'direction': (0, 0, 1), 'radius': 1.0, 'height': 2.0, 'capping': capped}
     made = [pv.Cylinder(resolution=n, **sizes).triangulate() for n in _SIDES]
-    return [_level(mesh, prop) for mesh in made], _largest()
+    return [_level(mesh, prop, capped) for mesh in made], _largest()
 
 
-def _level(mesh, prop):
+def _level(mesh, prop, closed):
     (part,) = as_parts(mesh, color=prop.color, lighting=prop.lighting, smooth_shading=False)
-    part.actor.SetProperty(prop)
+    copy_property(part.actor.prop, prop)
+    part.actor.prop.SetBackfaceCulling(closed)  # else both sides of what is translucent are seen
     return [part]
 
 
