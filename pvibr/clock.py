@@ -7,6 +7,8 @@ import functools
 import math
 from time import perf_counter
 
+from pvibr.determinism import is_deterministic
+
 #: Milliseconds between two looks at the clock.
 PERIOD = 16
 
@@ -106,6 +108,7 @@ class Clock:
         """
         self._base = self._shown = float(time)
         self._since: float | None = None
+        self._looks = 0
         self._frames = 0
 
     def stop(self):
@@ -163,8 +166,9 @@ class Clock:
             self.set(self._shown)
         now = perf_counter()
         if self._since is None:
-            self._since = now
-        if self._go(now - self._since):
+            self._since, self._looks = now, -1
+        self._looks += 1
+        if self._go(self._looks / 60 if is_deterministic() else now - self._since):
             draw(self._plotter)
 
     def _go(self, seconds) -> bool:

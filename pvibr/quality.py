@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import Any
 
 from pvibr.clock import draw, filming, is_dragged, ticks
+from pvibr.determinism import is_deterministic
 
 #: What quality may be: three dB a step.
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
@@ -306,7 +307,7 @@ class Pace:
     # -- what moves ------------------------------------------------------------------------------
 
     def _is_moving(self, window) -> bool:
-        if self._full or not self.budget.ms or filming(self._plotter):
+        if self._full or not self.budget.ms or filming(self._plotter) or is_deterministic():
             return False
         if _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
             return False
