@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+import pvibr
 from pvibr import ClosedError, Effect, _vtk, attach
 from pvibr.clock import Clock
 
@@ -297,3 +298,12 @@ def test_numbers_that_are_not_allowed(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         pl.ibr.play(**wrong)
     assert not pl.ibr.playing
+
+
+def test_a_window_shows_sixtieths_where_nothing_may_be_measured(window, wall):
+    seen = window.ibr.add(Count())
+    with pvibr.deterministic():
+        window.ibr.play()
+        for wall.seconds in (200.0, 200.5, 207.0, 207.1):
+            window.tick()
+    assert seen.times == pytest.approx([1 / 60, 2 / 60, 3 / 60])

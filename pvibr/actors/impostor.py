@@ -16,6 +16,7 @@ from pvibr.actors.impostor_nodes import FARTHEST, NEAREST, Nodes
 from pvibr.actors.impostor_sources import Materials, Source
 from pvibr.actors.instances import Instances
 from pvibr.casters import address
+from pvibr.determinism import is_deterministic
 from pvibr.effect import Effect
 from pvibr.maths.views import View, may_see, may_see_boxes
 from pvibr.params import Param
@@ -394,7 +395,8 @@ class Impostor(Effect):
         area = int((4.0 ** np.ceil(np.log2(sizes.max(1).clip(8, LARGEST)))).sum())
         images.open(frame, max(area, self._want), self.memory)
         self._want = 0
-        left = np.inf if self.budget_ms is None else self.budget_ms / 1e3
+        endless = self.budget_ms is None or is_deterministic()
+        left = np.inf if endless else self.budget_ms / 1e3
         drawn = 0
         with images.pool.target.drawing():
             for k, node in enumerate(nodes.tolist()):

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.determinism import is_deterministic
 from pvibr.gl import Target
 from pvibr.maths.views import View
 
@@ -152,7 +153,7 @@ class Costs:
         types.SimpleNamespace
             ``seconds``, afterwards.
         """
-        known = len(sources) != 1 or sources[0].tries >= _TRIES
+        known = len(sources) != 1 or sources[0].tries >= _TRIES or is_deterministic()
         spent = SimpleNamespace(seconds=self.expected(sources))
         if not known:
             window.WaitForCompletion()
@@ -184,7 +185,7 @@ class Costs:
         area : float
             Pixels that they cover, about.
         """
-        if self._measured or area < 2000:
+        if self._measured or area < 2000 or is_deterministic():
             return
         self._measured = True
         width, height = frame.size
