@@ -110,11 +110,11 @@ def menu_item(plotter, *, presets=None):
         shown = f'pvibr_drawer_{next(_numbers)}'
         server.state[shown] = False
         html.Button(
-            'pvibr', type='button', click=f'{shown} = !{shown}', style='min-height: 28px',
+            'pvibr', type='button', click=f'{shown} = !{shown}', classes='pvibr-button',
             __properties=['aria-expanded'], aria_expanded=(shown,),
         )  # fmt: skip
         with html.Div(v_show=(shown,), classes='pvibr-drawer'):
-            html.Button('Close', type='button', click=f'{shown} = false', style='min-height: 28px')
+            html.Button('Close', type='button', click=f'{shown} = false', classes='pvibr-button')
             trame_panel(plotter, server, presets=presets)
 
     return add
