@@ -39,7 +39,8 @@ def orbit(frames=12, step=0.25):
     start = time.perf_counter()
     for _ in range(frames):
         pl.camera.Azimuth(step)
-        pl.screenshot(None)
+        pl.render()
+        pl.screenshot(None)  # waits for the pixels
     return 1e3 * (time.perf_counter() - start) / frames
 
 
@@ -56,4 +57,5 @@ print(pl.ibr.report())
 # 4. The actors stay what they were: move one, hide one, and it is seen to.
 actors[0].position = (0, -22, 4)
 actors[1].visibility = False
+pl.render()
 pl.close()
