@@ -165,10 +165,18 @@ def serve():
     server = get_server(client_type='vue3')
     server.cli.add_argument('--columns', type=int, default=1)
     server.cli.add_argument('--multi-samples', type=int, default=0)
+    server.cli.add_argument('--rca', action='store_true')
     asked, _ = server.cli.parse_known_args()
     pl = plotter((1, asked.columns), multi_samples=asked.multi_samples)
     with VAppLayout(server):
-        view = plotter_ui(pl, mode='server', add_menu=False)
+        if asked.rca:
+            from trame_pyvista.widgets import PyVistaRCAView
+
+            view = PyVistaRCAView(pl, style='width: 100%; height: 100%')
+            view.update = view.render
+            pl.add_on_render_callback(lambda _: view.render(), render_event=False)
+        else:
+            view = plotter_ui(pl, mode='server', add_menu=False)
 
     @server.trigger('show')
     def show(name, column=0):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
+import io
 import json
 
+import imageio.v3 as imageio
 import numpy as np
 
 from tests.browser import everything
@@ -16,6 +19,19 @@ JPEG = 3.0
 def difference(a, b):
     """Return the mean difference of two pictures, inf where their sizes differ."""
     return np.abs(np.subtract(a, b, dtype=float)).mean() if a.shape == b.shape else np.inf
+
+
+_AS_PNG = """image => {
+  const canvas = document.createElement('canvas');
+  [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
+  canvas.getContext('2d').drawImage(image, 0, 0);
+  return canvas.toDataURL().split(',')[1];
+}"""
+
+
+def pixels_of(image):
+    """Return the pixels of an image of a page, whatever its size there."""
+    return imageio.imread(io.BytesIO(base64.b64decode(image.evaluate(_AS_PNG))))[..., :3]
 
 
 class View:
@@ -39,8 +55,15 @@ class View:
 
     @property
     def picture(self):
-        """What is seen."""
-        return self._picture_of(self._place.locator('img'))
+        """What is seen; in a frame, which may lie between two pixels, what its image holds."""
+        image = self._place.locator('img')
+        return self._picture_of(image) if self._place is self.page else pixels_of(image)
+
+    @property
+    def size(self):
+        """Width and height."""
+        height, width, _ = self.picture.shape
+        return [width, height]
 
     def shows(self, expected, bound=JPEG):
         """Wait until a picture is seen; return how far it is from it."""

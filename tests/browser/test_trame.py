@@ -31,6 +31,13 @@ def served(start):
     return start(str(FOLDER / 'everything.py'), '--server', '--port', '0')
 
 
+@pytest.fixture(scope='module')
+def beside(start):
+    """The application with two subplots, multisampled."""
+    options = '--server --port 0 --columns 2 --multi-samples 4'
+    return start(str(FOLDER / 'everything.py'), *options.split())
+
+
 @pytest.fixture
 def view(page, served, picture_of, until, quiet):
     quiet.append('405')  # wslink asks whether there is a launcher
@@ -142,3 +149,27 @@ def test_time_goes_on_in_the_page(off_screen, view, until):
     assert begin + 0.3 < look['time'] < begin + 30
     assert view.shows(off_screen(look, 'FigureActor'), 1.0) <= 1.0
     assert view.tell('look') == look
+
+
+@pytest.mark.parametrize('name', ['Shadows', 'Outline', 'ToneMapping', 'DepthOfField', 'Spheres'])
+def test_one_of_two_subplots_with_multisampling(page, beside, picture_of, until, quiet, name):
+    quiet.append('405')
+    view = View.opened(page, beside, picture_of, until)
+    view.tell('show', name, 1)
+    expected = Reference(shape=(1, 2), multi_samples=4).picture(view.tell('look'), name, column=1)
+    assert view.shows(expected) <= JPEG
+    assert view.tell('states') == ['ran']
+
+
+def test_an_area_of_rca(page, start, picture_of, until, quiet):
+    """The other kind of view that PyVista has: its own capture, which plays as well."""
+    pytest.importorskip('trame_rca', reason="needs trame-rca: pip install 'trame-pyvista[rca]'")
+    quiet.append('405')
+    program = start(str(FOLDER / 'everything.py'), '--server', '--port', '0', '--rca')
+    view = View.opened(page, program, picture_of, until)
+    view.tell('show', 'Outline')
+    assert view.shows(Reference().picture(view.tell('look'), 'Outline')) <= JPEG
+    begin = view.tell('look')['time']
+    view.tell('play', 1.0)
+    until(lambda: view.tell('look')['time'] > begin + 0.2)
+    view.tell('play', 0)
