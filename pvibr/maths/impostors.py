@@ -24,6 +24,7 @@ def _icosahedral() -> np.ndarray:
 
 _NORMALS = _icosahedral()
 _CORNERS, _THICKNESS = 80, 1e-3
+_BLOCK = 2**16  # points that are looked at together
 
 
 class Card(NamedTuple):
@@ -119,15 +120,23 @@ def dop_corners(points) -> np.ndarray:
         msg = 'points is empty: there must be one or more'
         raise ValueError(msg)
     middle = points.mean(0)
-    along = _NORMALS @ (points - middle).T
-    size = np.abs(along).max()
+    ends = np.array(
+        [_ends(points[k : k + _BLOCK] - middle) for k in range(0, len(points), _BLOCK)]
+    )
+    low, high = ends[:, 0].min(0), ends[:, 1].max(0)
+    size = max(-low.min(), high.max())
     if size == 0.0:
         return np.tile(middle, (_CORNERS, 1))
     # A little thickness, since flat things have none, and the middle must be within.
-    reach = np.concatenate([along.max(1), -along.min(1)]) / size + _THICKNESS
+    reach = np.concatenate([high, -low]) / size + _THICKNESS
     faces = np.concatenate([_NORMALS, -_NORMALS])
     found = HalfspaceIntersection(np.c_[faces, -reach], np.zeros(3)).intersections
     return middle + size * found[np.minimum(np.arange(_CORNERS), len(found) - 1)]
+
+
+def _ends(points):
+    along = _NORMALS @ points.T
+    return along.min(1), along.max(1)
 
 
 def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:
