@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pvibr.maths.slabs import Cover, hemisphere, turned
+
 _CHUNK = 1 << 20  # numbers in an array of a block: what stays in the cache is fastest
 _MISSING = 1.0  # votes against a plane by what it just misses, over votes for it
 _CORE, _CENTRED = 0.3, 0.5  # of the bound: what is as near as this has so many votes more
@@ -303,7 +305,7 @@ class _Greedy:
         self.surface, self.bound = surface, bound
         # Refining finds what lies between; a patch that is curved is as thick as it is wide.
         self.step = float(np.clip(3.5 * bound, 0.1, 0.25))
-        directions = np.concatenate([_hemisphere(self.step), _main_normals(surface)])
+        directions = np.concatenate([hemisphere(self.step), _main_normals(surface)])
         width = bound / 2
         count = int(np.ceil((2 + 4 * bound) / width)) + 1
         self.votes = _Votes(directions, bound, -(count - 1) / 2 * width, width, count)
@@ -362,7 +364,7 @@ class _Greedy:
             width = self.bound / 8
             span = 2 * self.bound + step
             count = int(2 * span / width) + 1
-            votes = _Votes(_turned(normal, step), self.bound, offset - span, width, count)
+            votes = _Votes(turned(normal, step), self.bound, offset - span, width, count)
             votes.add(self.surface, self.speaker[groups], self.weight[groups])
             better = votes.best()
             if better[2] > 0:
@@ -375,15 +377,6 @@ class _Greedy:
         away = np.abs(self.surface.middles[self.speaker] @ normal - offset)
         reach = 2 * self.bound + 1.5 * step
         return np.flatnonzero((self.weight > 0) & (away <= reach))
-
-
-def _hemisphere(step):
-    """Return unit vectors of half a sphere, about an angle apart."""
-    count = int(np.ceil(2 * np.pi / step**2))
-    z = (np.arange(count) + 0.5) / count
-    angle = np.pi * (3 - np.sqrt(5)) * np.arange(count)
-    across = np.sqrt(1 - z * z)
-    return np.column_stack([across * np.cos(angle), across * np.sin(angle), z])
 
 
 def _main_normals(surface, count=64):
@@ -404,20 +397,11 @@ def _first_sign(vectors):
     return np.take_along_axis(vectors, largest[:, None], 1)[:, 0]
 
 
-def _turned(normal, step):
-    """Return a normal and others around it, (25, 3)."""
-    u = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    u /= np.linalg.norm(u)
-    v = np.cross(normal, u)
-    turns = step / 2 * np.arange(-2, 3)
-    a, b = np.meshgrid(turns, turns)
-    found = normal + a.reshape(-1, 1) * u + b.reshape(-1, 1) * v
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
-
-
 def _polished(surface, normals, offsets, bound):
     """Return better and fewer planes, and the plane of each triangle, all within the bound."""
     normals, offsets = _needed(surface, normals, offsets, bound)
+    cover = Cover(surface.points, surface.faces, surface.areas, normals, offsets, bound)
+    normals, offsets = cover.merged()
     for _ in range(_ROUNDS):
         owner, _ = _assigned(surface, normals, offsets, bound, bound)
         # A little within: what rounding put beyond the bound would be no plane's.

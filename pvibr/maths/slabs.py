@@ -1,0 +1,195 @@
+"""Thin slabs that hold points, and covers of triangles by few of them."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+_STEP, _ROUNDS = 0.3, 5  # radians that a slab is turned by at first, and how often that is halved
+_SPREAD = 0.15  # radians between directions in which points lie farthest
+_HOPELESS = 3.0  # times too thick is a slab that turning will not mend
+
+
+def hemisphere(step) -> np.ndarray:
+    """Return unit vectors of half a sphere, about an angle apart.
+
+    Parameters
+    ----------
+    step : float
+        Radians.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, 3)
+        Fibonacci's spiral.
+    """
+    count = int(np.ceil(2 * np.pi / step**2))
+    z = (np.arange(count) + 0.5) / count
+    angle = np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    across = np.sqrt(1 - z * z)
+    return np.column_stack([across * np.cos(angle), across * np.sin(angle), z])
+
+
+def turned(normal, step) -> np.ndarray:
+    """Return a normal and others around it.
+
+    Parameters
+    ----------
+    normal : numpy.ndarray, shape (3,)
+        Unit vector.
+    step : float
+        Radians that the farthest but those in the corners are away.
+
+    Returns
+    -------
+    numpy.ndarray, shape (25, 3)
+        Unit vectors.
+    """
+    u = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    u /= np.linalg.norm(u)
+    v = np.cross(normal, u)
+    turns = step / 2 * np.arange(-2, 3)
+    a, b = np.meshgrid(turns, turns)
+    found = normal + a.reshape(-1, 1) * u + b.reshape(-1, 1) * v
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def thinnest(points, starts, enough):
+    """Return a thin slab that holds points: the thinnest near some directions.
+
+    Parameters
+    ----------
+    points : numpy.ndarray, shape (n, 3)
+        Any units.
+    starts : sequence of numpy.ndarray, shape (3,)
+        Unit vectors; that of least spread is tried first.
+    enough : float
+        Thickness that is thin enough; much thicker ones are not turned.
+
+    Returns
+    -------
+    normal : numpy.ndarray, shape (3,)
+        Unit vector.
+    offset : float
+        Of the slab's middle along it.
+    thickness : float
+        In units of the points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.slabs import thinnest
+    >>> corners = np.array([[0, 0, 0], [4, 0, 0.1], [0, 4, 0], [4, 4, 0.1]])
+    >>> normal, offset, thickness = thinnest(corners, [np.array([0, 0, 1.0])], 0.01)
+    >>> bool(thickness < 0.02), bool(abs(offset) < 0.02)
+    (True, True)
+    """
+    middle = points - points.mean(0)
+    least = np.linalg.eigh(middle.T @ middle)[1][:, 0]
+    best, width = least, float(np.ptp(points @ least))
+    for start in () if width > _HOPELESS * enough else (least, *starts):
+        normal, step = start, _STEP
+        for _ in range(_ROUNDS):
+            around = turned(normal, step)
+            widths = np.ptp(points @ around.T, axis=0)
+            normal = around[widths.argmin()]
+            if widths.min() < width:
+                best, width = normal, float(widths.min())
+            step /= 2
+    along = points @ best
+    return best, float(along.min() + along.max()) / 2, width
+
+
+class Cover:
+    """Triangles, and slabs of one thickness that hold all of them.
+
+    Parameters
+    ----------
+    points : numpy.ndarray, shape (n, 3)
+        Any units.
+    faces : numpy.ndarray of int, shape (m, 3)
+        Triangles.
+    areas : numpy.ndarray, shape (m,)
+        Of these.
+    normals : numpy.ndarray, shape (k, 3)
+        Unit vectors of slabs.
+    offsets : numpy.ndarray, shape (k,)
+        Of their middles.
+    bound : float
+        Half of their thickness.
+    """
+
+    def __init__(self, points, faces, areas, normals, offsets, bound):
+        self.points, self.faces, self.areas, self.bound = points, faces, areas, bound
+        self.normals, self.offsets = normals.copy(), offsets.copy()
+        self.holds = np.stack([self._held(k) for k in range(len(offsets))], 1)
+        self._names = list(range(len(offsets)))
+        self._failed: set = set()  # pairs of names
+
+    def _held(self, k):
+        away = np.abs(self.points @ self.normals[k] - self.offsets[k])
+        return away[self.faces].max(1) <= self.bound
+
+    def merged(self):
+        """Return fewer slabs, where one does for two: it holds what no other does.
+
+        Returns
+        -------
+        normals : numpy.ndarray, shape (k, 3)
+            Unit vectors.
+        offsets : numpy.ndarray, shape (k,)
+            Of the slabs' middles.
+        """
+        while self._merge():
+            pass
+        return self.normals, self.offsets
+
+    def _merge(self) -> bool:
+        """Merge the first two that can be, the least needed first; remember those that cannot."""
+        times = self.holds.sum(1)
+        alone = self.holds & (times == 1)[:, None]
+        cores = [self._extremes(alone[:, k]) for k in range(len(self.offsets))]
+        for pair in combinations(np.argsort(self.areas @ alone).tolist(), 2):
+            key = frozenset(self._names[k] for k in pair)
+            if key in self._failed:
+                continue
+            found = self._of_two(pair, np.concatenate([cores[k] for k in pair]), times)
+            if found is not None:
+                self._replace(pair, *found)
+                return True
+            self._failed.add(key)
+        return False
+
+    def _extremes(self, chosen):
+        """Return the points of triangles that are farthest out: a slab of them holds all."""
+        points = self.points[np.unique(self.faces[chosen])]
+        directions = hemisphere(_SPREAD)
+        if len(points) <= len(directions):
+            return points
+        along = points @ directions.T
+        return points[np.unique(np.concatenate([along.argmin(0), along.argmax(0)]))]
+
+    def _of_two(self, pair, core, times):
+        """Return a slab that holds what two alone hold, or None."""
+        thick = 2 * self.bound
+        if len(core) and thinnest(core, self.normals[list(pair)], thick)[2] > thick:
+            return None
+        alone = times == self.holds[:, pair].sum(1)
+        if not alone.any():
+            return None
+        normal, offset, _ = thinnest(self._extremes(alone), self.normals[list(pair)], thick)
+        away = np.abs(self.points[np.unique(self.faces[alone])] @ normal - offset)
+        return (normal, offset) if away.max() <= self.bound else None
+
+    def _replace(self, pair, normal, offset):
+        kept, gone = pair
+        self.normals[kept], self.offsets[kept] = normal, offset
+        self.holds[:, kept] = self._held(kept)
+        self.normals, self.offsets = (
+            np.delete(self.normals, gone, 0),
+            np.delete(self.offsets, gone),
+        )
+        self.holds = np.delete(self.holds, gone, 1)
+        self._names[kept] = max(self._names) + 1
+        del self._names[gone]
