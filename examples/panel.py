@@ -24,11 +24,11 @@ COUNT = 200
 hills = examples.load_random_hills()
 pl = pv.Plotter(off_screen=True, window_size=(800, 540), lighting='none')
 pl.add_mesh(hills, color='#7d8f69', smooth_shading=True)
-pl.add_light(pv.Light(position=(40, 10, 40), light_type='scene light', cone_angle=90))
-pl.add_light(pv.Light(light_type='headlight', intensity=0.25))
+pl.add_light(pv.Light(position=(-20, -25, 40), light_type='scene light', cone_angle=90))
+pl.add_light(pv.Light(light_type='headlight', intensity=0.3))
 places = hills.points[np.random.default_rng(0).choice(hills.n_points, COUNT)]
 pl.ibr.add_spheres(places + np.array([0, 0, 1.5]), 0.3, color='#d9694f', name='balloons')
-pl.camera_position = [(-20, -28, 16), (0, 0, 1), (0, 0, 1)]
+pl.camera_position = [(-20, -18, 20), (0, 9, 2), (0, 0, 1)]
 
 # %%
 # 2. What the panel finds: effects of any kind, and whatever is added later.
