@@ -153,11 +153,9 @@ def _props(renderer, effects) -> list:
     """Return what is in a renderer beside the actors of things, with the names it has there."""
     hidden = set()
     for thing in effects:
-        if not callable(getattr(thing, 'drawn', None)):
-            continue
-        mine = {address(a) for a in (*thing.actors(), *thing.props)}
-        shown = thing.props if thing.web[0] == 'shown' else ()
-        hidden |= mine - {address(a) for a in shown}
+        # What stands for plain actors has them visible between frames, and its own actors not.
+        if callable(getattr(thing, 'drawn', None)) and thing.web[0] != 'shown':
+            hidden |= {address(a) for a in (*thing.actors(), *thing.props)}
     names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if address(p) not in hidden]
     return [(names.get(address(p)), p) for p in props if not _is_frame(renderer, p)]

@@ -64,6 +64,7 @@ class Layers(Effect):
     >>> pl.close()
     """
 
+    web = 'shown', 'its actors, as meshes'
     max_error = Param(
         1.0, 'How far from where it is anything may be shown.', range='(0, inf)', unit='px'
     )
@@ -104,7 +105,8 @@ class Layers(Effect):
         super().__init__(**settings)
         self._members: dict[str, Member] = {}
         self._layers: list[Layer] = []
-        self._cards: list[LayerCard] = []
+        # Before all other props, since these may have soft edges; blurred ones after them.
+        self._cards: dict[bool, list[LayerCard]] = {False: [LayerCard()], True: []}
         self._surfaces: Any = None
         self._drawer: Any = None
         self._split: tuple = ()
@@ -116,7 +118,6 @@ class Layers(Effect):
         if self._groups is not None:
             self._layers = [Layer([Member(a) for a in group]) for group in self._groups]
             self._members = {m.key: m for layer in self._layers for m in layer.members}
-            self._make_cards()
 
     def __setattr__(self, name, value):
         super().__setattr__(name, _several(name, value))
@@ -127,18 +128,15 @@ class Layers(Effect):
     def __len__(self):
         return len(self._layers)
 
-    def _make_cards(self):
-        while len(self._cards) < len(self._layers):
-            self._cards.append(LayerCard())
-            if self.pipeline is not None:
-                self.pipeline.renderer.AddViewProp(self._cards[-1].actor)
-
     # -- what it is to others ---------------------------------------------------------------------
 
     @property
     def props(self) -> tuple:
         """The quads that show its layers; without them it goes."""
-        return tuple(card.actor for card in self._cards)
+        return tuple(card.actor for card in self._all_cards())
+
+    def _all_cards(self):
+        return [*self._cards[False], *self._cards[True]]
 
     def actors(self) -> list:
         """Return the actors that are in layers."""
@@ -202,10 +200,8 @@ class Layers(Effect):
                 raise ValueError(msg)
         super().attach(pipeline)
         self._surfaces = Surfaces(renderer)
-        for card in self._cards or [LayerCard()]:
-            renderer.AddViewProp(card.actor)
-            if not self._cards:
-                self._cards = [card]
+        for actor in self.props:
+            renderer.AddViewProp(actor)
 
     def detach(self):
         """Take the quads out of the scene."""
@@ -221,7 +217,7 @@ class Layers(Effect):
 
     def rest(self):
         """Show the actors themselves."""
-        for card in self._cards:
+        for card in self._all_cards():
             card.hide()
         for member in self._members.values():
             member.show()
@@ -328,17 +324,15 @@ class Layers(Effect):
         for layer in old.values():
             layer.picture.release()
         self._layers = made
-        self._make_cards()
 
     # -- one frame --------------------------------------------------------------------------------
 
     def _prepare(self, frame):
-        for card in self._cards:
+        for card in self._all_cards():
             if card.failure:
                 raise RuntimeError(card.failure)
         if self._groups is None:
             self._by_depth(frame)
-        _go_last(frame.renderer, self.props)
         now = Now(frame, _view_of(frame), Lighting(frame.renderer), *self._scene(), self)
         for k, layer in enumerate(self._layers):
             layer.judge(now, self._settings(frame, k))
@@ -405,9 +399,15 @@ class Layers(Effect):
         """Draw the pictures, from far to near, in place of their actors."""
         shown = [layer for layer in self._layers if layer.fit is not None and layer.fit.seen]
         shown.sort(key=lambda layer: -layer.away())
-        for card, layer in zip(self._cards, shown, strict=False):
-            picture, fit = layer.picture, layer.fit
-            card.show(frame, picture, fit.warp, fit.turn, around(layer.bounds))
+        for blurred, cards in self._cards.items():
+            mine = [layer for layer in shown if layer.picture.blurred == blurred]
+            for _ in range(len(mine) - len(cards)):
+                cards.append(LayerCard())
+                frame.renderer.AddViewProp(cards[-1].actor)
+            for card, layer in zip(cards, mine, strict=False):
+                fit = layer.fit
+                card.show(frame, layer.picture, fit.warp, fit.turn, around(layer.bounds))
+            _put(frame.renderer, [card.actor for card in cards], last=blurred)
         for layer in self._layers:
             for member in layer.members if layer.fit is not None else ():
                 if not member.why:
@@ -427,7 +427,7 @@ class Layers(Effect):
         """Free what it holds on the GPU; the context is current."""
         self.rest()
         window = None if self.pipeline is None else self.pipeline.window
-        for card in self._cards:
+        for card in self._all_cards():
             card.release(window)
         for layer in self._layers:
             layer.picture.release()
@@ -490,17 +490,23 @@ def _numbers(frame, bounds, count):
     return numbers.tolist(), np.linalg.norm(middle, axis=1).tolist()
 
 
-def _go_last(renderer, actors):
-    """Have actors drawn after all others: soft edges are laid over what is there."""
-    props, own = renderer.GetViewProps(), {address(a) for a in actors}
-    k = props.GetNumberOfItems() - 1
-    while k >= 0 and is_marker(props.GetItemAsObject(k)):
-        k -= 1
-    tail = {address(props.GetItemAsObject(i)) for i in range(max(k + 1 - len(own), 0), k + 1)}
-    if tail != own:
-        for actor in actors:
-            props.RemoveItem(actor)
+def _put(renderer, actors, *, last):
+    """Have actors drawn before all others, or after them."""
+    props = renderer.GetViewProps()
+    count, first = props.GetNumberOfItems(), 0
+    if last:
+        first = count - len(actors)
+        while first > 0 and is_marker(props.GetItemAsObject(first + len(actors) - 1)):
+            first -= 1
+    there = [props.GetItemAsObject(i) for i in range(first, first + len(actors))]
+    if all(a is b for a, b in zip(there, actors, strict=True)):
+        return
+    for actor in actors if last else reversed(actors):
+        props.RemoveItem(actor)
+        if last:
             props.AddItem(actor)
+        else:
+            props.InsertItem(-1, actor)
 
 
 def _smooths(frame) -> bool:
