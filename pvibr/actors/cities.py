@@ -58,9 +58,10 @@ def read_city(path, lod=None):
     Returns
     -------
     meshes : list of pyvista.PolyData
-        Triangles, about an origin of their own. Cell data are ``'object'``, the row of the
-        object in the file, and each attribute that is a number anywhere, float64, NaN where an
-        object has none.
+        Triangles, about an origin of their own. Field data ``'type'`` is the type of the objects,
+        such as ``'Building'``. Cell data are ``'object'``, the row of the object in the file, and
+        each attribute that is a number anywhere, float64, NaN where an object has none; those of
+        templates have none, and -1.
     index : numpy.ndarray, shape (n,), int64
         Which of `meshes` each instance is.
     matrices : numpy.ndarray, shape (n, 4, 4), float64
@@ -138,7 +139,7 @@ class _City:
                     faces = self._triangles(geometry, self._points)
                     own.setdefault(thing['type'], []).append((row, faces))
         found = [self._copied(k, copies) for k, copies in places.items()]
-        found += [self._merged(group) for group in own.values()]
+        found += [self._merged(kind, group) for kind, group in own.items()]
         found = [(mesh, matrices) for mesh, matrices in found if mesh.n_cells]
         if not found:
             what = 'geometry' if self._lod is None else f'geometry of level of detail {self._lod}'
@@ -191,10 +192,10 @@ class _City:
         faces = self._triangles(self._templates[template], self._template_points)
         mesh = _mesh(self._template_points, faces)
         # The attributes of single objects are lost: the mesh is the same for all of them.
-        self._mark(mesh, np.full(len(faces), -1))
+        self._mark(mesh, self._objects[copies[0][0]]['type'], np.full(len(faces), -1))
         return mesh, np.stack([matrix for _, matrix in copies])
 
-    def _merged(self, group):
+    def _merged(self, kind, group):
         """Return one mesh of the objects of a type, and its place."""
         rows = np.concatenate([np.full(len(faces), row) for row, faces in group])
         faces = np.concatenate([faces for _, faces in group])
@@ -203,10 +204,11 @@ class _City:
             used = self._points[faces.ravel()]
             place[:3, 3] = (used.min(0) + used.max(0)) / 2
         mesh = _mesh(self._points - place[:3, 3], faces)
-        self._mark(mesh, rows)
+        self._mark(mesh, kind, rows)
         return mesh, place[None]
 
-    def _mark(self, mesh, rows):
+    def _mark(self, mesh, kind, rows):
+        mesh.field_data['type'] = [kind]
         mesh.cell_data['object'] = rows
         for name in self._names:
             values = np.array([_number(o.get('attributes', {}).get(name)) for o in self._objects])

@@ -260,6 +260,8 @@ def test_cities_have_templates_and_objects(tmp_path):
     np.testing.assert_allclose(matrices[1][:3, 3], [84616 + 4 + 1, 447422 + 4, 5])
     np.testing.assert_array_equal(matrices[0][:3, :3], [[0, -2, 0], [2, 0, 0], [0, 0, 2]])
     assert meshes[1].area == pytest.approx(16 - 4)  # the hole is a hole
+    kinds = [mesh.field_data['type'].tolist() for mesh in meshes]
+    assert kinds == [['SolitaryVegetationObject'], ['Road']]
     assert set(meshes[1].cell_data['object']) == {0}
     assert set(meshes[1].cell_data['width']) == {4.0}
     np.testing.assert_allclose(matrices[2][:3, 3], [84616 + 2, 447422 + 2, 5])
