@@ -29,11 +29,14 @@ class Panel:
         page.set_viewport_size({'width': 700, 'height': 620})
         page.goto(url)
         page.wait_for_selector('img')
-        page.get_by_role('button', name='Reset all').click()
         self.plain = self.settled() if plain is None else plain
-        self.shows(self.plain)
+        self.reset()
         if not self.group('Vignette').evaluate('group => group.open'):
             self.group('Vignette').locator('summary').press('Enter')
+
+    def reset(self):
+        self.page.get_by_role('button', name='Reset all').click()
+        self.shows(self.plain)
 
     def group(self, title):
         """Find an effect's part of the panel."""
@@ -81,7 +84,13 @@ def panel(page, served, picture_of, until, quiet, plain):
     return panel
 
 
-def test_a_slider_by_keys(panel):
+def test_a_slider_by_keys_mouse_and_finger(panel):
+    for move in (by_keys, by_mouse, by_finger):
+        move(panel)
+        panel.reset()
+
+
+def by_keys(panel):
     slider = panel.control('intensity')
     slider.focus()
     panel.page.keyboard.press('End')
@@ -98,7 +107,7 @@ def test_a_slider_by_keys(panel):
     assert {'intensity', 'reset intensity', 'reset color', 'remove Vignette'} <= names
 
 
-def test_a_slider_by_mouse(panel):
+def by_mouse(panel):
     box = panel.control('intensity').bounding_box()
     y = box['y'] + box['height'] / 2
     mouse = panel.page.mouse
@@ -112,7 +121,7 @@ def test_a_slider_by_mouse(panel):
     assert int(panel.control('intensity').input_value()) > 180
 
 
-def test_a_slider_by_finger(panel):
+def by_finger(panel):
     session = panel.page.context.new_cdp_session(panel.page)
     session.send('Emulation.setTouchEmulationEnabled', {'enabled': True})
     box = panel.control('intensity').bounding_box()
@@ -126,11 +135,12 @@ def test_a_slider_by_finger(panel):
     for share in (0.7, 0.9, 0.98):
         touch('touchMove', share)
     touch('touchEnd', 0)
+    session.detach()
     panel.changed(panel.plain)
     assert float(panel.control('intensity', 'textbox').input_value()) > 0.9
 
 
-def test_a_text_that_is_wrong_is_said_and_put_back(panel, until):
+def test_texts_switches_presets_and_colours(panel, until):
     field = panel.control('radius', 'textbox')
     field.fill('far')
     field.press('Enter')
@@ -142,9 +152,8 @@ def test_a_text_that_is_wrong_is_said_and_put_back(panel, until):
     field.press('Enter')
     until(lambda: not alert.count())
     panel.changed(panel.plain)
+    panel.reset()
 
-
-def test_off_presets_and_colours(panel):
     group = panel.group('Vignette')
     group.get_by_role('checkbox', name='Vignette on').click()
     without = panel.changed(panel.plain)
@@ -169,8 +178,7 @@ def test_python_and_files_of_settings(panel, tmp_path, until):
         page.get_by_role('button', name='Save').click()
     saved = Path(download.value.path()).read_text()
     assert json.loads(saved)['subplots']['0']['Vignette']['intensity'] == 1.0
-    page.get_by_role('button', name='Reset all').click()
-    panel.shows(panel.plain)
+    panel.reset()
     (tmp_path / 'look.json').write_text(saved)
     page.locator('input[type=file]').set_input_files(tmp_path / 'look.json')
     panel.shows(dark)
