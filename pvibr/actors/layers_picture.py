@@ -134,9 +134,14 @@ class LayerPicture:
         return not len(self._points)
 
     @property
+    def blurred(self) -> bool:
+        """Whether it was low-pass filtered."""
+        return bool(self._soft)
+
+    @property
     def blends(self) -> bool:
         """Whether its edges are soft: blurred, or of several texels a pixel."""
-        return bool(self._soft) or self.scale > 1
+        return self.blurred or self.scale > 1
 
     @property
     def color(self):

@@ -18,7 +18,7 @@ from pvibr.offscreen import Stage
 #: Degrees that the camera turns, and world units that it goes sideways, from one frame to the
 #: next: 6 degrees and 1.2 units a second at 60 frames a second.
 TURN, STEP = 0.1, 0.02
-_EVERY = 6  # frames of which one is drawn in full as well, to be compared
+_EVERY = 8  # frames of which one is drawn in full as well, to be compared
 
 
 @dataclass
@@ -46,7 +46,7 @@ class Settings:
     errors: tuple = (0.5, 1.0, 2.0, 4.0)
 
 
-QUICK = Settings((160, 90), 8, 1000, 10, (1.0,))
+QUICK = Settings((160, 90), 8, 1000, 16, (1.0,))
 
 
 def measure(out, *, quick=False) -> list:
