@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.actors.layers_card import LayerCard
-from pvibr.actors.layers_layer import Layer, Now, around
+from pvibr.actors.layers_layer import Layer, Now, around, numbers_by_depth
 from pvibr.actors.layers_members import Lighting, Member
 from pvibr.actors.layers_picture import Settings
 from pvibr.casters import Casters, Surfaces, address
@@ -15,7 +15,6 @@ from pvibr.determinism import is_deterministic
 from pvibr.effect import Effect
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.scene_pass import is_marker
-from pvibr.maths.layers import split_by_depth
 from pvibr.maths.views import View, may_see
 from pvibr.params import Param
 
@@ -110,7 +109,6 @@ class Layers(Effect):
         self._surfaces: Any = None
         self._drawer: Any = None
         self._split: tuple = ()
-        self._held = -1
         self._version = 0
         self._frame: Any = None
         self._elsewhere: list | None = None
@@ -280,20 +278,14 @@ class Layers(Effect):
     def _gather(self):
         if self.pipeline is None:
             return
+        # What another thing stands for is its own from then on.
+        self._surfaces.update([t for t in self.pipeline.things if t is not self])
+        free, _ = self._surfaces.chosen(None)
+        own = {address(a) for a in self.props}
+        present = {k: a for k, a in free.items() if k not in own}
         if self._groups is None:
-            things = [t for t in self.pipeline.things if t is not self]
-            self._surfaces.update(things)
-            free, _ = self._surfaces.chosen(None)
-            own = {address(a) for a in self.props}
-            present = {k: a for k, a in free.items() if k not in own}
             for key in present.keys() - self._members.keys():
                 self._members[key] = Member(present[key])
-        else:
-            held = self.pipeline.renderer.GetViewProps()
-            if held.GetMTime() == self._held:
-                return
-            self._held = held.GetMTime()
-            present = {address(p): p for p in held}
         gone = self._members.keys() - present.keys()
         for key in gone:
             del self._members[key]
@@ -309,7 +301,7 @@ class Layers(Effect):
             went = np.linalg.norm(frame.eye - eye)
             if keys == fit.keys() and count == self.count and went <= room:
                 return
-        numbers, away = _numbers(frame, [m.bounds for m in fit.values()], self.count)
+        numbers, away = numbers_by_depth(frame, [m.bounds for m in fit.values()], self.count)
         # What reaches over all has its middle anywhere.
         room = min((a for a, n in zip(away, numbers, strict=True) if n < self.count), default=0.0)
         self._split = set(fit), self.count, frame.eye, _NEAR * room
@@ -470,24 +462,6 @@ def _checked_groups(groups) -> list:
         msg = f'groups = {groups!r}: each must hold an actor or more, and each actor be in one'
         raise ValueError(msg)
     return found
-
-
-def _numbers(frame, bounds, count):
-    """Return the numbers of layers of boxes, and the distances of their middles."""
-    ends = np.reshape(bounds, (-1, 3, 2)).astype(float)
-    if not len(ends):
-        return [], []
-    middle, half = ends.mean(2) - frame.eye, np.ptp(ends, axis=2) / 2
-    if frame.parallel:
-        along = -(middle @ frame.view_from_world[2, :3])
-        reach = half @ np.abs(frame.view_from_world[2, :3])
-        numbers = split_by_depth(along - reach, along + reach, count, ratio=False)
-        return numbers.tolist(), [np.inf] * len(ends)
-    nearest = np.linalg.norm(np.maximum(np.abs(middle) - half, 0), axis=1)
-    farthest = np.linalg.norm(np.abs(middle) + half, axis=1)
-    nearest = np.clip(nearest, frame.near, None)
-    numbers = split_by_depth(nearest, np.maximum(farthest, nearest), count)
-    return numbers.tolist(), np.linalg.norm(middle, axis=1).tolist()
 
 
 def _put(renderer, actors, *, last):

@@ -11,6 +11,7 @@ import numpy as np
 
 from pvibr.actors.layers_picture import LayerPicture
 from pvibr.casters import sized
+from pvibr.maths.layers import split_by_depth
 from pvibr.maths.views import may_see
 
 #: Frames that a layer is left to VTK at most.
@@ -302,3 +303,38 @@ def around(boxes) -> tuple:
         return (1.0, -1.0) * 3
     ends = np.stack([found[:, ::2].min(0), found[:, 1::2].max(0)], 1)
     return tuple(ends.ravel().tolist())
+
+
+def numbers_by_depth(frame, bounds, count) -> tuple[list, list]:
+    """Split boxes into layers by their distance from the eye.
+
+    Parameters
+    ----------
+    frame : pvibr.frame.Frame
+        The frame about to be drawn.
+    bounds : sequence of sequences of 6 float
+        World units.
+    count : int
+        See :func:`pvibr.maths.layers.split_by_depth`.
+
+    Returns
+    -------
+    numbers : list of int
+        Of the layer of each.
+    away : list of float
+        Distance of the middle of each; inf in a parallel view, where no step changes the layers.
+    """
+    ends = np.reshape(bounds, (-1, 3, 2)).astype(float)
+    if not len(ends):
+        return [], []
+    middle, half = ends.mean(2) - frame.eye, np.ptp(ends, axis=2) / 2
+    if frame.parallel:
+        along = -(middle @ frame.view_from_world[2, :3])
+        reach = half @ np.abs(frame.view_from_world[2, :3])
+        numbers = split_by_depth(along - reach, along + reach, count, ratio=False)
+        return numbers.tolist(), [np.inf] * len(ends)
+    nearest = np.linalg.norm(np.maximum(np.abs(middle) - half, 0), axis=1)
+    farthest = np.linalg.norm(np.abs(middle) + half, axis=1)
+    nearest = np.clip(nearest, frame.near, None)
+    numbers = split_by_depth(nearest, np.maximum(farthest, nearest), count)
+    return numbers.tolist(), np.linalg.norm(middle, axis=1).tolist()

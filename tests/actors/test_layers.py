@@ -430,6 +430,10 @@ def test_impostors_beside_intersect_layers():
     scene.yaw(0.2)
     plain, drawn = scene.pictures()
     assert displaced(plain, drawn) <= 2
+    scene.plotters[1].ibr.add_impostor(scene.actors[1][2], refuse=False)  # leaves its layer
+    plain, drawn = scene.pictures()
+    assert displaced(plain, drawn) <= 2
+    assert len(scene.layers.actors()) == 3
 
 
 def test_a_blurred_layer_is_soft_and_the_others_are_sharp():
