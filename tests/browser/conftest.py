@@ -62,6 +62,10 @@ def page(chromium, quiet, said):
     context = chromium.new_context(viewport={'width': 800, 'height': 600})
     context.on('console', hear)
     context.on('weberror', lambda e: said.append(str(e.error)))
+    # An error that is an object says nothing of itself.
+    context.add_init_script(
+        "addEventListener('unhandledrejection', e => console.error(JSON.stringify(e.reason)))"
+    )
     made = context.new_page()
     made.set_default_timeout(20_000)
     yield made
@@ -147,10 +151,10 @@ def cache(tmp_path_factory):
 def start(tmp_path_factory, until, cache):
     """A function: start a Python program with arguments, once its page can be opened."""
     folder = tmp_path_factory.mktemp('programs')
-    environment = os.environ | {'PVIBR_CACHE': str(cache), 'PYTHONUNBUFFERED': '1'}
     started = []
 
     def begin(*command):
+        environment = os.environ | {'PVIBR_CACHE': str(cache), 'PYTHONUNBUFFERED': '1'}
         program = _Program(folder / f'{len(started)}.log', command, environment)
         started.append(program)
         until(lambda: program.url, 60)
