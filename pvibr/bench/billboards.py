@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pvibr.bench import plants, spheres, sprites
+from pvibr.bench import plants, quadrics, spheres, sprites
 from pvibr.bench.plot import save, several_axes
 from pvibr.bench.runs import run
 
@@ -21,6 +21,8 @@ class Settings:
         Billboards.
     slow : int
         Of those that blend and those of VTK, at most.
+    quadrics : int
+        Cylinders, and ellipsoids.
     sprite_sizes : tuple of int
         Of cut-outs on the screen, px.
     plant_pixels, plant_views : int
@@ -32,6 +34,7 @@ class Settings:
     size: tuple[int, int] = (1280, 720)
     counts: tuple[int, ...] = (1_000, 10_000, 100_000, 1_000_000)
     slow: int = 100_000
+    quadrics: int = 10_000
     sprite_sizes: tuple[int, ...] = (256, 200, 150, 100, 75, 50, 37, 25)
     plant_pixels: int = 128
     plant_views: int = 6
@@ -40,8 +43,8 @@ class Settings:
 
 
 QUICK = Settings(
-    size=(320, 180), counts=(1_000,), slow=1_000, sprite_sizes=(75,), plant_pixels=32,
-    plant_views=1, plants=2, copies=2,
+    size=(320, 180), counts=(1_000,), slow=1_000, quadrics=500, sprite_sizes=(75,),
+    plant_pixels=32, plant_views=1, plants=2, copies=2,
 )  # fmt: skip
 
 
@@ -60,7 +63,10 @@ def measure(out, *, quick=False) -> list:
     list of Row
         What was measured.
     """
-    parts = {'sprites': sprites.measure, 'spheres': spheres.measure, 'plants': plants.measure}
+    parts = {
+        'sprites': sprites.measure, 'spheres': spheres.measure, 'quadrics': quadrics.measure,
+        'plants': plants.measure,
+    }  # fmt: skip
     return run('billboards', parts, QUICK if quick else Settings(), plot, out, quick=quick)
 
 

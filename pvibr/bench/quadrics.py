@@ -1,0 +1,136 @@
+"""Cylinders and ellipsoids against VTK's own ways, and against rays."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pyvista as pv
+
+from pvibr import _vtk
+from pvibr.bench.rows import Row
+from pvibr.bench.spheres import least_ms, picture_error
+from pvibr.maths.quadric_rays import meet_cylinders, meet_ellipsoids
+
+_SIDES = 12  # of a tube, and of a sphere around
+_SOME = 100  # of the pictures that are compared with rays
+
+
+def measure(settings, results):
+    """Measure times and errors.
+
+    Parameters
+    ----------
+    settings : pvibr.bench.billboards.Settings
+        How much.
+    results : Results
+        Takes rows and points.
+    """
+    kinds = {
+        'cylinders': (_bars, _cylinders, {'tube filter': _tubes, 'glyph mapper': _glyphs}),
+        'ellipsoids': (_eggs, _ellipsoids, {'vtkTensorGlyph': _tensors}),
+    }
+    for name, (make, put, peers) in kinds.items():
+        things = make(settings.quadrics)
+        ms = least_ms(put, things, settings.size)
+        results.rows.append(Row(f'{settings.quadrics:,} {name}', ms, 'ms'))
+        for peer, theirs in peers.items():
+            other = least_ms(theirs, things, settings.size)
+            results.rows.append(Row(f'{settings.quadrics:,} {name}, {peer}', other, 'ms'))
+            text = f'{settings.quadrics:,} {name}, faster than {peer}'
+            results.rows.append(Row(text, other / ms, 'x', at_least=True))
+        error = _ERRORS[name](settings.size)
+        text = f'{name}, largest difference from rays, no edges'
+        results.rows.append(Row(text, error, '/255', 1.0))
+
+
+def _bars(count, radius=0.01):
+    """Return ends and radii."""
+    rng = np.random.default_rng(0)
+    middles, halves = rng.uniform(-1, 1, (count, 3)), rng.normal(0, 2.5 * radius, (count, 3))
+    return middles - halves, middles + halves, np.full(count, radius)
+
+
+def _eggs(count, largest=0.03):
+    """Return centres, radii and axes."""
+    rng = np.random.default_rng(0)
+    turns = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
+    return rng.uniform(-1, 1, (count, 3)), rng.uniform(0.3, 1, (count, 3)) * largest, turns
+
+
+def _cylinders(pl, bars):
+    pl.ibr.add_cylinders(*bars)
+
+
+def _lines(bars):
+    points = np.stack(bars[:2], 1).reshape(-1, 3)
+    cells = np.c_[np.full(len(bars[0]), 2), np.arange(len(points)).reshape(-1, 2)]
+    return pv.PolyData(points, lines=cells)
+
+
+def _tubes(pl, bars):
+    tubes = _lines(bars).tube(radius=float(bars[2][0]), n_sides=_SIDES, capping=True)
+    pl.add_mesh(tubes, smooth_shading=False)
+
+
+def _glyphs(pl, bars):
+    """Draw one cylinder by instancing: turned along a vector and scaled by another."""
+    first, second, radii = bars
+    run = second - first
+    length = np.linalg.norm(run, axis=1)
+    cloud = pv.PolyData((first + second) / 2)
+    cloud['run'], cloud['size'] = run, np.c_[length, radii, radii]
+    mapper = _vtk.vtkGlyph3DMapper()
+    mapper.SetInputData(cloud)
+    mapper.SetSourceData(pv.Cylinder(direction=(1, 0, 0), radius=1.0, resolution=_SIDES))
+    mapper.SetOrientationArray('run')
+    mapper.SetOrientationModeToDirection()
+    mapper.SetScaleArray('size')
+    mapper.SetScaleModeToScaleByVectorComponents()
+    mapper.ScalarVisibilityOff()
+    actor = pv.Actor()
+    actor.SetMapper(mapper)
+    pl.renderer.AddActor(actor)
+
+
+def _ellipsoids(pl, eggs):
+    pl.ibr.add_ellipsoids(*eggs)
+
+
+def _tensors(pl, eggs):
+    centers, radii, turns = eggs
+    cloud = pv.PolyData(centers)
+    cloud['tensor'] = (turns * radii[:, None]).swapaxes(1, 2).reshape(-1, 9)
+    cloud.GetPointData().SetActiveTensors('tensor')
+    glyph = _vtk.vtkTensorGlyph()
+    ball = pv.Sphere(radius=1.0, theta_resolution=_SIDES, phi_resolution=_SIDES)
+    glyph.SetSourceData(ball)
+    glyph.SetInputData(cloud)
+    glyph.ExtractEigenvaluesOff()
+    glyph.ColorGlyphsOff()
+    glyph.Update()
+    pl.add_mesh(pv.wrap(glyph.GetOutput()), smooth_shading=False)
+
+
+def _cylinder_error(size):
+    bars = _bars(_SOME, radius=0.06)
+    halves = (bars[1] - bars[0]) / 2
+    put = partial(_put_bars, bars=bars)
+    return picture_error(size, put, meet_cylinders, bars[0] + halves, halves, bars[2])
+
+
+def _put_bars(pl, bars, **looks):
+    pl.ibr.add_cylinders(*bars, **looks)
+
+
+def _ellipsoid_error(size):
+    eggs = _eggs(_SOME, largest=0.2)
+    put = partial(_put_eggs, eggs=eggs)
+    return picture_error(size, put, meet_ellipsoids, eggs[0], eggs[2] * eggs[1][:, None])
+
+
+def _put_eggs(pl, eggs, **looks):
+    pl.ibr.add_ellipsoids(*eggs, **looks)
+
+
+_ERRORS = {'cylinders': _cylinder_error, 'ellipsoids': _ellipsoid_error}
