@@ -66,6 +66,8 @@ def baked(host, pipelines, *, triangles=1_000_000, texture=1024, detail=1 / 1024
             _copy_lights(renderer, made.renderer, still=shadows)
             scene.add_to(made, _props(renderer, here))
             made.renderer.ResetCameraClippingRange()
+            if getattr(renderer, 'axes_enabled', False):
+                made.renderer.add_axes()
             dropped |= scene.dropped
     except BaseException:
         made.close()
@@ -129,6 +131,9 @@ def _copy_view(old, new, cameras):
     new.SetBackground2(old.GetBackground2())
     new.SetGradientBackground(old.GetGradientBackground())
     new.SetTwoSidedLighting(old.GetTwoSidedLighting())
+    new.SetUseDepthPeeling(old.GetUseDepthPeeling())
+    new.SetMaximumNumberOfPeels(old.GetMaximumNumberOfPeels())
+    new.SetOcclusionRatio(old.GetOcclusionRatio())
 
 
 def _copy_lights(old, new, *, still):

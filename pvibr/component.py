@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import math
 import weakref
+from typing import Any
 
 import pyvista as pv
 
@@ -13,11 +14,11 @@ from pvibr.clock import Clock
 from pvibr.errors import ClosedError
 from pvibr.large import Shots
 from pvibr.movies import Film, frame_times, write_movie
-from pvibr.params import Param
+from pvibr.params import Param, params_of
 from pvibr.pipeline import Pipeline
 from pvibr.quality import Pace
 from pvibr.report import Report
-from pvibr.web_report import Watch, WebReport, follow_mode, warn_missing, web_report
+from pvibr.web_report import Page, Watch, WebReport, warn_missing, web_report
 
 _attached: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
 
@@ -55,6 +56,7 @@ class IBRComponent:
         self._shots = Shots(plotter, self._all_effects, self._pace.full)
         self._numbered: list = []
         self._told: list = []
+        self._followed: Any = None
         self._followers: list = []
         self._closed = False
 
@@ -1053,9 +1055,15 @@ class IBRComponent:
     def _number_of(self, renderer) -> int:
         return list(getattr(self._plotter, 'renderers', [renderer])).index(renderer)
 
-    def _handed_over(self, **_mode):
+    def _handed_over(self):
         """Warn, once, of what is not in the scene that a browser or a file gets."""
-        if self._closed or follow_mode(self._plotter, self._handed_over):
+        if self._closed:
+            return
+        page = Page.of(self._plotter)
+        if page is not None and page.shows_pictures:
+            if page.viewer is not self._followed:
+                self._followed = page.viewer
+                page.on_switch(self._handed_over)
             return
         report = self.web_report()
         if report.missing and report.missing != self._told:
@@ -1072,14 +1080,14 @@ class IBRComponent:
         return {key: _named(pipeline) for key, pipeline in self._by_key().items()}
 
     def state(self) -> dict:
-        """Return the settings of everything in every subplot, and the time.
+        """Return the settings of everything in every subplot, its own, and the time.
 
         Returns
         -------
         dict
             Values that JSON keeps; see :meth:`restore`.
         """
-        return state_files.state_of(self.contents, self._time)
+        return state_files.state_of(self.contents, _Own(self).state())
 
     def restore(self, state):
         """Set what is here to the settings that :meth:`state` returned; all of them or none.
@@ -1097,14 +1105,7 @@ class IBRComponent:
         state_files.warn_of(self._restore(state, lenient=False))
 
     def _restore(self, state, lenient):
-        contents, time = self.contents, self._time
-        if isinstance(state, dict):
-            self.time = state.get('time', time)
-        try:
-            return state_files.restore(contents, state, lenient=lenient)
-        except (TypeError, ValueError):
-            self.time = time
-            raise
+        return state_files.restore(self.contents, state, own=_Own(self), lenient=lenient)
 
     def save_state(self, path):
         """Write the settings of everything in every subplot to a file of JSON.
@@ -1226,6 +1227,26 @@ def _named(pipeline) -> dict:
         count = sum(e.name == effect.name for e in named.values())
         named[f'{effect.name} {count + 1}' if count else effect.name] = effect
     return named
+
+
+class _Own:
+    """The settings of a component itself, as those of one more thing."""
+
+    enabled = True
+
+    def __init__(self, component):
+        self._component = component
+
+    def state(self):
+        """Return time and settings."""
+        names = ('time', *params_of(type(self._component)))
+        return {name: getattr(self._component, name) for name in names}
+
+    def restore(self, state):
+        """Set what is there."""
+        for name, value in state.items():
+            setattr(self._component, name, value)
+        return []
 
 
 class _Host:

@@ -187,26 +187,51 @@ def _shows(prop, source):
     return show
 
 
-def follow_mode(plotter, changed) -> bool:
-    """Tell whether a trame page shows pictures of a plotter now and could draw by itself.
+class Page:
+    """A page of trame that shows pictures of a plotter, and can be switched to draw by itself.
 
     Such a page is handed the scene along with each picture.
 
     Parameters
     ----------
-    plotter : pyvista.Plotter
-        Which may have a page.
-    changed : callable
-        Called when the page begins or ceases to draw by itself.
+    viewer : object
+        As ``trame_pyvista`` keeps one for each plotter.
     """
-    ui = sys.modules.get('trame_pyvista.ui') or sys.modules.get('pyvista.trame.ui')
-    viewers: dict[Any, Any] = getattr(ui, '_VIEWERS', {})
-    viewer: Any = viewers.get(getattr(plotter, '_id_name', None))
-    key = getattr(viewer, 'SERVER_RENDERING', None)
-    if key is None or not viewer.server.state[key]:
-        return False
-    viewer.server.state.change(key)(changed)
-    return True
+
+    def __init__(self, viewer):
+        self.viewer = viewer
+
+    @classmethod
+    def of(cls, plotter) -> Page | None:
+        """Return the page of a plotter, None where there is none.
+
+        Parameters
+        ----------
+        plotter : pyvista.Plotter
+            Any.
+        """
+        ui = sys.modules.get('trame_pyvista.ui') or sys.modules.get('pyvista.trame.ui')
+        viewers: dict[Any, Any] = getattr(ui, '_VIEWERS', {})
+        viewer: Any = viewers.get(getattr(plotter, '_id_name', None))
+        return None if viewer is None or not hasattr(viewer, 'SERVER_RENDERING') else cls(viewer)
+
+    @property
+    def shows_pictures(self) -> bool:
+        """Whether its pictures are drawn here, for now."""
+        return bool(self.viewer.server.state[self.viewer.SERVER_RENDERING])
+
+    def on_switch(self, tell):
+        """Have something told when it begins or ceases to draw by itself.
+
+        Parameters
+        ----------
+        tell : callable
+            A method, which is called without arguments; its owner is not kept alive.
+        """
+        tell = weakref.WeakMethod(tell)
+        self.viewer.server.state.change(self.viewer.SERVER_RENDERING)(
+            lambda **_: (told := tell()) is not None and told()
+        )
 
 
 def warn_missing(report):

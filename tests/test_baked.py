@@ -379,6 +379,40 @@ def test_impostors_are_their_actors():
     pl.close()
 
 
+def test_everything_together_in_subplots():
+    pl = plotter(shape=(1, 2))
+    for k in range(2):
+        pl.subplot(0, k)
+        ground(pl)
+        pl.add_mesh(pv.Sphere(center=(1, 0, 0.6)), color='red', opacity=0.5)
+        grid = pv.ImageData(dimensions=(6, 6, 6), spacing=(0.3,) * 3, origin=(-2, -2, 0))
+        grid['v'] = np.linspace(0, 1, 216)
+        pl.add_volume(grid, show_scalar_bar=False, opacity='linear')
+        pl.add_light(pv.Light(position=(2, -3, 5), light_type='scene light', intensity=0.8))
+        shadows = pl.ibr.add(pvibr.Shadows())
+        pl.ibr.add_spheres([[-1, 2, 0.5]], 0.5)
+        look(pl)
+    pl.ibr.remove(shadows)
+    pl.ibr.add(shadows)
+    pl.enable_depth_peeling()
+    assert differ(pl) < 4
+    pl.close()
+
+
+def test_a_window_that_was_never_drawn():
+    pl = plotter()
+    ground(pl)
+    ball(pl)
+    pl.ibr.add(pvibr.Shadows())
+    pl.ibr.add_billboards([[1, 1, 1]], np.ones((4, 4)), size=9, size_unit='pixel')
+    made = pl.ibr.baked()
+    made.show(auto_close=False)
+    pl.show(auto_close=False)
+    assert np.abs(made.screenshot().astype(int) - pl.screenshot()).mean() < 1
+    made.close()
+    pl.close()
+
+
 def test_what_is_baked_can_be_baked_and_shown_again():
     pl = plotter()
     ground(pl)

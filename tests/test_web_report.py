@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.web_report import PICTURES, WebReport, WebRow, follow_mode
+from pvibr.web_report import PICTURES, WebReport, WebRow
 
 STATES = ('shown', 'baked', 'lost')
 
@@ -132,27 +134,28 @@ def test_the_watch_does_not_show(plotter):
     assert plotter.ibr.buffer('id').max() == 0  # the ball, and nothing else
 
 
-def test_a_page_that_shows_pictures_is_followed(monkeypatch):
+def test_a_page_that_shows_pictures_is_told_when_it_is_switched(plotter, monkeypatch, tmp_path):
     class State(dict):
+        told = ()
+
         def change(self, key):
-            self.key = key
-            return lambda f: self.__setitem__('told', f)
+            assert key == 'pictures'
+            return lambda call: setattr(self, 'told', (*self.told, call))
 
-    class Ui:
-        pass
-
-    pl = pv.Plotter(off_screen=True)
-    viewer, ui = Ui(), Ui()
-    viewer.SERVER_RENDERING = 'pictures'
-    viewer.server = Ui()
-    viewer.server.state = State(pictures=True)
-    ui._VIEWERS = {pl._id_name: viewer}
-    monkeypatch.setitem(__import__('sys').modules, 'trame_pyvista.ui', ui)
-    assert follow_mode(pl, len)
-    assert viewer.server.state['told'] is len
-    viewer.server.state['pictures'] = False
-    assert not follow_mode(pl, len)
-    pl.close()
+    state = State(pictures=True)
+    viewer = SimpleNamespace(SERVER_RENDERING='pictures', server=SimpleNamespace(state=state))
+    ui = SimpleNamespace(_VIEWERS={plotter._id_name: viewer})
+    monkeypatch.setitem(sys.modules, 'trame_pyvista.ui', ui)
+    plotter.show(auto_close=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        for _ in range(3):
+            plotter.render()
+            exports(plotter, tmp_path)
+    assert len(state.told) == 1
+    state['pictures'] = False
+    with pytest.warns(pvibr.PvibrWarning, match='Bloom'):
+        state.told[0](pictures=False)
 
 
 def test_rows_keep_json_values():
