@@ -18,35 +18,35 @@ VERSION = 1
 MOST_BYTES = 2**24
 
 
-def state_of(contents, time) -> dict:
+def state_of(contents, own) -> dict:
     """Return the settings of things as values that JSON keeps.
 
     Parameters
     ----------
     contents : dict
         Subplot to name to :class:`pvibr.Effect`.
-    time : float
-        Seconds.
+    own : dict
+        Settings of the plotter itself.
 
     Returns
     -------
     dict
-        ``time`` and ``subplots``: subplot to name to settings, and whether it is ``enabled``.
+        These, and ``subplots``: subplot to name to settings, and whether it is ``enabled``.
 
     Examples
     --------
     >>> import pvibr
-    >>> state_of({'0': {'Flash': pvibr.Flash(at=2)}}, 0.0)['subplots']['0']['Flash']['at']
+    >>> state_of({'0': {'Flash': pvibr.Flash(at=2)}}, {})['subplots']['0']['Flash']['at']
     2.0
     """
     subplots = {
         key: {name: thing.state() | {'enabled': thing.enabled} for name, thing in named.items()}
         for key, named in contents.items()
     }
-    return {'time': time, 'subplots': subplots}
+    return own | {'subplots': subplots}
 
 
-def restore(contents, state, *, lenient=False) -> list[str]:
+def restore(contents, state, *, own=None, lenient=False) -> list[str]:
     """Set things to settings; all of them or none.
 
     Parameters
@@ -55,6 +55,8 @@ def restore(contents, state, *, lenient=False) -> list[str]:
         Subplot to name to :class:`pvibr.Effect`.
     state : dict
         As :func:`state_of` returns it.
+    own : object, optional
+        What has the settings of the plotter itself, with ``state()`` and ``restore(state)``.
     lenient : bool, optional
         Leave out values that are not allowed, as if their names were not known.
 
@@ -77,8 +79,9 @@ def restore(contents, state, *, lenient=False) -> list[str]:
     >>> flash.at
     2.0
     """
-    unknown = [k for k in _mapping('state', state) if k not in ('time', 'subplots')]
-    plan = []
+    known = [] if own is None else [k for k in own.state() if k in _mapping('state', state)]
+    unknown = [k for k in _mapping('state', state) if k not in ('subplots', *known)]
+    plan = [('plotter', own, {k: state[k] for k in known})] if known else []
     for key, named in _mapping('subplots', state.get('subplots', {})).items():
         here = contents.get(key, {})
         for name, settings in _mapping(f'subplot {key}', named).items():

@@ -222,7 +222,8 @@ def test_attach_to_a_plain_renderer():
     holder = ibr.add(Holder())
     window.Render()
     assert ibr.report().rows[0].state == 'ran'
-    assert ibr.state() == {'time': 0.0, 'subplots': {'0': {'Holder': {'enabled': True}}}}
+    subplots = {'0': {'Holder': {'enabled': True}}}
+    assert ibr.state() == {'time': 0.0, 'moving_ms': 100.0, 'subplots': subplots}
     ibr.close()
     assert holder.released == 1
     assert not renderer.HasObserver('EndEvent')

@@ -24,7 +24,7 @@ def pl():
     pl.ibr.add(pvibr.Bloom(threshold=0.5))
     pl.subplot(0, 1)
     pl.ibr.add(pvibr.Vignette(color=(1, 0, 0))).enabled = False
-    pl.ibr.time = 1.5
+    pl.ibr.time, pl.ibr.moving_ms = 1.5, 50
     return pl
 
 
@@ -33,7 +33,7 @@ def changed(pl):
     bloom, vignette = pl.ibr.contents['0']['Bloom'], pl.ibr.contents['1']['Vignette']
     bloom.threshold, bloom.enabled = 0.9, False
     vignette.color, vignette.enabled = (0, 0, 0), True
-    pl.ibr.time = 0
+    pl.ibr.time, pl.ibr.moving_ms = 0, 80
     return bloom, vignette
 
 
@@ -56,6 +56,7 @@ def test_a_file_of_another_version_is_applied_as_far_as_it_is_known(pl, tmp_path
     values = json.loads(path.read_text())
     values['version'] = 99
     values['moon'] = 'full'
+    values['moving_ms'] = 'swift'
     values['subplots']['0']['Bloom'] |= {'hue': 3, 'blend': 'multiply', 'intensity': 0.25}
     values['subplots']['0']['Ripples'] = {}
     path.write_text(json.dumps(values))
@@ -68,7 +69,13 @@ def test_a_file_of_another_version_is_applied_as_far_as_it_is_known(pl, tmp_path
     assert len(caught) == len(again) == 1
     assert str(caught[0].message) == str(again[0].message)
     assert caught[0].filename == again[0].filename == __file__
-    for name in ('moon', 'Bloom.hue', "Bloom.blend = 'multiply'", 'subplot 0: Ripples'):
+    for name in (
+        'moon',
+        'plotter.moving_ms',
+        'Bloom.hue',
+        "Bloom.blend = 'multiply'",
+        'subplot 0: Ripples',
+    ):
         assert name in str(caught[0].message)
     assert (bloom.threshold, bloom.intensity, bloom.blend) == (0.5, 0.25, 'add')
     assert bloom.enabled
@@ -84,6 +91,8 @@ def test_a_file_of_another_version_is_applied_as_far_as_it_is_known(pl, tmp_path
         {'subplots': {'0': 'Bloom'}},
         {'subplots': [1]},
         {'time': 'noon'},
+        {'moving_ms': -1, 'subplots': {'0': {'Bloom': {'threshold': 0.1}}}},
+        {'time': 3.0, 'moving_ms': None},
         {'time': 10**400},
         {'time': None, 'subplots': {'0': {'Bloom': {'threshold': 0.1}}}},
     ],
@@ -127,13 +136,13 @@ NAMES = st.sampled_from(['time', 'subplots', '0', 'Flash', 'at', 'color', 'enabl
 def test_any_values_are_restored_or_refused(state):
     flash = pvibr.Flash()
     contents = {'0': {'Flash': flash}}
-    before = state_files.state_of(contents, 0.0)
+    before = state_files.state_of(contents, {})
     try:
         state_files.restore(contents, state)
     except (TypeError, ValueError):
-        assert state_files.state_of(contents, 0.0) == before
+        assert state_files.state_of(contents, {}) == before
     else:
-        state_files.to_text('state', state_files.state_of(contents, 0.0))
+        state_files.to_text('state', state_files.state_of(contents, {}))
 
 
 def test_a_byte_order_mark_is_no_trouble(pl):
