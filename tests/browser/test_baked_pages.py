@@ -59,12 +59,11 @@ def three(tmp_path_factory):
     if npm is None:
         pytest.skip('needs npm')
     folder = tmp_path_factory.mktemp('three')
-    done = subprocess.run(
-        [npm, 'install', 'three@0.160.0', '--no-audit', '--no-fund', '--prefix', str(folder)],
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-    if done.returncode:
-        pytest.skip('needs a registry of npm packages')
+    command = [npm, 'install', 'three@0.160.0', '--no-audit', '--no-fund', '--prefix', str(folder)]
+    try:
+        subprocess.run(command, capture_output=True, timeout=60, check=True)
+    except subprocess.SubprocessError as error:
+        pytest.skip(f'needs a registry of npm packages: {error}')
     return folder
 
 
