@@ -414,16 +414,18 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   // While it takes over from a coarser level a card of coverage c is drawn over it with w c; the
   // coarser one has what is missing to c below it: 1 - (1 - c) / (1 - w c). So edges keep their
   // area and nothing shines through. Before a mesh, which cannot blend, pixels are shared.
+  // Where nothing is blended (a light, a pick, ids of pixels) both are there wholly.
   float ibr_full = ibr_coverage;
-  ibr_coverage *= clamp(ibr_card.w, 0.0, 1.0);
-  if (ibr_dithered < 0.5)
+  bool ibr_fades = ibr_cut < 0.5;
+  if (ibr_fades) { ibr_coverage *= clamp(ibr_card.w, 0.0, 1.0); }
+  if (ibr_fades && ibr_dithered < 0.5)
   {
     float ibr_over = clamp(ibr_card.z, 0.0, 0.999) * ibr_full;
     float ibr_left = 1.0 - (1.0 - ibr_full) / (1.0 - ibr_over);
     ibr_coverage *= clamp(ibr_left / max(ibr_full, 1e-4), 0.0, 1.0);
   }
   if (ibr_coverage < ibr_cut) { discard; }
-  if (ibr_dithered > 0.5 && IBR_DITHER < ibr_card.z) { discard; }
+  if (ibr_fades && ibr_dithered > 0.5 && IBR_DITHER < ibr_card.z) { discard; }
 
 //@fragment.depth
   {

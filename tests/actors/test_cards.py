@@ -7,6 +7,8 @@ import pytest
 import pyvista as pv
 from scipy.spatial.transform import Rotation
 
+from pvibr.frame import Frame
+
 VIEWS = {
     'side': (1, 0, 0),
     'pole': (0, 0, 1),
@@ -274,3 +276,19 @@ def test_small_things_do_not_flicker_whatever_was_measured(scenes, see, looks, s
         9 * np.pi / 4 * size**2 * (0.75 if looks else 1), rel=0.1
     )
     assert np.ptp(energy) < 0.1 * np.mean(energy)
+
+
+def test_between_two_levels_buffers_still_know_what_is_there(bean, atlases, see):
+    pl = pv.Plotter(off_screen=True, window_size=(120, 120))
+    things = pl.ibr.add_instances(bean, [[0, 0, 0]], cache=atlases)
+    see.place(pl, (0, -8, 0), (0.3, -0.2, 0.1))
+    see.grab(pl)
+    kind = things._kinds[0]
+    (size,) = kind.blocks.seen(Frame.of(pl.renderer))[3]
+    counts = []
+    for split in (2 * size, size / 1.025, size / 2):  # below, amid and above where one fades
+        see.force(things, {'flat': (0.0, float(split)), 'middle': (float(split), 1e9)})
+        ids, objects = pl.ibr.buffer('id'), list(pl.ibr.buffer_objects)
+        counts.append((ids == objects.index(things)).sum())
+    assert counts[1] > 0.95 * min(counts[0], counts[2]) > 100
+    pl.close()
