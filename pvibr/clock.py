@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import functools
 import math
 from time import perf_counter
@@ -11,6 +12,8 @@ from pvibr.determinism import is_deterministic
 
 #: Milliseconds between two looks at the clock.
 PERIOD = 16
+#: Modules of PyVista's views of trame, which draw when they are told.
+_VIEWS = ('trame_pyvista', 'pyvista.trame')
 
 
 class Clock:
@@ -253,10 +256,11 @@ def draw(plotter):
     plotter : pyvista.BasePlotter
         What draws; anything with ``render()``.
     """
-    if not has_page(plotter):
+    told = getattr(plotter, '_on_render_callbacks', ())
+    if not told or not all(tell.__module__.startswith(_VIEWS) for tell in told):
         plotter.render()
         return
-    for tell in list(plotter._on_render_callbacks):
+    for tell in list(told):
         tell(plotter)
 
 
@@ -276,10 +280,8 @@ def ticks(plotter, tick):
         With ``stop()``; None off screen, where nothing ticks.
     """
     if has_page(plotter):
-        try:
+        with contextlib.suppress(RuntimeError):  # nothing runs
             return _Loop(asyncio.get_running_loop(), tick)
-        except RuntimeError:  # nothing runs
-            return None
     window = plotter.renderer.GetRenderWindow()
     interactor = None if window is None else window.GetInteractor()
     hidden = window is None or getattr(plotter, 'off_screen', window.GetOffScreenRendering())
@@ -303,7 +305,7 @@ def is_dragged(window) -> bool:
 
 
 def has_page(plotter) -> bool:
-    """Tell whether a view of trame shows what a plotter draws.
+    """Tell whether something that is told of frames, such as a view of trame, shows them.
 
     Parameters
     ----------

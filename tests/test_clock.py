@@ -197,9 +197,14 @@ def test_a_movie_that_does_not_say_is_asked_about():
 def page_of(times):
     """A plotter that a view of trame shows, which notes when it was told to draw."""
     shown = []
+
+    def tell(_plotter):
+        shown.append(times[-1])
+
+    tell.__module__ = 'trame_pyvista.widgets'
     plotter = SimpleNamespace(
         renderer=_vtk.vtkRenderer(),
-        _on_render_callbacks={lambda _: shown.append(times[-1])},
+        _on_render_callbacks={tell},
         suppress_rendering=False,
         off_screen=True,
         render=lambda: pytest.fail('the view draws by itself'),
@@ -248,6 +253,31 @@ def test_a_page_that_opens_late_begins_with_its_first_frame():
         assert not clock.ticking
 
     asyncio.run(server())
+
+
+def test_what_is_told_and_does_not_draw_is_drawn_for():
+    times, drawn = [], []
+    plotter, shown = page_of(times)
+    plotter._on_render_callbacks.add(lambda _: None)
+    plotter.render = lambda: drawn.append(times[-1])
+
+    async def server():
+        clock = Clock(plotter, times.append)
+        clock.start(0.0)
+        while not drawn:
+            await asyncio.sleep(0.01)
+        clock.stop()
+
+    asyncio.run(server())
+    assert not shown
+
+
+def test_a_window_ticks_though_something_is_told(window, wall):
+    window.ibr._plotter.show_by(window.window.Render)
+    window.ibr.play()
+    for wall.seconds in (1.0, 3.0):
+        window.tick()
+    assert window.ibr.time == 2.0
 
 
 def test_a_page_that_draws_by_itself_is_not_told():
