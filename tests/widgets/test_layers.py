@@ -11,7 +11,7 @@ import pvibr
 import pvibr_widgets
 
 FOLDER, ROOT = Path(pvibr_widgets.__file__).parent, Path(pvibr.__file__).parent
-TOOLKITS = 'ipywidgets', 'qtpy', 'PySide6', 'trame', 'pyvistaqt', 'vtk', 'vtkmodules', 'pyvista'
+TOOLKITS = 'ipywidgets', 'qtpy', 'PySide6', 'trame', 'pyvistaqt', 'vtk', 'vtkmodules'
 
 
 def imported(path):

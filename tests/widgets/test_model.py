@@ -118,6 +118,20 @@ def test_why_an_effect_went_off_is_there(pl):
     assert 'by a shader' in model.message
 
 
+def test_settings_of_the_plotter_itself(pl):
+    model, told = Model(pl), []
+    model.listen(told.append)
+    assert [row.name for row in model.own] == ['moving_ms']
+    model.do(model.own[0].write, '50')
+    assert (pl.ibr.moving_ms, told) == (50.0, [False])
+    assert model.code().endswith('pl.ibr.moving_ms = 50.0')
+    pl.ibr.moving_ms = 80
+    pl.render()
+    assert (model.own[0].text, told) == ('80', [False, False])
+    model.do(model.reset)
+    assert pl.ibr.moving_ms == 100.0
+
+
 def test_presets_of_a_group(pl):
     model = Model(pl)
     group = model.groups[0]

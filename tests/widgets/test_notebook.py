@@ -94,6 +94,13 @@ def test_switches_choices_colours_and_ticks(panel, pl):
     assert vignette.center == (0.25, 0.75)
 
 
+def test_settings_of_the_plotter_itself(panel, pl):
+    sent(panel.rows[0].controls['text'], '50')
+    assert pl.ibr.moving_ms == 50.0
+    click(panel, 'Reset all')
+    assert panel.rows[0].controls['text'].value == '100'
+
+
 def test_the_panel_follows_code(panel, pl):
     pl.ibr.effects[0].spread = 0.125
     pl.render()

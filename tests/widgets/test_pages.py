@@ -46,7 +46,7 @@ def shown(panel, name):
 
 def test_the_page_has_one_variable_and_each_control_a_label(panel, server):
     assert server.state[panel.name] == panel.shown == json.loads(json.dumps(panel.shown))
-    assert not re.search(r'\b(PANEL|ACT|SAVE)', panel.html)
+    assert not re.search(r'\b(PANEL|ACT|SAVE|ROWS)', panel.html)
     assert panel.name in panel.html
     for control in re.findall(r'<(?:input|select|textarea)\b[^>]*>', panel.html):
         assert re.search(r'\bid=|aria-label=|type="(?:file|checkbox)"', control), control
@@ -79,6 +79,13 @@ def test_what_pages_ask_for_is_done(panel, pl, server):
     panel.act('remove', at)
     assert pl.ibr.effects == ()
     assert server.state[panel.name]['groups'] == []
+
+
+def test_settings_of_the_plotter_itself(panel, pl):
+    assert panel.act('write', '', 'moving_ms', '50') == '50'
+    assert pl.ibr.moving_ms == 50.0
+    assert panel.shown['own']['rows'][0]['text'] == '50'
+    assert panel.act('remove', '') == panel.act('write', '', 'time', '3') == ''
 
 
 def test_states_go_out_and_come_in(panel, pl):

@@ -100,6 +100,11 @@ def test_a_text_is_taken_or_said(dock, pl, app):
     assert not any('must be' in text for text in said)
 
 
+def test_settings_of_the_plotter_itself(dock, pl):
+    write(dock.rows[0].controls['text'], '50')
+    assert pl.ibr.moving_ms == 50.0
+
+
 def test_leaving_a_field_changes_nothing(dock, pl):
     pl.ibr.effects[0].threshold = 1 / 3
     revision = pl.ibr.effects[0]._revision

@@ -131,6 +131,8 @@ class Model:
     ----------
     groups : list of Group
         What there is.
+    own : list of Row
+        Settings of the plotter itself.
     message : str
         What became of the last thing that was done.
 
@@ -155,6 +157,7 @@ class Model:
         self.plotter = plotter
         self.ibr = plotter.ibr if hasattr(plotter, 'ibr') else attach(plotter)
         self.groups: list[Group] = []
+        self.own = [Row(self.ibr, param) for param in params_of(type(self.ibr)).values()]
         self.message = ''
         self._presets = Presets() if presets is None else presets
         self._listeners: list = []
@@ -219,7 +222,8 @@ class Model:
                 before.get(at) or Group(*at[:2], thing, self._place(at[0]), self._presets, is_open)
                 for at, thing in now.items()
             ]
-        shown = (self.message, *(_look_of(group) for group in self.groups))
+        shown = (self.message, _look_of(self.ibr, self.own))
+        shown += tuple((_look_of(g.thing, g.rows), g.thing.enabled) for g in self.groups)
         if rebuilt or shown != self._shown:
             self._shown = shown
             for tell in list(self._listeners):
@@ -305,6 +309,8 @@ class Model:
 
     def reset(self):
         """Give everything its defaults."""
+        for row in self.own:
+            row.reset()
         for group in self.groups:
             group.apply('defaults')
 
@@ -316,7 +322,10 @@ class Model:
         str
             See :func:`pvibr_widgets.python_code.code_of`.
         """
-        return code_of(self._contents(), self.ibr.time, self._place_of())
+        own = {row.name: row.value for row in self.own if row.value != row.param.default}
+        if self.ibr.time:
+            own['time'] = self.ibr.time
+        return code_of(self._contents(), own, self._place_of())
 
     def save(self, path):
         """Write all settings to a file, see ``pl.ibr.save_state``.
@@ -340,10 +349,9 @@ class Model:
         self.ibr.load_state(_named(path))
 
 
-def _look_of(group) -> tuple:
-    """Return what changes when anything that is shown of a group does."""
-    thing = group.thing
-    return id(thing), thing._revision, thing.enabled, *(row.error for row in group.rows)
+def _look_of(owner, rows) -> tuple:
+    """Return what changes when anything that is shown of settings does."""
+    return id(owner), getattr(owner, '_revision', 0), *(row.error for row in rows)
 
 
 def _size_of(renderer) -> float:

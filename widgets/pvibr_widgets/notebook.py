@@ -77,6 +77,8 @@ class Panel(W.VBox):
     ----------
     model : pvibr_widgets.model.Model
         The same.
+    rows : list of RowView
+        One for each setting of the plotter itself.
     groups : list of GroupBox
         One for each effect and thing.
     """
@@ -84,6 +86,7 @@ class Panel(W.VBox):
     def __init__(self, model, *, picture=False):
         self.model = model
         self._home = _Home(model)
+        self.rows = [RowView(self._home, row) for row in model.own]
         self.groups: list[GroupBox] = []
         self._shell: Any = None
         self.path = W.Text('pvibr.json', description='File', layout=_WIDE)
@@ -120,7 +123,7 @@ class Panel(W.VBox):
             ]
         )
         shown = [] if self._picture is None else [self._picture]
-        return [*shown, tools, files, self.code, self._message, self._groups]
+        return [*shown, tools, files, self.code, self._message, *self.rows, self._groups]
 
     def _follow_cells(self):
         """Look again after each cell: what it changed may not have been drawn."""
@@ -176,6 +179,8 @@ class Panel(W.VBox):
             self.groups = [GroupBox(self._home, group) for group in self.model.groups]
             self._groups.children = self.groups
         _say(self._message, '<span role="status">{}</span>', self.model.message)
+        for view in self.rows:
+            view.update_value(self.help.value)
         for box in self.groups:
             box.update_rows(self.help.value)
         if self._picture is not None and self.model.groups:

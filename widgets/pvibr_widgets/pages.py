@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import re
 from importlib import resources
 from typing import Any
 
@@ -158,8 +159,8 @@ class PagePanel:
         act, save = f'{self.name}_act', f'{self.name}_save'
         self._server.controller.trigger(act)(self.act)
         self._server.controller.trigger(save)(self.state_text)
-        text = _text_of('panel.html').partition('-->')[2]
-        for word, name in (('PANEL', self.name), ('ACT', act), ('SAVE', save)):
+        _, text, rows = re.split('<!--.*?-->', _text_of('panel.html'), flags=re.DOTALL)
+        for word, name in (('ROWS', rows), ('PANEL', self.name), ('ACT', act), ('SAVE', save)):
             text = text.replace(word, name)
         with html.Div(text, trame_server=self._server) as element:
             client.Style(_text_of('panel.css'))
@@ -173,6 +174,7 @@ class PagePanel:
             'help': self._helps,
             'code': self._code,
             'groups': [_group_shown(group) for group in self.model.groups],
+            'own': {'id': '', 'rows': [_row_shown(row) for row in self.model.own]},
         }
 
     def state_text(self) -> str:
@@ -222,9 +224,10 @@ class PagePanel:
         if action in _PAGE_ACTIONS:
             return self, args
         group = next((g for g in self.model.groups if args[:1] == (_id_of(g),)), None)
-        if group is None or action in _GROUP_ACTIONS:
+        if action in _GROUP_ACTIONS:
             return group, args[1:]
-        row = next((r for r in group.rows if args[1:2] == (r.name,)), None)
+        rows = self.model.own if args[:1] == ('',) else () if group is None else group.rows
+        row = next((r for r in rows if args[1:2] == (r.name,)), None)
         return (row if action in _ROW_ACTIONS else None), args[2:]
 
     def show_help(self, helps):

@@ -10,7 +10,7 @@ from pvibr.params import params_of
 _WIDTH = 88
 
 
-def code_of(contents, time=0.0, place_of=None) -> str:
+def code_of(contents, own=None, place_of=None) -> str:
     """Return Python that gives a plotter ``pl`` the same effects and settings.
 
     What was made of settings and plain values alone is added by it. What was made of data (a mesh,
@@ -20,8 +20,8 @@ def code_of(contents, time=0.0, place_of=None) -> str:
     ----------
     contents : dict
         Subplot to name to effect, as ``pl.ibr.contents``.
-    time : float, optional
-        Of ``pl.ibr.time``, seconds.
+    own : dict, optional
+        Settings of ``pl.ibr`` itself.
     place_of : callable, optional
         Takes a subplot's number; returns its row and column, or its index. Without it there is one
         subplot.
@@ -52,8 +52,7 @@ def code_of(contents, time=0.0, place_of=None) -> str:
     if settings:
         lines += ['# These were made of data; once they are here, this sets them.']
         lines += _wrapped('pl.ibr.restore(', [repr({'subplots': settings})], ')')
-    if time:
-        lines.append(f'pl.ibr.time = {time!r}')
+    lines += [f'pl.ibr.{name} = {value!r}' for name, value in (own or {}).items()]
     return '\n'.join(['import pvibr', '', *lines])
 
 

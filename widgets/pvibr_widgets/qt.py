@@ -74,6 +74,8 @@ class Dock(QtWidgets.QDockWidget):
     ----------
     model : pvibr_widgets.model.Model
         The same.
+    rows : list of RowView
+        One for each setting of the plotter itself.
     groups : list of GroupBox
         One for each effect and thing.
     """
@@ -81,6 +83,7 @@ class Dock(QtWidgets.QDockWidget):
     def __init__(self, model, window):
         super().__init__('pvibr', window)
         self.model = model
+        self.rows = [RowView(model, row, 'plotter') for row in model.own]
         self.groups: list[GroupBox] = []
         self.setObjectName('pvibr')
         self._message = _label('', 'message')
@@ -98,6 +101,8 @@ class Dock(QtWidgets.QDockWidget):
         layout.addLayout(self._tools())
         layout.addLayout(self._file())
         layout.addWidget(self._message)
+        for row in self.rows:
+            layout.addWidget(row)
         layout.addLayout(self._groups)
         layout.addStretch()
         area = QtWidgets.QScrollArea()
@@ -143,6 +148,8 @@ class Dock(QtWidgets.QDockWidget):
             for box in self.groups:
                 self._groups.addWidget(box)
         _say(self._message, self.model.message)
+        for view in self.rows:
+            view.update_value(self._help.isChecked())
         for box in self.groups:
             box.update_rows(self._help.isChecked())
 
