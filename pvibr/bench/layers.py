@@ -136,7 +136,7 @@ def _path(settings, results, name, cameras, bars):
                 found = _timed(stage, layers, cameras)
                 results.points.setdefault(name, {}).setdefault(warp, {})[max_error] = found
                 if max_error == 1.0:
-                    _tell(results, f'{name}, {warp}', found, bars if warp == 'projective' else ())
+                    _tell(results, f'{name}, {warp}', found, bars)
 
 
 def _timed(stage, layers, cameras) -> dict:
