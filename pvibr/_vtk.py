@@ -41,6 +41,7 @@ _MODULES = (
     'vtkRenderingFreeType',
     'vtkRenderingVolume',
     'vtkRenderingVolumeOpenGL2',
+    'vtkInteractionWidgets',
 )
 
 

@@ -212,6 +212,42 @@ class _Projection(Effect):
         """The live textures among its pictures."""
         return [slide.live for slide in self._slides if slide.live is not None]
 
+    @property
+    def cameras(self) -> tuple:
+        """The camera of each picture, as it was given."""
+        return tuple(slide.given for slide in self._slides)
+
+    def set_camera(self, camera, view=0):
+        """Show a picture from another camera.
+
+        Parameters
+        ----------
+        camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
+            See :func:`pvibr.maths.cameras.as_camera`.
+        view : int, optional
+            Which picture's.
+
+        Raises
+        ------
+        IndexError
+            Where there is no such picture.
+        ValueError
+            Where it is no camera, or for another size of picture; then nothing is changed.
+        """
+        slide = self._slides[view]
+        as_camera(camera, slide.pictures.size)
+        slide.given = camera
+
+    def size_of(self, view=0) -> tuple[int, int]:
+        """Return width and height of a picture.
+
+        Parameters
+        ----------
+        view : int, optional
+            Which picture's.
+        """
+        return self._slides[view].pictures.size
+
     def needed(self, frame) -> bool | str:
         """Tell whether anything of the pictures is to be seen.
 

@@ -217,6 +217,26 @@ class Shadows(Effect):
             maps.light = light
             self._lights.append(maps)
 
+    def views_of(self, light) -> list:
+        """Return what a light sees, as its shadows in the last frame had it.
+
+        Parameters
+        ----------
+        light : vtkLight
+            Of the subplot.
+
+        Returns
+        -------
+        list of pvibr.maths.views.View
+            The first holds all casters; none where it casts no shadow, or needs no views for it.
+        """
+        if self.pipeline is None or not self.enabled:
+            return []
+        on = [address(x) for x in self.pipeline.renderer.GetLights() if x.GetSwitch()]
+        key = address(light)
+        number = on.index(key) if key in on else None
+        return next((list(m.views) for m in self._lights if m.light.number == number), [])
+
     def _filter(self) -> tuple[str, int]:
         """Return the section of the shader that finds shadows, and its number of taps."""
         if self.method != 'pcf':

@@ -1,0 +1,386 @@
+"""Handles in the scene, which one drags, touches or moves by keys."""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr import _vtk
+from pvibr_widgets.handles_keys import Control
+from pvibr_widgets.handles_marks import Marks
+from pvibr_widgets.handles_stage import Pointer, to_pixels
+
+# Before the pipeline's observer, which takes flat props out and puts them back; and after it, when
+# what effects made of this frame is known.
+_FIRST, _LAST = 2.0, -2.0
+_STEP, _FINE = 10, 1  # pixels that an arrow key moves a handle by
+_NEARER = 0.95  # what a distance is multiplied by
+_ARROWS = {'Left': (-1, 0), 'Right': (1, 0), 'Up': (0, 1), 'Down': (0, -1)}
+_DEPTHS = {'Prior': 1 / _NEARER, 'Next': _NEARER}
+_COLOR, _FOCUS = (255, 205, 60), (90, 220, 255)
+_SHAPES = {'position': 'square', 'roll': 'triangle', 'angle': 'diamond'}
+_MOST = 200  # pixels: what VTK takes for a tolerance
+
+
+class Handles:
+    """Handles of one thing in a scene; made by the functions of this package.
+
+    They follow the thing, go with it or with the plotter, and are drawn over the picture.
+
+    Parameters
+    ----------
+    stage : pvibr_widgets.handles_stage.Stage
+        Where they are.
+    names : sequence of str
+        What they are called.
+    callback : callable, optional
+        Called with the thing after each change by a handle.
+    size : float
+        Of a handle, pixels.
+
+    Attributes
+    ----------
+    callbacks : list of callable
+        Called with the thing after each change by a handle.
+
+    Raises
+    ------
+    TypeError
+        Where the callback cannot be called.
+    ValueError
+        Where the size is not allowed.
+    """
+
+    #: What the handles belong to.
+    thing: Any = None
+
+    def __init__(self, stage, names, *, callback=None, size=28):
+        if callback is not None and not callable(callback):
+            msg = f'callback = {callback!r}: must be a function of one argument'
+            raise TypeError(msg)
+        if not 4 <= size <= _MOST:
+            msg = f'size = {size!r}: must be 4 to {_MOST} pixels; fingers need 24'
+            raise ValueError(msg)
+        self._stage, self._size = stage, float(size)
+        self.callbacks = [] if callback is None else [callback]
+        self._places: dict = {}
+        self._marks = Marks(stage.renderer)
+        self._enabled = True
+        self._grips = {name: Grip(self, stage, name, size / 2) for name in names}
+        calls = (self._leave, _FIRST), (self._follow, _LAST)
+        self._tags = [stage.renderer.AddObserver('StartEvent', _weak(c), p) for c, p in calls]
+        stage.ibr.on_close(_weak(self.remove))
+        self._follow()
+
+    # -- what a subclass tells --------------------------------------------------------------------
+
+    def _is_gone(self) -> bool:
+        """Tell whether the thing is no longer there."""
+        return False
+
+    def _look(self) -> dict:
+        """Return where the handles are, world units, by name; those that are left out are off."""
+        return {}
+
+    def _lines(self) -> list:
+        """Return segments (n, 2, 3), world units, with their colours."""
+        return []
+
+    def _bound(self, name) -> tuple | None:
+        """Return what a handle stays on, None where it is free.
+
+        That is ('plane' or 'line', a point, a unit vector), or ('sphere', middle, a point on it).
+        """
+        return None
+
+    def _put(self, name, point):
+        """Change the thing so that a handle is there; raise where that is not allowed."""
+
+    # -- what users do ----------------------------------------------------------------------------
+
+    @property
+    def enabled(self) -> bool:
+        """Whether they are shown and can be moved."""
+        return self._enabled
+
+    @enabled.setter
+    def enabled(self, on):
+        if not self._tags or bool(on) == self._enabled:
+            return
+        self._enabled = bool(on)
+        self._follow()
+
+    @property
+    def pixels(self) -> dict:
+        """Where the handles are in the window: name to x and y from its lower left corner."""
+        frame = self._stage.frame()
+        self._places = self._looked()
+        at = to_pixels(frame, [*self._places.values()]) + frame.origin
+        return dict(zip(self._places, map(tuple, at.tolist()), strict=True))
+
+    @property
+    def focused(self) -> str | None:
+        """Name of the handle that has the keys."""
+        current = self._stage.ring.current
+        return next((n for n, grip in self._grips.items() if grip is current), None)
+
+    def move(self, name, pixel):
+        """Move a handle as the mouse does.
+
+        Parameters
+        ----------
+        name : str
+            Of the handle.
+        pixel : array_like, shape (2,)
+            Where to, from the lower left corner of the window.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such handle.
+        """
+        place = self._places[name]
+        pointer = Pointer(self._stage.frame(), pixel)
+        kind, *bound = self._bound(name) or ('facing', place)
+        goal = {
+            'facing': pointer.facing, 'plane': pointer.on_plane, 'line': pointer.on_line,
+            'sphere': pointer.on_sphere,
+        }[kind](*bound)  # fmt: skip
+        if goal is not None:
+            self._try(name, goal)
+
+    def push(self, name, factor):
+        """Move a handle away from the eye, or nearer.
+
+        Parameters
+        ----------
+        name : str
+            Of the handle.
+        factor : float
+            What its distance is multiplied by.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such handle.
+        """
+        place, frame = self._places[name], self._stage.frame()
+        pointer = Pointer(frame, to_pixels(frame, [place])[0] + frame.origin)
+        kind, *bound = self._bound(name) or ('facing',)
+        if kind == 'facing':
+            away = (place - pointer.origin) @ pointer.direction
+            self._try(name, place + (factor - 1) * away * pointer.direction)
+        elif kind == 'sphere':
+            self._try(name, pointer.on_sphere(*bound, far=factor > 1))
+
+    def remove(self):
+        """Take them out of the scene. Calling it again is fine."""
+        if not self._tags:
+            return
+        while self._tags:
+            self._stage.renderer.RemoveObserver(self._tags.pop())
+        self._enabled = False
+        with self._stage.still():
+            for grip in self._grips.values():
+                grip.remove()
+        self._marks.remove()
+
+    # -- following --------------------------------------------------------------------------------
+
+    def _try(self, name, point):
+        """Change the thing, or leave it where that is not allowed; a drag goes on."""
+        if self._is_gone() or not np.isfinite(point).all():
+            return
+        try:
+            self._put(name, point)
+        except ValueError:
+            return
+        self._places = self._looked()
+        for call in list(self.callbacks):
+            call(self.thing)
+
+    def _looked(self) -> dict:
+        try:
+            return {name: np.asarray(p, float) for name, p in self._look().items()}
+        except ValueError:  # code may set what is not allowed; its effect says so
+            return {}
+
+    def _leave(self):
+        """Go with the thing."""
+        if self._is_gone():
+            self.remove()
+
+    def _follow(self):
+        """Have all of it where the thing is, in the frame that is about to be drawn."""
+        if not self._tags or self._stage.renderer.GetSelector() is not None:
+            return
+        self._places = self._looked() if self._enabled else {}
+        for name, grip in self._grips.items():
+            grip.place(self._places.get(name))
+        frame = self._stage.frame()
+        if self._places and 0 not in frame.size:  # as tiles of large screenshots may be
+            self._show(frame)
+        else:
+            self._marks.hide()
+
+    def _show(self, frame):
+        self._marks.draw_lines(frame, self._lines())
+        at = dict(zip(self._places, to_pixels(frame, [*self._places.values()]), strict=True))
+        focused = self.focused
+        marks = []
+        for name, pixel in at.items():
+            seen = bool(np.isfinite(pixel).all())
+            self._grips[name].reach(seen)
+            if seen:
+                color = _FOCUS if name == focused else _COLOR
+                size = self._size * frame.scale
+                marks.append((pixel, _SHAPES.get(name, 'circle'), color, size))
+        self._marks.draw_marks(marks)
+        where = at.get(focused)
+        if where is None or not np.isfinite(where).all():
+            self._marks.say('')
+        else:
+            self._marks.say(focused, where + 0.8 * self._size * frame.scale)
+
+
+class Grip(Control):
+    """One handle: VTK's widget, which has no look of its own.
+
+    Parameters
+    ----------
+    owner : Handles
+        Told where to move it.
+    stage : pvibr_widgets.handles_stage.Stage
+        Where it is.
+    name : str
+        Which one it is.
+    tolerance : float
+        How far from its middle it is touched, pixels.
+    """
+
+    def __init__(self, owner, stage, name, tolerance):
+        self._owner, self._stage, self.title = owner, stage, name
+        self._offset = np.zeros(2)
+        self._reached = True
+        self._rep = _vtk.vtkPointHandleRepresentation2D()
+        # A shape of no area: without points VTK crashes.
+        self._rep.SetCursorShape(pv.PolyData(np.zeros((3, 3)), [3, 0, 1, 2]))
+        self._rep.SetTolerance(int(np.ceil(tolerance)))
+        self._rep.PickableOff()
+        self._widget = _vtk.vtkHandleWidget()
+        self._widget.SetInteractor(stage.interactor)
+        self._widget.SetDefaultRenderer(stage.renderer)
+        self._widget.SetCurrentRenderer(stage.renderer)
+        self._widget.SetRepresentation(self._rep)
+        self._widget.EnableAxisConstraintOff()
+        for event, call in (
+            ('StartInteractionEvent', self._begin),
+            ('InteractionEvent', self._drag),
+            ('EndInteractionEvent', self._end),
+        ):
+            self._widget.AddObserver(event, _weak(call))
+        with stage.still():
+            self._widget.On()
+        stage.ring.add(self)
+
+    @property
+    def usable(self) -> bool:
+        """Whether it can be reached now."""
+        return bool(self._widget.GetEnabled()) and self._reached
+
+    def place(self, point):
+        """Have it where it belongs.
+
+        Parameters
+        ----------
+        point : array_like, shape (3,) or None
+            World units; None where it is off.
+        """
+        if bool(self._widget.GetEnabled()) != (point is not None):
+            if point is None:
+                self._stage.ring.lose(self)
+            with self._stage.still():
+                self._widget.SetEnabled(point is not None)
+        if point is not None:
+            self._rep.SetWorldPosition([float(x) for x in point])
+
+    def reach(self, seen):
+        """Have it take the mouse or not.
+
+        Parameters
+        ----------
+        seen : bool
+            Whether it is before the eye.
+        """
+        self._reached = seen
+        self._widget.SetProcessEvents(seen)
+
+    def focus(self, on):
+        """Show whether it has the keys.
+
+        Parameters
+        ----------
+        on : bool
+            Whether.
+        """
+        self._owner._follow()
+        self._stage.draw()
+
+    def press(self, key, fine) -> bool:
+        """Move it by a key.
+
+        Parameters
+        ----------
+        key : str
+            An arrow, or page up and page down for away and nearer.
+        fine : bool
+            By one pixel.
+        """
+        if key in _ARROWS:
+            step = _FINE if fine else _STEP
+            at = np.array(self._owner.pixels[self.title])
+            self._owner.move(self.title, at + np.multiply(_ARROWS[key], step))
+        elif key in _DEPTHS:
+            self._owner.push(self.title, _DEPTHS[key])
+        else:
+            return False
+        self._stage.draw()
+        return True
+
+    def _begin(self, *_):
+        # What was touched stays under the finger.
+        self._offset = np.subtract(self._owner.pixels[self.title], self._pixel())
+        self._stage.ring.take(self)
+
+    def _drag(self, *_):
+        self._owner.move(self.title, self._pixel() + self._offset)
+        self._stage.draw(by_widget=True)
+
+    def _end(self, *_):
+        self._stage.draw(by_widget=True)
+
+    def _pixel(self):
+        return np.array(self._stage.interactor.GetEventPosition(), float)
+
+    def remove(self):
+        """Take it out of the scene; the caller keeps the window still."""
+        self._stage.ring.drop(self)
+        self._widget.Off()
+        self._widget.RemoveAllObservers()
+        self._widget.SetInteractor(None)
+        self._stage.renderer.RemoveViewProp(self._rep)
+
+
+def _weak(method):
+    """Return an observer that keeps nobody alive."""
+    found = weakref.WeakMethod(method)
+
+    def call(*_):
+        bound = found()
+        if bound is not None:
+            bound()
+
+    return call

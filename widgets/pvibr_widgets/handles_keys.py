@@ -1,0 +1,169 @@
+"""Which control in a window has the keys: Tab goes from one to the next, Escape lets go."""
+
+from __future__ import annotations
+
+_FIRST = 20.0  # before plotters and styles, whose keys these may be too
+
+
+class Control:
+    """What may have the keys of a window."""
+
+    #: What is shown beside it while it has the keys.
+    title = ''
+
+    @property
+    def usable(self) -> bool:
+        """Whether it can be reached now."""
+        return True
+
+    def focus(self, on):
+        """Show whether it has the keys.
+
+        Parameters
+        ----------
+        on : bool
+            Whether.
+        """
+
+    def press(self, key, fine) -> bool:
+        """Take a key while it has the keys.
+
+        Parameters
+        ----------
+        key : str
+            As X11 names it.
+        fine : bool
+            Whether Shift is held.
+
+        Returns
+        -------
+        bool
+            Whether it did anything with it.
+        """
+        return False
+
+    def overhear(self, key) -> bool:
+        """Take a key that nothing else wants.
+
+        Parameters
+        ----------
+        key : str
+            As X11 names it.
+
+        Returns
+        -------
+        bool
+            Whether it did anything with it.
+        """
+        return False
+
+
+class Ring:
+    """The controls of a window, one after the other.
+
+    Parameters
+    ----------
+    interactor : vtkRenderWindowInteractor
+        The window's.
+
+    Attributes
+    ----------
+    current : Control or None
+        What has the keys.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> ring, control = Ring(pl.iren.interactor), Control()
+    >>> ring.add(control)
+    >>> pl.iren.interactor.SetKeySym('Tab')
+    >>> _ = pl.iren.interactor.KeyPressEvent()
+    >>> ring.current is control
+    True
+    >>> ring.drop(control)
+    >>> pl.close()
+    """
+
+    def __init__(self, interactor):
+        self._interactor = interactor
+        self._controls: list[Control] = []
+        self._tag: int | None = None
+        self.current: Control | None = None
+
+    def add(self, control):
+        """Put a control behind the others.
+
+        Parameters
+        ----------
+        control : Control
+            Not in it.
+        """
+        self._controls.append(control)
+        if self._tag is None:
+            self._tag = self._interactor.AddObserver('KeyPressEvent', self._on_key, _FIRST)
+
+    def drop(self, control):
+        """Take a control out.
+
+        Parameters
+        ----------
+        control : Control
+            In it.
+        """
+        self.lose(control)
+        self._controls.remove(control)
+        if not self._controls and self._tag is not None:
+            self._interactor.RemoveObserver(self._tag)
+            self._tag = None
+
+    def lose(self, control):
+        """Take the keys from a control that is off, and tells so itself.
+
+        Parameters
+        ----------
+        control : Control
+            In it.
+        """
+        if self.current is control:
+            self.current = None
+
+    def take(self, control):
+        """Give the keys to a control.
+
+        Parameters
+        ----------
+        control : Control or None
+            In it; None for none.
+        """
+        old, self.current = self.current, control
+        if old is control:
+            return
+        for changed in (old, control):
+            if changed is not None:
+                changed.focus(changed is control)
+
+    def _on_key(self, interactor, _event):
+        key, fine = interactor.GetKeySym() or '', bool(interactor.GetShiftKey())
+        tag = self._tag  # a control may take itself out
+        command = interactor.GetCommand(tag)
+        if self._heard(key, fine) and command is not None:
+            command.AbortFlagOn()
+
+    def _heard(self, key, fine) -> bool:
+        if key in ('Tab', 'ISO_Left_Tab'):
+            return self._step(-1 if fine or key != 'Tab' else 1)
+        current = self.current
+        if current is not None and current.usable and current.press(key, fine):
+            return True
+        if key == 'Escape' and current is not None:
+            self.take(None)
+            return True
+        return any(control.overhear(key) for control in reversed(self._controls))
+
+    def _step(self, step) -> bool:
+        """Give the keys to the next; after the last nothing has them, so that nobody is caught."""
+        ring = [None, *(c for c in self._controls if c.usable)]
+        place = ring.index(self.current) if self.current in ring else 0
+        self.take(ring[(place + step) % len(ring)])
+        return len(ring) > 1

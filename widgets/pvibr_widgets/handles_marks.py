@@ -1,0 +1,146 @@
+"""Lines, marks and a word, flat on the picture: sharp, over everything, in nobody's shadow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+
+from pvibr import _vtk
+from pvibr_widgets.handles_stage import lines_to_pixels
+
+_DARK = (20, 20, 20)
+# Corners, where the first of them is as a share of what is between two, and radius.
+_SHAPES = {
+    'square': (4, 0.5, 1.2),
+    'diamond': (4, 0.0, 1.1),
+    'triangle': (3, 0.75, 1.2),
+    'circle': (24, 0.0, 1.0),
+}
+_WIDTH = 2  # pixels of a line, with as many around it
+
+
+class Marks:
+    """What handles look like.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        The subplot's.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+    >>> marks = Marks(pl.renderer)
+    >>> marks.draw_marks([(np.array([32.0, 24.0]), 'circle', (255, 0, 0), 20)])
+    >>> pl.show(auto_close=False)
+    >>> pl.screenshot()[24, 32].tolist()
+    [255, 0, 0]
+    >>> marks.remove()
+    >>> pl.close()
+    """
+
+    def __init__(self, renderer):
+        self._renderer = renderer
+        self._under, self._lines, self._marks = (_Flat(renderer) for _ in range(3))
+        self._text = _vtk.vtkTextActor()
+        self._text.PickableOff()
+        self._text.VisibilityOff()
+        style = self._text.GetTextProperty()
+        style.SetFontSize(14)
+        style.SetColor(1.0, 1.0, 1.0)
+        style.SetBackgroundColor(*(c / 255 for c in _DARK))
+        style.SetBackgroundOpacity(0.8)
+        renderer.AddViewProp(self._text)
+
+    def draw_lines(self, frame, groups):
+        """Have lines drawn.
+
+        Parameters
+        ----------
+        frame : pvibr.frame.Frame
+            Whose camera looks.
+        groups : sequence of tuple
+            Segments, shape (n, 2, 3), world units, and their colour, three of 0 to 255.
+        """
+        pixels = [lines_to_pixels(frame, segments) for segments, _ in groups]
+        self._under.actor.GetProperty().SetLineWidth(3 * _WIDTH * frame.scale)
+        self._lines.actor.GetProperty().SetLineWidth(_WIDTH * frame.scale)
+        colors = [[c] * len(p) for p, (_, c) in zip(pixels, groups, strict=True)]
+        flat = np.concatenate([np.zeros((0, 2, 2)), *pixels])
+        rows = [color for group in colors for color in group]
+        cells = np.arange(2 * len(flat)).reshape(-1, 2)
+        self._under.show(flat.reshape(-1, 2), [_DARK] * len(flat), lines=cells)
+        self._lines.show(flat.reshape(-1, 2), rows, lines=cells)
+
+    def draw_marks(self, marks):
+        """Have marks drawn.
+
+        Parameters
+        ----------
+        marks : sequence of tuple
+            Place in pixels of the subplot, name of the shape, colour, and size in pixels.
+        """
+        points, cells, colors = [], [], []
+        for place, shape, color, size in marks:
+            for radius, paint in ((size / 2, _DARK), (size / 2 - 3, color)):
+                corners = place + radius * _corners(shape)
+                cells.append(np.arange(len(corners)) + sum(map(len, points)))
+                points.append(corners)
+                colors.append(paint)
+        self._marks.show(np.concatenate([np.zeros((0, 2)), *points]), colors, faces=cells)
+
+    def say(self, text, place=None):
+        """Have a word drawn beside a place.
+
+        Parameters
+        ----------
+        text : str
+            Empty for none.
+        place : array_like, shape (2,), optional
+            Pixels of the subplot.
+        """
+        self._text.SetVisibility(bool(text))
+        if text and place is not None:
+            self._text.SetInput(f' {text} ')
+            self._text.SetPosition(*(float(x) for x in place))
+
+    def hide(self):
+        """Have nothing drawn."""
+        for flat in (self._under, self._lines, self._marks):
+            flat.actor.VisibilityOff()
+        self.say('')
+
+    def remove(self):
+        """Take all of it out of the renderer."""
+        for prop in (self._under.actor, self._lines.actor, self._marks.actor, self._text):
+            self._renderer.RemoveViewProp(prop)
+
+
+class _Flat:
+    """An actor of polygons and lines in pixels of the subplot."""
+
+    def __init__(self, renderer):
+        self._mapper = _vtk.vtkPolyDataMapper2D()
+        self._mapper.SetScalarModeToUseCellData()
+        self.actor = _vtk.vtkActor2D()
+        self.actor.SetMapper(self._mapper)
+        self.actor.PickableOff()
+        self.actor.VisibilityOff()
+        renderer.AddViewProp(self.actor)
+
+    def show(self, pixels, colors, **cells):
+        self.actor.SetVisibility(bool(len(pixels)))
+        if len(pixels):
+            points = np.column_stack([pixels, np.zeros(len(pixels))])
+            cells = {k: np.concatenate([[len(c), *c] for c in v]) for k, v in cells.items()}
+            mesh = pv.PolyData(points.astype(np.float32), **cells)
+            mesh.cell_data.set_scalars(np.array(colors, np.uint8), 'colors')
+            self._mapper.SetInputData(mesh)
+
+
+def _corners(shape):
+    sides, turn, radius = _SHAPES[shape]
+    angles = 2 * np.pi * (np.arange(sides) + turn) / sides
+    return radius * np.column_stack([np.cos(angles), np.sin(angles)])
