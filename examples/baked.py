@@ -45,8 +45,8 @@ pl.show(auto_close=False)
 print(pl.ibr.web_report('html'))
 
 # %%
-# 3. A plotter of plain actors: `plain.trame.export_html(...)` and `jupyter_backend='client'` show
-#    it, and so does a GLB in any viewer.
+# 3. A plotter of plain actors, which `jupyter_backend='client'` shows; `pl.ibr.export_html` writes
+#    it as a page, and a GLB opens in any viewer.
 with tempfile.TemporaryDirectory() as folder:
     pl.ibr.export_glb(Path(folder) / 'scene.glb', triangles=60_000, texture=256)
     print(sum(file.stat().st_size for file in Path(folder).iterdir()), 'bytes')

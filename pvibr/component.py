@@ -1052,6 +1052,41 @@ class IBRComponent:
         finally:
             plain.close()
 
+    def export_html(self, path, **options):
+        """Write all subplots, baked, as a page that draws by itself and needs nothing else.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            The file, which ends in ``.html``.
+        **options
+            See :meth:`baked`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where a number or the name is not allowed; then nothing is written.
+        OSError
+            Where the file cannot be written; what was there stays.
+        ImportError
+            Where trame is not there.
+        ClosedError
+            Where the plotter is closed.
+
+        Notes
+        -----
+        Cameras of such pages have a view angle of 30 degrees, and perspective: one that has not
+        is moved to where its focal point is seen as large.
+        """
+        from pvibr.baked_html import checked_path, write_html
+
+        path = checked_path(path)
+        plain = self.baked(**options)
+        try:
+            write_html(plain, path)
+        finally:
+            plain.close()
+
     def _number_of(self, renderer) -> int:
         return list(getattr(self._plotter, 'renderers', [renderer])).index(renderer)
 

@@ -42,6 +42,7 @@ RANKS |= {
     'baked': 5,
     'baked_copies': 5,
     'baked_glb': 5,
+    'baked_html': 5,
     'baked_paint': 5,
     'baked_props': 5,
     'baked_scene': 5,

@@ -103,9 +103,9 @@ def shot(page, picture_of, url, ready):
     raise AssertionError(msg)
 
 
-def html_page(pl, page, picture_of, files, quiet):
+def html_page(export, page, picture_of, files, quiet):
     quiet.append(_OFFLINE)
-    pl.trame.export_html(files.folder / 'scene.html')
+    export(files.folder / 'scene.html')
     ready = "document.querySelector('canvas') !== null"
     return shot(page, picture_of, f'{files.url}/scene.html', ready)
 
@@ -120,7 +120,7 @@ def test_a_page_that_draws_by_itself_shows_what_is_baked(plotter, page, picture_
     fill(plotter)
     plotter.ibr.add(pvibr.Sky())
     here, made = baked(plotter)
-    there = html_page(made, page, picture_of, files, quiet)
+    there = html_page(made.trame.export_html, page, picture_of, files, quiet)
     made.close()
     assert there.shape == here.shape
     assert np.abs(there - here).mean() < 3
@@ -138,11 +138,30 @@ def test_a_page_shows_draped_pictures_and_outlines(plotter, page, picture_of, fi
     plotter.ibr.add(photo())
     plotter.ibr.add(pvibr.Outline(color=(0, 1, 0)))
     here, made = baked(plotter, texture=256, triangles=40_000)
-    there = html_page(made, page, picture_of, files, quiet)
+    there = html_page(made.trame.export_html, page, picture_of, files, quiet)
     made.close()
     assert np.abs(there - here).mean() < 5
     green = (there[..., 1] > 150) & (there[..., 0] < 100) & (there[..., 2] < 100)
     assert green.sum() > 150
+
+
+@pytest.mark.parametrize('parallel', [False, True])
+def test_pages_frame_what_is_looked_at(page, picture_of, files, quiet, parallel):
+    pytest.importorskip('trame_pyvista')
+    pl = pv.Plotter(off_screen=True, window_size=SIZE, lighting='none')
+    card = np.array([[-2, 0, -1.5], [2, 0, -1.5], [2, 0, 1.5], [-2, 0, 1.5]])
+    pl.add_mesh(pv.PolyData.from_regular_faces(card, [[0, 1, 2, 3]]), color='k', lighting=False)
+    pl.camera_position = [(0, -4, 0), (0, 0, 0), (0, 0, 1)]
+    pl.camera.view_angle = 60
+    if parallel:
+        pl.enable_parallel_projection()
+        pl.camera.parallel_scale = 2.2
+    pl.show(auto_close=False)
+    here = pl.screenshot().astype(int)
+    there = html_page(pl.ibr.export_html, page, picture_of, files, quiet)
+    assert 0.2 < (here.sum(2) == 0).mean() < 0.9
+    assert np.abs((here.sum(2) < 50).mean() - (there.sum(2) < 50).mean()) < 0.01
+    pl.close()
 
 
 def test_far_from_the_origin_a_page_shows_the_same(page, picture_of, files, quiet):
@@ -154,7 +173,7 @@ def test_far_from_the_origin_a_page_shows_the_same(page, picture_of, files, quie
         pl.ibr.add_spheres(centers + shift, 1.0, colors=[[255, 0, 0], [0, 0, 255]])
         pl.camera_position = [eye + shift, shift, (0, 0, 1)]
         _, made = baked(pl)
-        pictures.append(html_page(made, page, picture_of, files, quiet))
+        pictures.append(html_page(made.trame.export_html, page, picture_of, files, quiet))
         made.close()
         pl.close()
     assert np.abs(pictures[0] - pictures[1]).mean() < 0.5
