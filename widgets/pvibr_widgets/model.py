@@ -222,8 +222,8 @@ class Model:
                 before.get(at) or Group(*at[:2], thing, self._place(at[0]), self._presets, is_open)
                 for at, thing in now.items()
             ]
-        shown = (self.message, _look_of(self.ibr, self.own))
-        shown += tuple((_look_of(g.thing, g.rows), g.thing.enabled) for g in self.groups)
+        looks = [(_look_of(g.thing, g.rows), g.thing.enabled) for g in self.groups]
+        shown = self.message, _look_of(self.ibr, self.own), looks
         if rebuilt or shown != self._shown:
             self._shown = shown
             for tell in list(self._listeners):

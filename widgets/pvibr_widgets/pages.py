@@ -112,7 +112,7 @@ def menu_item(plotter, *, presets=None):
         server.state[shown] = False
         html.Button(
             'pvibr', type='button', click=f'{shown} = !{shown}', classes='pvibr-button',
-            __properties=['aria-expanded'], aria_expanded=(shown,),
+            __properties=[('aria_expanded', 'aria-expanded')], aria_expanded=(shown,),
         )  # fmt: skip
         with html.Div(v_show=(shown,), classes='pvibr-drawer'):
             html.Button('Close', type='button', click=f'{shown} = false', classes='pvibr-button')
