@@ -151,7 +151,7 @@ def test_time_goes_on_in_the_page(off_screen, view, until):
     assert view.tell('look') == look
 
 
-@pytest.mark.parametrize('name', ['Shadows', 'Outline', 'ToneMapping', 'DepthOfField', 'Spheres'])
+@pytest.mark.parametrize('name', ['Shadows', 'DepthOfField'])
 def test_one_of_two_subplots_with_multisampling(page, beside, picture_of, until, quiet, name):
     quiet.append('405')
     view = View.opened(page, beside, picture_of, until)

@@ -25,22 +25,25 @@ def served(start):
 
 @pytest.fixture
 def off_screen(monkeypatch, cache):
-    """A function: what the application draws, of some size, with some bloom."""
+    """A function: what the application draws, of some size, with some strengths of bloom."""
 
-    def picture(size, intensity):
+    def pictures(size, strengths):
         found = []
 
         def serve(_server, **_):
             (pl,) = pv.plotting.plotter._ALL_PLOTTERS.values()
             pl.window_size = size
-            next(e for e in pl.ibr.effects if e.name == 'Bloom').intensity = intensity
-            found.append(pl.screenshot(return_img=True))
+            pl.show(auto_close=False)
+            bloom = next(e for e in pl.ibr.effects if e.name == 'Bloom')
+            for bloom.intensity in strengths:
+                pl.render()
+                found.append(pl.screenshot(return_img=True))
 
         monkeypatch.setattr('trame_server.Server.start', serve)
         runpy.run_path(str(APP))
-        return found[0]
+        return found
 
-    return picture
+    return pictures
 
 
 def test_the_slider_is_followed_and_time_goes_on(
@@ -51,7 +54,7 @@ def test_the_slider_is_followed_and_time_goes_on(
     page.goto(served.url)
     page.wait_for_selector('img')
     size = [round(page.locator('canvas').bounding_box()[side]) for side in ('width', 'height')]
-    plain, bright = (off_screen(size, amount) for amount in (0.3, 1.0))
+    plain, bright = off_screen(size, (0.3, 1.0))
 
     def seen():
         return picture_of(page.locator('img'))
