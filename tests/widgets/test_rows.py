@@ -42,6 +42,9 @@ def test_each_has_its_control(lamp):
 
 def test_label_help_and_choices_are_those_of_the_setting(lamp):
     assert row(lamp, 'power').label == 'power (W)'
+    assert Row(pvibr.Impostor.__new__(pvibr.Impostor), pvibr.Impostor.budget_ms).label == (
+        'budget (ms)'
+    )
     assert row(lamp, 'count').help == 'How many. Default 3; an int in [1, 9].'
     assert row(lamp, 'mode').choices == ['soft', 'hard', 'none']
 

@@ -53,8 +53,9 @@ class Row:
     @property
     def label(self) -> str:
         """Name and unit."""
-        words = self.name.replace('_', ' ')
-        return f'{words} ({self.param.unit})' if self.param.unit else words
+        unit = self.param.unit
+        words = self.name.removesuffix(f'_{unit}').replace('_', ' ')
+        return f'{words} ({unit})' if unit else words
 
     @property
     def help(self) -> str:
