@@ -54,16 +54,15 @@ def baked(host, pipelines, *, triangles=1_000_000, texture=1024, detail=1 / 1024
             made.renderers.set_active_renderer(*np.atleast_1d(made.renderers.index_to_loc(number)))
             pipeline = next((p for p in pipelines if p.renderer is renderer), None)
             scene = BakedScene(
-                _frame(renderer, pipeline), triangles=int(triangles), detail=float(detail),
-                texels=int(texture),
+                Frame.of(renderer, time=0.0 if pipeline is None else pipeline.time),
+                triangles=int(triangles), detail=float(detail), texels=int(texture),
             )  # fmt: skip
             here = effects.get(renderer, [])
             for effect in here:
                 if effect.web[0] == 'baked' and effect.needed(scene.frame) is True:
                     effect.bake_into(scene)
             _copy_view(renderer, made.renderer, cameras)
-            shadows = any(e.web[0] == 'baked' and hasattr(e, 'casts') for e in here)
-            _copy_lights(renderer, made.renderer, still=shadows)
+            _copy_lights(renderer, made.renderer, still=scene.lights_stand)
             scene.add_to(made, _props(renderer, here))
             made.renderer.ResetCameraClippingRange()
             if getattr(renderer, 'axes_enabled', False):
@@ -111,12 +110,6 @@ def _like(host, renderers) -> pv.Plotter:
     return made
 
 
-def _frame(renderer, pipeline) -> Frame:
-    if getattr(renderer, 'camera_set', True) is False:
-        renderer.view_isometric(render=False) if hasattr(renderer, 'view_isometric') else None
-    return Frame.of(renderer, time=0.0 if pipeline is None else pipeline.time)
-
-
 def _copy_view(old, new, cameras):
     """Have a renderer look as another does; cameras that were shared are."""
     camera = old.GetActiveCamera()
@@ -125,7 +118,7 @@ def _copy_view(old, new, cameras):
         cameras[key] = new.camera
         cameras[key].DeepCopy(camera)
     new.camera = cameras[key]
-    new.camera.is_set = True
+    new.camera.is_set = bool(getattr(camera, 'is_set', True))
     new.camera.parallel_projection = bool(camera.GetParallelProjection())
     new.SetBackground(old.GetBackground())
     new.SetBackground2(old.GetBackground2())

@@ -44,6 +44,8 @@ class BakedScene:
         self.frame = frame
         self.triangles, self.detail, self.texels = triangles, detail, texels
         self.dropped: dict[str, int] = {}
+        #: Whether lights that follow the camera must stand still, as what they made does.
+        self.lights_stand = False
         self._pieces: list = []
         self._cards: list[Surface] = []
         self._groups: list[Copies] = []
@@ -142,6 +144,7 @@ class BakedScene:
         extents : callable, optional
             A light and how far it reaches to its size.
         """
+        self.lights_stand = True
         self._requests.append(
             lambda paint: paint.shadow(
                 chosen(casts), chosen(receives), self._sized(extents) if extents else None
