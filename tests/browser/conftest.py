@@ -67,7 +67,7 @@ def page(chromium, quiet, said):
         "addEventListener('unhandledrejection', e => console.error(JSON.stringify(e.reason)))"
     )
     made = context.new_page()
-    made.set_default_timeout(20_000)
+    made.set_default_timeout(60_000)
     yield made
     context.close()
     errors = [text for text in said if not any(re.search(p, text) for p in quiet)]
@@ -88,7 +88,7 @@ def picture_of():
 def until():
     """A function: wait until another one returns something true, and return that."""
 
-    def wait(true, seconds=20.0, every=0.05):
+    def wait(true, seconds=60.0, every=0.05):
         end = time.monotonic() + seconds
         while not (found := true()):
             assert time.monotonic() < end, f'not within {seconds} s'
@@ -128,7 +128,7 @@ class _Program:
         port = urlsplit(self.url).port
         self._process.send_signal(signal.SIGINT)
         try:
-            self._process.wait(20)
+            self._process.wait(60)
         finally:
             self._process.kill()
             self._process.wait()
@@ -157,7 +157,7 @@ def start(tmp_path_factory, until, cache):
         environment = os.environ | {'PVIBR_CACHE': str(cache), 'PYTHONUNBUFFERED': '1'}
         program = _Program(folder / f'{len(started)}.log', command, environment)
         started.append(program)
-        until(lambda: program.url, 60)
+        until(lambda: program.url, 120)
         return program
 
     yield begin

@@ -74,7 +74,7 @@ class View:
             return seen[-1] <= bound
 
         with contextlib.suppress(AssertionError):
-            self._until(near, 15)
+            self._until(near, 30)
         return min(seen)
 
     def drag(self, start, end, steps=4):
