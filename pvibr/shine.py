@@ -9,6 +9,7 @@ from pvibr import _vtk
 from pvibr.casters import address
 from pvibr.effect import Effect
 from pvibr.gl.blur import CHAINS, Blur, Light
+from pvibr.gl.scene_pass import is_marker
 from pvibr.params import Param
 
 
@@ -191,5 +192,5 @@ def _changed(renderer, things, when) -> bool:
     return any(light.GetMTime() > since for light in renderer.GetLights()) or any(
         prop.GetRedrawMTime() > since
         for prop in renderer.GetViewProps()
-        if prop.IsA('vtkProp3D') and address(prop) not in chosen
+        if prop.IsA('vtkProp3D') and address(prop) not in chosen and not is_marker(prop)
     )

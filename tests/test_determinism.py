@@ -26,6 +26,8 @@ for _ in range(2):
     for k, knot in enumerate(knots):
         knot.position = (3 * k, 9.0 * (k % 2), 0)
     pl.ibr.add_impostor(knots, budget_ms=0.01)
+    balls = [pl.add_mesh(pv.Sphere(center=(3 * k, -9, 2))) for k in range(4)]
+    pl.ibr.add_layers([balls[:2], balls[2:]], budget_ms=0.01)
     pl.ibr.add(pvibr.Bloom(threshold=0.5))
     pl.ibr.add(pvibr.ToneMapping())
     pl.subplot(0, 1)

@@ -11,6 +11,7 @@ import numpy as np
 
 from pvibr.actors.layers_picture import LayerPicture
 from pvibr.casters import sized
+from pvibr.determinism import elapsed
 from pvibr.maths.layers import split_by_depth
 from pvibr.maths.views import may_see
 
@@ -225,7 +226,7 @@ class Layer:
         view, alone = self.picture.aim(now.frame, self.bounds, self._want), 0.0
         if view is not None:
             alone = self._draw(now, drawer, view, [m.actor for m in shown])
-        spent = time.perf_counter() - start
+        spent = elapsed(start, alone)
         self.taken += 1
         # The first ones upload meshes and build shaders.
         news = 1.0 if self.taken <= 2 else _NEWS

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pvibr.actors.impostor_costs import ACTOR, CELL
+from pvibr.determinism import elapsed
 from pvibr.gl import Quad, Target, shader_source, texture_limit
 from pvibr.gl.feature import sections
 from pvibr.maths.layers import (
@@ -327,7 +329,7 @@ class LayerPicture:
             drawer.inner.UpdateLights()
             drawer.draw(actors)
         window.WaitForCompletion()
-        seconds = time.perf_counter() - start
+        seconds = elapsed(start, sum(ACTOR + CELL * _cells(actor) for actor in actors))
         if self.settings.blur:
             self._soften(window)
         else:
@@ -354,7 +356,7 @@ class LayerPicture:
         self._spread.draw(quad, {}, {'deep': self._target.depth})
         window.WaitForCompletion()
         # A card asks for about as much.
-        self.pixel = (time.perf_counter() - start) / np.prod(self.texels)
+        self.pixel = elapsed(start, PIXEL * np.prod(self.texels)) / np.prod(self.texels)
 
     def _soften(self, window):
         """Blur colour and depth."""
@@ -448,3 +450,8 @@ def _view_from_pixel(frame) -> np.ndarray:
         out[k, k], out[k, 2] = 2 / count, sign * clip[k, column] - 1
         out[k] /= clip[k, k]
     return out
+
+
+def _cells(actor) -> int:
+    data = actor.GetMapper().GetInputDataObject(0, 0)
+    return getattr(data, 'GetNumberOfCells', int)()
