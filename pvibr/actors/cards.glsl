@@ -22,6 +22,7 @@ uniform int ibr_count;            // instances
 uniform int ibr_unit;             // instances of a block
 uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
 uniform int ibr_has_looks;
+uniform vec4 ibr_tint;            // for all that a program draws, where alpha is 1
 uniform int ibr_views;            // N of the N x N grid
 uniform int ibr_half;
 uniform int ibr_tile;             // texels of a tile
@@ -139,6 +140,7 @@ mat3 ibr_frame(vec3 d)
       }
       if (ibr_has_looks == 1) { ibr_look = texelFetch(ibr_looks, ivec2(i % 1024, i / 1024), 0); }
       else { ibr_look = vec4(0.0, 0.0, 0.0, 0.5); }
+      if (ibr_tint.a > 0.5 && ibr_look.a > 0.25) { ibr_look = ibr_tint; }
       vec3 c = block.xyz + ibr_eye_from_world * center;
       mat3 eye_from_q = ibr_eye_from_world * world_from_q;
       // Gershgorin's bound of the largest stretch, exact where the columns are at right angles.

@@ -499,6 +499,7 @@ class _Layer:
         self.blocks: Texture | None = None
         self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
         self.dithered, self.unit = False, cards.unit
+        self.tint: tuple | None = None  # a colour for all that it draws
         self.failure: str | None = None
         self.checked = False
         self.mapper = _vtk.vtkPolyDataMapper()
@@ -571,6 +572,9 @@ class _Layer:
         program.SetUniform4f('ibr_turn_range', self.level)
         program.SetUniformf('ibr_dithered', float(self.dithered))
         program.SetUniformi('ibr_unit', self.unit)
+        program.SetUniform4f('ibr_tint', (*self.tint, 1.0) if self.tint else (0.0, 0.0, 0.0, 0.0))
+        if self.tint:
+            program.SetUniformi('ibr_multiply', 0)
         if not self.checked:
             self.checked = True
             if not self.feature.landed(program):

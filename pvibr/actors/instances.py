@@ -201,6 +201,11 @@ class Instances(Painted, Anchored):
         return tuple(float(v) for v in self._bounds)
 
     @property
+    def kinds(self) -> list:
+        """What draws the instances of each mesh: its cards, its meshes, what is seen of them."""
+        return self._kinds
+
+    @property
     def atlases(self) -> list:
         """The atlas of each mesh that is used."""
         return [model.atlas for model in self._models.values()]

@@ -123,7 +123,7 @@ class Kind:
         self.looks: np.ndarray | None = None
         self.near: dict[int, int] = {}
         self.counts: dict[str, int] = {}
-        self.large = np.zeros(0, int)
+        self.large = self.seen = np.zeros(0, int)  # of the blocks
 
     def __len__(self):
         return len(self.ids)
@@ -228,6 +228,20 @@ class Kind:
             return (0.0, 0.0, 0.0, 0.5)
         return tuple(float(v) for v in self.looks[slot] / 255.0)
 
+    def tint(self, colors):
+        """Have one colour for all that are drawn in the same way.
+
+        Parameters
+        ----------
+        colors : dict of str to tuple of 3 float
+            By the name of a program of cards, ``'mesh'`` or ``'lighter mesh'``, from 0 to 1; what
+            is not named has its own colours.
+        """
+        for name, layer in self.cards.layers.items():
+            layer.tint = colors.get(name)
+        for k, pool in enumerate(self.pools):
+            pool.tint(colors.get('lighter mesh' if k else 'mesh'), self._look)
+
     def select(self, frame, limits):
         """Choose which blocks are drawn by which program.
 
@@ -244,6 +258,7 @@ class Kind:
             For each program what it draws.
         """
         index, origins, small, large = self.blocks.seen(frame)
+        self.seen = index
         self.cards.view(frame)
         self.counts = {'blocks': len(index), 'of blocks': len(self.blocks.centers)}
         table = np.empty((len(index), 4), np.float32)
@@ -386,7 +401,7 @@ class Kind:
     def hide(self):
         """Draw nothing of it."""
         self.cards.hide()
-        self.near = {}
+        self.near, self.seen = {}, np.zeros(0, int)
         for pool in self.pools:
             pool.show((), self.matrix, self._look)
 

@@ -75,6 +75,7 @@ class MeshPool:
         self.lent: dict[int, Any] = {}
         self.free: list = []
         self.multiply = False
+        self._tint: tuple | None = None
         self._faded: set[int] = set()
 
     def show(self, ids, matrix_of, look_of):
@@ -127,6 +128,19 @@ class MeshPool:
                 uniforms.SetUniformf('ibr_share', shares.get(i, 1.0))
         self._faded = set(shares)
 
+    def tint(self, color, look_of):
+        """Have one colour for all that it shows, whatever their looks are.
+
+        Parameters
+        ----------
+        color : tuple of 3 float or None
+            From 0 to 1; None for their own.
+        look_of : callable
+            Instance to its look, 4 numbers from 0 to 1.
+        """
+        self._tint = color
+        self.recolor(look_of)
+
     def recolor(self, look_of):
         """Take over changed looks of the instances shown.
 
@@ -163,8 +177,8 @@ class MeshPool:
 
     def _dress(self, actor, look):
         uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
-        uniforms.SetUniform4f('ibr_look', look)
-        uniforms.SetUniformi('ibr_multiply', int(self.multiply))
+        uniforms.SetUniform4f('ibr_look', (*self._tint, 1.0) if self._tint else look)
+        uniforms.SetUniformi('ibr_multiply', int(self.multiply and not self._tint))
 
     def actors(self):
         """Return every actor made so far."""
