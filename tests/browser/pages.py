@@ -61,9 +61,14 @@ class View:
 
     @property
     def size(self):
-        """Width and height."""
-        height, width, _ = self.picture.shape
-        return [width, height]
+        """Width and height, once the picture is of the size that it has in the page."""
+        sizes = 'i => [i.naturalWidth, i.naturalHeight, i.clientWidth, i.clientHeight]'
+
+        def fits():
+            *size, width, height = self._place.locator('img').evaluate(sizes)
+            return size if size == [width, height] else None
+
+        return self._until(fits)
 
     def shows(self, expected, bound=JPEG):
         """Wait until a picture is seen; return how far it is from it."""
