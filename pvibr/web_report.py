@@ -144,9 +144,9 @@ class Watch:
 
     def __init__(self, renderer, tell):
         self.renderer = renderer
-        tell = weakref.WeakMethod(tell)
         self._source = _vtk.vtkProgrammableSource()
-        self._source.SetExecuteMethod(lambda: (told := tell()) is not None and told())
+        self._drawing: set = set()
+        self._source.SetExecuteMethod(_teller(weakref.WeakMethod(tell), self._drawing))
         mapper = _vtk.vtkPolyDataMapper()
         mapper.SetInputConnection(self._source.GetOutputPort())
         self.prop = _vtk.vtkActor()
@@ -166,7 +166,7 @@ class Watch:
         """
         if there and not self._observers:
             self.renderer.AddViewProp(self.prop)
-            show = _shows(self.prop, self._source)
+            show = _shows(self.prop, self._source, self._drawing)
             self._observers = [
                 self.renderer.AddObserver('StartEvent', lambda *_: show(False)),
                 self.renderer.AddObserver('EndEvent', lambda *_: show(True)),
@@ -178,11 +178,24 @@ class Watch:
             self._observers = []
 
 
-def _shows(prop, source):
+def _teller(tell, drawing):
+    def read():
+        told = tell()
+        # VTK's own shadow passes read what is not visible, too.
+        if told is not None and not drawing:
+            told()
+
+    return read
+
+
+def _shows(prop, source, drawing):
     def show(there):
         prop.SetVisibility(there)
         if there:
+            drawing.clear()
             source.Modified()  # whoever reads it next has it made anew
+        else:
+            drawing.add(True)
 
     return show
 

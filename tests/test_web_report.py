@@ -124,6 +124,20 @@ def test_no_warning_without_effects_or_where_all_is_shown(tmp_path):
     pl.close()
 
 
+@pytest.mark.parametrize('what', ['enable_shadows', 'enable_ssao', 'enable_depth_peeling'])
+def test_frames_of_passes_hand_nothing_over(what):
+    pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+    pl.add_mesh(pv.Sphere())
+    pl.ibr.add(pvibr.Vignette())
+    getattr(pl, what)()
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter('always', pvibr.PvibrWarning)
+        pl.show(auto_close=False)
+        pl.render()
+    assert not [w for w in said if w.category is pvibr.PvibrWarning]
+    pl.close()
+
+
 def test_the_watch_does_not_show(plotter):
     plotter.show(auto_close=False)
     with_watch = plotter.screenshot()
