@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import json
-import os
-import uuid
 import warnings
 from pathlib import Path
 
 from pvibr.errors import PvibrWarning
+from pvibr.files import replacing
 
 #: Of the layout of the files; files of other versions are read as far as they are understood.
 VERSION = 1
@@ -234,7 +231,7 @@ def write(path, text):
     Parameters
     ----------
     path : str or os.PathLike
-        Where to; a file that is there is replaced.
+        Where to; the folder is made, and a file that is there is replaced.
     text : str
         What.
 
@@ -251,21 +248,8 @@ def write(path, text):
     ...     from_text('state', read(pathlib.Path(folder) / 'a.json'))
     ({}, 1)
     """
-    path = Path(path)
-    temporary = path.with_name(f'.{path.name}.{uuid.uuid4().hex}.tmp')
-    try:
-        with temporary.open('x', encoding='utf-8') as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError as error:
-        why = 'the disk is full' if error.errno == errno.ENOSPC else error.strerror
-        msg = f'{path} could not be written: {why}; what was there before is as it was'
-        raise OSError(error.errno, msg) from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+    with replacing(path) as file:
+        file.write_text(text, encoding='utf-8')
 
 
 def read(path) -> bytes:

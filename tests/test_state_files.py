@@ -192,9 +192,9 @@ def test_a_file_that_the_system_cuts_is_never_seen(tmp_path):
     assert os.listdir(tmp_path) == ['look.json']
 
 
-def test_no_folder_and_no_file(pl, tmp_path):
-    with pytest.raises(FileNotFoundError, match='could not be written'):
-        pl.ibr.save_state(tmp_path / 'none' / 'a.json')
+def test_folders_are_made_and_files_must_be_there(pl, tmp_path):
+    pl.ibr.save_state(tmp_path / 'new' / 'a.json')
+    pl.ibr.load_state(tmp_path / 'new' / 'a.json')
     with pytest.raises(FileNotFoundError):
         pl.ibr.load_state(tmp_path / 'none.json')
 
