@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_DEPTH_STEP = 1e-6  # of window depth: what 32 bits may lose
+_STEP = 1e-6  # what 32 bits may lose, of window depth and of distances
 
 
 def on_screen(frame, centers, radii):
@@ -126,7 +126,7 @@ def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
     >>> behind(frame, np.full((1, 1), 0.7), 8, centers, np.full(2, 0.5)).tolist()
     [False, True]
     """
-    nearest = -centers[:, 2] - radii
+    nearest = -centers[:, 2] - radii - _STEP * np.abs(centers[:, 2])
     low, high = on_screen(frame, centers, radii)
     m = frame.clip_from_view
     with np.errstate(divide='ignore', invalid='ignore'):
@@ -137,7 +137,7 @@ def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
         np.clip(np.where(ahead[:, None], x + d, 0) // tile, 0, last).astype(np.int64)
         for x, d in ((low, -margin), (high, margin))
     )
-    return ahead & (depth > _largest_within(farthest, low, high) + _DEPTH_STEP)
+    return ahead & (depth > _largest_within(farthest, low, high) + _STEP)
 
 
 def _largest_within(values, low, high):

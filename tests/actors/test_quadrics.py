@@ -39,14 +39,14 @@ def aim(pl, eye, focus=(0, 0, 0), parallel=None, clip=None):
         pl.camera.clipping_range = clip
 
 
-def bars(count=70, seed=0):
+def bars(count=40, seed=0):
     """Return ends and radii of cylinders in a cube of side 2."""
     rng = np.random.default_rng(seed)
     a, b = rng.uniform(-1, 1, (2, count, 3))
     return a, a + 0.5 * (b - a), rng.uniform(0.04, 0.15, count)
 
 
-def eggs(count=70, seed=0):
+def eggs(count=40, seed=0):
     """Return centres, radii and quaternions of ellipsoids in a cube of side 2."""
     rng = np.random.default_rng(seed)
     centers, radii = rng.uniform(-1, 1, (count, 3)), rng.uniform(0.05, 0.35, (count, 3))
