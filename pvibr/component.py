@@ -906,6 +906,57 @@ class IBRComponent:
                 self.time = before
         return film.path
 
+    def inspect(self, on=None, *, levels=True, cells=True, atlas=True, table=True):
+        """Show how the active subplot is drawn; called again, stop showing it.
+
+        Parameters
+        ----------
+        on : bool, optional
+            Whether to show it; by default what it is not now.
+        levels : bool
+            Give each instance the colour of the level that draws it, with a legend.
+        cells : bool
+            Show what is drawn or left out together as boxes.
+        atlas : bool, Instances or Impostor
+            Show the images of the first that has any, or of this one, those in use outlined.
+        table : bool
+            List images that were taken for this frame, and the last frame's milliseconds.
+
+        Returns
+        -------
+        pvibr.inspection.Inspection or None
+            Its settings can be changed; ``remove()`` ends it. None where it is not shown.
+
+        Raises
+        ------
+        TypeError
+            Where an argument is of another type.
+        ClosedError
+            Where the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> view = pl.ibr.inspect(cells=False)
+        >>> view.table = False
+        >>> pl.ibr.inspect() is None
+        True
+        >>> pl.close()
+        """
+        from pvibr.inspection import Inspection
+
+        found = [e for e in self.pipeline.effects if isinstance(e, Inspection)]
+        if on is not None and not isinstance(on, bool):
+            msg = f'on = {on!r}: must be True, False or None; atlas says whose images are shown'
+            raise TypeError(msg)
+        switches = {'levels': levels, 'cells': cells, 'atlas': atlas is not False, 'table': table}
+        made = Inspection(None if isinstance(atlas, bool) else atlas, **switches)
+        for old in found:
+            self.pipeline.remove(old)
+        wanted = not found if on is None else on
+        return self.pipeline.add(made) if wanted else None
+
     def report(self) -> Report:
         """Return what ran in the active subplot's last frame, what was skipped and why.
 

@@ -50,6 +50,7 @@ RANKS |= {
     'component': 6,
     'accessor': 6,
 }  # what is not named here is a command: 7
+RANKS |= {'inspection': 5, 'inspection_marks': 5, 'inspection_tiles': 5}
 RANKS |= {'movies': 5, 'large': 5, 'montage': 3, 'determinism': 0}
 MODULES = sorted(p for p in ROOT.rglob('*.py') if p != ROOT / '__init__.py')
 

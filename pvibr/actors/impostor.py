@@ -147,6 +147,16 @@ class Impostor(Effect):
         ends = np.stack([boxes[:, ::2].min(0), boxes[:, 1::2].max(0)], 1)
         return tuple(ends.ravel().tolist())
 
+    @property
+    def images(self):
+        """The images with their pool of tiles; None before the first frame."""
+        return self._images
+
+    @property
+    def nodes(self):
+        """What images are of, with their boxes; None before the first frame."""
+        return self._nodes
+
     def scalar_mapper(self):
         """Return None: the actors have their own scalar bars."""
         return
@@ -409,7 +419,8 @@ class Impostor(Effect):
                     continue
                 with self._costs.timed(frame.window, below) as spent:
                     images.draw(index, card, k, sizes[k], below, parallel=eyes.parallel)
-                images.used[index], found[k] = frame.index, index
+                images.used[index] = images.taken[index] = frame.index
+                found[k] = index
                 left -= spent.seconds
                 drawn += 1
         images.drawer.done()

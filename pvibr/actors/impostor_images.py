@@ -38,7 +38,8 @@ class Images:
         self.planes = np.zeros((total, 2))
         self.tile = np.zeros((total, 3), int)  # corner and side
         self.size = np.zeros((total, 2), int)
-        self.used = np.full(total, -1)
+        self.used = np.full(total, -1)  # the last frame that showed it
+        self.taken = np.full(total, -1)  # the frame that drew it
         self.pool: Any = None
         self.drawer: Any = None
 
