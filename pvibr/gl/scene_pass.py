@@ -8,7 +8,7 @@ from pvibr import _vtk
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture
 
-_MARK = 'pvibr: '  # begins the names of props that are there to call back
+_MARK = 'pvibr: '  # begins the names of props that are no part of a scene
 _NAME = f'{_MARK}end of opaque props'
 _COLOR_BIT = 0x4000  # GL_COLOR_BUFFER_BIT
 _FIRST, _NONE = 0x8CE0, 0  # GL_COLOR_ATTACHMENT0, GL_NONE
@@ -172,8 +172,19 @@ class _Marker:
         self.mapper.RemoveAllObservers()
 
 
+def hidden_name(name) -> str:
+    """Return a name by which a prop is left out of shadows, buffers, bakes and layers.
+
+    Parameters
+    ----------
+    name : str
+        What it is.
+    """
+    return _MARK + name
+
+
 def is_marker(prop) -> bool:
-    """Tell whether a prop of a renderer is there to call back and shows nothing.
+    """Tell whether a prop of a renderer is no part of its scene: what calls back, and marks.
 
     Parameters
     ----------

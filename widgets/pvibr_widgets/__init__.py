@@ -1,6 +1,7 @@
 """Control panels for what pvibr draws: in notebooks, in trame applications and in Qt windows.
 
-A panel has a row for each setting of whatever is in the plotter, and follows it.
+A panel has a row for each setting of whatever is in the plotter, and follows it. Handles are in
+the scene itself.
 
 Examples
 --------
@@ -16,10 +17,14 @@ import importlib
 _EXPORTS = {
     'Model': 'pvibr_widgets.model',
     'Presets': 'pvibr_widgets.presets',
+    'light_handles': 'pvibr_widgets.handles_light',
     'menu_item': 'pvibr_widgets.pages',
     'notebook_panel': 'pvibr_widgets.notebook',
     'panel': 'pvibr_widgets.choice',
+    'pick_focus': 'pvibr_widgets.handles_focus',
+    'projector_handles': 'pvibr_widgets.handles_projector',
     'qt_dock': 'pvibr_widgets.qt',
+    'time_bar': 'pvibr_widgets.time_bar',
     'trame_panel': 'pvibr_widgets.pages',
 }
 

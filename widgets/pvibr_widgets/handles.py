@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import weakref
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
-import pyvista as pv
 
-from pvibr import _vtk
 from pvibr_widgets.handles_keys import Control
-from pvibr_widgets.handles_marks import Marks
+from pvibr_widgets.handles_overlay import Overlay, Touch
 from pvibr_widgets.handles_stage import Pointer, to_pixels
 
-# Before the pipeline's observer, which takes flat props out and puts them back; and after it, when
-# what effects made of this frame is known.
-_FIRST, _LAST = 2.0, -2.0
 _STEP, _FINE = 10, 1  # pixels that an arrow key moves a handle by
 _NEARER = 0.95  # what a distance is multiplied by
 _ARROWS = {'Left': (-1, 0), 'Right': (1, 0), 'Up': (0, 1), 'Down': (0, -1)}
@@ -25,7 +19,7 @@ _SHAPES = {'position': 'square', 'roll': 'triangle', 'angle': 'diamond'}
 _MOST = 200  # pixels: what VTK takes for a tolerance
 
 
-class Handles:
+class Handles(Overlay):
     """Handles of one thing in a scene; made by the functions of this package.
 
     They follow the thing, go with it or with the plotter, and are drawn over the picture.
@@ -41,11 +35,6 @@ class Handles:
     size : float
         Of a handle, pixels.
 
-    Attributes
-    ----------
-    callbacks : list of callable
-        Called with the thing after each change by a handle.
-
     Raises
     ------
     TypeError
@@ -54,32 +43,17 @@ class Handles:
         Where the size is not allowed.
     """
 
-    #: What the handles belong to.
-    thing: Any = None
-
     def __init__(self, stage, names, *, callback=None, size=28):
-        if callback is not None and not callable(callback):
-            msg = f'callback = {callback!r}: must be a function of one argument'
-            raise TypeError(msg)
         if not 4 <= size <= _MOST:
             msg = f'size = {size!r}: must be 4 to {_MOST} pixels; fingers need 24'
             raise ValueError(msg)
-        self._stage, self._size = stage, float(size)
-        self.callbacks = [] if callback is None else [callback]
+        super().__init__(stage, callback)
+        self._size = float(size)
         self._places: dict = {}
-        self._marks = Marks(stage.renderer)
-        self._enabled = True
         self._grips = {name: Grip(self, stage, name, size / 2) for name in names}
-        calls = (self._leave, _FIRST), (self._follow, _LAST)
-        self._tags = [stage.renderer.AddObserver('StartEvent', _weak(c), p) for c, p in calls]
-        stage.ibr.on_close(_weak(self.remove))
         self._follow()
 
     # -- what a subclass tells --------------------------------------------------------------------
-
-    def _is_gone(self) -> bool:
-        """Tell whether the thing is no longer there."""
-        return False
 
     def _look(self) -> dict:
         """Return where the handles are, world units, by name; those that are left out are off."""
@@ -100,18 +74,6 @@ class Handles:
         """Change the thing so that a handle is there; raise where that is not allowed."""
 
     # -- what users do ----------------------------------------------------------------------------
-
-    @property
-    def enabled(self) -> bool:
-        """Whether they are shown and can be moved."""
-        return self._enabled
-
-    @enabled.setter
-    def enabled(self, on):
-        if not self._tags or bool(on) == self._enabled:
-            return
-        self._enabled = bool(on)
-        self._follow()
 
     @property
     def pixels(self) -> dict:
@@ -145,10 +107,11 @@ class Handles:
         place = self._places[name]
         pointer = Pointer(self._stage.frame(), pixel)
         kind, *bound = self._bound(name) or ('facing', place)
-        goal = {
+        ways: dict[str, Callable] = {
             'facing': pointer.facing, 'plane': pointer.on_plane, 'line': pointer.on_line,
             'sphere': pointer.on_sphere,
-        }[kind](*bound)  # fmt: skip
+        }  # fmt: skip
+        goal = ways[kind](*bound)
         if goal is not None:
             self._try(name, goal)
 
@@ -160,7 +123,7 @@ class Handles:
         name : str
             Of the handle.
         factor : float
-            What its distance is multiplied by.
+            What its distance is multiplied by; on a sphere, its far side above 1, else its near.
 
         Raises
         ------
@@ -176,18 +139,6 @@ class Handles:
         elif kind == 'sphere':
             self._try(name, pointer.on_sphere(*bound, far=factor > 1))
 
-    def remove(self):
-        """Take them out of the scene. Calling it again is fine."""
-        if not self._tags:
-            return
-        while self._tags:
-            self._stage.renderer.RemoveObserver(self._tags.pop())
-        self._enabled = False
-        with self._stage.still():
-            for grip in self._grips.values():
-                grip.remove()
-        self._marks.remove()
-
     # -- following --------------------------------------------------------------------------------
 
     def _try(self, name, point):
@@ -199,8 +150,7 @@ class Handles:
         except ValueError:
             return
         self._places = self._looked()
-        for call in list(self.callbacks):
-            call(self.thing)
+        self._tell()
 
     def _looked(self) -> dict:
         try:
@@ -208,32 +158,28 @@ class Handles:
         except ValueError:  # code may set what is not allowed; its effect says so
             return {}
 
-    def _leave(self):
-        """Go with the thing."""
-        if self._is_gone():
-            self.remove()
+    def _rest(self):
+        for grip in self._grips.values():
+            grip.place(None)
 
-    def _follow(self):
-        """Have all of it where the thing is, in the frame that is about to be drawn."""
-        if not self._tags or self._stage.renderer.GetSelector() is not None:
-            return
-        self._places = self._looked() if self._enabled else {}
+    def _free(self):
+        for grip in self._grips.values():
+            grip.remove()
+
+    def _update(self, frame):
+        self._places = self._looked()
         for name, grip in self._grips.items():
             grip.place(self._places.get(name))
-        frame = self._stage.frame()
-        if self._places and 0 not in frame.size:  # as tiles of large screenshots may be
-            self._show(frame)
-        else:
+        if not self._places:
             self._marks.hide()
-
-    def _show(self, frame):
+            return
         self._marks.draw_lines(frame, self._lines())
         at = dict(zip(self._places, to_pixels(frame, [*self._places.values()]), strict=True))
         focused = self.focused
         marks = []
         for name, pixel in at.items():
             seen = bool(np.isfinite(pixel).all())
-            self._grips[name].reach(seen)
+            self._grips[name].touch.reach(seen)
             if seen:
                 color = _FOCUS if name == focused else _COLOR
                 size = self._size * frame.scale
@@ -247,7 +193,7 @@ class Handles:
 
 
 class Grip(Control):
-    """One handle: VTK's widget, which has no look of its own.
+    """One handle.
 
     Parameters
     ----------
@@ -262,34 +208,15 @@ class Grip(Control):
     """
 
     def __init__(self, owner, stage, name, tolerance):
-        self._owner, self._stage, self.title = owner, stage, name
+        self._owner, self._stage, self._name = owner, stage, name
         self._offset = np.zeros(2)
-        self._reached = True
-        self._rep = _vtk.vtkPointHandleRepresentation2D()
-        # A shape of no area: without points VTK crashes.
-        self._rep.SetCursorShape(pv.PolyData(np.zeros((3, 3)), [3, 0, 1, 2]))
-        self._rep.SetTolerance(int(np.ceil(tolerance)))
-        self._rep.PickableOff()
-        self._widget = _vtk.vtkHandleWidget()
-        self._widget.SetInteractor(stage.interactor)
-        self._widget.SetDefaultRenderer(stage.renderer)
-        self._widget.SetCurrentRenderer(stage.renderer)
-        self._widget.SetRepresentation(self._rep)
-        self._widget.EnableAxisConstraintOff()
-        for event, call in (
-            ('StartInteractionEvent', self._begin),
-            ('InteractionEvent', self._drag),
-            ('EndInteractionEvent', self._end),
-        ):
-            self._widget.AddObserver(event, _weak(call))
-        with stage.still():
-            self._widget.On()
+        self.touch = Touch(stage, tolerance, self._begin, self._drag, self._end)
         stage.ring.add(self)
 
     @property
     def usable(self) -> bool:
         """Whether it can be reached now."""
-        return bool(self._widget.GetEnabled()) and self._reached
+        return self.touch.usable
 
     def place(self, point):
         """Have it where it belongs.
@@ -299,24 +226,11 @@ class Grip(Control):
         point : array_like, shape (3,) or None
             World units; None where it is off.
         """
-        if bool(self._widget.GetEnabled()) != (point is not None):
-            if point is None:
-                self._stage.ring.lose(self)
-            with self._stage.still():
-                self._widget.SetEnabled(point is not None)
-        if point is not None:
-            self._rep.SetWorldPosition([float(x) for x in point])
-
-    def reach(self, seen):
-        """Have it take the mouse or not.
-
-        Parameters
-        ----------
-        seen : bool
-            Whether it is before the eye.
-        """
-        self._reached = seen
-        self._widget.SetProcessEvents(seen)
+        self.touch.switch(point is not None)
+        if point is None:
+            self._stage.ring.lose(self)
+        else:
+            self.touch.place(point)
 
     def focus(self, on):
         """Show whether it has the keys.
@@ -326,7 +240,6 @@ class Grip(Control):
         on : bool
             Whether.
         """
-        self._owner._follow()
         self._stage.draw()
 
     def press(self, key, fine) -> bool:
@@ -341,46 +254,31 @@ class Grip(Control):
         """
         if key in _ARROWS:
             step = _FINE if fine else _STEP
-            at = np.array(self._owner.pixels[self.title])
-            self._owner.move(self.title, at + np.multiply(_ARROWS[key], step))
+            at = np.array(self._owner.pixels[self._name])
+            self._owner.move(self._name, at + np.multiply(_ARROWS[key], step))
         elif key in _DEPTHS:
-            self._owner.push(self.title, _DEPTHS[key])
+            self._owner.push(self._name, _DEPTHS[key])
         else:
             return False
         self._stage.draw()
         return True
 
-    def _begin(self, *_):
+    def _begin(self):
         # What was touched stays under the finger.
-        self._offset = np.subtract(self._owner.pixels[self.title], self._pixel())
+        self._offset = np.subtract(self._owner.pixels[self._name], self._pixel())
         self._stage.ring.take(self)
 
-    def _drag(self, *_):
-        self._owner.move(self.title, self._pixel() + self._offset)
+    def _drag(self):
+        self._owner.move(self._name, self._pixel() + self._offset)
         self._stage.draw(by_widget=True)
 
-    def _end(self, *_):
+    def _end(self):
         self._stage.draw(by_widget=True)
 
     def _pixel(self):
         return np.array(self._stage.interactor.GetEventPosition(), float)
 
     def remove(self):
-        """Take it out of the scene; the caller keeps the window still."""
+        """Take it out of the scene."""
         self._stage.ring.drop(self)
-        self._widget.Off()
-        self._widget.RemoveAllObservers()
-        self._widget.SetInteractor(None)
-        self._stage.renderer.RemoveViewProp(self._rep)
-
-
-def _weak(method):
-    """Return an observer that keeps nobody alive."""
-    found = weakref.WeakMethod(method)
-
-    def call(*_):
-        bound = found()
-        if bound is not None:
-            bound()
-
-    return call
+        self.touch.remove()

@@ -8,9 +8,6 @@ _FIRST = 20.0  # before plotters and styles, whose keys these may be too
 class Control:
     """What may have the keys of a window."""
 
-    #: What is shown beside it while it has the keys.
-    title = ''
-
     @property
     def usable(self) -> bool:
         """Whether it can be reached now."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pyvista as pv
 
 from pvibr import _vtk
 from pvibr_widgets.handles_stage import lines_to_pixels
 
-_DARK = (20, 20, 20)
+#: Around what is drawn, so that it is seen before anything.
+DARK = (20, 20, 20)
 # Corners, where the first of them is as a share of what is between two, and radius.
 _SHAPES = {
     'square': (4, 0.5, 1.2),
@@ -50,7 +53,7 @@ class Marks:
         style = self._text.GetTextProperty()
         style.SetFontSize(14)
         style.SetColor(1.0, 1.0, 1.0)
-        style.SetBackgroundColor(*(c / 255 for c in _DARK))
+        style.SetBackgroundColor(*(c / 255 for c in DARK))
         style.SetBackgroundOpacity(0.8)
         renderer.AddViewProp(self._text)
 
@@ -71,7 +74,7 @@ class Marks:
         flat = np.concatenate([np.zeros((0, 2, 2)), *pixels])
         rows = [color for group in colors for color in group]
         cells = np.arange(2 * len(flat)).reshape(-1, 2)
-        self._under.show(flat.reshape(-1, 2), [_DARK] * len(flat), lines=cells)
+        self._under.show(flat.reshape(-1, 2), [DARK] * len(flat), lines=cells)
         self._lines.show(flat.reshape(-1, 2), rows, lines=cells)
 
     def draw_marks(self, marks):
@@ -82,14 +85,24 @@ class Marks:
         marks : sequence of tuple
             Place in pixels of the subplot, name of the shape, colour, and size in pixels.
         """
-        points, cells, colors = [], [], []
+        polygons = []
         for place, shape, color, size in marks:
-            for radius, paint in ((size / 2, _DARK), (size / 2 - 3, color)):
-                corners = place + radius * _corners(shape)
-                cells.append(np.arange(len(corners)) + sum(map(len, points)))
-                points.append(corners)
-                colors.append(paint)
-        self._marks.show(np.concatenate([np.zeros((0, 2)), *points]), colors, faces=cells)
+            for radius, paint in ((size / 2, DARK), (size / 2 - 3, color)):
+                polygons.append((place + radius * _corners(shape), paint))
+        self.draw_polygons(polygons)
+
+    def draw_polygons(self, polygons):
+        """Have polygons drawn, in place of marks.
+
+        Parameters
+        ----------
+        polygons : sequence of tuple
+            Corners, shape (n, 2), in pixels of the subplot, and colour; convex.
+        """
+        ends = np.cumsum([0, *(len(corners) for corners, _ in polygons)])
+        cells = [np.arange(a, b) for a, b in itertools.pairwise(ends)]
+        corners = np.concatenate([np.zeros((0, 2)), *(c for c, _ in polygons)])
+        self._marks.show(corners, [color for _, color in polygons], faces=cells)
 
     def say(self, text, place=None):
         """Have a word drawn beside a place.
@@ -136,7 +149,8 @@ class _Flat:
             points = np.column_stack([pixels, np.zeros(len(pixels))])
             cells = {k: np.concatenate([[len(c), *c] for c in v]) for k, v in cells.items()}
             mesh = pv.PolyData(points.astype(np.float32), **cells)
-            mesh.cell_data.set_scalars(np.array(colors, np.uint8), 'colors')
+            mesh.cell_data['colors'] = np.array(colors, np.uint8)
+            mesh.set_active_scalars('colors', preference='cell')
             self._mapper.SetInputData(mesh)
 
 

@@ -74,11 +74,7 @@ def projector_handles(pl, photo, *, view=0, callback=None, size=28):
     if not isinstance(photo, Projector | Projectors):
         msg = f'photo = {photo!r:.80}: must be a pvibr.Projector or pvibr.Projectors'
         raise TypeError(msg)
-    renderer = None if photo.pipeline is None else photo.pipeline.renderer
-    stage = Stage(pl, renderer)
-    if renderer is None or renderer.GetRenderWindow() is not Stage(pl).renderer.GetRenderWindow():
-        msg = f'{photo.name} is in no subplot of pl: add it by pl.ibr.add first'
-        raise ValueError(msg)
+    stage = Stage.of(pl, photo)
     if not 0 <= view < len(photo.cameras):
         msg = f'view = {view!r}: {photo.name} has pictures 0 to {len(photo.cameras) - 1}'
         raise ValueError(msg)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import weakref
+from typing import Any
 
 import numpy as np
 
@@ -68,13 +69,42 @@ class Stage:
         pipeline = self.ibr.pipeline  # says so where the plotter is closed
         self.renderer = pipeline.renderer if renderer is None else renderer
         window = self.renderer.GetRenderWindow()
-        self.interactor = None if window is None else window.GetInteractor()
+        self.interactor: Any = None if window is None else window.GetInteractor()
         if self.interactor is None:
             msg = 'pl has no interactor, which tells of the mouse and keys: give its window one'
             raise ValueError(msg)
         if self.ibr not in _rings:
             _rings[self.ibr] = Ring(self.interactor)
         self.ring: Ring = _rings[self.ibr]
+
+    @classmethod
+    def of(cls, plotter, effect):
+        """Return the subplot that an effect is in.
+
+        Parameters
+        ----------
+        plotter : pyvista.BasePlotter or vtkRenderer
+            With an interactor.
+        effect : pvibr.Effect
+            In one of its subplots.
+
+        Returns
+        -------
+        Stage
+            That subplot.
+
+        Raises
+        ------
+        ValueError
+            Where it is in none of them.
+        """
+        active = cls(plotter)
+        renderer = None if effect.pipeline is None else effect.pipeline.renderer
+        window = active.renderer.GetRenderWindow()
+        if renderer is None or renderer.GetRenderWindow() is not window:
+            msg = f'{effect.name} is in no subplot of pl: add it by pl.ibr.add first'
+            raise ValueError(msg)
+        return cls(plotter, renderer)
 
     def frame(self) -> Frame:
         """Return the frame that would be drawn now."""

@@ -1,0 +1,252 @@
+"""What controls in the scene have in common: they follow it frame by frame, and go with it."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr import _vtk
+from pvibr_widgets.handles_marks import Marks
+from pvibr_widgets.handles_stage import Pointer
+
+# Before the pipeline's observer, which takes flat props out and puts them back; and after it, when
+# what effects made of this frame is known.
+_FIRST, _LAST = 2.0, -2.0
+# Above the priority of a camera's style; an area is looked at just before its turn.
+_PLACE, _LOOK = 0.5, 0.05
+#: Priorities of areas: of a bar over the scene, and of all of the scene.
+BAR, SCENE = 0.4, 0.3
+
+
+class Overlay:
+    """Controls drawn over a subplot.
+
+    Parameters
+    ----------
+    stage : pvibr_widgets.handles_stage.Stage
+        Where they are.
+    callback : callable, optional
+        Called with the thing after each change by the user.
+
+    Attributes
+    ----------
+    thing : object
+        What they control.
+    callbacks : list of callable
+        Called with the thing after each change by the user.
+
+    Raises
+    ------
+    TypeError
+        Where the callback cannot be called.
+    """
+
+    thing: Any = None
+
+    def __init__(self, stage, callback=None):
+        if callback is not None and not callable(callback):
+            msg = f'callback = {callback!r}: must be a function of one argument'
+            raise TypeError(msg)
+        self._stage = stage
+        self.callbacks: list[Callable] = [] if callback is None else [callback]
+        self._marks = Marks(stage.renderer)
+        self._enabled = True
+        calls = (self._leave, _FIRST), (self._follow, _LAST)
+        add = stage.renderer.AddObserver
+        self._tags = [add('StartEvent', weakly(call), priority) for call, priority in calls]
+        stage.ibr.on_close(weakly(self.remove))
+
+    # -- what a subclass does ---------------------------------------------------------------------
+
+    def _is_gone(self) -> bool:
+        """Tell whether the thing is no longer there."""
+        return False
+
+    def _prepare(self, frame):
+        """Do what must be done before anything is made of a frame."""
+
+    def _update(self, frame):
+        """Have all of it where the thing is, in the frame that is about to be drawn."""
+
+    def _rest(self):
+        """Be off, until the next `_update`."""
+
+    def _free(self):
+        """Take what is its own out of the scene; the window is kept still."""
+
+    # -- what users do ----------------------------------------------------------------------------
+
+    @property
+    def enabled(self) -> bool:
+        """Whether it is shown and can be used."""
+        return self._enabled
+
+    @enabled.setter
+    def enabled(self, on):
+        if self._tags and bool(on) != self._enabled:
+            self._enabled = bool(on)
+            self._follow()
+
+    def remove(self):
+        """Take it out of the scene. Calling it again is fine."""
+        if not self._tags:
+            return
+        while self._tags:
+            self._stage.renderer.RemoveObserver(self._tags.pop())
+        self._enabled = False
+        with self._stage.still():
+            self._free()
+        self._marks.remove()
+
+    def _tell(self):
+        for call in list(self.callbacks):
+            call(self.thing)
+
+    # -- following --------------------------------------------------------------------------------
+
+    def _leave(self):
+        """Go with the thing."""
+        if self._is_gone():
+            self.remove()
+        elif self._enabled and not self._is_idle():
+            self._prepare(self._stage.frame())
+
+    def _is_idle(self) -> bool:
+        """Tell whether nobody sees this: what is drawn to pick, tiles beside the subplot."""
+        picking = self._stage.renderer.GetSelector() is not None
+        return picking or 0 in self._stage.frame().size
+
+    def _follow(self):
+        if not self._tags:
+            return
+        if self._enabled and not self._is_idle():
+            self._update(self._stage.frame())
+        else:
+            self._marks.hide()
+        if not self._enabled:
+            self._rest()
+
+
+class Touch:
+    """A place that takes the mouse: VTK's widget for handles, which has no look of its own.
+
+    Parameters
+    ----------
+    stage : pvibr_widgets.handles_stage.Stage
+        Where it is.
+    tolerance : float
+        How far from its middle it is touched, pixels.
+    begin, drag, end : callable
+        Called without arguments; held weakly, as methods of who holds this.
+    area : callable, optional
+        A method that tells whether a pixel of the window is in the area where it takes the mouse,
+        in place of `place`.
+    priority : float, optional
+        Of those under one pixel, who has the highest takes the mouse.
+    """
+
+    def __init__(self, stage, tolerance, begin, drag, end, *, area=None, priority=_PLACE):
+        self._stage, self._press = stage, None
+        self._rep = _vtk.vtkPointHandleRepresentation2D()
+        # A shape of no area: without points VTK crashes.
+        self._rep.SetCursorShape(pv.PolyData(np.zeros((3, 3)), [3, 0, 1, 2]))
+        self._rep.SetTolerance(int(np.ceil(tolerance)))
+        self._rep.PickableOff()
+        self._widget = _vtk.vtkHandleWidget()
+        self._widget.SetInteractor(stage.interactor)
+        self._widget.SetDefaultRenderer(stage.renderer)
+        self._widget.SetCurrentRenderer(stage.renderer)
+        self._widget.SetRepresentation(self._rep)
+        self._widget.SetPriority(priority)
+        self._widget.EnableAxisConstraintOff()
+        for event, call in zip(('Start', '', 'End'), (begin, drag, end), strict=True):
+            self._widget.AddObserver(f'{event}InteractionEvent', weakly(call))
+        with stage.still():
+            self._widget.On()
+        if area is not None:
+            self._area = weakref.WeakMethod(area)
+            add = stage.interactor.AddObserver
+            self._press = add('LeftButtonPressEvent', weakly(self._meet), priority + _LOOK)
+
+    def _meet(self):
+        """Be under a press that is in the area, before it is handed on; else leave it alone."""
+        area, pixel = self._area(), self._stage.interactor.GetEventPosition()
+        hit = bool(self._widget.GetEnabled() and area is not None and area(pixel))
+        self.reach(hit)
+        if hit:
+            focal = self._stage.renderer.GetActiveCamera().GetFocalPoint()
+            self.place(Pointer(self._stage.frame(), pixel).facing(focal))
+
+    @property
+    def usable(self) -> bool:
+        """Whether it takes the mouse."""
+        return bool(self._widget.GetEnabled() and self._widget.GetProcessEvents())
+
+    def switch(self, on):
+        """Have it in the window or not.
+
+        Parameters
+        ----------
+        on : bool
+            Which.
+        """
+        if bool(self._widget.GetEnabled()) != bool(on):
+            with self._stage.still():
+                self._widget.SetEnabled(bool(on))
+
+    def reach(self, on):
+        """Have it take the mouse or not.
+
+        Parameters
+        ----------
+        on : bool
+            Which.
+        """
+        self._widget.SetProcessEvents(bool(on))
+
+    def place(self, point):
+        """Have it somewhere.
+
+        Parameters
+        ----------
+        point : array_like, shape (3,)
+            World units.
+        """
+        self._rep.SetWorldPosition([float(x) for x in point])
+        self._rep.BuildRepresentation()  # it is touched where it was built
+
+    def remove(self):
+        """Take it out of the scene."""
+        self.switch(False)
+        if self._press is not None:
+            self._stage.interactor.RemoveObserver(self._press)
+        self._widget.RemoveAllObservers()
+        self._widget.SetInteractor(None)
+        self._stage.renderer.RemoveViewProp(self._rep)
+
+
+def weakly(method):
+    """Return an observer that keeps nobody alive.
+
+    Parameters
+    ----------
+    method : callable
+        A bound method that takes no arguments.
+
+    Returns
+    -------
+    callable
+        Takes anything.
+    """
+    found = weakref.WeakMethod(method)
+
+    def call(*_):
+        bound = found()
+        if bound is not None:
+            bound()
+
+    return call

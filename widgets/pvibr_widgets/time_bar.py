@@ -1,0 +1,309 @@
+"""A bar for the time: dragged, played and stopped in the scene."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pvibr_widgets.handles_keys import Control
+from pvibr_widgets.handles_marks import DARK
+from pvibr_widgets.handles_overlay import BAR, Overlay, Touch
+from pvibr_widgets.handles_stage import Stage
+
+_TOUCHED = 32  # pixels that a finger finds
+_TRACK = 6  # pixels that the bar is high
+_EDGE = 24  # pixels from the border of the subplot
+_STEP, _FINE = 0.01, 0.001  # of the bar, by a key
+_STEPS = {'Left': -1, 'Right': 1, 'Down': -1, 'Up': 1, 'Prior': 10, 'Next': -10}
+_GREY, _DONE, _KNOB, _FOCUS = (150, 150, 150), (255, 205, 60), (255, 205, 60), (90, 220, 255)
+
+
+def time_bar(pl, start, stop, *, speed=1.0, loop=True, callback=None):
+    """Put a bar for ``pl.ibr.time`` at the lower border of the active subplot.
+
+    The bar is dragged or clicked on; the button at its left or the space bar plays and pauses.
+    With keys: Tab to it, then arrows by a hundredth, with Shift by a thousandth, Home and End;
+    Escape lets go.
+
+    Parameters
+    ----------
+    pl : pyvista.BasePlotter or vtkRenderer
+        Whose time.
+    start, stop : float
+        Seconds at its ends.
+    speed : float, optional
+        Seconds in a second of those who look; backward below 0.
+    loop : bool, optional
+        Whether it begins again at the end, or stops there.
+    callback : callable, optional
+        Called with the time after each change by the bar, not while it plays.
+
+    Returns
+    -------
+    pvibr_widgets.time_bar.TimeBar
+        With ``play()``, ``pause()``, ``remove()``, ``enabled`` and ``callbacks``.
+
+    Raises
+    ------
+    ValueError
+        Where a number is not allowed.
+    TypeError
+        Where the callback cannot be called.
+    ClosedError
+        Where the plotter is closed.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> import pvibr_widgets
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> bar = pvibr_widgets.time_bar(pl, 0, 4)
+    >>> bar.play()
+    >>> pl.ibr.playing
+    True
+    >>> pl.close()
+    """
+    ends = start, stop, speed
+    if not all(math.isfinite(x) for x in ends) or start >= stop:
+        msg = f'start, stop, speed = {start!r}, {stop!r}, {speed!r}: finite, start below stop'
+        raise ValueError(msg)
+    return TimeBar(Stage(pl), float(start), float(stop), float(speed), bool(loop), callback)
+
+
+class TimeBar(Overlay):
+    """What shows and sets the time; see :func:`time_bar`.
+
+    Parameters
+    ----------
+    stage : pvibr_widgets.handles_stage.Stage
+        Where it is.
+    start, stop, speed : float
+        Seconds, and seconds in a second.
+    loop : bool
+        Whether it begins again at the end.
+    callback : callable, optional
+        Called with the time after each change by the bar.
+    """
+
+    def __init__(self, stage, start, stop, speed, loop, callback=None):
+        super().__init__(stage, callback)
+        self.start, self.stop, self.speed, self.loop = start, stop, speed, loop
+        self._plays = self._held = False
+        calls = self.hold, self.slide, self.let_go
+        self._slider = Touch(stage, _TOUCHED, *calls, area=self._on_bar, priority=BAR)
+        calls = self.toggle, self._shown, self._shown
+        self._button = Touch(stage, _TOUCHED, *calls, area=self._on_button, priority=BAR)
+        self._keys = _Keys(self)
+        stage.ring.add(self._keys)
+        self._follow()
+
+    @property
+    def _time(self) -> float:
+        return self._stage.ibr.time
+
+    def _tell(self):
+        for call in list(self.callbacks):
+            call(self._time)
+
+    # -- what users do ----------------------------------------------------------------------------
+
+    @property
+    def playing(self) -> bool:
+        """Whether the time goes on."""
+        return self._stage.ibr.playing
+
+    def play(self):
+        """Let the time go on; from the other end, where it is at the last one."""
+        ibr = self._stage.ibr
+        first, last = self._way()
+        ahead = (last - ibr.time) * (1 if self.speed >= 0 else -1)
+        if not self.start <= ibr.time <= self.stop or ahead <= 0:
+            ibr.time = first
+        self._plays = True
+        ibr.play(self.speed)
+
+    def pause(self):
+        """Let the time stand still."""
+        self._plays = False
+        self._stage.ibr.stop()
+
+    def toggle(self):
+        """Play, or pause."""
+        self.pause() if self.playing else self.play()
+
+    def set(self, time):
+        """Show a moment, as the bar does.
+
+        Parameters
+        ----------
+        time : float
+            Seconds; the nearest that the bar has.
+        """
+        self._stage.ibr.time = float(np.clip(time, self.start, self.stop))
+        self._tell()
+
+    def press(self, key, fine) -> bool:
+        """Take a key.
+
+        Parameters
+        ----------
+        key : str
+            An arrow, page up or down, Home, End, or space.
+        fine : bool
+            By a thousandth of the bar.
+
+        Returns
+        -------
+        bool
+            Whether it did anything with it.
+        """
+        span = (self.stop - self.start) * (_FINE if fine else _STEP)
+        if key == 'space':
+            self.toggle()
+        elif key in _STEPS:
+            self.set(self._time + span * _STEPS[key])
+        elif key in ('Home', 'End'):
+            self.set(self.start if key == 'Home' else self.stop)
+        else:
+            return False
+        self._stage.draw()
+        return True
+
+    # -- by mouse ---------------------------------------------------------------------------------
+
+    def hold(self):
+        """Have the time follow the finger."""
+        self._held = self.playing
+        if self._held:
+            self._stage.ibr.stop()
+        self._stage.ring.take(self._keys)
+        self.slide()
+
+    def slide(self):
+        """Show the moment that the finger is at."""
+        left, right, _ = self._place(self._stage.frame())
+        x, _ = self._beside(self._stage.interactor.GetEventPosition())
+        self.set(self.start + (self.stop - self.start) * (x - left) / (right - left))
+        self._stage.draw(by_widget=True)
+
+    def let_go(self):
+        """Go on, where it went on before."""
+        if self._held:
+            self._stage.ibr.play(self.speed)
+        self._held = False
+        self._stage.draw(by_widget=True)
+
+    def _on_bar(self, pixel) -> bool:
+        left, right, low = self._place(self._stage.frame())
+        x, y = self._beside(pixel)
+        near = _TOUCHED / 2
+        return left - near <= x <= right + near and abs(y - low) <= near
+
+    def _on_button(self, pixel) -> bool:
+        return bool(np.abs(np.subtract(self._beside(pixel), _EDGE)).max() <= _TOUCHED / 2)
+
+    def _beside(self, pixel):
+        """Return a pixel of the window as one of the subplot."""
+        return np.subtract(pixel, self._stage.frame().origin)
+
+    def _shown(self):
+        self._stage.draw(by_widget=True)
+
+    # -- following --------------------------------------------------------------------------------
+
+    def _way(self):
+        ends = self.start, self.stop
+        return ends if self.speed >= 0 else ends[::-1]
+
+    def _prepare(self, frame):
+        """Begin again at the end, or stop there, before anything shows this moment."""
+        ibr = self._stage.ibr
+        time = ibr.time
+        if not (self._plays and ibr.playing) or self.start <= time <= self.stop:
+            return
+        if self.loop:
+            ibr.time = self.start + (time - self.start) % (self.stop - self.start)
+        else:
+            self.pause()
+            ibr.time = self._way()[1]
+
+    def _update(self, frame):
+        self._slider.switch(True)
+        self._button.switch(True)
+        left, right, low = self._place(frame)
+        share = float(np.clip((self._time - self.start) / (self.stop - self.start), 0, 1))
+        at = left + share * (right - left)
+        focused = self._stage.ring.current is self._keys
+        shapes = [
+            *_framed(_box(left, right, low), _GREY),
+            (_box(left, at, low), _DONE),
+            *((corners, DARK) for corners in self._glyph(low, 3)),
+            *((corners, _FOCUS if focused else _KNOB) for corners in self._glyph(low, 0)),
+            (_disk((at, low), _TOUCHED / 2 - 2), DARK),
+            (_disk((at, low), _TOUCHED / 2 - 5), _FOCUS if focused else _KNOB),
+        ]
+        self._marks.draw_polygons([(corners * frame.scale, color) for corners, color in shapes])
+        word = f'{self._time:.2f} s'
+        beside = min(at, right - 2.5 * _EDGE), low + 0.6 * _TOUCHED
+        self._marks.say(word, np.multiply(beside, frame.scale))
+
+    def _place(self, frame) -> tuple[float, float, float]:
+        """Return the bar's ends and its height, in pixels of the subplot."""
+        width = frame.whole[0] / frame.scale
+        return 2.5 * _EDGE, max(width - _EDGE, 3 * _EDGE), _EDGE
+
+    def _glyph(self, low, wider):
+        """Return two bars or a triangle: what the button does."""
+        middle, size = np.array([_EDGE, low]), 9 + wider
+        if self.playing or self._held:
+            box = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [3 + wider, size]
+            return [middle + box + [x, 0] for x in (-5, 5)]
+        return [middle + size * np.array([[-0.8, -1], [1.1, 0], [-0.8, 1]])]
+
+    def _rest(self):
+        self._slider.switch(False)
+        self._button.switch(False)
+        self._stage.ring.lose(self._keys)
+
+    def _free(self):
+        self._stage.ring.drop(self._keys)
+        self._slider.remove()
+        self._button.remove()
+
+
+class _Keys(Control):
+    """The keys of a time bar."""
+
+    def __init__(self, owner):
+        self._owner = owner
+
+    @property
+    def usable(self):
+        return self._owner.enabled
+
+    def focus(self, on):
+        self._owner._stage.draw()
+
+    def press(self, key, fine):
+        return self._owner.press(key, fine)
+
+    def overhear(self, key):
+        return key == 'space' and self.usable and self._owner.press(key, False)
+
+
+def _box(left, right, low):
+    half = _TRACK / 2
+    return np.array([[left, low - half], [right, low - half], [right, low + half],
+                     [left, low + half]])  # fmt: skip
+
+
+def _framed(corners, color):
+    middle = corners.mean(axis=0)
+    return (corners + 3 * np.sign(corners - middle), DARK), (corners, color)
+
+
+def _disk(middle, radius):
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    return middle + radius * np.column_stack([np.cos(angles), np.sin(angles)])
