@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -274,8 +275,16 @@ def slab_counts(instances, meshes, turned=False) -> dict[str, int]:
     return {p.name: full + (p.turns if meshes > 1 else 0) for p in used}
 
 
+# By window, who keeps textures bound. A shader can sample sixteen to some thirty: scenes of many
+# things have more, and VTK's own passes need some as well.
+_bound: weakref.WeakKeyDictionary[Any, weakref.ref[Binder]] = weakref.WeakKeyDictionary()
+
+
 class Binder:
-    """Keeps one set of textures bound: those of the cards that were drawn last."""
+    """Keeps one set of textures bound: those of what was drawn last in their window.
+
+    All binders of a window share this place, so that any number of things can be drawn.
+    """
 
     def __init__(self):
         self.owner, self.textures, self.units = None, {}, {}
@@ -297,6 +306,11 @@ class Binder:
         """
         if self.owner is not owner:
             self.unbind()
+            window = next(iter(textures.values())).window
+            other = _bound.get(window, lambda: None)()
+            if other is not None:
+                other.unbind()
+            _bound[window] = weakref.ref(self)
             self.owner, self.textures = owner, textures
             self.units = {name: t.activate() for name, t in textures.items()}
         return self.units

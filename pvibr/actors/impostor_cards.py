@@ -9,7 +9,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr import _vtk
-from pvibr.actors.cards import DULL, card_mesh
+from pvibr.actors.cards import DULL, Binder, card_mesh
 from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 
@@ -75,7 +75,7 @@ class ImpostorCards:
         self._matter: Any = None
         self._known = 0
         self._checked = False
-        self._bound: list = []
+        self._binder = Binder()
         self._textures: dict = {}
         self._uniforms: dict = {}
 
@@ -164,9 +164,7 @@ class ImpostorCards:
     def hide(self):
         """Draw nothing, and give the texture units back."""
         self.actor.VisibilityOff()
-        for texture in self._bound:
-            texture.deactivate()
-        self._bound = []
+        self._binder.unbind()
 
     def _updater(self):
         # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
@@ -181,10 +179,7 @@ class ImpostorCards:
         return update
 
     def _update(self, program):
-        if not self._bound:
-            self._units = {name: t.activate() for name, t in self._textures.items()}
-            self._bound = list(self._textures.values())
-        set_uniforms(program, self._units)
+        set_uniforms(program, self._binder.bind(self, self._textures))
         set_uniforms(program, self._uniforms)
         if not self._checked:
             self._checked = True

@@ -9,7 +9,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr import _vtk
-from pvibr.actors.cards import card_mesh
+from pvibr.actors.cards import Binder, card_mesh
 from pvibr.gl import set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 
@@ -68,7 +68,7 @@ class LayerCard:
         self._bounds: Any = None
         self._textures: dict = {}
         self._uniforms: dict = {}
-        self._units: dict = {}
+        self._binder = Binder()
 
     def show(self, frame, picture, warp, turn, bounds):
         """Draw a picture in a frame.
@@ -106,9 +106,7 @@ class LayerCard:
     def hide(self):
         """Draw nothing, and give the texture units back."""
         self.actor.VisibilityOff()
-        for texture in self._textures.values() if self._units else ():
-            texture.deactivate()
-        self._units = {}
+        self._binder.unbind()
 
     def _updater(self):
         # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
@@ -123,9 +121,7 @@ class LayerCard:
         return update
 
     def _update(self, program):
-        if not self._units:
-            self._units = {name: t.activate() for name, t in self._textures.items()}
-        set_uniforms(program, self._units)
+        set_uniforms(program, self._binder.bind(self, self._textures))
         set_uniforms(program, self._uniforms)
         if not self._checked:
             self._checked = True

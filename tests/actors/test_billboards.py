@@ -541,6 +541,30 @@ def test_more_than_a_draw_holds(see):
     pl.close()
 
 
+@pytest.mark.parametrize('lenses', [False, True], ids=['plain', 'EDL'])
+def test_any_number_of_sets_share_the_texture_units(lenses, see):
+    # A shader has sixteen to some thirty textures; a set has five, and VTK's passes need some.
+    pl = plotter((0, 0, 10), up=(0, 1, 0))
+    pl.camera.parallel_projection, pl.camera.parallel_scale = True, 5
+    places = np.c_[np.tile(np.linspace(-7, 7, 8), 2), np.repeat([-2, 2], 8), np.zeros(16)]
+    color = np.random.default_rng(0).uniform(0.3, 1, (16, 3))
+    for k, (place, one) in enumerate(zip(places, color, strict=True)):
+        if k % 2:
+            pl.ibr.add_billboards([place], WHITE, size=1.6, colors=[one])
+        else:
+            pl.ibr.add_spheres([place], 0.8, colors=[one], lighting=False)
+    if lenses:
+        pl.enable_eye_dome_lighting()
+    picture = grab(pl, see)
+    x, y = pixels(pl, places).astype(int).T
+    got = picture[y, x]
+    if lenses:  # darker, the colours the same
+        got = got / got.max(1, keepdims=True) * (255 * color).max(1, keepdims=True)
+    assert np.abs(got - 255 * color).max() <= (4 if lenses else 1)
+    assert (picture[0] == 0).all()
+    pl.close()
+
+
 def test_a_live_texture_is_an_image(see):
     pl = plotter((0, -10, 0))
     pl.add_mesh(pv.Sphere(center=(50, 0, 0)), color='red', lighting=False)
