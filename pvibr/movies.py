@@ -156,6 +156,10 @@ def _writer(file, ending, fps):
     options: dict[str, Any] = {'fps': fps, 'macro_block_size': 2}
     if ending == '.gif':
         options = {'duration': 1e3 / fps, 'loop': 0}
+    elif ending == '.webm':
+        # The usual codec is not allowed in it.
+        options |= {'codec': 'libvpx-vp9', 'quality': None}
+        options['output_params'] = ['-crf', '24', '-b:v', '0', '-fflags', '+bitexact']
     with imageio.get_writer(file, **options) as writer:
         yield writer.append_data
 

@@ -32,7 +32,7 @@ def turner(pl, until=None):
     return turn, calls
 
 
-@pytest.mark.parametrize('name', ['a.gif', 'a.mp4', 'frames'])
+@pytest.mark.parametrize('name', ['a.gif', 'a.mp4', 'a.webm', 'frames'])
 def test_a_broken_movie_goes_on_where_it_stopped(pl, tmp_path, name):
     ffmpeg = pytest.importorskip('imageio_ffmpeg')
     whole, broken = tmp_path / 'whole' / name, tmp_path / 'broken' / name
