@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -79,7 +78,8 @@ class Inspection(Effect):
         self._marks = Marks()
         self._tinted: list = []
         self._boxes: WeakKeyDictionary = WeakKeyDictionary()
-        self._last: Any = None
+        self._last: list = []
+        self._rows: list = []
         self._taken: dict[str, int] = {}
         self._told: dict = {}
         self._observer: int | None = None
@@ -140,7 +140,7 @@ class Inspection(Effect):
 
     def _on_end(self, renderer, _event):
         if renderer.GetSelector() is None and self.pipeline is not None:
-            self._last = self.pipeline.report()
+            self._last = _milliseconds(self.pipeline.report())
 
     # -- a frame -----------------------------------------------------------------------------
 
@@ -157,15 +157,18 @@ class Inspection(Effect):
         drawn = [effect for effect, row in pairs if row.state == 'ran']
         kinds = [k for e in drawn if isinstance(e, Instances) for k in e.kinds]
         impostors = [e for e in drawn if isinstance(e, Impostor)]
-        self._told = {
-            'levels': level_counts(kinds),
-            'images': sum(int(_shown(e, frame).sum()) for e in impostors),
-            'new_images': self._newly_taken(report),
-        }
         self._tint(kinds)
         self._show_cells(frame, kinds, impostors)
-        rows = self._legend() + (self._table(self._last or report) if self.table else [])
-        self._show_atlas(frame, self._chosen(drawn), rows)
+        if not self._rows or frame.tile == (0.0, 0.0, 1.0, 1.0):
+            # In a picture of several tiles the words are those of one frame.
+            self._told = {
+                'levels': level_counts(kinds),
+                'cells': self._cell_counts(kinds),
+                'images': sum(int(_shown(e, frame).sum()) for e in impostors),
+                'new_images': self._newly_taken(report),
+            }
+            self._rows = self._legend() + self._table(report)
+        self._show_atlas(frame, self._chosen(drawn))
 
     def finish(self, frame):
         """Give everyone their own colours back.
@@ -200,18 +203,21 @@ class Inspection(Effect):
         return rows
 
     def _table(self, report) -> list:
+        if not self.table:
+            return []
         rows: list = []
-        if 'cells' in self._told:
-            shown, total = self._told['cells']
+        shown, total = self._told['cells']
+        if self.cells and total:
             rows.append((_row('cells', f'{shown:,} of {total:,}'), None))
         if self._taken:
             now, total = self._told['new_images'], sum(self._taken.values())
             rows.append((_row('images taken', f'{now:,} of {total:,}'), FLASH if now else None))
         rows.append((_row('effect', 'ms'), None))
-        for row in report.rows:
-            value = f'{row.ms:.1f}' if row.state == 'ran' else row.state
-            rows.append((_row(row.effect, value), None))
-        return rows
+        return rows + [(text, None) for text in self._last or _milliseconds(report)]
+
+    def _cell_counts(self, kinds) -> tuple[int, int]:
+        shown = sum(len(_cells_seen(kind)) for kind in kinds)
+        return shown, sum(-(-len(kind) // BLOCK) for kind in kinds)
 
     def _newly_taken(self, report) -> int:
         """Return how many images were drawn since the last frame."""
@@ -228,9 +234,6 @@ class Inspection(Effect):
         low, high, colors = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 4))
         if self.cells:
             found = [self._cells(kind, _ink(frame.renderer)) for kind in kinds]
-            self._told['cells'] = (
-                sum(int((c[:, 3] > 100).sum()) for *_, c in found), sum(len(f[0]) for f in found),
-            )  # fmt: skip
             found += [_image_boxes(e, frame) for e in impostors]
             if found:
                 low, high, colors = (np.concatenate(a) for a in zip(*found, strict=True))
@@ -250,7 +253,7 @@ class Inspection(Effect):
             )
         low, high = self._boxes[kind]
         colors = np.tile((*ink, 50), (len(low), 1))
-        colors[np.unique(kind.seen * kind.unit // BLOCK), 3] = 170
+        colors[_cells_seen(kind), 3] = 170
         return low, high, colors
 
     # -- images ------------------------------------------------------------------------------
@@ -264,11 +267,11 @@ class Inspection(Effect):
             return self.thing if self.thing in able else None
         return next((e for e in able if has_images(e)), None)
 
-    def _show_atlas(self, frame, thing, rows):
+    def _show_atlas(self, frame, thing):
         size = np.divide(frame.whole, frame.scale)
         sheet = None if thing is None or not has_images(thing) else Sheet(thing, frame)
         title = None if sheet is None else (thing.name, sheet.ratio)
-        box = self._marks.write(size, rows, title)
+        box = self._marks.write(size, self._rows, title, frame.scale)
         if sheet is None:
             self._marks.picture.hide()
             self._marks.tiles.show(np.zeros((0, 2, 2)), np.zeros((0, 4)))
@@ -306,6 +309,11 @@ def _shown(impostor, frame):
     return images.alive & (images.used == frame.index)
 
 
+def _cells_seen(kind):
+    """Return which cells of a kind hold anything that is drawn."""
+    return np.unique(kind.seen * kind.unit // BLOCK)
+
+
 def _image_boxes(impostor, frame):
     """Return corners and colours of what an impostor draws as images."""
     images, shown = impostor.images, np.flatnonzero(_shown(impostor, frame))
@@ -328,6 +336,12 @@ def _ink(renderer):
     """Return a colour that is seen on a renderer's background."""
     light = np.dot(renderer.GetBackground(), (0.3, 0.6, 0.1)) > 0.5
     return (0, 0, 0) if light else (255, 255, 255)
+
+
+def _milliseconds(report) -> list[str]:
+    """Return a line for each effect: its time, or what became of it."""
+    told = [f'{row.ms:.1f}' if row.state == 'ran' else row.state for row in report.rows]
+    return [_row(row.effect, value) for row, value in zip(report.rows, told, strict=True)]
 
 
 def _row(name, value) -> str:

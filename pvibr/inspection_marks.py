@@ -140,6 +140,7 @@ class Words:
     """
 
     def __init__(self, count):
+        self._scale = 1
         self.actors = [_vtk.vtkTextActor() for _ in range(count)]
         for actor in self.actors:
             actor.GetPositionCoordinate().SetCoordinateSystemToNormalizedViewport()
@@ -148,7 +149,7 @@ class Words:
             how.SetColor(1.0, 1.0, 1.0)
             how.SetVerticalJustificationToCentered()
 
-    def show(self, lines, font):
+    def show(self, lines, font, scale=1):
         """Draw these.
 
         Parameters
@@ -157,7 +158,10 @@ class Words:
             What, and where its left end is, as shares of the subplot.
         font : int
             Size, pixels.
+        scale : int
+            How many times larger than the window the picture is.
         """
+        again, self._scale = scale != self._scale, scale
         for k, actor in enumerate(self.actors):
             actor.SetVisibility(k < len(lines))
             if k < len(lines):
@@ -165,6 +169,8 @@ class Words:
                 actor.SetInput(text)
                 actor.GetTextProperty().SetFontSize(font)
                 actor.SetPosition(x, y)
+                if again:  # VTK keeps words that it has drawn, however large
+                    actor.GetTextProperty().Modified()
 
 
 class TexturePicture:
@@ -237,7 +243,7 @@ class Marks:
         for actor in self.actors:
             actor.VisibilityOff()
 
-    def write(self, size, rows, titled):
+    def write(self, size, rows, titled, scale=1):
         """Draw a panel of words with a patch of colour before some, and the frame of a picture.
 
         Parameters
@@ -248,6 +254,8 @@ class Marks:
             Words, and the colour of the patch, from 0 to 1.
         titled : tuple of str and float or None
             Title and height over width of a picture; None where there is none.
+        scale : int
+            How many times larger than the window the picture is.
 
         Returns
         -------
@@ -258,7 +266,7 @@ class Marks:
         sheet.write(rows)
         box = None if titled is None else sheet.frame(*titled)
         self.panels.show(np.array(sheet.quads).reshape(-1, 4, 2) / size, sheet.colors)
-        self.words.show(sheet.lines[: len(self.words.actors)], round(sheet.font))
+        self.words.show(sheet.lines[: len(self.words.actors)], round(sheet.font), scale)
         return None if box is None else box / size
 
     def release(self, window):
