@@ -145,6 +145,8 @@ class Clock:
         if self._since is not None:  # the wall decided until now
             self.set(self._shown)
         frame()
+        if not self.running:  # whoever looks on may have stopped it in this frame
+            return
         self._frames += 1
         self._go(self._frames / fps)
 

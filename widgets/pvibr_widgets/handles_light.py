@@ -12,7 +12,7 @@ from pvibr_widgets.handles_stage import Stage
 _NAMES = ('direction', 'position', 'aim', 'angle')
 _RAYS, _FRUSTUM, _CASCADE = (255, 235, 160), (255, 140, 60), (150, 110, 80)
 _AROUND = np.linspace(0, 2 * np.pi, 33)
-_BEYOND = 1.2  # where the handle of a direction is, in radii of the scene
+_WITHIN = 0.9  # where the handle of a direction is, in radii of the scene
 _CONE = (0.1, 89.0)  # degrees from the axis; VTK takes 90 for light to all sides
 _SHORTEST = 1e-9  # of a length over another: what is shorter has no direction
 _POINT = 90.0
@@ -133,7 +133,7 @@ class _LightHandles(Handles):
         if bounds[0] > bounds[1]:
             return self._aim, float(np.linalg.norm(self._position - self._aim)) or 1.0
         low, high = bounds[::2], bounds[1::2]
-        return (low + high) / 2, _BEYOND * float(np.linalg.norm(high - low)) / 2 or 1.0
+        return (low + high) / 2, _WITHIN * float(np.linalg.norm(high - low)) / 2 or 1.0
 
     @property
     def _is_spot(self) -> bool:

@@ -49,7 +49,6 @@ class Marks:
         self._under, self._lines, self._marks = (_Flat(renderer) for _ in range(3))
         self._text = _vtk.vtkTextActor()
         self._text.PickableOff()
-        self._text.VisibilityOff()
         style = self._text.GetTextProperty()
         style.SetFontSize(14)
         style.SetColor(1.0, 1.0, 1.0)
@@ -114,15 +113,14 @@ class Marks:
         place : array_like, shape (2,), optional
             Pixels of the subplot.
         """
-        self._text.SetVisibility(bool(text))
-        if text and place is not None:
-            self._text.SetInput(f' {text} ')
+        self._text.SetInput(f' {text} ' if text else '')
+        if place is not None:
             self._text.SetPosition(*(float(x) for x in place))
 
     def hide(self):
         """Have nothing drawn."""
         for flat in (self._under, self._lines, self._marks):
-            flat.actor.VisibilityOff()
+            flat.show((), ())
         self.say('')
 
     def remove(self):
@@ -132,7 +130,11 @@ class Marks:
 
 
 class _Flat:
-    """An actor of polygons and lines in pixels of the subplot."""
+    """An actor of polygons and lines in pixels of the subplot.
+
+    It is visible even where there are none: the pipeline takes what is visible when a frame begins
+    out of its picture, before it is known what will be drawn here.
+    """
 
     def __init__(self, renderer):
         self._mapper = _vtk.vtkPolyDataMapper2D()
@@ -140,18 +142,18 @@ class _Flat:
         self.actor = _vtk.vtkActor2D()
         self.actor.SetMapper(self._mapper)
         self.actor.PickableOff()
-        self.actor.VisibilityOff()
+        self.show((), ())
         renderer.AddViewProp(self.actor)
 
     def show(self, pixels, colors, **cells):
-        self.actor.SetVisibility(bool(len(pixels)))
+        mesh = pv.PolyData()
         if len(pixels):
             points = np.column_stack([pixels, np.zeros(len(pixels))])
             cells = {k: np.concatenate([[len(c), *c] for c in v]) for k, v in cells.items()}
             mesh = pv.PolyData(points.astype(np.float32), **cells)
             mesh.cell_data['colors'] = np.array(colors, np.uint8)
             mesh.set_active_scalars('colors', preference='cell')
-            self._mapper.SetInputData(mesh)
+        self._mapper.SetInputData(mesh)
 
 
 def _corners(shape):

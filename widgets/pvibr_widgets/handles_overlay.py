@@ -117,8 +117,10 @@ class Overlay:
 
     def _is_idle(self) -> bool:
         """Tell whether nobody sees this: what is drawn to pick, tiles beside the subplot."""
-        picking = self._stage.renderer.GetSelector() is not None
-        return picking or 0 in self._stage.frame().size
+        renderer = self._stage.renderer
+        if renderer.GetSelector() is not None or not renderer.IsActiveCameraCreated():
+            return True  # a camera that VTK makes with the first frame is set to show everything
+        return 0 in self._stage.frame().size
 
     def _follow(self):
         if not self._tags:
@@ -133,6 +135,8 @@ class Overlay:
 
 class Touch:
     """A place that takes the mouse: VTK's widget for handles, which has no look of its own.
+
+    It is off at first.
 
     Parameters
     ----------
@@ -165,8 +169,6 @@ class Touch:
         self._widget.EnableAxisConstraintOff()
         for event, call in zip(('Start', '', 'End'), (begin, drag, end), strict=True):
             self._widget.AddObserver(f'{event}InteractionEvent', weakly(call))
-        with stage.still():
-            self._widget.On()
         if area is not None:
             self._area = weakref.WeakMethod(area)
             add = stage.interactor.AddObserver
