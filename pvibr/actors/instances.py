@@ -12,7 +12,7 @@ from pvibr.actors import looks as look
 from pvibr.actors.anchor import Anchored, anchor, set_bounds
 from pvibr.actors.cards import DOT, Binder, slab_counts, slabs
 from pvibr.actors.foreign import is_trimesh, scene_instances
-from pvibr.actors.kind import SORTED, Kind, unit_of
+from pvibr.actors.kind import SORTED_SEEN, Kind, unit_of
 from pvibr.actors.levels import limits_of, make_model
 from pvibr.actors.painted import TABLE_OPTIONS, Painted
 from pvibr.actors.parts import are_parts, as_meshes
@@ -399,7 +399,7 @@ class Instances(Painted, Anchored):
 
     def _show_cards(self, frame, program, choices):
         unit = self._kinds[0].unit
-        if unit > 1 and not program.splat and sum(len(c.table) for c in choices) * unit <= SORTED:
+        if unit > 1 and sum(len(c.table) for c in choices) * unit <= SORTED_SEEN:
             pairs = zip(self._kinds, choices, strict=True)
             unit, choices = 1, [kind.refine(frame, c) for kind, c in pairs]
         cuts = slabs([c.depths for c in choices], program.turns, unit)
@@ -418,6 +418,10 @@ class Instances(Painted, Anchored):
             self._failure, self._stamp = failure, None
             msg = f'{self.name}: {failure}: meshes are drawn instead. Look at `pvibr doctor`.'
             warnings.warn(msg, PvibrWarning, stacklevel=2)
+
+    def soft_edged(self) -> list:
+        """Return the actors whose edges blend with what was drawn before them."""
+        return list(self._card_actors)
 
     def _keep_last(self, renderer):
         """Draw cards after all other opaque props: their soft edges blend with what is there."""

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.actors.instances import Instances
 from pvibr.actors.layers_card import LayerCard
 from pvibr.actors.layers_layer import Layer, Now, around, numbers_by_depth
 from pvibr.actors.layers_members import Lighting, Member
@@ -104,7 +105,8 @@ class Layers(Effect):
         super().__init__(**settings)
         self._members: dict[str, Member] = {}
         self._layers: list[Layer] = []
-        # Before all other props, since these may have soft edges; blurred ones after them.
+        # After all opaque props, but before those with soft edges of their own; in front of these
+        # are only blurred layers that are nearer than all sharp ones.
         self._cards: dict[bool, list[LayerCard]] = {False: [LayerCard()], True: []}
         self._surfaces: Any = None
         self._drawer: Any = None
@@ -391,19 +393,28 @@ class Layers(Effect):
         """Draw the pictures, from far to near, in place of their actors."""
         shown = [layer for layer in self._layers if layer.fit is not None and layer.fit.seen]
         shown.sort(key=lambda layer: -layer.away())
-        for blurred, cards in self._cards.items():
-            mine = [layer for layer in shown if layer.picture.blurred == blurred]
+        sharp = [k for k, layer in enumerate(shown) if not layer.picture.blurred]
+        cut = sharp[-1] + 1 if sharp else 0
+        before: list = []
+        for last, mine in ((True, shown[cut:]), (False, shown[:cut])):
+            cards = self._cards[last]
             for _ in range(len(mine) - len(cards)):
                 cards.append(LayerCard())
                 frame.renderer.AddViewProp(cards[-1].actor)
             for card, layer in zip(cards, mine, strict=False):
                 fit = layer.fit
                 card.show(frame, layer.picture, fit.warp, fit.turn, around(layer.bounds))
-            _put(frame.renderer, [card.actor for card in cards], last=blurred)
+            _put(frame.renderer, [card.actor for card in cards], before)
+            before = [card.actor for card in cards] + self._soft_edged()
         for layer in self._layers:
             for member in layer.members if layer.fit is not None else ():
                 if not member.why:
                     member.hide()
+
+    def _soft_edged(self):
+        """Return actors that blend with what was drawn before them."""
+        sets = [thing for thing in self.pipeline.things if isinstance(thing, Instances)]
+        return [actor for thing in sets for actor in thing.soft_edged()]
 
     def _seen_from(self, frame):
         """Return the actors that may be seen in a frame of another camera, as they are."""
@@ -464,23 +475,27 @@ def _checked_groups(groups) -> list:
     return found
 
 
-def _put(renderer, actors, *, last):
-    """Have actors drawn before all others, or after them."""
+def _put(renderer, actors, before):
+    """Have actors drawn after all others but some."""
     props = renderer.GetViewProps()
-    count, first = props.GetNumberOfItems(), 0
-    if last:
-        first = count - len(actors)
-        while first > 0 and is_marker(props.GetItemAsObject(first + len(actors) - 1)):
-            first -= 1
-    there = [props.GetItemAsObject(i) for i in range(first, first + len(actors))]
-    if all(a is b for a, b in zip(there, actors, strict=True)):
+    end = _end(props, before)
+    there = [props.GetItemAsObject(i) for i in range(max(end - len(actors), 0), end)]
+    if there == actors:
         return
-    for actor in actors if last else reversed(actors):
+    for actor in actors:
         props.RemoveItem(actor)
-        if last:
-            props.AddItem(actor)
-        else:
-            props.InsertItem(-1, actor)
+    end = _end(props, before)
+    for actor in reversed(actors):
+        props.InsertItem(end - 1, actor)
+
+
+def _end(props, before) -> int:
+    """Return how many props come before some, and before marks that are no part of the scene."""
+    places = [props.IsItemPresent(actor) - 1 for actor in before]  # -1 where it is not
+    end = min((k for k in places if k >= 0), default=props.GetNumberOfItems())
+    while end and is_marker(props.GetItemAsObject(end - 1)):
+        end -= 1
+    return end
 
 
 def _smooths(frame) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import pyvista as pv
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
 
 import pvibr
 from pvibr import _vtk
@@ -416,6 +416,26 @@ def test_instances_beside_have_their_soft_edges_before_layers(bean, atlases):
     scene = Scene(setup=setup)
     plain, drawn = scene.pictures()
     assert np.abs(plain - drawn).mean() < 0.05
+
+
+def fringe(plain, drawn):
+    """Return how far colours are beyond those around each pixel of what is drawn in full."""
+    low, high = minimum_filter(plain, (3, 3, 1)), maximum_filter(plain, (3, 3, 1))
+    return np.maximum(low - drawn, drawn - high)
+
+
+@pytest.mark.parametrize('blur', [None, 4.0], ids=['in no layer', 'blurred'])
+def test_soft_edges_are_before_the_ground_that_is_behind_them(blur):
+    scene = Scene(samples=4)
+    if blur is None:
+        scene.plotters[1].ibr.remove(scene.layers)
+        near, *others = scene.actors[1][1:]
+        scene.layers = scene.plotters[1].ibr.add_layers([near, others], refuse=False)
+    else:
+        scene.layers.blur = (0, 0, blur)
+    plain, drawn = scene.pictures()
+    horizon = np.flatnonzero((kinds(plain) == 4)[:, 0])[0]
+    assert fringe(plain, drawn)[horizon + 16 :].max() < 45
 
 
 def test_impostors_beside_intersect_layers():
