@@ -24,7 +24,7 @@ _EXPORTS = {
     'pick_focus': 'pvibr_widgets.handles_focus',
     'projector_handles': 'pvibr_widgets.handles_projector',
     'qt_dock': 'pvibr_widgets.qt',
-    'time_bar': 'pvibr_widgets.time_bar',
+    'time_bar': 'pvibr_widgets.handles_time',
     'trame_panel': 'pvibr_widgets.pages',
 }
 

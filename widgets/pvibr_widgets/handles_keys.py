@@ -74,6 +74,7 @@ class Ring:
     >>> pl = pv.Plotter(off_screen=True)
     >>> ring, control = Ring(pl.iren.interactor), Control()
     >>> ring.add(control)
+    >>> pl.show(auto_close=False)
     >>> pl.iren.interactor.SetKeySym('Tab')
     >>> _ = pl.iren.interactor.KeyPressEvent()
     >>> ring.current is control

@@ -13,7 +13,7 @@ from pvibr_widgets.handles import Handles
 from pvibr_widgets.handles_stage import Stage
 
 _NAMES = ('position', 'aim', 'roll', 'angle')
-_LINES, _AXIS = (255, 235, 160), (200, 200, 200)
+_LINES, _AXIS = (150, 210, 255), (200, 200, 200)
 _ABOVE = 1.3  # where the handle of the roll is, in halves of the picture's height
 _ALONG = np.linspace(0, 1, 9)  # lenses bend the borders of pictures
 _WIDEST, _NARROWEST = 170.0, 0.01  # degrees

@@ -41,7 +41,7 @@ def time_bar(pl, start, stop, *, speed=1.0, loop=True, callback=None):
 
     Returns
     -------
-    pvibr_widgets.time_bar.TimeBar
+    pvibr_widgets.handles_time.TimeBar
         With ``play()``, ``pause()``, ``remove()``, ``enabled`` and ``callbacks``.
 
     Raises
