@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -78,6 +79,29 @@ class Surfaces:
             return actors, [t for t in things if id(t) in wanted]
         actors = {k: a for k, a in self._free.items() if choice(a)}
         return actors, [t for t in things if choice(t)]
+
+
+def listed(things) -> list:
+    """Return one prop or effect, or several, as a list.
+
+    Parameters
+    ----------
+    things : object or iterable of object
+        VTK's objects are one thing, what they may hold is not asked.
+
+    Returns
+    -------
+    list
+        The things.
+
+    Examples
+    --------
+    >>> from pvibr.casters import listed
+    >>> listed((1, 2)), listed(1)
+    ([1, 2], [1])
+    """
+    several = isinstance(things, Iterable) and not isinstance(things, str)
+    return list(things) if several and not hasattr(things, 'IsA') else [things]
 
 
 def address(actor) -> str:

@@ -341,6 +341,8 @@ def as_rgba(image) -> np.ndarray:
 
     Raises
     ------
+    TypeError
+        Where it is neither.
     ValueError
         Where it is no picture.
 
@@ -353,8 +355,11 @@ def as_rgba(image) -> np.ndarray:
     if isinstance(image, str | Path):
         image = _read(_file('image', image))
     elif hasattr(image, 'to_array'):
-        image = image.to_array()
-    image = np.asarray(image)
+        image = image.to_array() if image.GetInput() is not None else ()
+    image, given = np.asarray(image), image
+    if image.dtype == object:
+        msg = f'image must be a file, an array or a texture, not {type(given).__name__}.'
+        raise TypeError(msg)
     shape = image.shape if image.ndim == 3 else (*image.shape, 1)
     if len(shape) != 3 or not image.size or shape[2] > 4:
         msg = f'image has the shape {image.shape}; it must be (h, w) or (h, w, 1 to 4), not empty.'
@@ -377,8 +382,8 @@ def _bytes(image):
     if not np.issubdtype(image.dtype, np.floating):
         msg = f'image is of dtype {image.dtype}; it must be uint8, uint16, bool or float.'
         raise ValueError(msg)
-    low, high = np.nanmin(image), np.nanmax(image)
-    if not (low >= 0 and high <= 1 + 1e-6) or np.isnan(image).any():
+    low, high = image.min(), image.max()  # NaN where any is
+    if not (low >= 0 and high <= 1 + 1e-6):
         msg = f'image has values from {low} to {high}; floats must be from 0 to 1.'
         raise ValueError(msg)
     return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from pvibr.actors.cards import BLOCK
-from pvibr.actors.poses import as_poses
 from pvibr.actors.translucent import depths_of
 from pvibr.maths.blocks import Blocks, morton_order
 from pvibr.maths.facing import FACINGS, TOWARDS, as_units, azimuths, cards
@@ -52,7 +51,7 @@ class Field:
         self.views, self.blend_views = _checked_views(views, facing, len(images)), blend_views
         self._images = images[:: self.views]
         self.yaw = _numbers('yaw', yaw, len(self))
-        self._given_size = _checked_size(size, len(self))
+        self.given_size = _checked_size(size, len(self))
         self.rotation = _numbers('rotation', rotation, len(self))
         self.turn = _turn(facing, axis, orientation, len(self))
         self.own_up = facing == 'spherical' and axis is not None
@@ -79,7 +78,29 @@ class Field:
         count = self.n_images
         self.index = _checked_index(np.arange(len(self)) % count if index is None else index,
                                     len(self), count)  # fmt: skip
-        self.sizes = _full_sizes(self._given_size, self._images[self.index])
+        self.sizes = _full_sizes(self.given_size, self._images[self.index])
+
+    def resize(self, size):
+        """Take another size.
+
+        Parameters
+        ----------
+        size : float or array_like, shape (n,), (n, 2) or (1, 2)
+            See :class:`pvibr.Billboards`.
+        """
+        self.given_size = _checked_size(size, len(self))
+        self.set_index(self.index)
+        self._arrange()
+
+    def rotate(self, rotation):
+        """Turn each in its plane.
+
+        Parameters
+        ----------
+        rotation : float or array_like, shape (n,)
+            Radians.
+        """
+        self.rotation = _numbers('rotation', rotation, len(self))
 
     def move(self, points):
         """Take new points, as many as before.
@@ -356,11 +377,24 @@ def as_points(points) -> np.ndarray:
     >>> as_points([1, 2, 3])
     array([[1., 2., 3.]])
     """
-    found = as_poses(points)
-    if found.ndim != 2:
-        msg = f'points has shape {np.shape(points)}; it must be (n, 3)'
+    array = _floats('points', getattr(points, 'points', points))
+    if array.shape not in ((0,), (3,)) and array.shape[1:] != (3,):
+        msg = f'points has shape {array.shape}; it must be (n, 3)'
         raise ValueError(msg)
-    return found
+    array = array.reshape(-1, 3)
+    bad = np.flatnonzero(~np.isfinite(array).all(1))
+    if len(bad):
+        msg = f'points[{bad[0]}] is {array[bad[0]].tolist()}; it must be finite ({len(bad)} such)'
+        raise ValueError(msg)
+    return array
+
+
+def _floats(name, values) -> np.ndarray:
+    try:
+        return np.asarray(values, float)
+    except (TypeError, ValueError) as error:
+        msg = f'{name} must be numbers, not {values!r}'
+        raise TypeError(msg) from error
 
 
 def as_anchor(anchor) -> np.ndarray:
@@ -436,7 +470,7 @@ def checked_opacity(opacity, count, cut) -> np.ndarray:
     ValueError
         Where it is not, or each of a cut-out has its own.
     """
-    values = np.asarray(opacity, float)
+    values = _floats('opacity', opacity)
     if values.shape not in ((), (count,)) or not ((values >= 0) & (values <= 1)).all():
         msg = f'opacity must be one number or {count}, from 0 to 1'
         raise ValueError(msg)
@@ -453,7 +487,7 @@ def _one_of(name, value, allowed):
 
 
 def _numbers(name, values, count):
-    array = np.asarray(values, float)
+    array = _floats(name, values)
     if array.shape not in ((), (count,)) or not np.isfinite(array).all():
         msg = f'{name} must be one finite number or {count}'
         raise ValueError(msg)
@@ -474,7 +508,7 @@ def _checked_views(views, facing, images):
 
 
 def _checked_size(size, count):
-    array = np.asarray(size, float)
+    array = _floats('size', size)
     if array.shape not in ((), (count,), (count, 2), (1, 2)):
         msg = (
             f'size has shape {array.shape}; it must be one number, ({count},), ({count}, 2) or '

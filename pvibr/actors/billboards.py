@@ -219,6 +219,27 @@ class Billboards(Painted, Anchored):
         self._drop('ibr_points', 'ibr_looks')
 
     @property
+    def size(self) -> np.ndarray:
+        """Height, or width and height, of all or of each, world units or pixels."""
+        return self.field.given_size
+
+    @size.setter
+    def size(self, size):
+        self.field.resize(size)
+        self._set_bounds()
+        self._drop('ibr_points', 'ibr_looks')
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """By how much each is turned in its plane, shape (n,), radians."""
+        return self.field.rotation
+
+    @rotation.setter
+    def rotation(self, rotation):
+        self.field.rotate(rotation)
+        self._drop('ibr_points')
+
+    @property
     def index(self) -> np.ndarray:
         """Which image each shows, shape (n,)."""
         return self.field.index

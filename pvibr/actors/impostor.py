@@ -15,7 +15,7 @@ from pvibr.actors.impostor_leaves import Leaves
 from pvibr.actors.impostor_nodes import FARTHEST, NEAREST, Nodes
 from pvibr.actors.impostor_sources import Materials, Source
 from pvibr.actors.instances import Instances
-from pvibr.casters import address
+from pvibr.casters import address, listed
 from pvibr.determinism import is_deterministic
 from pvibr.effect import Effect
 from pvibr.maths.views import View, may_see, may_see_boxes
@@ -483,13 +483,12 @@ class Impostor(Effect):
 
 def _checked(actors) -> list:
     """Return what an impostor is asked to stand for, each an actor or instances, and only once."""
-    single = _is_actor(actors) or isinstance(actors, Effect)
-    found = [actors] if single else list(actors)
+    found = listed(actors)
     for thing in found:
         if not _is_actor(thing) and type(thing) is not Instances:
             msg = (
-                f'actors holds {thing!r}: each must be an actor, as add_mesh returns it, or '
-                'Instances, as add_instances does'
+                f'actors holds a {type(thing).__name__}: each must be an actor, as add_mesh '
+                'returns it, or Instances, as add_instances does'
             )
             raise TypeError(msg)
     if not found:

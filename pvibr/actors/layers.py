@@ -11,7 +11,7 @@ from pvibr.actors.layers_card import LayerCard
 from pvibr.actors.layers_layer import Layer, Now, around, numbers_by_depth
 from pvibr.actors.layers_members import Lighting, Member
 from pvibr.actors.layers_picture import Settings
-from pvibr.casters import Casters, Surfaces, address
+from pvibr.casters import Casters, Surfaces, address, listed
 from pvibr.determinism import is_deterministic
 from pvibr.effect import Effect
 from pvibr.gl.drawer import Drawer
@@ -461,12 +461,11 @@ def _several(name, value):
 
 
 def _checked_groups(groups) -> list:
-    if hasattr(groups, 'GetMapper'):
-        groups = [groups]
-    found = [[g] if hasattr(g, 'GetMapper') else list(g) for g in groups]
+    found = [listed(group) for group in listed(groups)]
     for actor in (a for group in found for a in group):
         if not (hasattr(actor, 'IsA') and actor.IsA('vtkActor')):
-            msg = f'groups holds {actor!r}: each must be an actor, as add_mesh returns it'
+            what = type(actor).__name__
+            msg = f'groups holds a {what}: each must be an actor, as add_mesh returns it'
             raise TypeError(msg)
     keys = [address(a) for group in found for a in group]
     if not all(found) or not found or len(set(keys)) < len(keys):

@@ -38,7 +38,7 @@ def as_colors(colors, n):
     """
     array = np.asarray(colors)
     if array.ndim != 2 or array.shape[0] != n or array.shape[1] not in (3, 4):
-        msg = f'colors has shape {array.shape}; it must be ({n}, 3) or ({n}, 4): one row a pose'
+        msg = f'colors has shape {array.shape}; it must be ({n}, 3) or ({n}, 4): one row for each'
         raise ValueError(msg)
     array = array[:, :3]
     if array.dtype.kind == 'f':

@@ -193,6 +193,8 @@ def as_units(name, vectors) -> np.ndarray:
 
     Raises
     ------
+    TypeError
+        Where these are no numbers.
     ValueError
         Where one has no length or is not finite.
 
@@ -202,7 +204,11 @@ def as_units(name, vectors) -> np.ndarray:
     >>> as_units('axis', [0, 0, 1e-200]).tolist()
     [0.0, 0.0, 1.0]
     """
-    given = np.asarray(vectors, float)
+    try:
+        given = np.asarray(vectors, float)
+    except (TypeError, ValueError) as error:
+        msg = f'{name} must be numbers, not {vectors!r}'
+        raise TypeError(msg) from error
     largest = np.abs(given).max(-1, keepdims=True)
     bad = ~(np.isfinite(largest) & (largest > 0))
     if bad.any():

@@ -495,6 +495,19 @@ def test_what_moves_is_drawn_where_it_is(see):
     assert left[:, :80].max() == right[:, 80:].max() == 255
     assert left[:, 80:].max() == right[:, :80].max() == 0
     assert thing.center == (2.0, 0.0, 0.0)
+    thing.size = [[0.5, 2.0]]
+    high = grab(pl, see)[..., 0] > 128
+    thing.rotation = np.pi / 2
+    wide = grab(pl, see)[..., 0] > 128
+    for picture, sides in ((high, (0.5, 2.0)), (wide, (2.0, 0.5))):
+        shown = np.flatnonzero(picture.any(0)).size, np.flatnonzero(picture.any(1)).size
+        scale = SIZE[1] / (2 * 10 * np.tan(np.radians(pl.camera.view_angle / 2)))
+        assert np.allclose(shown, np.multiply(sides, scale), atol=1)
+    for name in ('size', 'rotation'):
+        with pytest.raises(ValueError, match=name):
+            setattr(thing, name, np.nan)
+    thing.rotation = 0
+    thing.size = 1
     thing.visibility = False
     assert grab(pl, see).max() == 0
     thing.visibility = True
@@ -640,6 +653,29 @@ def test_bad_input_is_refused_and_adds_nothing(wrong, words):
         pl.ibr.add_billboards(**GOOD, shininess=3)
     assert not pl.ibr.effects
     assert not list(pl.renderer.GetViewProps())
+    pl.close()
+
+
+@pytest.mark.parametrize(
+    'wrong',
+    [
+        {'points': 'here'}, {'points': [[0, 0], [0, 0, 0]]}, {'size': 'large'}, {'rotation': 'x'},
+        {'facing': 'cylindrical', 'axis': 'z'}, {'image': None}, {'image': pv.ImageData()},
+    ],
+)  # fmt: skip
+def test_what_is_of_another_kind_is_named(wrong):
+    pl = plotter()
+    with pytest.raises(TypeError, match=list(wrong)[-1]):
+        pl.ibr.add_billboards(**GOOD | wrong)
+    assert not pl.ibr.effects
+    pl.close()
+
+
+def test_textures_without_an_image_and_images_that_are_no_numbers_are_refused():
+    pl = plotter()
+    for wrong in (pv.Texture(), np.full((4, 4), np.nan)):
+        with pytest.raises(ValueError, match='image has'):
+            pl.ibr.add_billboards([[0, 0, 0]], wrong)
     pl.close()
 
 

@@ -343,8 +343,9 @@ def test_bad_input_changes_nothing():
     for wrong in ([], [actor, actor], [stranger]):
         with pytest.raises(ValueError, match='actors'):
             pl.ibr.add_impostor(wrong)
-    with pytest.raises(TypeError, match='actors'):
-        pl.ibr.add_impostor([3])
+    for alien in ([3], None, BALL, pl.add_text('no actor')):
+        with pytest.raises(TypeError, match='actors holds a'):
+            pl.ibr.add_impostor(alien)
     with pytest.raises(ValueError, match='max_error'):
         pl.ibr.add_impostor(actor, max_error=-1)
     pl.ibr.add_impostor(actor)

@@ -583,8 +583,9 @@ def test_bad_input_changes_nothing():
     for wrong in ([], [[]], [actor, actor], [actor, [actor]], [stranger]):
         with pytest.raises(ValueError, match='groups'):
             pl.ibr.add_layers(wrong)
-    with pytest.raises(TypeError, match='groups'):
-        pl.ibr.add_layers([[3]])
+    for alien in ([[3]], [None], BALL, 'layers'):
+        with pytest.raises(TypeError, match='groups holds a'):
+            pl.ibr.add_layers(alien)
     for settings in ({'max_error': -1}, {'blur': -1}, {'resolution': 0.0}, {'warp': 'x'}):
         with pytest.raises(ValueError, match=next(iter(settings))):
             pl.ibr.add_layers([actor], **settings)
