@@ -89,6 +89,21 @@ class Handles(Overlay):
         current = self._stage.ring.current
         return next((n for n, grip in self._grips.items() if grip is current), None)
 
+    def focus(self, name):
+        """Give a handle the keys, as Tab does.
+
+        Parameters
+        ----------
+        name : str
+            Of the handle.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such handle.
+        """
+        self._stage.ring.take(self._grips[name])
+
     def move(self, name, pixel):
         """Move a handle as the mouse does.
 

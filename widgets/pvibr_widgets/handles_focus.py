@@ -131,8 +131,7 @@ class FocusPick(Overlay):
         """Return the distance along the view of what is seen there, None where nothing is."""
         frame = self._stage.frame()
         x, y = (int(i) for i in np.floor(np.subtract(pixel, frame.origin)))
-        inside = 0 <= x < frame.size[0] and 0 <= y < frame.size[1]
-        if not inside or self._is_gone():
+        if not _is_inside(frame, (x, y)) or self._is_gone():
             return None
         depths = self._depths
         if depths is None:
@@ -147,11 +146,14 @@ class FocusPick(Overlay):
 
     def _hits(self, pixel) -> bool:
         """Tell whether a press is on the scene: beside it the camera is turned."""
+        self._depths = None
+        frame = self._stage.frame()
+        if not self._is_gone() and _is_inside(frame, np.subtract(pixel, frame.origin)):
+            # The focus changes no depth: one look is enough for a drag.
+            self._depths = self.thing.pipeline.buffer('depth').array
         return self._depth_at(pixel) is not None
 
     def _begin(self):
-        # The focus changes no depth: one look is enough for a drag.
-        self._depths = self.thing.pipeline.buffer('depth').array
         self._stage.ring.take(self._keys)
         self._drag()
 
@@ -228,6 +230,10 @@ class FocusPick(Overlay):
         self._stage.ring.drop(self._keys)
         self._touch.remove()
         self._stage.renderer.RemoveViewProp(self._plane.actor)
+
+
+def _is_inside(frame, pixel) -> bool:
+    return 0 <= pixel[0] < frame.size[0] and 0 <= pixel[1] < frame.size[1]
 
 
 class _Keys(Control):
