@@ -253,7 +253,7 @@ class Inspection(Effect):
             )
         low, high = self._boxes[kind]
         colors = np.tile((*ink, 50), (len(low), 1))
-        colors[_cells_seen(kind), 3] = 170
+        colors[_cells_seen(kind), 3] = 120
         return low, high, colors
 
     # -- images ------------------------------------------------------------------------------
