@@ -1,4 +1,4 @@
-"""The bar for the time in a page: pressed and dragged by mouse and by finger."""
+"""The bar for the time in a page: by mouse, by finger and by keys."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from trame.ui.vuetify3 import VAppLayout
 from trame.widgets import html
 from trame_pyvista.ui import plotter_ui
 
-from pvibr_widgets import time_bar
+from pvibr_widgets import page_keys, time_bar
 
 pl = pv.Plotter(off_screen=True, window_size=(400, 300))
 pl.add_mesh(pv.Sphere())
-time_bar(pl, 0, 1)
+time_bar(pl, 0, 1, speed=0.3)
 server = get_server(client_type='vue3')
 with VAppLayout(server), html.Div(style='height: 100vh'):
-    plotter_ui(pl, mode='server', add_menu=False)
+    plotter_ui(pl, mode='server', add_menu=False, **page_keys(pl))
 server.start()
 pl.close()
 """
@@ -44,7 +44,7 @@ def shown(picture):
     return (np.flatnonzero(done).max(initial=LEFT) - LEFT) / (len(row) - BEYOND - LEFT)
 
 
-def test_mouse_and_finger_set_the_time(page, served, picture_of, until, quiet):
+def test_mouse_finger_and_keys_set_the_time(page, served, picture_of, until, quiet):
     quiet.append('405')
     page.set_viewport_size({'width': 640, 'height': 440})
     page.goto(served.url)
@@ -69,3 +69,16 @@ def test_mouse_and_finger_set_the_time(page, served, picture_of, until, quiet):
         points = [] if share is None else [dict(zip('xy', at(share), strict=True))]
         finger.send('Input.dispatchTouchEvent', {'type': f'touch{kind}', 'touchPoints': points})
     until(lambda: is_at(0.3))
+
+    page.mouse.move(*at(0.3))
+    for _ in range(3):
+        page.keyboard.press('PageUp')
+    until(lambda: is_at(0.6))
+    for key in ('Escape', '.', 'End'):
+        page.keyboard.press(key)
+    until(lambda: is_at(1))
+    page.keyboard.press(' ')
+    page.keyboard.press('Escape')
+    until(lambda: is_at(0.2))
+    until(lambda: is_at(0.6))
+    page.keyboard.press(' ')

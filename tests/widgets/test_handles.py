@@ -221,6 +221,10 @@ def test_tab_goes_round_and_out(hand):
     assert handles.focused is None
     handles.focus('angle')
     assert handles.focused == 'angle'
+    keys.keys('comma')  # where Tab is taken
+    assert handles.focused == 'roll'
+    keys.keys('period', 'period')
+    assert handles.focused is None
 
 
 def test_arrows_move_the_handle_and_not_the_camera(hand):

@@ -20,6 +20,7 @@ _EXPORTS = {
     'light_handles': 'pvibr_widgets.handles_light',
     'menu_item': 'pvibr_widgets.pages',
     'notebook_panel': 'pvibr_widgets.notebook',
+    'page_keys': 'pvibr_widgets.handles_pages',
     'panel': 'pvibr_widgets.choice',
     'pick_focus': 'pvibr_widgets.handles_focus',
     'projector_handles': 'pvibr_widgets.handles_projector',

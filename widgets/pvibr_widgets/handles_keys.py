@@ -1,7 +1,11 @@
-"""Which control in a window has the keys: Tab goes from one to the next, Escape lets go."""
+"""Which control in a window has the keys: Tab goes from one to the next, Escape lets go.
+
+Where Tab belongs to Qt or a browser, full stop and comma go to the next and previous.
+"""
 
 from __future__ import annotations
 
+_NEXT, _PREVIOUS = ('Tab', 'period'), ('ISO_Left_Tab', 'comma')
 _FIRST = 20.0  # before plotters and styles, whose keys these may be too
 
 
@@ -145,12 +149,26 @@ class Ring:
         key, fine = interactor.GetKeySym() or '', bool(interactor.GetShiftKey())
         tag = self._tag  # a control may take itself out
         command = interactor.GetCommand(tag)
-        if self._heard(key, fine) and command is not None:
+        if self.hear(key, fine) and command is not None:
             command.AbortFlagOn()
 
-    def _heard(self, key, fine) -> bool:
-        if key in ('Tab', 'ISO_Left_Tab'):
-            return self._step(-1 if fine or key != 'Tab' else 1)
+    def hear(self, key, fine=False) -> bool:
+        """Take a key.
+
+        Parameters
+        ----------
+        key : str
+            As X11 names it.
+        fine : bool, optional
+            Whether Shift is held.
+
+        Returns
+        -------
+        bool
+            Whether anything was done with it.
+        """
+        if key in (*_NEXT, *_PREVIOUS):
+            return self._step(-1 if key in _PREVIOUS or (key == 'Tab' and fine) else 1)
         current = self.current
         if current is not None and current.usable and current.press(key, fine):
             return True
