@@ -11,7 +11,7 @@ import pyvista as pv
 
 import pvibr  # noqa: F401
 
-COUNT = 1500
+COUNT = 4000
 TRIANGLES = 20_000
 
 # %%
@@ -22,17 +22,18 @@ stone = pv.Sphere(theta_resolution=sides, phi_resolution=sides + 1)
 x, y, z = stone.points.T
 stone.points *= (1 + 0.1 * np.sin(5 * x + 3 * y) + 0.08 * np.cos(9 * z + 4 * x))[:, None]
 stone = stone.compute_normals()
-places = rng.uniform(-40, 40, (COUNT, 3)) * [1, 1, 0]
+places = rng.uniform(-130, 130, (COUNT, 3)) * [1, 1, 0]
 
 pl = pv.Plotter(window_size=(960, 540))
-pl.add_mesh(pv.Plane(i_size=90, j_size=90), color='#b8b09c')
-stones = pl.ibr.add_instances(stone, places, colors=rng.uniform(0.4, 0.9, (COUNT, 3)))
+pl.add_mesh(pv.Plane(i_size=280, j_size=280), color='#b8b09c')
+gray = rng.uniform(0.4, 0.9, (COUNT, 1)).repeat(3, 1)
+pl.ibr.add_instances(stone, places, colors=gray, name='stones', max_error=2.0)
 rings = []
 for turn in np.linspace(0, 2 * np.pi, 5)[:-1]:
     torus = pv.ParametricTorus(u_res=120, v_res=60, w_res=60).rotate_x(70)
     rings.append(pl.add_mesh(torus, color='tan'))
     rings[-1].position = 9 * np.cos(turn), 9 * np.sin(turn), 3
-impostor = pl.ibr.add_impostor(rings)
+impostor = pl.ibr.add_impostor(rings, refuse=False)  # images at any cost
 pl.camera_position = [(-24, -24, 7), (0, 0, 1), (0, 0, 1)]
 pl.show(auto_close=False)
 

@@ -153,7 +153,7 @@ class Inspection(Effect):
             The frame about to be drawn.
         """
         report = self.pipeline.report()
-        pairs = zip(self.pipeline.effects, report.rows, strict=True)
+        pairs = list(zip(self.pipeline.effects, report.rows, strict=True))
         drawn = [effect for effect, row in pairs if row.state == 'ran']
         kinds = [k for e in drawn if isinstance(e, Instances) for k in e.kinds]
         impostors = [e for e in drawn if isinstance(e, Impostor)]
@@ -165,7 +165,7 @@ class Inspection(Effect):
                 'levels': level_counts(kinds),
                 'cells': self._cell_counts(kinds),
                 'images': sum(int(_shown(e, frame).sum()) for e in impostors),
-                'new_images': self._newly_taken(report),
+                'new_images': self._newly_taken(frame, pairs),
             }
             self._rows = self._legend() + self._table(report)
         self._show_atlas(frame, self._chosen(drawn))
@@ -219,14 +219,20 @@ class Inspection(Effect):
         shown = sum(len(_cells_seen(kind)) for kind in kinds)
         return shown, sum(-(-len(kind) // BLOCK) for kind in kinds)
 
-    def _newly_taken(self, report) -> int:
-        """Return how many images were drawn since the last frame."""
-        before, self._taken = self._taken, {}
-        for number, row in enumerate(report.rows):
-            for name in _TAKEN:
-                if name in row.details:
-                    self._taken[f'{number} {row.effect}'] = int(row.details[name])
-        return sum(max(n - before.get(k, 0), 0) for k, n in self._taken.items())
+    def _newly_taken(self, frame, pairs) -> int:
+        """Return how many images were drawn for this frame, or since the last one."""
+        before, self._taken, new = self._taken, {}, 0
+        for number, (effect, row) in enumerate(pairs):
+            total = next((int(row.details[n]) for n in _TAKEN if n in row.details), None)
+            if total is None:
+                continue
+            key = f'{number} {row.effect}'
+            self._taken[key] = total
+            if isinstance(effect, Impostor):
+                new += _count_taken(effect, frame)
+            else:
+                new += max(total - before.get(key, total), 0)
+        return new
 
     # -- boxes -------------------------------------------------------------------------------
 
@@ -312,6 +318,12 @@ def _shown(impostor, frame):
 def _cells_seen(kind):
     """Return which cells of a kind hold anything that is drawn."""
     return np.unique(kind.seen * kind.unit // BLOCK)
+
+
+def _count_taken(impostor, frame) -> int:
+    """Return how many images of an impostor were drawn for a frame."""
+    images = impostor.images
+    return 0 if images is None else int((images.taken[images.alive] == frame.index).sum())
 
 
 def _image_boxes(impostor, frame):

@@ -345,7 +345,10 @@ def test_new_images_flash_once(rings):
     view = rings.pl.ibr.inspect()
     rings.pl.show(auto_close=False)
     see(rings.pl)
-    told = view.report()
+    again = rings.pl.ibr.inspect(True)
+    see(rings.pl)
+    assert view.pipeline is None
+    view, told = again, again.report()
     assert told['images'] == 4
     assert told['new_images'] == 0
     assert not flashes(view._marks.boxes)
