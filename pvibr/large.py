@@ -138,14 +138,23 @@ def _look(window, cameras, corner, size, scale):
 def _margins(cameras, effects, size):
     """Return the columns and rows of a tile, at its ends, that are only there for the others."""
     frames = {renderer: Frame.of(renderer) for renderer in cameras}
-    reaches = [_NEIGHBOURS]
+    reaches = [_reach_of_passes(renderer, frame) for renderer, frame in frames.items()]
     for effect in effects:
         frame = frames.get(effect.pipeline.renderer)
         if frame is not None and effect.enabled:
             reaches.append(effect.reach(frame))
-    # VTK does not tell how far, in pixels, its ambient occlusion looks.
-    reaches += [min(size) / 4 for renderer in cameras if renderer.GetUseSSAO()]
     return [min(math.ceil(max(reaches)), int(_MOST * n)) for n in size]
+
+
+def _reach_of_passes(renderer, frame):
+    """Return how far, in pixels, the ambient occlusion of VTK looks that a renderer has."""
+    reach, found = _NEIGHBOURS, renderer.GetPass()
+    while found is not None:
+        if found.IsA('vtkSSAOPass'):
+            # Around the nearest of what may be seen.
+            reach += found.GetRadius() * frame.pixel_scale / (1 if frame.parallel else frame.near)
+        found = found.GetDelegatePass() if hasattr(found, 'GetDelegatePass') else None
+    return reach
 
 
 def _pixels(window, size, transparent):

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pvibr
+from pvibr import large
 from pvibr.large import spans
 
 SIZE = (150, 100)
@@ -47,9 +48,9 @@ def scene(size, times=1, **options):
 
 @pytest.mark.parametrize('options', [{}, {'shape': (1, 2)}], ids=['one', 'two'])
 def test_a_large_picture_is_that_of_a_large_window(options):
-    small, large = scene(SIZE, **options), scene([4 * n for n in SIZE], 4, **options)
+    small, big = scene(SIZE, **options), scene([4 * n for n in SIZE], 4, **options)
     before = small.camera_position, small.camera.view_angle
-    expected = np.asarray(large.screenshot(return_img=True), int)
+    expected = np.asarray(big.screenshot(return_img=True), int)
     found = small.ibr.screenshot(scale=4).astype(int)
     off = np.abs(found - expected).max(-1)
     assert off.max() <= 12
@@ -73,9 +74,9 @@ def test_linked_subplots_have_tiles_of_their_own():
         return take(pl).astype(int)
 
     small = pv.Plotter(off_screen=True, window_size=SIZE, shape=(1, 2), border=False)
-    large = pv.Plotter(off_screen=True, window_size=(300, 200), shape=(1, 2), border=False)
+    big = pv.Plotter(off_screen=True, window_size=(300, 200), shape=(1, 2), border=False)
     found = shot(small, lambda pl: pl.ibr.screenshot(scale=2))
-    expected = shot(large, lambda pl: np.asarray(pl.screenshot(return_img=True)))
+    expected = shot(big, lambda pl: np.asarray(pl.screenshot(return_img=True)))
     assert np.abs(found - expected).max() <= 2
 
 
@@ -124,3 +125,16 @@ def test_wrong_sizes_are_named(wrong):
     pl.close()
     with pytest.raises(pvibr.ClosedError):
         pl.ibr.screenshot()
+
+
+@pytest.mark.parametrize(('radius', 'expected'), [(None, 8), (1.0, 18), (2.5, 33), (90.0, 40)])
+def test_tiles_overlap_by_what_ambient_occlusion_looks_at(radius, expected):
+    pl = pv.Plotter(off_screen=True, window_size=(200, 100))
+    pl.add_mesh(pv.Sphere())
+    pl.camera_position = 'xy'
+    pl.enable_parallel_projection()
+    pl.parallel_scale = 5  # ten pixels a unit
+    if radius:
+        pl.enable_ssao(radius=radius)
+    pl.render()
+    assert large._margins({pl.renderer: pl.camera}, [], (200, 100))[1] == expected
