@@ -7,6 +7,7 @@ import io
 import numpy as np
 
 from pvibr.animation.glb_writer import GlbWriter
+from pvibr.files import replacing
 
 _CUTOFF = 0.5
 
@@ -101,9 +102,7 @@ def write_obj(cloud, path):
     stem = path.stem.replace(' ', '_')  # names in these files end at a blank
     material, color = path.with_name(f'{stem}.mtl'), path.with_name(f'{stem}.png')
     normal = path.with_name(f'{stem}_normals.png')
-    color.write_bytes(_png(cloud.texture))
-    normal.write_bytes(_png(cloud.normal_texture))
-    material.write_text(
+    looks = (
         'newmtl cloud\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 1\n'
         f'map_Kd {color.name}\nmap_d -imfchan m {color.name}\nnorm {normal.name}\n'
     )
@@ -119,5 +118,14 @@ def write_obj(cloud, path):
         'f ' + ' '.join(f'{i}/{i}/{i}' for i in row)
         for row in (mesh.triangulate().regular_faces + 1).tolist()
     ]
-    path.write_text('\n'.join(lines) + '\n')
+    shape = '\n'.join(lines) + '\n'
+    # The mesh last: it names the others.
+    for file, content in (
+        (color, _png(cloud.texture)),
+        (normal, _png(cloud.normal_texture)),
+        (material, looks.encode()),
+        (path, shape.encode()),
+    ):
+        with replacing(file) as part:
+            part.write_bytes(content)
     return [path, material, color, normal]

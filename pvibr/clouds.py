@@ -129,6 +129,8 @@ class BillboardCloud:
         ------
         ValueError
             Where the name ends otherwise.
+        OSError
+            Where a file cannot be written; each is whole, or as it was.
         """
         from pvibr.cloud_files import write_glb, write_obj
 

@@ -1,3 +1,5 @@
+import errno
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -132,6 +134,17 @@ def test_far_from_the_origin(torus):
     cloud = far.ibr.billboard_cloud(epsilon=0.03, size=64)
     assert np.abs(np.array(cloud.mesh.center) - 1e6).max() < 0.1
     assert cloud.displacement <= cloud.epsilon
+
+
+def test_a_full_disk_leaves_no_part_of_a_cloud(cloud, tmp_path, monkeypatch):
+    def full(_):
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    monkeypatch.setattr('os.fsync', full)
+    for name in ('a.obj', 'a.glb'):
+        with pytest.raises(OSError, match='the disk is full'):
+            cloud.save(tmp_path / name)
+    assert not list(tmp_path.iterdir())
 
 
 def test_it_is_written_and_read_again(cloud, tmp_path):
