@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import os
 import shutil
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -18,6 +20,8 @@ from pvibr.files import replacing
 MOVIES = ('.mp4', '.mov', '.mkv', '.webm', '.avi', '.gif')
 #: What the frames in a folder are of.
 NOTE = 'movie.json'
+#: A disk with fewer bytes than these has no room for what ffmpeg writes at once.
+_FULL = 2**16
 
 
 class Film:
@@ -160,8 +164,14 @@ def _writer(file, ending, fps):
         # The usual codec is not allowed in it.
         options |= {'codec': 'libvpx-vp9', 'quality': None}
         options['output_params'] = ['-crf', '24', '-b:v', '0', '-fflags', '+bitexact']
-    with imageio.get_writer(file, **options) as writer:
-        yield writer.append_data
+    try:
+        with imageio.get_writer(file, **options) as writer:
+            yield writer.append_data
+    except OSError:
+        # ffmpeg is another process: all that is known here is that it went away.
+        if shutil.disk_usage(file.parent).free < _FULL:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from None
+        raise
 
 
 def write_movie(film, draw, *, progress=None):
@@ -189,10 +199,9 @@ def write_movie(film, draw, *, progress=None):
                 step()
         film.finish()
     except OSError as error:
-        msg = (
-            f'{film.path} could not be written: {error}. Frames are kept in {film.folder}; the '
-            'same call goes on from there.'
-        )
+        ours = error.strerror and error.filename is None
+        why = (error.strerror if ours else str(error)).partition('\n')[0].rstrip('.')
+        msg = f'{why}. Frames are kept in {film.folder}; the same call goes on from there.'
         raise OSError(error.errno, msg) from error
 
 
