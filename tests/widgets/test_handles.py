@@ -141,6 +141,19 @@ def test_a_camera_of_pyvista_is_moved_itself_and_stays_upright(hand):
     assert camera.up == (0, 1, 0)
 
 
+def test_a_camera_that_is_none_changes_nothing():
+    photo = pvibr.Projector(PICTURE, camera_of('pinhole'))
+    before = photo.cameras
+    with pytest.raises(ValueError, match='camera is 3'):
+        photo.set_camera(3)
+    with pytest.raises(IndexError):
+        photo.set_camera(camera_of('camera'), 1)
+    assert photo.cameras == before
+    photo.set_camera(camera_of('tuple'))
+    assert photo.cameras != before
+    assert photo.size_of() == (40, 30)
+
+
 def test_several_pictures_have_handles_each(hand):
     pl = scene()
     cameras = [camera_of('camera'), camera_of('pinhole')]
