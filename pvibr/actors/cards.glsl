@@ -34,6 +34,7 @@ uniform vec3 ibr_box_half;
 uniform float ibr_pixel_scale;    // pixels per unit tangent, or per world unit when parallel
 uniform float ibr_sharpness;      // texels per pixel that are asked for
 uniform vec4 ibr_range;           // on-screen diameters in px: appear, whole, fade, gone
+uniform float ibr_dithered;       // 1 where the next finer level is the mesh
 #if TURNED
 uniform vec4 ibr_turn_range;      // the same for those that the eye is level with
 uniform float ibr_turn_level;     // sine of the angle up to which it is
@@ -204,10 +205,10 @@ mat3 ibr_frame(vec3 d)
         vec4 p = vec4(c + eye_from_q * v, 1.0);
         vertexVCVSOutput = p;
         gl_Position = ibr_clip_from_eye * p;
-        if (size > range.z)
+        if (size > range.z && ibr_dithered < 0.5)
         {
           // A finer level is drawn over it: behind that, by the depth of the object. No further: a
-          // ground beneath would hide the feet.
+          // ground beneath would hide the feet. With a mesh it shares pixels: it stays in place.
           float deep_q = 1.1 * (dot(abs(d), ibr_box_half) - dot(d, ibr_box_center)) + 0.02;
           float behind = clamp(deep_q, 0.02, 2.0) * stretch;
           float back = ibr_parallel == 1 ? p.z - behind : p.z * (1.0 + behind / away);
@@ -296,7 +297,7 @@ uniform sampler2D ibr_albedo;
 uniform int ibr_multiply;             // instance colours multiply the albedo instead
 uniform float ibr_margin;
 uniform float ibr_cut;                // coverage below which nothing is drawn
-uniform float ibr_dithered;           // 1 where the next finer level is the mesh
+uniform float ibr_dithered;
 uniform vec4 ibr_clip_depth;          // rows z and w of clip from eye, z columns: zz, zw, wz, ww
 in vec4 vertexVCVSOutput;
 #if SPLAT

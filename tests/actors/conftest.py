@@ -46,7 +46,7 @@ def force(instances, level):
     for model in instances._models.values():
         meshes = (float('inf'), *(0.0,) * (len(model.levels) - 1))
         cards = tuple((n, *ranges.get(n, (0.0, 0.0))) for n in _NAMES)
-        limits = Limits(cards, 0.0 if level == 'mesh' else 1e9, meshes)
+        limits = Limits(cards, ranges.get('mesh', (1e9,))[0], meshes)
         model._limits = {} if level is None else {instances.max_error: limits}
     instances._stamp = None
 

@@ -278,6 +278,25 @@ def test_small_things_do_not_flicker_whatever_was_measured(scenes, see, looks, s
     assert np.ptp(energy) < 0.1 * np.mean(energy)
 
 
+def test_between_a_card_and_the_mesh_the_ground_hides_no_feet(bean, atlases, see):
+    pl = pv.Plotter(off_screen=True, window_size=(120, 120))
+    pl.disable_anti_aliasing()
+    pl.add_mesh(pv.Plane(center=(0, 0, bean.bounds.z_min), i_size=40, j_size=40), color='blue',
+                lighting=False)  # fmt: skip
+    things = pl.ibr.add_instances(bean, [[0, 0, 0]], color='red', lighting=False, cache=atlases)
+    see.place(pl, (0, -6, 5), (0.3, -0.2, 0.1))
+    see.grab(pl)
+    kind = things._kinds[0]
+    (size,) = kind.blocks.seen(Frame.of(pl.renderer))[3]
+    counts = []
+    for split in (2 * size, size / 1.025, size / 2):  # below, amid and above where one fades
+        see.force(things, {'middle': (0.0, float(split)), 'mesh': (float(split), 1e9)})
+        red, _, blue = np.moveaxis(see.grab(pl), -1, 0)
+        counts.append((red > blue).sum())
+    assert counts[1] > 0.97 * min(counts[0], counts[2]) > 100
+    pl.close()
+
+
 def test_between_two_levels_buffers_still_know_what_is_there(bean, atlases, see):
     pl = pv.Plotter(off_screen=True, window_size=(120, 120))
     things = pl.ibr.add_instances(bean, [[0, 0, 0]], cache=atlases)
