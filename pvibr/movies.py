@@ -199,8 +199,8 @@ def write_movie(film, draw, *, progress=None):
                 step()
         film.finish()
     except OSError as error:
-        ours = error.strerror and error.filename is None
-        why = (error.strerror if ours else str(error)).partition('\n')[0].rstrip('.')
+        named = str(error) if error.strerror is None or error.filename else error.strerror
+        why = named.partition('\n')[0].rstrip('.')
         msg = f'{why}. Frames are kept in {film.folder}; the same call goes on from there.'
         raise OSError(error.errno, msg) from error
 
