@@ -13,6 +13,8 @@ from pvibr.maths.transforms import trs
 AXES = ('x', 'y', 'z')
 QUATERNION = ('qw', 'qx', 'qy', 'qz')
 AXIS_SCALES = ('sx', 'sy', 'sz')
+#: Columns that a message names.
+_MOST_NAMES = 20
 
 
 def read_poses(path, columns=None, *, others=None):
@@ -144,10 +146,16 @@ def _others(table, used, names):
     known = [*table.names, *table.extras()]
     unknown = [name for name in names if table.find(name) is None and name not in known]
     if unknown:
-        msg = f'{table.path}: no column {unknown[0]!r}; there are {known}.'
+        msg = f'{table.path}: no column {unknown[0]!r}; there are {_listed(known)}.'
         raise ValueError(msg)
     indices = [table.find(name) for name in names]
     return [index for index in indices if index is not None]
+
+
+def _listed(names):
+    """Return names as a message has them: not all, where there are a thousand."""
+    more = len(names) - _MOST_NAMES
+    return f'{names}' if more <= 0 else f'{names[:_MOST_NAMES]} and {more} more'
 
 
 def _axis_columns(table, columns):
@@ -159,7 +167,7 @@ def _axis_columns(table, columns):
     missing = [n for n, i in zip(wanted, indices, strict=True) if n is not None and i is None]
     if missing:
         msg = (
-            f'{table.path}: no column {missing[0]!r}; the first line names {table.names}. '
+            f'{table.path}: no column {missing[0]!r}; there are {_listed(table.names)}. '
             "Name the columns to use, for example columns=('east', 'north', None)."
         )
         raise ValueError(msg)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -146,9 +147,13 @@ class _TextTable(Table):
 
     def __init__(self, path):
         self.path = path
-        with _open(path) as file:
-            header = next((line for line in file if line.strip()), '')
-            first = next((line for line in file if line.strip()), '')
+        try:
+            with _open(path) as file:
+                header = next((line for line in file if line.strip()), '')
+                first = next((line for line in file if line.strip()), '')
+        except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+            msg = f'{path}: not a readable gzip file ({error}).'
+            raise ValueError(msg) from error
         if not header:
             msg = f'{path}: the file is empty; its first line must name the columns x, y, z.'
             raise ValueError(msg)

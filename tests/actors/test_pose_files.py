@@ -329,3 +329,20 @@ def test_a_gltf_file_does_not_lead_out_of_its_folder(tmp_path):
     for read in (read_mesh, scene_instances):
         with pytest.raises(ValueError, match='outside of the folder'):
             read(inner / 'a.gltf')
+
+
+@pytest.mark.parametrize('content', [b'x,y,z', gzip.compress(b'x,y,z' * 99)[:-12]])
+def test_what_is_no_gzip_file_is_named(tmp_path, content):
+    file = tmp_path / 'a.csv.gz'
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r'a\.csv\.gz: not a readable gzip file'):
+        read_poses(file)
+
+
+def test_a_thousand_columns_make_a_short_message(tmp_path):
+    file = tmp_path / 'a.csv'
+    file.write_text(','.join(f'c{k}' for k in range(1000)) + '\n', encoding='utf-8-sig')
+    for options in ({}, {'columns': ('c1', 'c2', 'c3'), 'others': ['height']}):
+        with pytest.raises(ValueError, match='and 980 more') as caught:
+            read_poses(file, **options)
+        assert len(str(caught.value)) < 500
