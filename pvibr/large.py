@@ -56,7 +56,7 @@ def picture(window, scale, effects, *, transparent=False) -> np.ndarray:
     """Draw a window several times as large, in tiles of the window's size.
 
     Unlike VTK's own tiles these overlap by as much as the effects look around, so there are no
-    seams. Lines, points and text are larger by the same factor.
+    seams. Lines, points and text have as many pixels as in a window as large.
 
     Parameters
     ----------
