@@ -781,8 +781,8 @@ class IBRComponent:
         filename : path, optional
             Where to; the ending says in which format.
         scale : int, optional
-            How many times as large as the window. Lines, points and text have as many pixels as in a
-            window as large, as with ``plotter.screenshot(scale=...)``.
+            How many times as large as the window. Lines, points and text have as many pixels as
+            in a window as large, as with ``plotter.screenshot(scale=...)``.
         size : tuple of 2 int, optional
             Width and height of the picture in pixels instead; the window has its shape meanwhile,
             and is at most as large as it is now.
