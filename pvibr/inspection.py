@@ -28,9 +28,9 @@ LEVELS = {
     'dot': (0.0, 0.447, 0.698),
 }
 IMAGE = (0.5, 0.5, 0.5)
-_SMALLEST = 8.0  # boxes that are smaller on the screen, in pixels, say nothing
+_SMALLEST = 40.0  # boxes that are smaller on the screen, in pixels, say nothing
 _TAKEN = ('rendered', 'taken')  # what reports call how many images were drawn
-_NAME = 16  # letters of a name
+_NAME, _LINE = 16, 26  # letters of a name, and of a line
 
 
 class Inspection(Effect):
@@ -357,4 +357,5 @@ def _milliseconds(report) -> list[str]:
 
 
 def _row(name, value) -> str:
-    return f'{name[:_NAME]:<{_NAME}} {value:>9}'
+    name = name[:_NAME]
+    return name + f' {value}'.rjust(_LINE - len(name))
