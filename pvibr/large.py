@@ -99,7 +99,7 @@ def _renderers(window):
 @contextmanager
 def _own_cameras(window):
     """Give each renderer a camera of its own; yield which one it had. All is put back."""
-    cameras = {renderer: renderer.GetActiveCamera() for renderer in _renderers(window)}
+    cameras = {r: r.GetActiveCamera() for r in _renderers(window) if r.GetDraw()}
     viewport, scale = tuple(window.GetTileViewport()), tuple(window.GetTileScale())
     try:
         for renderer, camera in cameras.items():
@@ -112,6 +112,7 @@ def _own_cameras(window):
         window.SetTileViewport(*viewport)
         for renderer, camera in cameras.items():
             renderer.SetActiveCamera(camera)
+            renderer.DrawOn()
 
 
 def _look(window, cameras, corner, size, scale):
@@ -123,7 +124,12 @@ def _look(window, cameras, corner, size, scale):
         whole = np.array(renderer.GetViewport()).reshape(2, 2)
         seen = np.clip(whole, tile[:2], tile[2:])
         share = (seen[1] - seen[0]) / (whole[1] - whole[0])
-        if not (share > 0).all():
+        # What has fewer pixels here than a tile has for its neighbours' sake is drawn in another;
+        # passes of VTK would make textures without pixels for it.
+        least = np.minimum(_NEIGHBOURS / np.array(size), _MOST) / scale
+        least = 0.99 * np.minimum(least, whole[1] - whole[0])
+        renderer.SetDraw(bool((seen[1] - seen[0] > least).all()))
+        if not renderer.GetDraw():
             continue
         own = renderer.GetActiveCamera()
         of = share[0] if camera.GetUseHorizontalViewAngle() else share[1]

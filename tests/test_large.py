@@ -138,3 +138,15 @@ def test_tiles_overlap_by_what_ambient_occlusion_looks_at(radius, expected):
         pl.enable_ssao(radius=radius)
     pl.render()
     assert large._margins({pl.renderer: pl.camera}, [], (200, 100))[1] == expected
+
+
+def test_what_is_not_in_a_tile_is_not_drawn(capfd):
+    pl = pv.Plotter(off_screen=True, window_size=(61, 40), shape=(1, 2))
+    for k in (0, 1):
+        pl.subplot(0, k)
+        pl.add_mesh(pv.Sphere())
+        pl.enable_eye_dome_lighting()
+    pl.renderers[0].DrawOff()
+    pl.ibr.screenshot(scale=3)
+    assert 'incomplete' not in ''.join(capfd.readouterr())
+    assert [renderer.GetDraw() for renderer in pl.renderers] == [0, 1]
