@@ -13,7 +13,11 @@ from pvibr.actors.figure_player import FigurePlayer
 from pvibr.actors.picking import pixel_ray
 from pvibr.actors.placing import Placed
 from pvibr.actors.posing import Posing
+from pvibr.errors import PvibrError
 from pvibr.params import Param
+
+#: Texture units that figures leave to VTK and to all else that is drawn.
+_SPARE = 8
 
 
 class FigureActor(FigurePlayer, Anchored, Placed):
@@ -261,6 +265,14 @@ class FigureActor(FigurePlayer, Anchored, Placed):
             self._drawn = wanted
             self.posed += 1
         units = {name: t.activate() for name, t in self._posing.textures.items()}
+        most = frame.window.GetTextureUnitManager().GetNumberOfTextureUnits() - _SPARE
+        if not all(0 <= unit < most for unit in units.values()):
+            self.finish(frame)
+            msg = (
+                'too many figures in one subplot: all of them keep textures bound. Draw figures '
+                'that are alike as a crowd: add_figure(figure, poses=...)'
+            )
+            raise PvibrError(msg)
         for body, row in zip(self._posed, self._posing.rows, strict=False):
             body.aim(row, units)
 

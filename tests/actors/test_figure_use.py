@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+import pvibr
 from pvibr import Body, Figure, Morphs, Play
 from pvibr.animation.pose import Pose
 from tests.actors.figures import bend, bending, worm
@@ -174,3 +175,22 @@ def test_colours_morph():
     assert differing(pictures[0], pictures[1]) > 200
     assert differing(pictures[2], plain) == 0
     pl.close()
+
+
+def test_too_many_figures_say_so_and_the_others_are_drawn():
+    """All of them keep their textures bound while a frame is drawn."""
+
+    def crowded(count):
+        pl = plotter()
+        for k in range(count):
+            pl.ibr.add_figure(worm(clips=[bending()])).position = (k / 4, 0, 0)
+        pl.camera_position = [(3, -20, 2), (3, 0, 2), (0, 0, 1)]
+        return pl
+
+    pl = crowded(24)
+    with pytest.warns(pvibr.PvibrWarning, match=r'too many figures.*crowd'):
+        pl.show(auto_close=False)
+    on = [figure.enabled for figure in pl.ibr.effects]
+    assert on == sorted(on, reverse=True)
+    assert 8 <= sum(on) < 24
+    np.testing.assert_array_equal(shot(pl), shot(crowded(sum(on))))
