@@ -364,7 +364,9 @@ class Kind:
         fades = (sizes - limits.mesh) / band if limits.mesh > 0 else np.ones(len(sizes))
         fades = {s: f for s, f in zip(slots.tolist(), fades.tolist(), strict=True) if f < 1}
         new = []
+        lit = any(light.GetSwitch() for light in frame.renderer.GetLights())
         for k, pool in enumerate(self.pools):
+            pool.light(lit or bool(frame.renderer.GetAutomaticLightCreation()))
             ids = [slot for slot, level in near.items() if level == k]
             new += pool.show(ids, self.matrix, self._look)
             pool.fade({slot: fades[slot] for slot in ids if slot in fades})

@@ -10,6 +10,7 @@ import numpy as np
 from pvibr import _vtk
 from pvibr.actors.cards import DITHER, DULL, PBR
 from pvibr.actors.parts import dressed
+from pvibr.gl.feature import Feature
 
 # The colour of an instance replaces what scalars and texture give, or multiplies it; a cut-out
 # keeps its holes. Lit colour is what VTK has before it multiplies by the texture.
@@ -31,9 +32,9 @@ _COLOR = """//VTK::Color::Impl
   }
 """
 # VTK turns normals by the winding that it sees, which a mirrored pose turns around.
-_MIRROR = """//VTK::Normal::Impl
+_MIRROR = Feature('mirrored', fragment={'VTK::Normal::Impl': """//VTK::Normal::Impl
   if (ibr_mirrored == 1) normalVCVSOutput = -normalVCVSOutput;
-"""
+"""})  # fmt: skip
 _PLAIN = (0.0, 0.0, 0.0, 0.5)
 #: How well a place on a card is known, in radii: lights may see a mesh as a card.
 BLUR = 0.02
@@ -77,6 +78,22 @@ class MeshPool:
         self.multiply = False
         self._tint: tuple | None = None
         self._faded: set[int] = set()
+        self._lit = True
+
+    def light(self, lit):
+        """Have the normals of mirrored poses turned, or not: without light VTK has none.
+
+        Parameters
+        ----------
+        lit : bool
+            Whether there is any light.
+        """
+        if lit == self._lit:
+            return
+        self._lit = lit
+        # All or none: they share a mapper, which looks at one of them for changes of its shader.
+        for actor in (a for actors in (*self.lent.values(), *self.free) for a in actors):
+            _turn_normals(actor, lit)
 
     def show(self, ids, matrix_of, look_of):
         """Show the mesh at some instances and nowhere else.
@@ -105,6 +122,8 @@ class MeshPool:
         for i in wanted - self.lent.keys():
             if not self.free:
                 self.free.append(self._made())
+                for actor in () if self._lit else self.free[-1]:
+                    _turn_normals(actor, False)
                 new += self.free[-1]
             self.lent[i] = self.free.pop()
             self._put(self.lent[i], matrix_of(i), look_of(i))
@@ -207,11 +226,10 @@ def lendable(part, mapper):
     prop = actor.GetProperty()
     if prop.GetSpecular() == 0 and prop.GetInterpolation() != PBR:
         texts['//VTK::Light::Impl'] = '//VTK::Light::Impl\n'.join(DULL)
-    if prop.GetLighting() and part.mesh.point_data.active_normals is not None:
-        texts['//VTK::Normal::Impl'] = _MIRROR
     for tag, text in texts.items():
         shader.ClearFragmentShaderReplacement(tag, True)
         shader.AddFragmentShaderReplacement(tag, True, text, False)
+    _turn_normals(actor, True)
     uniforms = shader.GetFragmentCustomUniforms()
     uniforms.SetUniformf('ibr_cutoff', (part.alpha_cutoff or 0.0) * prop.GetOpacity())
     uniforms.SetUniform4f('ibr_look', _PLAIN)
@@ -220,3 +238,15 @@ def lendable(part, mapper):
     uniforms.SetUniformf('ibr_blur', 0.0)
     uniforms.SetUniformi('ibr_multiply', 0)
     return actor
+
+
+def _turn_normals(actor, there):
+    """Turn the normals of mirrored poses, where there are any, or leave them alone."""
+    if there and actor.GetProperty().GetLighting() and _has_normals(actor):
+        _MIRROR.attach(actor)
+    else:
+        _MIRROR.detach(actor)
+
+
+def _has_normals(actor):
+    return actor.GetMapper().GetInput().GetPointData().GetNormals() is not None

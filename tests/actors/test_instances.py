@@ -542,3 +542,12 @@ def test_a_shader_that_fails_leaves_the_meshes(scenes, see, bean, monkeypatch):
         [see.grab(pl) for _ in range(2)]
     truth = see.grab(plain(scenes, bean))
     assert off(see.grab(pl), truth) < 0.01
+
+
+def test_near_meshes_are_drawn_without_any_light():
+    pl = pv.Plotter(lighting='none', window_size=(60, 40))
+    pl.ibr.add_instances(pv.Sphere(), [[0, 0, 0]], cache=False, color='red')
+    pl.camera_position = [(0, -2, 0), (0, 0, 0), (0, 0, 1)]
+    pl.show(auto_close=False)
+    assert pl.screenshot(return_img=True)[20, 30].tolist() == [255, 0, 0]
+    pl.close()
