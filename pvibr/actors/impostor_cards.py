@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import weakref
 from typing import Any
 
 import numpy as np
-import pyvista as pv
 
-from pvibr import _vtk
-from pvibr.actors.cards import DULL, Binder, card_mesh
-from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
+from pvibr.actors.cards import DULL, card_mesh
+from pvibr.actors.one_draw import OneDraw
+from pvibr.gl import Texture, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 
 _ROW, _TEXELS = 128, 5  # cards of a row of the table, texels of a card
@@ -48,36 +46,15 @@ def card_feature(*, depth, shiny, several) -> Feature:
     )
 
 
-class ImpostorCards:
-    """The actor that draws all cards.
-
-    Attributes
-    ----------
-    actor : pyvista.Actor
-        Visible only within frames.
-    failure : str or None
-        What went wrong with the shaders.
-    """
+class ImpostorCards(OneDraw):
+    """The actor that draws all cards."""
 
     def __init__(self):
-        self.actor = pv.Actor()
-        self.mapper = _vtk.vtkPolyDataMapper()
-        self.mapper.ScalarVisibilityOff()
-        self.actor.SetMapper(self.mapper)
-        self.actor.PickableOff()
-        self.actor.UseBoundsOff()
-        self.actor.VisibilityOff()
-        self.failure: str | None = None
-        self._observer = self.mapper.AddObserver('UpdateShaderEvent', self._updater())
-        self._feature: Any = None
+        super().__init__()
         self._room, self._bounds = 0, np.array([1.0, -1.0] * 3)
         self._table: Any = None
         self._matter: Any = None
         self._known = 0
-        self._checked = False
-        self._binder = Binder()
-        self._textures: dict = {}
-        self._uniforms: dict = {}
 
     @property
     def nbytes(self) -> int:
@@ -119,12 +96,7 @@ class ImpostorCards:
         materials : Materials
             Those that tiles have numbers of.
         """
-        feature = card_feature(depth=depth, shiny=materials.shiny, several=len(materials) > 1)
-        if self._feature is None or feature.name != self._feature.name:
-            if self._feature is not None:
-                self._feature.detach(self.actor)
-            feature.attach(self.actor)
-            self._feature, self._checked = feature, False
+        self._dress(card_feature(depth=depth, shiny=materials.shiny, several=len(materials) > 1))
         if self._matter is not None and len(materials) != self._known:
             self._matter.upload(materials.table())
         self._known = len(materials)
@@ -161,31 +133,6 @@ class ImpostorCards:
         }
         self.actor.SetVisibility(bool(len(rows)))
 
-    def hide(self):
-        """Draw nothing, and give the texture units back."""
-        self.actor.VisibilityOff()
-        self._binder.unbind()
-
-    def _updater(self):
-        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
-        cards = weakref.ref(self)
-
-        @_vtk.calldata_type(_vtk.VTK_OBJECT)
-        def update(_mapper, _event, program):
-            alive = cards()
-            if alive is not None:
-                alive._update(program)
-
-        return update
-
-    def _update(self, program):
-        set_uniforms(program, self._binder.bind(self, self._textures))
-        set_uniforms(program, self._uniforms)
-        if not self._checked:
-            self._checked = True
-            if not self._feature.landed(program):
-                self.failure = f'the shader text {self._feature.name} did not land'
-
     def release(self, window):
         """Free the GPU's memory; the context must be alive.
 
@@ -194,9 +141,7 @@ class ImpostorCards:
         window : vtkOpenGLRenderWindow
             Whose context is current; None where there is none.
         """
-        self.hide()
-        if window is not None:
-            self.actor.ReleaseGraphicsResources(window)
+        super().release(window)
         for texture in (self._table, self._matter):
             if texture is not None:
                 texture.release()

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import weakref
 from typing import Any
 
 import numpy as np
-import pyvista as pv
 
-from pvibr import _vtk
-from pvibr.actors.cards import Binder, card_mesh
-from pvibr.gl import set_uniforms, shader_source, uniform_matrix
+from pvibr.actors.cards import card_mesh
+from pvibr.actors.one_draw import OneDraw
+from pvibr.gl import shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 
 
@@ -41,34 +39,13 @@ def layer_feature(*, blends) -> Feature:
     )
 
 
-class LayerCard:
-    """One quad, for one picture at a time.
-
-    Attributes
-    ----------
-    actor : pyvista.Actor
-        Visible only within frames.
-    failure : str or None
-        What went wrong with the shaders.
-    """
+class LayerCard(OneDraw):
+    """One quad, for one picture at a time."""
 
     def __init__(self):
-        self.actor = pv.Actor()
-        self.mapper = _vtk.vtkPolyDataMapper()
-        self.mapper.ScalarVisibilityOff()
-        self.actor.SetMapper(self.mapper)
+        super().__init__()
         self.actor.prop.lighting = False
-        self.actor.PickableOff()
-        self.actor.UseBoundsOff()
-        self.actor.VisibilityOff()
-        self.failure: str | None = None
-        self._observer = self.mapper.AddObserver('UpdateShaderEvent', self._updater())
-        self._feature: Any = None
-        self._checked = False
         self._bounds: Any = None
-        self._textures: dict = {}
-        self._uniforms: dict = {}
-        self._binder = Binder()
 
     def show(self, frame, picture, warp, turn, bounds):
         """Draw a picture in a frame.
@@ -86,7 +63,7 @@ class LayerCard:
         bounds : array_like of 6 float
             World units: VTK leaves out actors whose bounds are out of view.
         """
-        self._wear(blends=picture.blends)
+        self._dress(layer_feature(blends=picture.blends))
         bounds = tuple(map(float, bounds))
         if bounds != self._bounds:
             self._bounds = bounds
@@ -94,52 +71,6 @@ class LayerCard:
         self._textures = {'ibr_picture': picture.color, 'ibr_deep': picture.depth}
         self._uniforms = _uniforms(frame, picture, warp, turn)
         self.actor.VisibilityOn()
-
-    def _wear(self, *, blends):
-        feature = layer_feature(blends=blends)
-        if self._feature is None or feature.name != self._feature.name:
-            if self._feature is not None:
-                self._feature.detach(self.actor)
-            feature.attach(self.actor)
-            self._feature, self._checked = feature, False
-
-    def hide(self):
-        """Draw nothing, and give the texture units back."""
-        self.actor.VisibilityOff()
-        self._binder.unbind()
-
-    def _updater(self):
-        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
-        card = weakref.ref(self)
-
-        @_vtk.calldata_type(_vtk.VTK_OBJECT)
-        def update(_mapper, _event, program):
-            alive = card()
-            if alive is not None:
-                alive._update(program)
-
-        return update
-
-    def _update(self, program):
-        set_uniforms(program, self._binder.bind(self, self._textures))
-        set_uniforms(program, self._uniforms)
-        if not self._checked:
-            self._checked = True
-            if not self._feature.landed(program):
-                self.failure = f'the shader text {self._feature.name} did not land'
-
-    def release(self, window):
-        """Free the GPU's memory; the context must be alive.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Whose context is current; None where there is none.
-        """
-        self.hide()
-        self._textures = {}
-        if window is not None:
-            self.actor.ReleaseGraphicsResources(window)
 
 
 def _uniforms(frame, picture, warp, turn) -> dict:
