@@ -18,7 +18,6 @@ t = np.linspace(0, 2 * np.pi, TRIANGLES // 48)
 ring = (2 + np.cos(3 * t)) * np.exp(2j * t)
 line = np.c_[ring.real, ring.imag, np.sin(3 * t)]
 knot = pv.Spline(line, len(line)).tube(radius=0.45, n_sides=24).triangulate().compute_normals()
-print(f'{knot.n_cells:,} triangles each')
 
 pl = pv.Plotter(window_size=(960, 540), lighting='three lights')
 pl.add_mesh(pv.Plane(i_size=60, j_size=60), color='#c8c0b0')

@@ -38,8 +38,7 @@ pl.camera_position = [(-24, -24, 7), (0, 0, 1), (0, 0, 1)]
 pl.show(auto_close=False)
 
 # %%
-# 2. How it is drawn: hot colours are meshes, cold ones images; boxes are what is drawn or left out
-# together. Images of the impostor flash in the frame that took them.
+# 2. Hot colours are meshes, cold ones images; boxes are what is drawn or left out together.
 view = pl.ibr.inspect()
 pl.render()
 print(view.report())

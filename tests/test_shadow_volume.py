@@ -186,7 +186,7 @@ def test_actors_move_turn_shrink_and_mirror_without_a_new_table(monkeypatch):
         with scene.stage('it', (120, 90)) as stage:
             effect = shadows(stage)
             stage.picture()
-            actor = stage.plotter.actors[list(stage.plotter.actors)[-1]]
+            actor = [a for a in stage.plotter.actors.values() if isinstance(a, pv.Actor)][-1]
             matrix = np.eye(4)
             matrix[:3, :3] = [
                 np.eye(3),

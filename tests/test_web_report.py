@@ -177,3 +177,14 @@ def test_rows_keep_json_values():
         'backend': 'html',
         'rows': [{'effect': 'A', 'state': 'lost', 'what': 'why', 'subplot': 0}],
     }
+
+
+def test_who_asks_for_bounds_is_told_nothing():
+    pl = pv.Plotter(off_screen=True)
+    pl.add_mesh(pv.Sphere())
+    pl.ibr.add(pvibr.Shadows())
+    pl.show(auto_close=False)
+    assert pl.bounds.x_max < 1
+    for actor in pl.renderer.GetActors():
+        actor.GetBounds()
+    pl.close()

@@ -56,7 +56,8 @@ def page(chromium, quiet, said):
     """A page; `page.context.new_page()` makes one more that is watched as well."""
 
     def hear(message):
-        if message.type == 'error':
+        # What browsers ask for by themselves may meet a server that is closing.
+        if message.type == 'error' and not str(message.location).count('favicon.ico'):
             said.append(f'{message.text} {message.location}')
 
     context = chromium.new_context(viewport={'width': 800, 'height': 600})
