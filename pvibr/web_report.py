@@ -149,6 +149,7 @@ class Watch:
         self._source.SetExecuteMethod(_teller(weakref.WeakMethod(tell), self._drawing))
         mapper = _vtk.vtkPolyDataMapper()
         mapper.SetInputConnection(self._source.GetOutputPort())
+        mapper.StaticOn()  # who asks for bounds gets those that are there
         self.prop = _vtk.vtkActor()
         self.prop.SetMapper(mapper)
         self.prop.SetObjectName(_NAME)
