@@ -18,6 +18,7 @@ from cyclopts import App, CycloptsError, Parameter
 from cyclopts.types import ExistingFile
 
 import pvibr
+from pvibr.bench import BENCHES
 from pvibr.errors import PvibrError
 
 OK, WANTING, FAILED, INTERRUPTED = 0, 1, 2, 130
@@ -251,144 +252,24 @@ def bake(mesh: ExistingFile, *, out: _Out = None, sheet: Path | None = None) -> 
         atlas.contact_sheet(sheet)
 
 
-@bench.command
-def instances(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-    """Measure instances: each point is one setting, VTK's own ways on the same axes.
+def _bench_command(name):
+    def command(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+        """Measure, and write the table and the plot.
 
-    Parameters
-    ----------
-    out
-        Folder for the table (JSON) and the plot (PNG).
-    quick
-        Measure a few points only, to see that the bench runs.
-    """
-    _measure('instances', out, quick)
+        Parameters
+        ----------
+        out
+            Folder for the table (JSON) and the plot (PNG).
+        quick
+            Measure a few points only, to see that the bench runs.
+        """
+        _measure(name, out, quick)
 
-
-@bench.command
-def shadows(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-    """Measure shadows against rays: each point is one setting, VTK's own pass on the same axes.
-
-    Parameters
-    ----------
-    out
-        Folder for the table (JSON) and the plot (PNG).
-    quick
-        Measure a few points only, to see that the bench runs.
-    """
-    _measure('shadows', out, quick)
+    return command
 
 
-@bench.command
-def projection(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-    """Measure projected pictures against rays and against the photographs.
-
-    Parameters
-    ----------
-    out
-        Folder for the table (JSON) and the plot (PNG).
-    quick
-        Measure a few points only, to see that the bench runs.
-    """
-    _measure('projection', out, quick)
-
-
-@bench.command
-def effects(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-    """Measure what image effects cost, and their error.
-
-    Parameters
-    ----------
-    out
-        Folder for the table (JSON) and the plot (PNG).
-    quick
-        Measure a few points only, to see that the bench runs.
-    """
-    _measure('effects', out, quick)
-
-
-@bench.command
-def figures(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-    """Measure figures that move: against float64, numpy and VTK's own reader of glTF.
-
-    Parameters
-    ----------
-    out
-        Folder for the table (JSON) and the plot (PNG).
-    quick
-        Measure a few points only, to see that the bench runs.
-    """
-    _measure('figures', out, quick)
-
-
-@bench.command
-def impostors(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-    """Measure impostors on the fly against the meshes that they stand for.
-
-    Parameters
-    ----------
-    out
-        Folder for the table (JSON) and the plot (PNG).
-    quick
-        Measure a few points only, to see that the bench runs.
-    """
-    _measure('impostors', out, quick)
-
-
-@bench.command
-def layers(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-    """Measure coherent layers against full rendering.
-
-    Parameters
-    ----------
-    out
-        Folder for the table (JSON) and the plot (PNG).
-    quick
-        Measure a few points only, to see that the bench runs.
-    """
-    _measure('layers', out, quick)
-
-
-@bench.command
-def billboards(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-    """Measure billboards, what cut-outs cover, and the levels of a plant.
-
-    Parameters
-    ----------
-    out
-        Folder for the table (JSON) and the plot (PNG).
-    quick
-        Measure a few points only, to see that the bench runs.
-    """
-    _measure('billboards', out, quick)
-
-
-@bench.command
-def clouds(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-    """Measure billboard clouds: against k-means, and against fewer triangles of as many bytes.
-
-    Parameters
-    ----------
-    out
-        Folder for the table (JSON) and the plot (PNG).
-    quick
-        Measure a few points only, to see that the bench runs.
-    """
-    _measure('clouds', out, quick)
-
-
-@bench.command
-def moving(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-    """Measure frames of the demo's forest while it is dragged, and the full picture after it.
-
-    Parameters
-    ----------
-    out
-        Folder for the table (JSON) and the plot (PNG).
-    quick
-        Measure a few points only, to see that the bench runs.
-    """
-    _measure('moving', out, quick)
+for _name, _help in BENCHES.items():
+    bench.command(_bench_command(_name), name=_name, help=_help)
 
 
 def _measure(name, out, quick):

@@ -8,7 +8,7 @@ import pyvista as pv
 from pvibr import _vtk
 from pvibr.effects.depth_of_field import DepthOfField
 from pvibr.gl.scene_pass import hidden_name
-from pvibr_widgets.handles_keys import Control
+from pvibr_widgets.handles_keys import OwnersControl
 from pvibr_widgets.handles_overlay import SCENE, Overlay, Touch
 from pvibr_widgets.handles_stage import Pointer, Stage
 
@@ -95,7 +95,7 @@ class FocusPick(Overlay):
         self._view: np.ndarray | None = None  # in which it was
         self._depths: np.ndarray | None = None
         self._plane = _Plane(stage.renderer)
-        self._keys = _Keys(self)
+        self._keys = OwnersControl(self, 'Escape')
         stage.ring.add(self._keys)
         calls = self._begin, self._drag, self._end
         self._touch = Touch(stage, _SIZE / 2, *calls, area=self._hits, priority=SCENE)
@@ -234,26 +234,6 @@ class FocusPick(Overlay):
 
 def _is_inside(frame, pixel) -> bool:
     return 0 <= pixel[0] < frame.size[0] and 0 <= pixel[1] < frame.size[1]
-
-
-class _Keys(Control):
-    """The keys of a focus that is picked."""
-
-    def __init__(self, owner):
-        self._owner = owner
-
-    @property
-    def usable(self):
-        return self._owner.enabled
-
-    def focus(self, on):
-        self._owner._stage.draw()
-
-    def press(self, key, fine):
-        return self._owner.press(key, fine)
-
-    def overhear(self, key):
-        return key == 'Escape' and self.usable and self._owner.press(key, False)
 
 
 class _Plane:

@@ -59,6 +59,68 @@ class Control:
         return False
 
 
+class OwnersControl(Control):
+    """The keys of something that is one control as a whole.
+
+    Parameters
+    ----------
+    owner : object
+        With ``enabled``, ``press(key, fine)`` and its stage.
+    hears : str
+        The key that it takes, too, where nothing else wants it.
+    """
+
+    def __init__(self, owner, hears):
+        self._owner, self._hears = owner, hears
+
+    @property
+    def usable(self) -> bool:
+        """Whether its owner is on."""
+        return self._owner.enabled
+
+    def focus(self, on):
+        """Draw its owner anew, which shows whether it has the keys.
+
+        Parameters
+        ----------
+        on : bool
+            Whether.
+        """
+        self._owner._stage.draw()
+
+    def press(self, key, fine) -> bool:
+        """Hand a key on.
+
+        Parameters
+        ----------
+        key : str
+            As X11 names it.
+        fine : bool
+            Whether Shift is held.
+
+        Returns
+        -------
+        bool
+            Whether it did anything with it.
+        """
+        return self._owner.press(key, fine)
+
+    def overhear(self, key) -> bool:
+        """Hand on the one key that it always hears.
+
+        Parameters
+        ----------
+        key : str
+            As X11 names it.
+
+        Returns
+        -------
+        bool
+            Whether it did anything with it.
+        """
+        return key == self._hears and self.usable and self._owner.press(key, False)
+
+
 class Ring:
     """The controls of a window, one after the other.
 

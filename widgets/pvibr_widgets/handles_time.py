@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pvibr_widgets.handles_keys import Control
+from pvibr_widgets.handles_keys import OwnersControl
 from pvibr_widgets.handles_marks import DARK
 from pvibr_widgets.handles_overlay import BAR, Overlay, Touch
 from pvibr_widgets.handles_stage import Stage
@@ -95,7 +95,7 @@ class TimeBar(Overlay):
         self._slider = Touch(stage, _TOUCHED, *calls, area=self._on_bar, priority=BAR)
         calls = self.toggle, self._shown, self._shown
         self._button = Touch(stage, _TOUCHED, *calls, area=self._on_button, priority=BAR)
-        self._keys = _Keys(self)
+        self._keys = OwnersControl(self, 'space')
         stage.ring.add(self._keys)
         self._follow()
 
@@ -271,26 +271,6 @@ class TimeBar(Overlay):
         self._stage.ring.drop(self._keys)
         self._slider.remove()
         self._button.remove()
-
-
-class _Keys(Control):
-    """The keys of a time bar."""
-
-    def __init__(self, owner):
-        self._owner = owner
-
-    @property
-    def usable(self):
-        return self._owner.enabled
-
-    def focus(self, on):
-        self._owner._stage.draw()
-
-    def press(self, key, fine):
-        return self._owner.press(key, fine)
-
-    def overhear(self, key):
-        return key == 'space' and self.usable and self._owner.press(key, False)
 
 
 def _box(left, right, low):
