@@ -1,16 +1,4 @@
-"""The only module that imports VTK: each name is looked up when first asked for.
-
-The distribution is the one that PyVista uses: ``PYVISTA_VTK_BACKEND`` where it is set, else
-``cvista`` where it is installed, else ``vtkmodules``.
-
-Examples
---------
->>> from pvibr import _vtk
->>> _vtk.vtkMatrix4x4().GetElement(0, 0)
-1.0
->>> _vtk.VTK_FLOAT
-10
-"""
+"""The only module that imports VTK: each name is looked up when first asked for."""
 
 from __future__ import annotations
 

@@ -18,31 +18,7 @@ _LIMITS = {'triangles': (1, 10**9), 'texture': (0, 16_384)}
 
 
 def baked(host, pipelines, *, triangles=1_000_000, texture=1024, detail=1 / 1024):
-    """Return a plotter of plain actors that shows what another one shows.
-
-    Parameters
-    ----------
-    host : pyvista.Plotter or object
-        With ``renderer``, and as a plotter with ``renderers``.
-    pipelines : sequence of pvibr.pipeline.Pipeline
-        Its subplots' effects and things.
-    triangles : int
-        That things may have together in a subplot, and what surfaces may be cut into.
-    texture : int
-        Texels along a side of textures for projected pictures; 0 has them as colours of points.
-    detail : float
-        Shortest edge that surfaces are cut into for them, as a share of the scene's diagonal.
-
-    Returns
-    -------
-    pyvista.Plotter
-        With the same subplots, cameras, lights, backgrounds and size.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Where a number is not allowed.
-    """
+    """Return a plotter of plain actors that shows what another one shows."""
     _check(triangles, texture, detail)
     renderers = list(getattr(host, 'renderers', [host.renderer]))
     effects = {p.renderer: [e for e in p.effects if e.enabled] for p in pipelines}

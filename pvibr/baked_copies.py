@@ -21,23 +21,7 @@ _HEAVY = 200
 
 @dataclass
 class Copies:
-    """A mesh, and where it stands.
-
-    Attributes
-    ----------
-    owner : pvibr.Effect
-        What they are of.
-    levels : list of list of pvibr.actors.parts.Part
-        The mesh, then ever lighter ones.
-    largest : sequence of float
-        For each level the largest diameter in pixels at which it is good enough.
-    matrices : numpy.ndarray, shape (k, 4, 4)
-        World from model, float64.
-    colors : numpy.ndarray, shape (k, 3), uint8, or None
-        Of each.
-    multiply : bool
-        Whether they multiply the mesh's own.
-    """
+    """A mesh, and where it stands."""
 
     owner: Any
     levels: list
@@ -54,13 +38,7 @@ class Copies:
         return len(self.matrices)
 
     def pixels(self, frame) -> np.ndarray:
-        """Return how large copies are on the screen wherever the eye looks, diameters, (k,).
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            Where the eye is.
-        """
+        """Return how large copies are on the screen wherever the eye looks, diameters, (k,)."""
         points = np.concatenate([np.asarray(p.mesh.points, float) for p in self.levels[0]])
         center = (points.min(0) + points.max(0)) / 2
         radius = np.linalg.norm(points - center, axis=1).max()
@@ -71,25 +49,13 @@ class Copies:
         return 2 * radii * frame.pixel_scale / (1.0 if frame.parallel else away)
 
     def wanted(self, pixels) -> np.ndarray:
-        """Return the lightest level that is good enough for each copy.
-
-        Parameters
-        ----------
-        pixels : numpy.ndarray, shape (k,)
-            Diameters on the screen.
-        """
+        """Return the lightest level that is good enough for each copy."""
         good = np.asarray(self.largest, float)[None] >= pixels[:, None]
         good[:, 0] = True
         return len(self.levels) - 1 - good[:, ::-1].argmax(1)
 
     def add_cloud(self, planes):
-        """Add a billboard cloud as the lightest level, where that is lighter.
-
-        Parameters
-        ----------
-        planes : int
-            Of the cloud.
-        """
+        """Add a billboard cloud as the lightest level, where that is lighter."""
         from pvibr.clouds import billboard_cloud
 
         if self.triangles[-1] < _HEAVY:
@@ -102,13 +68,7 @@ class Copies:
             self.largest = (*self.largest, 0.0)
 
     def surfaces(self, chosen) -> list[Surface]:
-        """Return all copies, a surface for each part of each level.
-
-        Parameters
-        ----------
-        chosen : numpy.ndarray, shape (k,), int
-            The level of each; those with -1 are left out.
-        """
+        """Return all copies, a surface for each part of each level."""
         found = []
         for k, level in enumerate(self.levels):
             rows = np.flatnonzero(chosen == k)
@@ -137,25 +97,7 @@ def _surface_of_cloud(cloud, copies) -> Surface:
 
 
 def chosen_levels(groups, frame, most) -> list[np.ndarray]:
-    """Return the level of each copy, such that all together have few enough triangles.
-
-    Each is as light as is good enough for its size on the screen. Where these are too many, the
-    smallest are billboard clouds; where even these are too many, the smallest are left out.
-
-    Parameters
-    ----------
-    groups : sequence of Copies
-        Lighter levels are added to them where they are needed.
-    frame : pvibr.frame.Frame
-        Where the eye is.
-    most : int
-        Triangles of all.
-
-    Returns
-    -------
-    list of numpy.ndarray of int
-        For each group the level of each copy; -1 for those that are left out.
-    """
+    """Return the level of each copy, such that all together have few enough triangles."""
     if not groups:
         return []
     pixels = [group.pixels(frame) for group in groups]

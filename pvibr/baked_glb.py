@@ -23,31 +23,7 @@ _UPRIGHT = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 
 
 def write_glb(renderer, path) -> list[str]:
-    """Write the actors of a renderer, its camera and nothing else.
-
-    Parameters
-    ----------
-    renderer : pyvista.Renderer
-        With plain actors, as :meth:`IBRComponent.baked` makes them.
-    path : str or pathlib.Path
-        The file, which ends in ``.glb``; it is there whole or not at all.
-
-    Returns
-    -------
-    list of str
-        Names of what was left out: volumes, text and all else that glTF does not know.
-
-    Raises
-    ------
-    ValueError
-        Where the name ends otherwise.
-
-    Notes
-    -----
-    Positions are float32 in glTF, so they are told from the middle of the scene, and a node stands
-    there. Colours of vertices are linear there: those of PyVista are as a display shows them. What
-    is up for the camera is up in the file.
-    """
+    """Write the actors of a renderer, its camera and nothing else."""
     path = checked_path(path)
     surfaces, lines, left_out = _contents(renderer)
     glb = GlbWriter()
@@ -73,18 +49,7 @@ def write_glb(renderer, path) -> list[str]:
 
 
 def checked_path(path) -> Path:
-    """Return a path that ends in .glb.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        The file.
-
-    Raises
-    ------
-    ValueError
-        Where it ends otherwise.
-    """
+    """Return a path that ends in .glb."""
     path = Path(path).expanduser()
     if path.suffix.lower() != '.glb':
         msg = f'path is {str(path)!r}; it must end in .glb'

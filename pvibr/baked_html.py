@@ -13,20 +13,7 @@ ANGLE = 30.0
 
 
 def write_html(plotter, path):
-    """Write a page of vtk.js; the plotter's cameras are changed to such as it knows.
-
-    Parameters
-    ----------
-    plotter : pyvista.Plotter
-        As :meth:`IBRComponent.baked` makes them.
-    path : pathlib.Path
-        The file; it is there whole or not at all.
-
-    Raises
-    ------
-    ImportError
-        Where trame is not there.
-    """
+    """Write a page of vtk.js; the plotter's cameras are changed to such as it knows."""
     component = getattr(plotter, 'trame', None)
     if component is None:
         msg = "pages need trame: pip install 'pvibr[jupyter]'"
@@ -41,24 +28,7 @@ def write_html(plotter, path):
 
 
 def reframe(camera, angle):
-    """Give a camera a view angle; it goes to where what it looks at is as large as before.
-
-    Parameters
-    ----------
-    camera : pyvista.Camera
-        In perspective afterwards.
-    angle : float
-        Degrees.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> camera = pv.Camera()
-    >>> camera.position, camera.focal_point, camera.view_angle = (0, 0, 1), (0, 0, 0), 90
-    >>> reframe(camera, 30)
-    >>> round(camera.position[2], 3)
-    3.732
-    """
+    """Give a camera a view angle; it goes to where what it looks at is as large as before."""
     position, focus = np.array(camera.position), np.array(camera.focal_point)
     away = float(np.linalg.norm(position - focus))
     half = away * np.tan(np.radians(camera.view_angle / 2))
@@ -73,18 +43,7 @@ def reframe(camera, angle):
 
 
 def checked_path(path) -> Path:
-    """Return a path that ends in .html.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        The file.
-
-    Raises
-    ------
-    ValueError
-        Where it ends otherwise.
-    """
+    """Return a path that ends in .html."""
     path = Path(path).expanduser()
     if path.suffix.lower() not in ('.html', '.htm'):
         msg = f'path is {str(path)!r}; it must end in .html'

@@ -25,17 +25,7 @@ _SOFT_TEXELS, _SOFT_SAMPLES = 1024, 16
 
 @dataclass
 class Places:
-    """Where colours are wanted.
-
-    Attributes
-    ----------
-    samples : pvibr.visibility.Samples
-        Places on the triangles, that tell about vertices or texels.
-    points, normals : numpy.ndarray, shape (n, 3)
-        Of vertices or texels; normals as they are lit.
-    albedo : numpy.ndarray, shape (n, 4)
-        Colours without light, 0 to 1.
-    """
+    """Where colours are wanted."""
 
     samples: Samples
     points: np.ndarray
@@ -44,13 +34,7 @@ class Places:
 
 
 class Lamps:
-    """The lights of a renderer and what they do to a diffuse surface, as VTK computes it.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        With a camera.
-    """
+    """The lights of a renderer and what they do to a diffuse surface, as VTK computes it."""
 
     def __init__(self, renderer):
         on = [light for light in renderer.GetLights() if light.GetSwitch()]
@@ -59,15 +43,7 @@ class Lamps:
         self._fades = [(np.array(i.GetAttenuationValues()), i.GetExponent()) for i in on]
 
     def on(self, number, points, normals) -> np.ndarray:
-        """Return the light of one of them, (n, 3).
-
-        Parameters
-        ----------
-        number : int
-            Which light.
-        points, normals : numpy.ndarray, shape (n, 3)
-            World units; unit normals.
-        """
+        """Return the light of one of them, (n, 3)."""
         light = self.lights[number]
         toward = toward_light(light, points)
         amount = np.maximum((toward * normals).sum(1), 0.0)
@@ -83,21 +59,7 @@ class Lamps:
 
 
 class Paint:
-    """What colours the surfaces of a subplot.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        The eye, the lights' renderer and the time.
-    surfaces : sequence of Surface
-        All, which hide each other.
-    detail : float
-        Shortest edge that is cut, as a share of the scene's diagonal.
-    texels : int
-        Along a side of textures for projected pictures; 0 for none.
-    most : int
-        Triangles that all surfaces may have.
-    """
+    """What colours the surfaces of a subplot."""
 
     def __init__(self, frame, surfaces, *, detail, texels, most):
         self.frame, self.surfaces = frame, surfaces
@@ -111,15 +73,7 @@ class Paint:
     # -- what effects ask for ------------------------------------------------------------------
 
     def shadow(self, casts, receives, extents=None):
-        """Take light away where surfaces hide lights.
-
-        Parameters
-        ----------
-        casts, receives : callable
-            Tells of a surface whether it does.
-        extents : callable, optional
-            A light and how far it is from what it lights, to how large it is: soft shadows.
-        """
+        """Take light away where surfaces hide lights."""
         casters = [s.solid() for s in self.surfaces if s.opaque and casts(s)]
         numbers = [k for k, i in enumerate(self.lamps.lights) if i.kind != 'headlight']
         lights = [self.lamps.lights[k] for k in numbers]
@@ -133,34 +87,14 @@ class Paint:
         )
 
     def drape(self, draped, mode, lit, dim, receives, casts):
-        """Lay pictures onto surfaces.
-
-        Parameters
-        ----------
-        draped : callable
-            Samples, meshes that hide them, and which side is seen, to colours (n, 4) uint8.
-        mode : {'replace', 'modulate', 'decal', 'add'}
-            What they do.
-        lit : bool
-            Whether light falls on them.
-        dim : float
-            What the surface is multiplied by where there is none.
-        receives, casts : callable
-            Tells of a surface whether it does.
-        """
+        """Lay pictures onto surfaces."""
         meshes = [s.solid() for s in self.surfaces if s.opaque and casts(s)]
         self._pictures.append((draped, meshes, mode, lit, dim, receives))
 
     # -- what becomes of surfaces --------------------------------------------------------------
 
     def painted(self, surface) -> Surface:
-        """Return a surface with all that as its colours.
-
-        Parameters
-        ----------
-        surface : Surface
-            One of all.
-        """
+        """Return a surface with all that as its colours."""
         pictures = [p for p in self._pictures if p[-1](surface)]
         shadows = [s for s in self._shadows if s[-1](surface) and surface.material.GetLighting()]
         if not pictures and not shadows:
@@ -372,34 +306,7 @@ def _origin(flat, surface):
 
 
 def cut(rows, faces, wanted, most, passes=_PASSES):
-    """Cut edges in half, and the triangles that have them.
-
-    Parameters
-    ----------
-    rows : dict of str to numpy.ndarray
-        What there is of each point, with ``'points'``.
-    faces : numpy.ndarray, shape (m, 3), int
-        Triangles.
-    wanted : callable
-        The ends of edges (e, 2) and their lengths to which of them are cut.
-    most : int
-        Triangles after which no more are cut.
-    passes : int, optional
-        How often.
-
-    Returns
-    -------
-    dict, numpy.ndarray
-        The new rows and triangles.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> rows = {'points': np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])}
-    >>> rows, faces = cut(rows, np.array([[0, 1, 2]]), lambda ends, length: length > 0.6, 100)
-    >>> len(rows['points']), len(faces)
-    (9, 8)
-    """
+    """Cut edges in half, and the triangles that have them."""
     for _ in range(passes):
         n = len(rows['points'])
         ends = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)

@@ -10,20 +10,7 @@ from pvibr.actors.parts import copy_property
 
 
 def copied(prop, plotter):
-    """Return a prop that shows the same in another window.
-
-    Parameters
-    ----------
-    prop : vtkProp
-        An actor, a volume or an annotation.
-    plotter : pyvista.Plotter
-        Where it goes.
-
-    Returns
-    -------
-    vtkProp or None
-        None where there is no such copy.
-    """
+    """Return a prop that shows the same in another window."""
     if prop.IsA('vtkCubeAxesActor'):
         return _axes(prop, plotter)
     if prop.IsA('vtkActor') and prop.GetMapper() is not None:
@@ -66,18 +53,7 @@ def _like(prop):
 
 
 def range_teller(bar):
-    """Return an actor that draws nothing: from its mapper vtk.js knows the range of a table.
-
-    Parameters
-    ----------
-    bar : vtkScalarBarActor
-        With the table.
-
-    Returns
-    -------
-    pyvista.Actor
-        Of one triangle without area.
-    """
+    """Return an actor that draws nothing: from its mapper vtk.js knows the range of a table."""
     speck = pv.PolyData.from_regular_faces(np.zeros((3, 3)), [[0, 1, 2]])
     speck['range'] = np.resize(bar.GetLookupTable().GetRange(), 3)
     mapper = pv.DataSetMapper(speck)

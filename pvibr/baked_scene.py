@@ -26,19 +26,7 @@ SKY = 'sky'
 
 
 class BakedScene:
-    """What a subplot becomes.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        The eye, the renderer and the time.
-    triangles : int
-        That everything of pvibr's may have together; surfaces may be cut into as many.
-    detail : float
-        Shortest edge that surfaces are cut into, as a share of the scene's diagonal.
-    texels : int
-        Along a side of textures for projected pictures; 0 for none.
-    """
+    """What a subplot becomes."""
 
     def __init__(self, frame, *, triangles, detail, texels):
         self.frame = frame
@@ -56,44 +44,13 @@ class BakedScene:
     # -- what effects and things call ----------------------------------------------------------
 
     def part(self, owner, part, *, color=None, multiply=False):
-        """Add a mesh where it stands.
-
-        Parameters
-        ----------
-        owner : pvibr.Effect
-            What it is of.
-        part : pvibr.actors.parts.Part
-            The mesh in world units, with its look.
-        color : numpy.ndarray, shape (3,), uint8, optional
-            Of all of it.
-        multiply : bool, optional
-            Whether it multiplies the mesh's own, or takes their place.
-        """
+        """Add a mesh where it stands."""
         self._pieces.append((owner, part, color, multiply))
 
     def copies(
         self, owner, levels, poses, *, largest=None, colors=None, multiply=False, scales=None
     ):
-        """Add a mesh many times.
-
-        Parameters
-        ----------
-        owner : pvibr.Effect
-            What they are of.
-        levels : sequence of sequence of pvibr.actors.parts.Part
-            The mesh, then ever lighter ones.
-        poses : numpy.ndarray, shape (n, 3) or (n, 4, 4)
-            World from model.
-        largest : sequence of float, optional
-            For each level the largest diameter in pixels at which it is good enough; by default
-            only the first is.
-        colors : numpy.ndarray, shape (n, 3), uint8, optional
-            Of each.
-        multiply : bool, optional
-            Whether they multiply the mesh's own colours, or take their place.
-        scales : numpy.ndarray, shape (n,), optional
-            Of each, about the mesh's origin.
-        """
+        """Add a mesh many times."""
         if len(poses):
             largest = largest or (np.inf, *[0.0] * (len(levels) - 1))
             matrices = _matrices(np.asarray(poses, float), scales)
@@ -101,25 +58,7 @@ class BakedScene:
             self._groups.append(Copies(owner, levels, largest, matrices, colors, multiply))
 
     def quads(self, owner, corners, coordinates, image, *, colors, lighting, cutout):
-        """Add rectangles with a picture.
-
-        Parameters
-        ----------
-        owner : pvibr.Effect
-            What they are of.
-        corners : numpy.ndarray, shape (n, 4, 3)
-            Counter-clockwise from the lower left, world units.
-        coordinates : numpy.ndarray, shape (n, 4, 2)
-            Of the corners in the picture.
-        image : numpy.ndarray, shape (h, w, 4), uint8
-            Row 0 at the top.
-        colors : numpy.ndarray, shape (n, 4), uint8
-            Multiply the picture.
-        lighting : bool
-            Whether light falls on them.
-        cutout : float or None
-            Alpha from which it is drawn; None blends.
-        """
+        """Add rectangles with a picture."""
         count = len(corners)
         if not count:
             return
@@ -135,15 +74,7 @@ class BakedScene:
         self._cards.append(made)
 
     def shadow(self, casts, receives, extents=None):
-        """Take light away where surfaces hide lights; see :meth:`Paint.shadow`.
-
-        Parameters
-        ----------
-        casts, receives : None, callable or sequence
-            Which actors and things.
-        extents : callable, optional
-            A light and how far it reaches to its size.
-        """
+        """Take light away where surfaces hide lights; see :meth:`Paint.shadow`."""
         self.lights_stand = True
         self._requests.append(
             lambda paint: paint.shadow(
@@ -152,59 +83,23 @@ class BakedScene:
         )
 
     def drape(self, draped, *, mode, lit, dim, receives, casts):
-        """Lay pictures onto surfaces; see :meth:`Paint.drape`.
-
-        Parameters
-        ----------
-        draped, mode, lit, dim : object
-            As there.
-        receives, casts : None, callable or sequence
-            Which actors and things.
-        """
+        """Lay pictures onto surfaces; see :meth:`Paint.drape`."""
         self._requests.append(
             lambda paint: paint.drape(draped, mode, lit, dim, chosen(receives), chosen(casts))
         )
 
     def lines(self, owners, *, color, width, opacity, crease):
-        """Draw silhouettes, borders and creases as lines.
-
-        Parameters
-        ----------
-        owners : None or sequence
-            Actors and things; all by default.
-        color : tuple of 3 float
-            Of the lines.
-        width : float
-            Pixels.
-        opacity : float
-            Of the lines.
-        crease : float or None
-            Least angle of creases, degrees; None for no creases.
-        """
+        """Draw silhouettes, borders and creases as lines."""
         self._lines.append((chosen(owners), color, width, opacity, crease))
 
     def dome(self, color_of):
-        """Put a dome around the scene.
-
-        Parameters
-        ----------
-        color_of : callable
-            Unit directions (n, 3) to colours (n, 3), 0 to 1.
-        """
+        """Put a dome around the scene."""
         self._dome = color_of
 
     # -- what becomes of it --------------------------------------------------------------------
 
     def add_to(self, plotter, props):
-        """Add all of it to the active subplot of a plotter.
-
-        Parameters
-        ----------
-        plotter : pyvista.Plotter
-            Where to.
-        props : sequence of (str or None, vtkProp)
-            What else is in the subplot, by name.
-        """
+        """Add all of it to the active subplot of a plotter."""
         plain = [_Plain(name, p) for name, p in props if p.GetVisibility() and not is_marker(p)]
         own = self._own()
         needs = bool(self._requests or self._lines)
@@ -329,13 +224,7 @@ class _Plain:
 
 
 def chosen(choice):
-    """Return what tells of a surface whether an actor or thing is chosen.
-
-    Parameters
-    ----------
-    choice : None, callable or sequence
-        All; those for which it returns true; or those in it.
-    """
+    """Return what tells of a surface whether an actor or thing is chosen."""
     if choice is None:
         return lambda surface: True
     if callable(choice):
@@ -345,13 +234,7 @@ def chosen(choice):
 
 
 def names_of(renderer) -> dict:
-    """Return what a renderer calls its actors, by their address.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        One of PyVista's has names.
-    """
+    """Return what a renderer calls its actors, by their address."""
     actors = getattr(renderer, 'actors', None)
     return {address(a): n for n, a in actors.items()} if isinstance(actors, dict) else {}
 

@@ -20,33 +20,7 @@ _PATTERN, _FINEST = 200_000, 32
 
 @dataclass
 class Surface:
-    """What becomes one actor.
-
-    Attributes
-    ----------
-    points : numpy.ndarray, shape (n, 3), float64
-        World units.
-    faces : numpy.ndarray, shape (m, 3), int
-        Triangles.
-    normals : numpy.ndarray, shape (n, 3), or None
-        None is flat.
-    coordinates : numpy.ndarray, shape (n, 2), or None
-        In the texture.
-    colors : numpy.ndarray, shape (n, 4), uint8, or None
-        Multiply the texture; None is the material's colour.
-    texture : numpy.ndarray, shape (h, w, 4), uint8, or None
-        Row 0 at the top.
-    material : vtkProperty
-        Of its own.
-    owner : vtkActor or pvibr.Effect
-        What it stands for.
-    closed : bool
-        Whether its back faces are never seen.
-    cutout : float or None
-        Alpha below which nothing is drawn; what is above is opaque.
-    repeat, smooth : bool
-        Whether the texture goes on beyond its edges, and between its texels.
-    """
+    """What becomes one actor."""
 
     points: np.ndarray
     faces: np.ndarray
@@ -101,15 +75,7 @@ class Surface:
         return {n: v for n in names if (v := getattr(self, n)) is not None}
 
     def with_rows(self, rows, faces) -> Surface:
-        """Return the same with other points and triangles.
-
-        Parameters
-        ----------
-        rows : dict of str to numpy.ndarray
-            As `rows` returned them.
-        faces : numpy.ndarray, shape (m, 3), int
-            Triangles.
-        """
+        """Return the same with other points and triangles."""
         return replace(self, faces=faces, **rows)
 
     def dataset(self) -> pv.PolyData:
@@ -125,18 +91,7 @@ class Surface:
         return mesh
 
     def add_to(self, plotter):
-        """Add it to the active subplot of a plotter.
-
-        Parameters
-        ----------
-        plotter : pyvista.Plotter
-            Where to.
-
-        Returns
-        -------
-        pyvista.Actor
-            What was added.
-        """
+        """Add it to the active subplot of a plotter."""
         look: dict[str, Any] = {'scalars': None, 'color': self.material.GetColor()}
         if self.colors is not None:
             look = {'scalars': _COLORS, 'rgb': True}
@@ -179,20 +134,7 @@ def _pattern(side):
 
 
 def surface_of_part(part, owner) -> Surface:
-    """Return a part as a surface where it stands.
-
-    Parameters
-    ----------
-    part : pvibr.actors.parts.Part
-        With its mesh.
-    owner : vtkActor or pvibr.Effect
-        What it stands for.
-
-    Returns
-    -------
-    Surface
-        With a material of its own.
-    """
+    """Return a part as a surface where it stands."""
     mesh, prop = part.mesh, part.actor.GetProperty()
     faces = np.asarray(mesh.regular_faces, int).reshape(-1, 3)
     normals = mesh.point_data.active_normals if prop.GetInterpolation() != _FLAT else None
@@ -214,13 +156,7 @@ def surface_of_part(part, owner) -> Surface:
 
 
 def material_of(prop):
-    """Return a copy of a material that every viewer knows.
-
-    Parameters
-    ----------
-    prop : vtkProperty
-        Any; of physically based ones the colour stays.
-    """
+    """Return a copy of a material that every viewer knows."""
     copy = pv.Property()
     copy_property(copy, prop)
     copy.RemoveAllTextures()
@@ -277,24 +213,7 @@ def _colors_of(part):
 
 
 def tiled(surface, matrices, colors=None, multiply=False) -> Surface:
-    """Return many copies of a surface as one.
-
-    Parameters
-    ----------
-    surface : Surface
-        What is copied.
-    matrices : numpy.ndarray, shape (k, 4, 4)
-        World from the surface's space.
-    colors : numpy.ndarray, shape (k, 3) or (k, 4), uint8, optional
-        Of each.
-    multiply : bool, optional
-        Whether they multiply its own colours, or take their place, and its texture's.
-
-    Returns
-    -------
-    Surface
-        One after the other.
-    """
+    """Return many copies of a surface as one."""
     count, n = len(matrices), len(surface.points)
     axes, origins = matrices[:, :3, :3], matrices[:, None, :3, 3]
     rows = {'points': (surface.points @ np.swapaxes(axes, 1, 2) + origins).reshape(-1, 3)}
@@ -332,36 +251,13 @@ def _plain(surface, count):
 
 
 def multiplied(a, b) -> np.ndarray:
-    """Return the product of colours.
-
-    Parameters
-    ----------
-    a, b : numpy.ndarray, uint8
-        Of shapes that go together; 255 is one.
-
-    Returns
-    -------
-    numpy.ndarray, uint8
-        Rounded.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> multiplied(np.uint8([255, 128]), np.uint8([51, 128])).tolist()
-    [51, 64]
-    """
+    """Return the product of colours."""
     product = np.asarray(a, np.uint16) * np.asarray(b, np.uint16)
     return ((product + 127) // 255).astype(np.uint8)
 
 
 def albedo_of(surface) -> np.ndarray:
-    """Return the colours of points without texture and light, (n, 4), float from 0 to 1.
-
-    Parameters
-    ----------
-    surface : Surface
-        Any.
-    """
+    """Return the colours of points without texture and light, (n, 4), float from 0 to 1."""
     rows = surface.colors
     rows = _plain(surface, len(surface.points)) if rows is None else rows
     return rows / 255.0

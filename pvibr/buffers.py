@@ -46,20 +46,7 @@ void main()
 
 
 class Geometry(NamedTuple):
-    """Normals, numbers and depth of opaque surfaces as the camera sees them, in textures.
-
-    Attributes
-    ----------
-    surface : pvibr.gl.Texture
-        Red and green: the view-space normal's x and y, both 2 where there is none. Blue: the
-        number, from 1, below 0 where the normal's z is. Alpha: 0 for nothing, else 1.
-    depth : pvibr.gl.Texture
-        0 near to 1 far.
-    numbered : list
-        Actors and things; ``numbered[i]`` has the number i + 1.
-    origin : tuple of 2 int
-        Texel of `surface` that is the lower left one of the subplot.
-    """
+    """Normals, numbers and depth of opaque surfaces as the camera sees them, in textures."""
 
     surface: Any
     depth: Any
@@ -151,13 +138,7 @@ def _is_lit(actor, lights) -> bool:
 
 
 class Drawn:
-    """Geometry of chosen actors, drawn for itself.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        In a window whose context is current.
-    """
+    """Geometry of chosen actors, drawn for itself."""
 
     def __init__(self, renderer):
         self._numbers = _Numbers(renderer)
@@ -171,22 +152,7 @@ class Drawn:
         return self._target.nbytes if self._target else 0
 
     def draw(self, frame, things=(), choice=None) -> Geometry:
-        """Draw what a frame shows.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that is drawn.
-        things : sequence of pvibr.Effect
-            What draws by actors of its own.
-        choice : None, callable or sequence
-            Which actors and things; all by default.
-
-        Returns
-        -------
-        Geometry
-            Of those alone, whatever hides them.
-        """
+        """Draw what a frame shows."""
         self._surfaces.update(things)
         actors, chosen = self._surfaces.chosen(choice, things)
         seen = replace(frame, casting=True)
@@ -292,13 +258,7 @@ class _Shared:
 
 
 class Buffers:
-    """One frame's buffers, as textures for effects and as arrays.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        Whose frames.
-    """
+    """One frame's buffers, as textures for effects and as arrays."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -318,17 +278,7 @@ class Buffers:
         return list(self._geometry.numbered) if self._geometry else []
 
     def attach(self, frame, scene, things):
-        """Have normals and numbers written while the scene is drawn, where that can be.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        scene : pvibr.gl.scene_pass.ScenePass
-            What it is drawn into.
-        things : sequence of pvibr.Effect
-            What draws by actors of its own, prepared.
-        """
+        """Have normals and numbers written while the scene is drawn, where that can be."""
         self._shared = self._shared or _Shared(self.renderer)
         self._shared.attach(frame, scene, things)
 
@@ -338,22 +288,7 @@ class Buffers:
             self._shared.detach()
 
     def geometry(self, frame, picture, things) -> Geometry:
-        """Return normals and numbers of a frame, drawn again where the scene's drawing had none.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that is drawn.
-        picture : pvibr.gl.picture.Picture
-            Its pixels.
-        things : sequence of pvibr.Effect
-            What draws by actors of its own.
-
-        Returns
-        -------
-        Geometry
-            Of all actors.
-        """
+        """Return a frame's normals and ids, redrawn if the scene pass wrote none."""
         if self._frame is not frame:
             shared = self._shared.geometry(frame, picture) if self._shared else None
             self._geometry = shared or self._again(frame, things)
@@ -365,24 +300,7 @@ class Buffers:
         return self._drawn.draw(frame, things)
 
     def array(self, name, frame, picture, things) -> np.ndarray:
-        """Return a buffer of a frame.
-
-        Parameters
-        ----------
-        name : {'depth', 'normal', 'id', 'color'}
-            Which.
-        frame : pvibr.frame.Frame
-            The frame that is drawn.
-        picture : pvibr.gl.picture.Picture
-            Its pixels.
-        things : sequence of pvibr.Effect
-            What draws by actors of its own.
-
-        Returns
-        -------
-        numpy.ndarray
-            float32, top row first.
-        """
+        """Return a buffer of a frame."""
         if name == 'color':
             texels = picture.color.download()
             scale = 255 if texels.dtype == np.uint8 else 1
@@ -427,20 +345,7 @@ def _normals(texels):
 
 
 class Tap(Effect):
-    """Reads a buffer of the next frame; the picture stays as it is.
-
-    Parameters
-    ----------
-    buffer : {'depth', 'normal', 'id', 'color'}
-        Which.
-
-    Attributes
-    ----------
-    array : numpy.ndarray or None
-        What was read.
-    numbered : list
-        Actors and things that ids are indices into.
-    """
+    """Reads a buffer of the next frame; the picture stays as it is."""
 
     def __init__(self, buffer):
         if buffer not in NAMES:
@@ -456,15 +361,7 @@ class Tap(Effect):
         return self.buffer in ('normal', 'id')
 
     def render(self, frame, picture):
-        """Read it.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that is drawn.
-        picture : pvibr.gl.picture.Picture
-            Its pixels.
-        """
+        """Read it."""
         buffers = self.pipeline.buffers
         self.array = buffers.array(self.buffer, frame, picture, self.pipeline.things)
         self.numbered = buffers.numbered

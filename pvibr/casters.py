@@ -20,13 +20,7 @@ _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
 
 
 class Surfaces:
-    """The actors of a renderer that are surfaces, listed anew only when props come or go.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        Whose actors.
-    """
+    """The actors of a renderer that are surfaces, listed anew only when props come or go."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -35,13 +29,7 @@ class Surfaces:
         self._free: dict = {}
 
     def update(self, things):
-        """Look again, where props came or went.
-
-        Parameters
-        ----------
-        things : sequence of pvibr.Effect
-            Those that draw by actors of their own, see :class:`Casters`.
-        """
+        """Look again, where props came or went."""
         stamp = self.renderer.GetViewProps().GetMTime(), *map(id, things)
         if stamp != self._stamp:
             self._stamp = stamp
@@ -55,22 +43,7 @@ class Surfaces:
             self._free = {k: a for k, a in self._all.items() if k not in owned}
 
     def chosen(self, choice, things=()) -> tuple[dict, list]:
-        """Return the actors that are no thing's, and the things, that are chosen.
-
-        Parameters
-        ----------
-        choice : None, callable or sequence
-            All; those for which it returns true; or those in it.
-        things : sequence of pvibr.Effect
-            What else there is.
-
-        Returns
-        -------
-        dict
-            Address to actor.
-        list
-            Of the things.
-        """
+        """Return the actors that are no thing's, and the things, that are chosen."""
         if choice is None:
             return self._free, list(things)
         if not callable(choice):
@@ -82,36 +55,13 @@ class Surfaces:
 
 
 def listed(things) -> list:
-    """Return one prop or effect, or several, as a list.
-
-    Parameters
-    ----------
-    things : object or iterable of object
-        VTK's objects are one thing, what they may hold is not asked.
-
-    Returns
-    -------
-    list
-        The things.
-
-    Examples
-    --------
-    >>> from pvibr.casters import listed
-    >>> listed((1, 2)), listed(1)
-    ([1, 2], [1])
-    """
+    """Return one prop or effect, or several, as a list."""
     several = isinstance(things, Iterable) and not isinstance(things, str)
     return list(things) if several and not hasattr(things, 'IsA') else [things]
 
 
 def address(actor) -> str:
-    """Return what two wrappers of one VTK object have in common.
-
-    Parameters
-    ----------
-    actor : vtkObject
-        Any.
-    """
+    """Return what two wrappers of one VTK object have in common."""
     return actor.GetAddressAsString('')
 
 
@@ -161,13 +111,7 @@ vec3 ibr_kept(vec3 n)
 
 
 def is_smooth(actor) -> bool:
-    """Tell whether an actor draws facets with normals that vary over them.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        With a mapper.
-    """
+    """Tell whether an actor draws facets with normals that vary over them."""
     data = actor.GetMapper().GetInput()
     has_points = data is not None and data.IsA('vtkDataSet')
     if not has_points or data.GetPointData().GetNormals() is None:
@@ -189,15 +133,7 @@ def _tells_bulge(actor, point_data) -> bool:
 
 
 def dress(actor, *, casts=True):
-    """Have an actor's shader tell where its surface is, where that is not on its triangles.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        With a mapper.
-    casts : bool
-        Whether it was drawn as a caster, too; see :func:`sized`.
-    """
+    """Have an actor's shader tell where its surface is, where that is not on its triangles."""
     smooth = is_smooth(actor)
     spheres = draws_spheres(actor)
     (SPHERES.attach if spheres else SPHERES.detach)(actor)
@@ -212,30 +148,13 @@ def dress(actor, *, casts=True):
 
 
 def undress(actor):
-    """Take off what :func:`dress` put on.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        Any.
-    """
+    """Take off what :func:`dress` put on."""
     for feature in (SPHERES, SMOOTH):
         feature.detach(actor)
 
 
 def is_thin(actor) -> bool:
-    """Tell whether an actor draws points or lines, as wide as its material says in pixels.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        With a mapper.
-
-    Returns
-    -------
-    bool
-        False where there are polygons, too.
-    """
+    """Tell whether an actor draws points or lines, as wide as its material says in pixels."""
     if actor.GetMapper().IsA('vtkPointGaussianMapper'):
         return False  # its points are as large as the world says
     if actor.GetProperty().GetRepresentation() != _SURFACE:
@@ -249,32 +168,14 @@ def is_thin(actor) -> bool:
 
 
 def draws_spheres(actor) -> bool:
-    """Tell whether an actor draws points as spheres, and nothing else.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        With a mapper.
-    """
+    """Tell whether an actor draws points as spheres, and nothing else."""
     prop = actor.GetProperty()
     return bool(prop.GetRenderPointsAsSpheres() or prop.GetRenderLinesAsTubes()) and is_thin(actor)
 
 
 @contextmanager
 def sized(actors, frame, seen, bulge):
-    """Draw points and lines as large as they are in the camera's picture.
-
-    Parameters
-    ----------
-    actors : iterable of vtkActor
-        Those that are polygons stay as they are.
-    frame : pvibr.frame.Frame
-        The camera's.
-    seen : pvibr.frame.Frame
-        That in which they are drawn.
-    bulge : float
-        Width of the window over that of the target.
-    """
+    """Draw points and lines as large as they are in the camera's picture."""
     kept = []
     for actor in actors:
         if is_thin(actor):
@@ -308,46 +209,20 @@ def _set_number(actor, name, value):
 
 
 def depths_of(thing) -> list:
-    """Return the actors that draw the depth of what a thing shows.
-
-    Parameters
-    ----------
-    thing : pvibr.Effect
-        Prepared for the view.
-    """
+    """Return the actors that draw the depth of what a thing shows."""
     return thing.depths() if hasattr(thing, 'depths') else thing.drawn()
 
 
 @dataclass
 class Casters:
-    """What is drawn in a view from somewhere else.
-
-    Attributes
-    ----------
-    actors : list of vtkActor
-        Visible props that are drawn as they are.
-    things : list of pvibr.Effect
-        Things in the pipeline that choose what they draw for each view, such as instances: they
-        have ``prepare``, ``finish``, ``bounds``, ``stamp()``, ``actors()`` and ``drawn()``; those
-        whose shadows volumes can throw have ``solids()``, actors with what they draw as meshes,
-        and those with a cheaper way to draw depth alone have ``depths()``, actors that do; those
-        that reach farther than their bounds in what a light sees have ``cast_bounds``.
-    frame : pvibr.frame.Frame, optional
-        In whose picture points and lines have their width.
-    """
+    """What is drawn in a view from somewhere else."""
 
     actors: list = field(default_factory=list)
     things: list = field(default_factory=list)
     frame: Any = None
 
     def key(self, *, again=False) -> tuple:
-        """Return what changes whenever anything drawn does.
-
-        Parameters
-        ----------
-        again : bool
-            Look again, and not only once.
-        """
+        """Return what changes whenever anything drawn does."""
         if again:
             vars(self).pop('_key', None)
         return self._key
@@ -358,13 +233,7 @@ class Casters:
         return actors, tuple((id(t), t.stamp()) for t in self.things)
 
     def inherit(self, before):
-        """Take over what is known of the casters of another frame, where nothing changed.
-
-        Parameters
-        ----------
-        before : Casters or None
-            Of the frame before.
-        """
+        """Take over what is known of the casters of another frame, where nothing changed."""
         if before is not None and before.key() == self.key():
             vars(self)['_thin'] = before._thin
             if not before._thin:
@@ -410,18 +279,7 @@ class Casters:
         return float(2.0 ** np.ceil(np.log2(width)))  # in steps: the camera moves all the time
 
     def seen(self, view) -> Casters:
-        """Return what may be in a view.
-
-        Parameters
-        ----------
-        view : pvibr.maths.views.View
-            Where from.
-
-        Returns
-        -------
-        Casters
-            Actors whose boxes reach into it, and all things: they leave out what they like.
-        """
+        """Return what may be in a view."""
         inside = may_see(view, self._boxes)
         actors = [a for a, i in zip(self.actors, inside, strict=True) if i]
         return Casters(actors, self.things, self.frame)

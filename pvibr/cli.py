@@ -1,9 +1,4 @@
-"""The command line: ``pvibr doctor``, ``demo``, ``view``, ``play``, ``bake``, ``bench``.
-
-The bodies are imported when their command runs, so that ``pvibr --help`` is instant and
-``pvibr doctor`` works where the rest cannot. What goes wrong is one line on standard error and
-exit code 2; set ``PVIBR_DEBUG=1`` to see where it happened.
-"""
+"""The command line: ``pvibr doctor``, ``demo``, ``view``, ``play``, ``bake``, ``bench``."""
 
 from __future__ import annotations
 
@@ -81,25 +76,7 @@ def demo(
     movie: Path | None = None,
     size: str = '1280x720',
 ) -> None:
-    """Walk through a landscape of trees, drawn by VTK and by pvibr.
-
-    Parameters
-    ----------
-    out
-        Folder for the pictures and the table.
-    count
-        Number of trees.
-    max_error
-        What the picture may differ from the full meshes, in pixels.
-    frames
-        Number of frames on the camera path: 24 to be timed, 360 of a walk to be looked at.
-    window
-        Open a window and walk through it, instead of measuring.
-    movie
-        MP4 file to write the walk to, instead of measuring.
-    size
-        Width and height of the picture in pixels.
-    """
+    """Walk through a landscape of trees, drawn by VTK and by pvibr."""
     pixels = _size(size)
     from pvibr.demo import main
 
@@ -129,31 +106,7 @@ def view(
     scale: _Pixels = 1.0,
     window: bool = False,
 ) -> None:
-    """Draw a mesh at every pose of a file.
-
-    Parameters
-    ----------
-    mesh
-        Any file that PyVista or trimesh reads.
-    poses
-        CSV with the columns x, y, z and maybe scalars, or NPY of shape (n, 3) or (n, 4, 4).
-    max_error
-        What the picture may differ from the full meshes, in pixels.
-    out
-        PNG file to write the picture to.
-    size
-        Width and height of the picture in pixels.
-    scalars
-        Column of the poses file to colour the instances by.
-    cmap
-        Colour map for the scalars.
-    columns
-        Columns of the poses file to read as x,y,z; "-" stands for zero.
-    scale
-        How many units of the poses a unit of the mesh is.
-    window
-        Open a window instead; nothing is written.
-    """
+    """Draw a mesh at every pose of a file."""
     pixels, names = _size(size), _columns(columns)
     from pvibr.view import main
 
@@ -186,31 +139,7 @@ def play(
     seconds: Annotated[float | None, _Positive] = None,
     skinning: Literal['linear', 'dual'] = 'linear',
 ) -> None:
-    """Play a file that moves: in a window, or as a movie or a picture.
-
-    Parameters
-    ----------
-    file
-        glTF (GLB), or a series of meshes that PyVista reads.
-    clip
-        Name or number of the clip; the first one by default.
-    movie
-        Movie (MP4, GIF, ...) to write instead of opening a window.
-    frame
-        Draw one picture, of this second.
-    out
-        PNG file for that picture; FILE.png by default.
-    fps
-        Frames of the movie in a second.
-    size
-        Width and height of the picture in pixels.
-    speed
-        Seconds of the clip in a second; below 0 it runs backward.
-    seconds
-        How long the movie is; once through the clip by default.
-    skinning
-        How joints are blended.
-    """
+    """Play a file that moves: in a window, or as a movie or a picture."""
     pixels = _size(size)
     from pvibr.play import main
 
@@ -231,17 +160,7 @@ def play(
 
 @app.command
 def bake(mesh: ExistingFile, *, out: _Out = None, sheet: Path | None = None) -> None:
-    """Bake the atlas of a mesh and keep it in a file.
-
-    Parameters
-    ----------
-    mesh
-        Any file that PyVista or trimesh reads.
-    out
-        NPZ file of the atlas; by default beside the mesh, as MESH.atlas.npz.
-    sheet
-        PNG file for a contact sheet of the atlas.
-    """
+    """Bake the atlas of a mesh and keep it in a file."""
     from pvibr.actors.bake import bake
     from pvibr.actors.parts import as_parts
 
@@ -254,15 +173,7 @@ def bake(mesh: ExistingFile, *, out: _Out = None, sheet: Path | None = None) -> 
 
 def _bench_command(name):
     def command(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-        """Measure, and write the table and the plot.
-
-        Parameters
-        ----------
-        out
-            Folder for the table (JSON) and the plot (PNG).
-        quick
-            Measure a few points only, to see that the bench runs.
-        """
+        """Measure, and write the table and the plot."""
         _measure(name, out, quick)
 
     return command
@@ -280,19 +191,7 @@ def _measure(name, out, quick):
 
 
 def main(tokens: Sequence[str] | None = None) -> int:
-    """Run one command.
-
-    Parameters
-    ----------
-    tokens : sequence of str, optional
-        The arguments; by default those of the process.
-
-    Returns
-    -------
-    int
-        0 when all went well, 1 when the doctor found something missing, 2 after an error, 130
-        after an interruption.
-    """
+    """Run one command."""
     try:
         return _run(sys.argv[1:] if tokens is None else list(tokens))
     except KeyboardInterrupt:

@@ -17,34 +17,7 @@ _VIEWS = ('trame_pyvista', 'pyvista.trame')
 
 
 class Clock:
-    """Moves a time while a plotter is looked at or filmed.
-
-    In windows, and in pages of notebooks and trame, seconds are those of the wall; a page begins
-    with its first frame. A movie that is open decides instead: each frame that is written is one
-    frame's time later than the one before. Off screen nothing else moves the time, so that
-    pictures are the same wherever they are made.
-
-    Parameters
-    ----------
-    plotter : pyvista.BasePlotter
-        What draws; anything with ``render()`` and either ``render_window`` or ``renderer``.
-    tell : callable
-        Takes the new time in seconds.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> pl = pv.Plotter(off_screen=True)
-    >>> times = []
-    >>> clock = Clock(pl, times.append)
-    >>> clock.start(0.0, speed=2.0, fps=10)
-    >>> clock.write(lambda: None)
-    >>> clock.write(lambda: None)
-    >>> times
-    [0.2, 0.4]
-    >>> clock.stop()
-    >>> pl.close()
-    """
+    """Moves a time while a plotter is looked at or filmed."""
 
     def __init__(self, plotter, tell):
         self._plotter, self._tell = plotter, tell
@@ -54,24 +27,7 @@ class Clock:
         self.running = False
 
     def start(self, time, *, speed=1.0, loop=None, fps=None):
-        """Let the time go on from some moment.
-
-        Parameters
-        ----------
-        time : float
-            The moment, seconds.
-        speed : float
-            Seconds in a second of those who look; backward below 0.
-        loop : float, optional
-            Seconds after which it begins again at this moment.
-        fps : float, optional
-            Frames of a movie in a second; by default those that the movie was opened with.
-
-        Raises
-        ------
-        ValueError
-            Where a number is not allowed.
-        """
+        """Let the time go on from some moment."""
         speed = float(speed)
         if not math.isfinite(speed):
             msg = f'speed = {speed}: must be a finite number; 0 stands still'
@@ -102,13 +58,7 @@ class Clock:
         return self._ticks is not None
 
     def set(self, time):
-        """Go on from another moment.
-
-        Parameters
-        ----------
-        time : float
-            Seconds.
-        """
+        """Go on from another moment."""
         self._base = self._shown = float(time)
         self._since: float | None = None
         self._looks = 0
@@ -129,18 +79,7 @@ class Clock:
             self._plotter.__dict__.pop('write_frame', None)
 
     def write(self, frame):
-        """Write a frame of a movie, after which it is later.
-
-        Parameters
-        ----------
-        frame : callable
-            Writes it.
-
-        Raises
-        ------
-        ValueError
-            Where nobody says how many frames a second has.
-        """
+        """Write a frame of a movie, after which it is later."""
         fps = self._fps or _fps_of(getattr(self._plotter, 'mwriter', None))
         if self._since is not None:  # the wall decided until now
             self.set(self._shown)
@@ -239,25 +178,13 @@ class _Loop:
 
 
 def filming(plotter) -> bool:
-    """Tell whether a movie is open, for which frames are drawn.
-
-    Parameters
-    ----------
-    plotter : pyvista.BasePlotter
-        With a ``mwriter`` of imageio, or without.
-    """
+    """Tell whether a movie is open, for which frames are drawn."""
     writer = getattr(plotter, 'mwriter', None)
     return writer is not None and not getattr(writer, 'closed', False)
 
 
 def draw(plotter):
-    """Draw a frame, in the window or for each page that is open: they draw when they are told.
-
-    Parameters
-    ----------
-    plotter : pyvista.BasePlotter
-        What draws; anything with ``render()``.
-    """
+    """Draw a frame, in the window or for each page that is open: they draw when they are told."""
     told = getattr(plotter, '_on_render_callbacks', ())
     if not told or not all(tell.__module__.startswith(_VIEWS) for tell in told):
         plotter.render()
@@ -267,20 +194,7 @@ def draw(plotter):
 
 
 def ticks(plotter, tick):
-    """Have a function called again and again where a plotter is looked at.
-
-    Parameters
-    ----------
-    plotter : pyvista.BasePlotter
-        What draws; anything with ``renderer``.
-    tick : callable
-        Called without arguments every `PERIOD`.
-
-    Returns
-    -------
-    object or None
-        With ``stop()``; None off screen, where nothing ticks.
-    """
+    """Have a function called again and again where a plotter is looked at."""
     if has_page(plotter):
         with contextlib.suppress(RuntimeError):  # nothing runs
             return _Loop(asyncio.get_running_loop(), tick)
@@ -293,13 +207,7 @@ def ticks(plotter, tick):
 
 
 def is_dragged(window) -> bool:
-    """Tell whether an interactor's style or a widget asks for frames in time.
-
-    Parameters
-    ----------
-    window : vtkRenderWindow or None
-        Whose update rate is above that of a still picture meanwhile.
-    """
+    """Tell whether an interactor's style or a widget asks for frames in time."""
     interactor = None if window is None else window.GetInteractor()
     if interactor is None:
         return False
@@ -307,13 +215,7 @@ def is_dragged(window) -> bool:
 
 
 def has_page(plotter) -> bool:
-    """Tell whether something that is told of frames, such as a view of trame, shows them.
-
-    Parameters
-    ----------
-    plotter : pyvista.BasePlotter
-        What draws.
-    """
+    """Tell whether something that is told of frames, such as a view of trame, shows them."""
     # Views ask to be told of each ``plotter.render()``. Where rendering is suppressed, the
     # browser draws by itself.
     told = getattr(plotter, '_on_render_callbacks', ())

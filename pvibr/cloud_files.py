@@ -13,25 +13,7 @@ _CUTOFF = 0.5
 
 
 def write_glb(cloud, path):
-    """Write a cloud as binary glTF 2.0.
-
-    Parameters
-    ----------
-    cloud : pvibr.clouds.BillboardCloud
-        What is written.
-    path : pathlib.Path
-        The file.
-
-    Returns
-    -------
-    list of pathlib.Path
-        It.
-
-    Notes
-    -----
-    Positions are float32 there, so they are told from the middle of the cloud, and its node
-    stands at that place.
-    """
+    """Write a cloud as binary glTF 2.0."""
     glb, mesh = GlbWriter(), cloud.mesh
     middle = np.asarray(mesh.center)
     uv = np.asarray(mesh.active_texture_coordinates)
@@ -85,20 +67,7 @@ def _png(texture):
 
 
 def write_obj(cloud, path):
-    """Write a cloud as OBJ, with its material and two pictures beside it.
-
-    Parameters
-    ----------
-    cloud : pvibr.clouds.BillboardCloud
-        What is written.
-    path : pathlib.Path
-        The OBJ file.
-
-    Returns
-    -------
-    list of pathlib.Path
-        OBJ, MTL and the PNG files.
-    """
+    """Write a cloud as OBJ, with its material and two pictures beside it."""
     stem = path.stem.replace(' ', '_')  # names in these files end at a blank
     material, color = path.with_name(f'{stem}.mtl'), path.with_name(f'{stem}.png')
     normal = path.with_name(f'{stem}_normals.png')

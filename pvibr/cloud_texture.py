@@ -24,23 +24,7 @@ _BLOCK = 1 << 20  # distances looked at together
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """Where the picture of each plane is, in the world and in the texture.
-
-    Parameters
-    ----------
-    axes : numpy.ndarray, shape (k, 3, 3)
-        Rows: to the right, up, and the normal.
-    low : numpy.ndarray, shape (k, 3)
-        The lower left corner along these axes, world units; the third is the plane's offset.
-    scale : float
-        Texels of a world unit.
-    texels : numpy.ndarray of int, shape (k, 2)
-        Width and height.
-    corners : numpy.ndarray of int, shape (k, 2)
-        The lower left texel.
-    side : int
-        Of the texture.
-    """
+    """Where the picture of each plane is, in the world and in the texture."""
 
     axes: np.ndarray
     low: np.ndarray
@@ -50,15 +34,7 @@ class Sheet:
     side: int
 
     def quads(self):
-        """Return the corners of each picture, counter-clockwise: in the world and in the texture.
-
-        Returns
-        -------
-        points : numpy.ndarray, shape (k, 4, 3)
-            World units.
-        coordinates : numpy.ndarray, shape (k, 4, 2)
-            From 0 to 1.
-        """
+        """Return each image's corners, counter-clockwise, in world and texture space."""
         unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
         texel = unit * self.texels[:, None]
         flat = self.low[:, None].repeat(4, 1)
@@ -67,20 +43,7 @@ class Sheet:
         return points, (self.corners[:, None] + texel) / self.side
 
     def flattened(self, points, plane):
-        """Return points as they lie in the texture, in texels, with their height over it.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, shape (n, ..., 3)
-            World units.
-        plane : numpy.ndarray of int, shape (n,)
-            Of which plane.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, ..., 3)
-            Texels.
-        """
+        """Return points as they lie in the texture, in texels, with their height over it."""
         flat = np.einsum('n...d,ned->n...e', points, self.axes[plane])
         to = np.column_stack([self.corners, np.zeros(len(self.corners))])
         shape = (len(plane), *[1] * (flat.ndim - 2), 3)
@@ -88,29 +51,7 @@ class Sheet:
 
 
 def arranged(planes, points, faces, side) -> Sheet:
-    """Return the smallest rectangles around what lies on each plane, packed into a square.
-
-    Parameters
-    ----------
-    planes : pvibr.maths.billboard_clouds.Planes
-        With the plane of each triangle.
-    points : numpy.ndarray, shape (n, 3)
-        World units.
-    faces : numpy.ndarray of int, shape (m, 3)
-        Triangles.
-    side : int
-        Texels along a side of the square.
-
-    Returns
-    -------
-    Sheet
-        As fine as fits.
-
-    Raises
-    ------
-    ValueError
-        Where there are too many planes.
-    """
+    """Return the smallest rectangles around what lies on each plane, packed into a square."""
     order = np.argsort(planes.owner, kind='stable')
     starts = np.searchsorted(planes.owner[order], np.arange(len(planes) + 1))
     axes, low, sizes = [], [], []
@@ -148,30 +89,7 @@ def _rectangle(points, normal):
 
 
 def draw(parts, origin, planes, sheet, reach, supersample):
-    """Draw all that is near to each plane onto it.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-        Whose triangles, one part after the other, the planes were found for.
-    origin : numpy.ndarray, shape (3,)
-        From where planes and sheet count, world units.
-    planes : pvibr.maths.billboard_clouds.Planes
-        The planes.
-    sheet : Sheet
-        Where their pictures are.
-    reach : numpy.ndarray, shape (k,)
-        How far from each plane a triangle may be, world units.
-    supersample : int
-        Samples along a side of a texel, less where the driver has no such textures.
-
-    Returns
-    -------
-    color : numpy.ndarray, shape (side, side, 4), uint8
-        Alpha is 0 or 255; top row first.
-    normal : numpy.ndarray, shape (side, side, 3), uint8
-        Tangent space: red to the right, green up; top row first.
-    """
+    """Draw all that is near to each plane onto it."""
     flat = []
     first = 0
     for part in parts:

@@ -147,52 +147,9 @@ def billboard_cloud(
 ) -> BillboardCloud:
     """Return a mesh as few textured rectangles that any viewer shows.
 
-    Every triangle is projected onto a plane that all of its corners are near to. Good for what
-    is small on the screen or far away, above all for what other simplification cannot do, such
-    as trees.
-
-    Parameters
-    ----------
-    mesh : dataset, MultiBlock, actor, trimesh object, path or sequence of Part
-        What is simplified.
-    epsilon : float, optional
-        How far a vertex may be displaced at most, as a share of the diagonal of the bounding box.
-        Fewer planes with more.
-    planes : int, optional
-        How many planes at most, instead: they are placed by k-means, and how far vertices are
-        displaced is only told.
-    size : int, optional
-        Texels along a side of the texture, 16 to 8192.
-    supersample : int, optional
-        Samples along a side of a texel: 1, 2, 4 or 8.
-    seed : int, optional
-        Of the first planes of k-means.
-    **looks
-        As in :meth:`pyvista.Plotter.add_mesh`; ``alpha_cutoff`` for textures with holes.
-
-    Returns
-    -------
-    BillboardCloud
-        Mesh, textures, and what is known about them.
-
-    Raises
-    ------
-    ValueError
-        Where a number is out of its range, the mesh has no area, or size is too small for so
-        many planes.
-
-    Notes
-    -----
     Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification",
     SIGGRAPH 2003. What lies very near to a plane is drawn onto it even where another plane has it
     too: that closes gaps between them. More of it would show things twice.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> cloud = pv.Cube().ibr.billboard_cloud(epsilon=0.02, size=64)
-    >>> len(cloud.planes), cloud.displacement <= cloud.epsilon
-    (6, True)
     """
     _check(epsilon, planes, size, supersample)
     start = time.perf_counter()
@@ -254,11 +211,7 @@ def _joined(parts):
 
 
 def _sides(planes, points, faces, solid, apart):
-    """Return a plane for each side that is shown, and which of the given ones it is.
-
-    Of a thin wall both sides are near to one plane: then it has two pictures, a little apart, so
-    that the one before hides the other. Leaves are the same from both sides.
-    """
+    """Return a plane for each side that is shown, and which of the given ones it is."""
     a, b, c = points[faces].transpose(1, 0, 2)
     area = (np.cross(b - a, c - a) * planes.normals[planes.owner]).sum(1)
     count = len(planes)

@@ -63,35 +63,7 @@ def main(
     *, out=Path('out'), count=10_000, max_error=1.0, frames=None, window=False, movie=None,
     size=(1280, 720),
 ):  # fmt: skip
-    """Draw, measure and write; with `window` or `movie` only show that.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder for ``demo.png``, ``off.png``, ``on.png``, ``error.png`` and ``demo.json``.
-    count : int
-        Trees.
-    max_error : float
-        Pixels.
-    frames : int, optional
-        On the camera path.
-    window : bool
-        Open a window.
-    movie : pathlib.Path, optional
-        MP4 file.
-    size : tuple of 2 int
-        Pixels.
-
-    Raises
-    ------
-    ImportError
-        If a movie is asked for and imageio-ffmpeg is not installed.
-
-    Examples
-    --------
-    >>> from pvibr.demo import main
-    >>> main(count=50, out=folder)  # doctest: +SKIP
-    """
+    """Draw, measure and write; with `window` or `movie` only show that."""
     if movie is not None:
         require('imageio_ffmpeg', 'movie', 'Movies')
     scene = landscape(count)
@@ -281,24 +253,7 @@ def _film(scene, max_error, frames, size, file):
 
 
 def scenery(scene, max_error, size, *, off_screen):
-    """Return a plotter with a landscape, as the window of the demo shows it.
-
-    Parameters
-    ----------
-    scene : pvibr.scenes.landscape.Landscape
-        Terrain, trees and light.
-    max_error : float
-        Pixels.
-    size : tuple of 2 int
-        Of the window, pixels.
-    off_screen : bool
-        Whether there is no window on a screen.
-
-    Returns
-    -------
-    pyvista.Plotter
-        Not shown yet; its camera is at the beginning of the trail.
-    """
+    """Return a plotter with a landscape, as the window of the demo shows it."""
     plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), lighting='none')
     for light in scene.lights():
         plotter.add_light(light)

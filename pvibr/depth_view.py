@@ -31,26 +31,7 @@ _VEIL = Feature(
 
 
 class DepthView:
-    """Depth textures of one or more views, side by side in one, drawn again only when stale.
-
-    Parameters
-    ----------
-    drawer : pvibr.gl.drawer.Drawer
-        Draws the props.
-    views : int
-        How many.
-    resolution : int
-        Texels along a side of each; less where the driver's limit asks for it.
-    compare : bool
-        Whether it is read by a ``sampler2DShadow``.
-    veiled : bool
-        Whether translucent casters let light through; else they are left out.
-
-    Attributes
-    ----------
-    bakes : int
-        Views drawn so far.
-    """
+    """Depth textures of one or more views, side by side in one, drawn again only when stale."""
 
     def __init__(self, drawer, views, resolution, *, compare=False, veiled=False):
         self.drawer = drawer
@@ -92,34 +73,11 @@ class DepthView:
         return self.veils[1].colors[0]
 
     def corner(self, k) -> tuple[int, int]:
-        """Return the lower left texel of a view in the texture.
-
-        Parameters
-        ----------
-        k : int
-            Which view.
-        """
+        """Return the lower left texel of a view in the texture."""
         return k % self.columns * self.resolution, k // self.columns * self.resolution
 
     def update(self, frame, views, casters, *, faces='both') -> list[int]:
-        """Draw the views that are stale.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        views : sequence of pvibr.maths.views.View
-            As many as it was made for.
-        casters : Casters
-            What is drawn.
-        faces : {'both', 'back'}
-            Which sides of polygons are drawn.
-
-        Returns
-        -------
-        list of int
-            Those that were drawn.
-        """
+        """Draw the views that are stale."""
         shared = casters.key()
         stale = [k for k, v in enumerate(views) if self._keys[k] != (v.key(), shared)]
         self.views = list(views)
@@ -200,22 +158,7 @@ def _set_veil(actor, mode):
 
 
 def seen_from(frame, view, resolution):
-    """Return a frame as it would be from another view, drawn for its depth alone.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        The frame about to be drawn.
-    view : pvibr.maths.views.View
-        Where from.
-    resolution : int
-        Pixels along a side.
-
-    Returns
-    -------
-    pvibr.frame.Frame
-        Of the same renderer.
-    """
+    """Return a frame as it would be from another view, drawn for its depth alone."""
     return replace(
         frame, size=(resolution, resolution), origin=(0, 0), parallel=view.parallel,
         view_from_world=view.view_from_world, clip_from_view=view.clip_from_view,

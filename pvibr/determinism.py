@@ -61,29 +61,10 @@ class deterministic(ContextDecorator):
 
 
 def is_deterministic() -> bool:
-    """Tell whether nothing may depend on time that is measured.
-
-    Returns
-    -------
-    bool
-        As :class:`deterministic` said last.
-    """
+    """Tell whether nothing may depend on time that is measured."""
     return _on
 
 
 def elapsed(start, nominal) -> float:
-    """Return the seconds since a moment, for who chooses by them.
-
-    Parameters
-    ----------
-    start : float
-        Of ``time.perf_counter()``.
-    nominal : float
-        Seconds that are said where nothing may depend on what is measured.
-
-    Returns
-    -------
-    float
-        Seconds.
-    """
+    """Return the seconds since a moment, for who chooses by them."""
     return nominal if _on else perf_counter() - start

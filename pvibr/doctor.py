@@ -1,10 +1,4 @@
-"""What draws here, what is missing, and the command that mends it.
-
-Without usable OpenGL libraries VTK ends the process with a segmentation fault at the first
-window. So the libraries are looked for before VTK is, and the first picture is drawn by another
-process. The top of this file imports the standard library alone, because the bootstrap runs it as
-a script before anything is installed: exit code 0 when the libraries are there, 1 when not.
-"""
+"""What draws here, what is missing, and the command that mends it."""
 
 from __future__ import annotations
 
@@ -50,24 +44,7 @@ _LIMITS = {
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the doctor found; ``str()`` of it is what ``pvibr doctor`` prints.
-
-    Parameters
-    ----------
-    facts : dict of str to str
-        What there is, by name.
-    problems : list of tuple of str
-        What is missing, each with the command that mends it.
-
-    Examples
-    --------
-    >>> from pvibr.doctor import Diagnosis
-    >>> print(Diagnosis({'Python': '3.12'}, [('no network', 'plug it in')]))
-    Python      3.12
-    <BLANKLINE>
-    missing: no network
-      mend it: plug it in
-    """
+    """What the doctor found; ``str()`` of it is what ``pvibr doctor`` prints."""
 
     facts: dict[str, str] = field(default_factory=dict)
     problems: list[tuple[str, str]] = field(default_factory=list)
@@ -80,19 +57,7 @@ class Diagnosis:
 
 
 def diagnose() -> Diagnosis:
-    """Look at versions, drawing, cache and packages; draws one picture in another process.
-
-    Returns
-    -------
-    Diagnosis
-        What was found.
-
-    Examples
-    --------
-    >>> from pvibr.doctor import diagnose
-    >>> 'VTK' in diagnose().facts  # doctest: +SKIP
-    True
-    """
+    """Look at versions, drawing, cache and packages; draws one picture in another process."""
     found = Diagnosis()
     for look in (_versions, _packages, _drawing, _cache, _extras):
         look(found)
@@ -100,15 +65,7 @@ def diagnose() -> Diagnosis:
 
 
 def require_gl() -> None:
-    """Raise, rather than let VTK end the process, when nothing can be drawn here.
-
-    Call it before the first window. It costs a millisecond where the libraries are found.
-
-    Raises
-    ------
-    PvibrError
-        If there is no usable OpenGL; the message names the command that mends it.
-    """
+    """Raise, rather than let VTK end the process, when nothing can be drawn here."""
     # A VTK that brings its own OpenGL needs none of the system's: only drawing can tell.
     if has_gl_libraries() or not _draw_elsewhere()[1]:
         return
@@ -119,25 +76,14 @@ def require_gl() -> None:
 
 
 def prefer_egl() -> None:
-    """Let VTK draw by EGL at once where there is no display to ask first.
-
-    VTK tries the X server before, and complains about it on standard error. Nothing changes where
-    there is a display, no EGL, or a choice of the user's.
-    """
+    """Let VTK draw by EGL at once where there is no display to ask first."""
     headless = sys.platform.startswith('linux') and not os.environ.get('DISPLAY')
     if headless and _loads_egl():
         os.environ.setdefault('VTK_DEFAULT_OPENGL_WINDOW', 'vtkEGLRenderWindow')
 
 
 def has_gl_libraries() -> bool:
-    """Tell whether the libraries are there that VTK opens at its first window.
-
-    Returns
-    -------
-    bool
-        On Linux, whether EGL with OpenGL, OSMesa, or GLX with a display can be loaded, each beside
-        X11, without which VTK tries none of them; elsewhere OpenGL is part of the system.
-    """
+    """Tell whether the libraries are there that VTK opens at its first window."""
     if not sys.platform.startswith('linux'):
         return True
     glx = _loads('libGL.so.1') and bool(os.environ.get('DISPLAY'))
@@ -146,13 +92,7 @@ def has_gl_libraries() -> bool:
 
 
 def gl_remedy() -> str:
-    """Name the command that installs the OpenGL libraries.
-
-    Returns
-    -------
-    str
-        A command line for this system.
-    """
+    """Name the command that installs the OpenGL libraries."""
     sudo = '' if getattr(os, 'geteuid', lambda: 0)() == 0 else 'sudo '
     if shutil.which('apt-get'):
         return f'{sudo}apt-get install --no-install-recommends libegl1 libgl1'

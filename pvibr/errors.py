@@ -46,34 +46,7 @@ class ClosedError(PvibrError, RuntimeError):
 
 
 def require(module, extra, what):
-    """Return a module that one of pvibr's extras installs.
-
-    Parameters
-    ----------
-    module : str
-        Its full name.
-    extra : str
-        Which extra.
-    what : str
-        What needs it, as the error begins.
-
-    Returns
-    -------
-    module
-        The module.
-
-    Raises
-    ------
-    ImportError
-        Where it is not installed; the message names the extra.
-
-    Examples
-    --------
-    >>> from pvibr.errors import require
-    >>> require('no_such_module', 'las', 'LAS and LAZ files')
-    Traceback (most recent call last):
-    ImportError: LAS and LAZ files need no_such_module: run pip install 'pvibr[las]'
-    """
+    """Return a module that one of pvibr's extras installs."""
     try:
         return importlib.import_module(module)
     except ImportError as error:

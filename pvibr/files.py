@@ -11,34 +11,7 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def replacing(path):
-    """Write a file under another name, and give it its own once it is whole.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        Where it shall be; the folder is made.
-
-    Yields
-    ------
-    pathlib.Path
-        Where to write it: beside, with the same ending. It is removed where the block raises, and
-        what was at `path` stays.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be written, such as on a full disk.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pvibr.files import replacing
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with replacing(Path(folder) / 'note.txt') as file:
-    ...         _ = file.write_text('whole')
-    ...     [p.name for p in Path(folder).iterdir()]
-    ['note.txt']
-    """
+    """Write a file under another name, and give it its own once it is whole."""
     path = Path(path)
     part = path.with_name(f'.{uuid.uuid4().hex}{path.suffix}')
     try:

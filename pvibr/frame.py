@@ -10,56 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One frame of one subplot; read-only, the only thing that is passed to effects.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        The subplot's renderer.
-    window : vtkRenderWindow
-        Its window; the context is current.
-    size : tuple of 2 int
-        Width and height of what is drawn, in pixels: the subplot, or a tile of it.
-    origin : tuple of 2 int
-        Its lower left corner in the window, in pixels.
-    view_from_world : numpy.ndarray
-        (4, 4) float64, column vectors; the eye at the origin, looking along -z.
-    clip_from_view : numpy.ndarray
-        (4, 4) float64; clip z from -w (near) to w (far).
-    parallel : bool
-        Whether the projection is parallel.
-    near, far : float
-        The clipping planes' distances from the eye, in world units.
-    eye : numpy.ndarray
-        (3,) float64, the camera's position in world space.
-    index : int
-        How many frames the subplot's pipeline drew before.
-    time : float
-        Seconds, as the user set them.
-    picking : bool
-        Whether this frame is drawn to pick and not to be seen.
-    casting : bool
-        Whether it is drawn for its depth alone, from where a light or a projector is.
-    tile : tuple of 4 float
-        Left, bottom, right and top of what is drawn, as shares of the subplot: all of it, unless
-        a screenshot larger than the window is drawn in tiles, a frame for each.
-    scale : int
-        How many times larger than the window that screenshot is: what is so many pixels wide in
-        the window is so many times as wide in it.
-    quality : float
-        How good the frame must be, above 0 to 1: less only while the view moves and full frames
-        take longer than ``pl.ibr.moving_ms``. What is drawn from elsewhere, to be kept, is full.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> frame = Frame(
-    ...     None, None, (64, 32), (0, 0), np.eye(4), np.eye(4),
-    ...     parallel=True, near=0.1, far=1.0, eye=np.zeros(3),
-    ... )  # fmt: skip
-    >>> frame.pixel_scale
-    16.0
-    """
+    """One frame of one subplot; read-only, the only thing that is passed to effects."""
 
     renderer: Any
     window: Any
@@ -81,24 +32,7 @@ class Frame:
 
     @classmethod
     def of(cls, renderer, *, index=0, time=0.0, quality=1.0) -> Frame:
-        """Return the frame that a renderer is about to draw.
-
-        Parameters
-        ----------
-        renderer : vtkRenderer
-            In a window.
-        index : int, optional
-            The frame's number.
-        time : float, optional
-            Seconds.
-        quality : float, optional
-            How good it must be.
-
-        Returns
-        -------
-        Frame
-            With copies of the camera's matrices.
-        """
+        """Return the frame that a renderer is about to draw."""
         camera = renderer.GetActiveCamera()
         near, far = camera.GetClippingRange()
         projection = camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1)
@@ -144,18 +78,7 @@ class Frame:
         return bool(np.array_equal(_matrix(matrix), self.view_from_world))
 
     def pixel_at(self, point) -> float:
-        """Return the size of a pixel at a point, in world units.
-
-        Parameters
-        ----------
-        point : array_like, shape (3,)
-            World units; behind the near plane it counts as on it.
-
-        Returns
-        -------
-        float
-            World units.
-        """
+        """Return the size of a pixel at a point, in world units."""
         away = -float(self.view_from_world[2, :3] @ point + self.view_from_world[2, 3])
         return (1.0 if self.parallel else max(away, self.near)) / self.pixel_scale
 

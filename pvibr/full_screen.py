@@ -43,15 +43,7 @@ class FullScreen(Effect):
     _image: Any = None
 
     def render(self, frame, picture):
-        """Draw over or behind the picture.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        picture : pvibr.gl.picture.Picture
-            Its pixels.
-        """
+        """Draw over or behind the picture."""
         size = frame.whole
         uniforms = {'tile': frame.tile, 'size': size, **self._uniforms(frame, size)}
         name, textures = f'screen {self.name}', self._textures(frame)
@@ -110,13 +102,7 @@ class FullScreenImage(FullScreen):
         super().__init__(**settings)
 
     def needed(self, frame) -> bool | str:
-        """Tell whether it can be seen.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether it can be seen."""
         left, bottom, right, top = self.place
         if not (left < right and bottom < top):
             return f'place = {self.place} is empty: left < right and bottom < top'

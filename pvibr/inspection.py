@@ -34,32 +34,7 @@ _NAME, _LINE = 16, 26  # letters of a name, and of a line
 
 
 class Inspection(Effect):
-    """Shows how a subplot is drawn; :meth:`pl.ibr.inspect <IBRComponent.inspect>` makes it.
-
-    Parameters
-    ----------
-    thing : Instances or Impostor, optional
-        Whose images are shown; by default the first that is drawn.
-    **settings
-        `levels`, `cells`, `atlas` and `table`.
-
-    Raises
-    ------
-    TypeError
-        Where `thing` is something else.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> pl = pv.Plotter(off_screen=True, window_size=(320, 240))
-    >>> cones = pl.ibr.add_instances(pv.Cone(), [[0, 0, 0], [2, 0, 0]], cache=False)
-    >>> view = pl.ibr.inspect()
-    >>> pl.show(auto_close=False)
-    >>> sum(view.report()['levels'].values())
-    2
-    >>> view.remove()
-    >>> pl.close()
-    """
+    """Shows how a subplot is drawn; :meth:`pl.ibr.inspect <IBRComponent.inspect>` makes it."""
 
     web = 'lost', 'tells how frames are drawn here, and a browser draws its own'
     before = 'Tap'  # all that may be looked at has chosen by then what it draws
@@ -90,13 +65,7 @@ class Inspection(Effect):
         return tuple(self._marks.actors)
 
     def attach(self, pipeline):
-        """Put its marks into the subplot.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-        """
+        """Put its marks into the subplot."""
         super().attach(pipeline)
         for actor in self.props:
             pipeline.renderer.AddViewProp(actor)
@@ -127,15 +96,7 @@ class Inspection(Effect):
             self._marks.release(window)
 
     def report(self) -> dict:
-        """Return what the last frame had.
-
-        Returns
-        -------
-        dict
-            ``levels``: how many instances each level drew, those of which two take turns in both;
-            ``cells``: how many were drawn, and of how many; ``images`` of impostors
-            that it shows, and ``new_images``, drawn for it.
-        """
+        """Return what the last frame had."""
         return {'bytes': 0, **self._told}
 
     def _on_end(self, renderer, _event):
@@ -145,13 +106,7 @@ class Inspection(Effect):
     # -- a frame -----------------------------------------------------------------------------
 
     def prepare(self, frame):
-        """Look at what all others chose for a frame, and mark it.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Look at what all others chose for a frame, and mark it."""
         report = self.pipeline.report()
         pairs = list(zip(self.pipeline.effects, report.rows, strict=True))
         drawn = [effect for effect, row in pairs if row.state == 'ran']
@@ -171,13 +126,7 @@ class Inspection(Effect):
         self._show_atlas(frame, self._chosen(drawn))
 
     def finish(self, frame):
-        """Give everyone their own colours back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Give everyone their own colours back."""
         self._untint()
 
     def _tint(self, kinds):
@@ -288,18 +237,7 @@ class Inspection(Effect):
 
 
 def level_counts(kinds) -> dict[str, int]:
-    """Return how many instances each level draws in the last frame.
-
-    Parameters
-    ----------
-    kinds : iterable of Kind
-        That were drawn.
-
-    Returns
-    -------
-    dict of str to int
-        In the order of :data:`LEVELS`.
-    """
+    """Return how many instances each level draws in the last frame."""
     counts: Counter = Counter()
     for kind in kinds:
         counts.update('lighter mesh' if level else 'mesh' for level in kind.near.values())

@@ -16,26 +16,7 @@ _PICTURE = 0.34  # side of the picture over the shorter one of the subplot
 
 
 def edges(low, high) -> np.ndarray:
-    """Return the edges of boxes.
-
-    Parameters
-    ----------
-    low, high : numpy.ndarray, shape (n, 3)
-        Their corners.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 12, 2, 3)
-        The ends of each edge.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.inspection_marks import edges
-    >>> ends = edges(np.zeros((1, 3)), np.ones((1, 3)))
-    >>> np.abs(ends[0, :, 1] - ends[0, :, 0]).sum(1).tolist()
-    [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
-    """
+    """Return the edges of boxes."""
     corners = np.array(list(np.ndindex(2, 2, 2)))
     pairs = np.array([(a, b) for a in range(8) for b in range(a) if (a ^ b) in (1, 2, 4)])
     places = np.where(corners[None] == 1, high[:, None], low[:, None])
@@ -43,22 +24,7 @@ def edges(low, high) -> np.ndarray:
 
 
 def projected(frame, ends):
-    """Return lines as a camera sees them, cut where they pass the eye.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        The camera.
-    ends : numpy.ndarray, shape (n, 2, 3), float64
-        World units.
-
-    Returns
-    -------
-    lines : numpy.ndarray, shape (m, 2, 2)
-        Shares of the subplot, of the lines that may be in view.
-    kept : numpy.ndarray, shape (m,), int
-        Which of the lines they are.
-    """
+    """Return lines as a camera sees them, cut where they pass the eye."""
     view = frame.view_from_world
     # Less the eye first: places may be far from the origin.
     eye = (ends - frame.eye) @ view[:3, :3].T
@@ -84,20 +50,7 @@ def _order(w):
 
 
 class Shapes:
-    """Lines or quads, each of one colour.
-
-    Parameters
-    ----------
-    corners : {2, 4}
-        Of each.
-    width : float
-        Of lines, pixels.
-
-    Attributes
-    ----------
-    actor : vtkActor2D
-        Draws them.
-    """
+    """Lines or quads, each of one colour."""
 
     def __init__(self, corners, width=1.0):
         self.corners = corners
@@ -108,15 +61,7 @@ class Shapes:
         self.show(np.zeros((0, corners, 2)), np.zeros((0, 4)))
 
     def show(self, places, colors):
-        """Draw these.
-
-        Parameters
-        ----------
-        places : array_like, shape (n, corners, 2)
-            Shares of the subplot.
-        colors : array_like, shape (n, 4)
-            0 to 255.
-        """
+        """Draw these."""
         places = np.asarray(places, float).reshape(-1, 2)
         mesh = _mesh(places, self.corners)
         table = np.ascontiguousarray(colors, np.uint8).reshape(-1, 4)
@@ -126,18 +71,7 @@ class Shapes:
 
 
 class Words:
-    """Lines of a fixed font, made as they are needed.
-
-    Parameters
-    ----------
-    count : int
-        Lines at most.
-
-    Attributes
-    ----------
-    actors : list of vtkTextActor
-        Draw them.
-    """
+    """Lines of a fixed font, made as they are needed."""
 
     def __init__(self, count):
         self._scale = 1
@@ -150,17 +84,7 @@ class Words:
             how.SetVerticalJustificationToCentered()
 
     def show(self, lines, font, scale=1):
-        """Draw these.
-
-        Parameters
-        ----------
-        lines : list of (str, float, float)
-            What, and where its left end is, as shares of the subplot.
-        font : int
-            Size, pixels.
-        scale : int
-            How many times larger than the window the picture is.
-        """
+        """Draw these."""
         again, self._scale = scale != self._scale, scale
         for k, actor in enumerate(self.actors):
             actor.SetVisibility(k < len(lines))
@@ -174,13 +98,7 @@ class Words:
 
 
 class TexturePicture:
-    """A texture of the GPU, shown as it is.
-
-    Attributes
-    ----------
-    actor : vtkTexturedActor2D
-        Draws it.
-    """
+    """A texture of the GPU, shown as it is."""
 
     def __init__(self):
         self.actor = _vtk.vtkTexturedActor2D()
@@ -191,17 +109,7 @@ class TexturePicture:
         self.hide()
 
     def show(self, texture, part, box):
-        """Draw a part of a texture.
-
-        Parameters
-        ----------
-        texture : Texture
-            On the GPU.
-        part : tuple of 2 float
-            Share of its width and height, from its lower left corner.
-        box : numpy.ndarray, shape (2, 2)
-            Lower left and upper right corner, shares of the subplot.
-        """
+        """Draw a part of a texture."""
         mesh = _mesh(_corners(box), 4)
         places = _corners(np.array([(0.0, 0.0), part])).astype(np.float32)
         mesh.GetPointData().SetTCoords(_vtk.numpy_to_vtk(places, deep=True))
@@ -216,15 +124,7 @@ class TexturePicture:
 
 
 class Marks:
-    """All that an inspection draws, in the order in which it is drawn.
-
-    Examples
-    --------
-    >>> from pvibr.inspection_marks import Marks
-    >>> marks = Marks()
-    >>> marks.boxes.actor in marks.actors
-    True
-    """
+    """All that an inspection draws, in the order in which it is drawn."""
 
     def __init__(self):
         self.boxes = Shapes(2)
@@ -244,24 +144,7 @@ class Marks:
             actor.VisibilityOff()
 
     def write(self, size, rows, titled, scale=1):
-        """Draw a panel of words with a patch of colour before some, and the frame of a picture.
-
-        Parameters
-        ----------
-        size : tuple of 2 float
-            Of the subplot, pixels.
-        rows : list of (str, tuple of 3 float or None)
-            Words, and the colour of the patch, from 0 to 1.
-        titled : tuple of str and float or None
-            Title and height over width of a picture; None where there is none.
-        scale : int
-            How many times larger than the window the picture is.
-
-        Returns
-        -------
-        numpy.ndarray, shape (2, 2), or None
-            Lower left and upper right corner of the picture, shares of the subplot.
-        """
+        """Draw a panel of words with a patch of colour before some, and the frame of a picture."""
         sheet = _Sheet(size)
         sheet.write(rows)
         box = None if titled is None else sheet.frame(*titled)
@@ -270,13 +153,7 @@ class Marks:
         return None if box is None else box / size
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive.
-
-        Parameters
-        ----------
-        window : vtkRenderWindow
-            Whose context is current.
-        """
+        """Free the GPU's memory; the context must be alive."""
         self.picture.hide()
         for actor in self.actors:
             actor.ReleaseGraphicsResources(window)
@@ -334,25 +211,7 @@ def _corners(box):
 
 
 def outlines(low, high) -> np.ndarray:
-    """Return the sides of flat boxes.
-
-    Parameters
-    ----------
-    low, high : numpy.ndarray, shape (n, 2)
-        Their corners.
-
-    Returns
-    -------
-    numpy.ndarray, shape (4 n, 2, 2)
-        The ends of each side.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.inspection_marks import outlines
-    >>> outlines(np.zeros((1, 2)), np.ones((1, 2)))[0].tolist()
-    [[0.0, 0.0], [1.0, 0.0]]
-    """
+    """Return the sides of flat boxes."""
     (x0, y0), (x1, y1) = low.T, high.T
     corners = np.stack([np.stack(c, 1) for c in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))], 1)
     return np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2, 2)

@@ -15,28 +15,7 @@ _ONE = ('dot', 'flat', 'middle')  # programs that show one view
 
 
 class Sheet:
-    """The images of a thing as they lie on the GPU, and the tiles of it that matter.
-
-    Parameters
-    ----------
-    thing : Instances or Impostor
-        That has images; of instances of several meshes those of the first.
-    frame : pvibr.frame.Frame
-        The frame about to be drawn.
-
-    Attributes
-    ----------
-    texture : Texture
-        With the images.
-    part : tuple of 2 float
-        Share of its width and height that is shown.
-    ratio : float
-        Height over width of that.
-    low, high : numpy.ndarray, shape (n, 2)
-        Corners of tiles, shares of what is shown.
-    colors : numpy.ndarray, shape (n, 4)
-        Of each: white where it is in use, grey where not, `FLASH` where it was drawn just now.
-    """
+    """The images of a thing as they lie on the GPU, and the tiles of it that matter."""
 
     def __init__(self, thing, frame):
         if isinstance(thing, Impostor):
@@ -66,51 +45,19 @@ class Sheet:
 
 
 def has_images(thing) -> bool:
-    """Tell whether there are images to show.
-
-    Parameters
-    ----------
-    thing : Instances or Impostor
-        That was prepared for a frame.
-    """
+    """Tell whether there are images to show."""
     if isinstance(thing, Impostor):
         return thing.images is not None and thing.images.pool is not None
     return bool(thing.kinds) and 'ibr_albedo' in thing.kinds[0].cards.textures
 
 
 def as_bytes(color) -> tuple[int, ...]:
-    """Return a colour in bytes.
-
-    Parameters
-    ----------
-    color : tuple of float
-        From 0 to 1.
-
-    Examples
-    --------
-    >>> from pvibr.inspection_tiles import as_bytes
-    >>> as_bytes((0.0, 0.5, 1.0))
-    (0, 128, 255)
-    """
+    """Return a colour in bytes."""
     return tuple(round(255 * c) for c in color)
 
 
 def used_views(kind, frame) -> np.ndarray:
-    """Return the views that the cards of a frame are drawn from.
-
-    Parameters
-    ----------
-    kind : pvibr.actors.kind.Kind
-        That chose what it draws in the frame.
-    frame : pvibr.frame.Frame
-        The frame about to be drawn.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 2), int
-        Column and row of each, of the grid of views. Of large sets a part of the instances is
-        asked, spread evenly.
-    """
+    """Return the views that the cards of a frame are drawn from."""
     slots = _slots(kind)
     if not len(slots):
         return np.zeros((0, 2), int)

@@ -19,29 +19,7 @@ _MOST = 0.4
 
 
 def spans(whole, tile, margin) -> list[tuple[int, int, int]]:
-    """Return where tiles along one side of a picture begin, and what is kept of them.
-
-    Parameters
-    ----------
-    whole, tile : int
-        Pixels of the picture and of a tile; the tile is not the larger one.
-    margin : int
-        Pixels of a tile, at either end, that are not used unless they are at the picture's end.
-
-    Returns
-    -------
-    list of tuple of 3 int
-        Where a tile begins, and the first and the last but one pixel of the picture that it
-        gives: each pixel is given once.
-
-    Examples
-    --------
-    >>> from pvibr.large import spans
-    >>> spans(20, 10, 2)
-    [(0, 0, 8), (6, 8, 14), (10, 14, 20)]
-    >>> spans(20, 20, 2)
-    [(0, 0, 20)]
-    """
+    """Return where tiles along one side of a picture begin, and what is kept of them."""
     grid = _GRID if tile - 2 * margin > 2 * _GRID else 1
     found, done = [], 0
     while done < whole:
@@ -53,27 +31,7 @@ def spans(whole, tile, margin) -> list[tuple[int, int, int]]:
 
 
 def picture(window, scale, effects, *, transparent=False) -> np.ndarray:
-    """Draw a window several times as large, in tiles of the window's size.
-
-    Unlike VTK's own tiles these overlap by as much as the effects look around, so there are no
-    seams. Lines, points and text have as many pixels as in a window as large.
-
-    Parameters
-    ----------
-    window : vtkRenderWindow
-        What is drawn.
-    scale : int
-        How many times.
-    effects : iterable of pvibr.effect.Effect
-        Those that are in it; each with ``reach(frame)``, in pixels.
-    transparent : bool
-        Whether the background is left out.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h * scale, w * scale, 3 or 4), uint8
-        Row 0 at the top.
-    """
+    """Draw a window several times as large, in tiles of the window's size."""
     size = window.GetActualSize()
     with _own_cameras(window) as cameras:
         window.SetTileScale(scale, scale)
@@ -176,43 +134,13 @@ def _pixels(window, size, transparent):
 
 
 class Shots:
-    """Pictures of a plotter's window.
-
-    Parameters
-    ----------
-    plotter : pyvista.BasePlotter
-        What draws; anything with ``renderer``.
-    effects : callable
-        Returns all effects in its window.
-    full : callable
-        Returns a context in which frames are of full quality.
-    """
+    """Pictures of a plotter's window."""
 
     def __init__(self, plotter, effects, full):
         self._plotter, self._effects, self._full = plotter, effects, full
 
     def take(self, scale=None, size=None, transparent=None) -> np.ndarray:
-        """Draw a picture; see :meth:`pvibr.component.IBRComponent.screenshot`.
-
-        Parameters
-        ----------
-        scale : int, optional
-            How many times the window.
-        size : tuple of 2 int, optional
-            Pixels instead.
-        transparent : bool, optional
-            Whether the background is left out; by default as the theme has it.
-
-        Returns
-        -------
-        numpy.ndarray, shape (h, w, 3 or 4), uint8
-            Row 0 at the top.
-
-        Raises
-        ------
-        ValueError
-            Where a number is not allowed, or both are given.
-        """
+        """Draw a picture; see :meth:`pvibr.component.IBRComponent.screenshot`."""
         window = self._window()
         tile, scale, size = _checked(tuple(window.GetActualSize()), scale, size)
         if transparent is None:

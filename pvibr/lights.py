@@ -26,21 +26,7 @@ _TILE_EDGE = 4.0  # texels around a view, for filters that reach over its edge
 
 @dataclass(frozen=True)
 class SceneLight:
-    """A light of a renderer.
-
-    Attributes
-    ----------
-    number : int
-        Its number in VTK's shaders: ``lightColor0`` is that of light 0.
-    kind : {'directional', 'spot', 'point', 'headlight'}
-        A positional light whose cone is 90 degrees or more is a point.
-    position : tuple of 3 float
-        World units.
-    direction : tuple of 3 float
-        Unit vector from the light into the scene.
-    cone : float
-        Degrees from the axis to the edge of a spot's cone.
-    """
+    """A light of a renderer."""
 
     number: int
     kind: str
@@ -61,18 +47,7 @@ class SceneLight:
 
 
 def lights_of(renderer) -> list[SceneLight]:
-    """Return the lights of a renderer that are on.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        Camera lights are where its camera puts them now.
-
-    Returns
-    -------
-    list of SceneLight
-        In VTK's order.
-    """
+    """Return the lights of a renderer that are on."""
     renderer.UpdateLightsGeometryToFollowCamera()
     on = [light for light in renderer.GetLights() if light.GetSwitch()]
     return [_scene_light(number, light) for number, light in enumerate(on)]
@@ -97,31 +72,7 @@ def _scene_light(number, light) -> SceneLight:
 def light_views(
     light, bounds, frame, resolution, cascades, *, least=1, square=False
 ) -> list[View]:
-    """Return the views from a light that hold all casters; the first holds the most.
-
-    Parameters
-    ----------
-    light : SceneLight
-        No headlight.
-    bounds : array_like, shape (n, 6)
-        Of the casters, world units; one or more.
-    frame : pvibr.frame.Frame
-        What is drawn: how sharp the shadows must be, and where.
-    resolution : int
-        Texels along a side of a view.
-    cascades : int
-        Views of a directional light, at most.
-    least : int
-        And at least: a number that went down again would have all drawn anew.
-    square : bool
-        Whether a view must be as high as wide, for points that are drawn as squares.
-
-    Returns
-    -------
-    list of View
-        A spot or point light's depend on light and casters alone; so does the first of a
-        directional light, and the others move with the eye in large steps.
-    """
+    """Return the views from a light that hold all casters; the first holds the most."""
     if light.kind == 'directional':
         return _cascades(light, bounds, frame, resolution, (least, cascades), square)
     aim, tangent = _aim(light, bounds)
@@ -136,11 +87,7 @@ def light_views(
 
 
 def _aim(light, bounds):
-    """Return where a positional light looks, and the tangent of half the angle that holds all.
-
-    That is its own cone, or the cone around its casters where that is narrower; None where
-    neither is narrow.
-    """
+    """Return where a positional light looks, and the tangent of half the angle that holds all."""
     points = corners(bounds).reshape(-1, 3)
     middle = (points.min(0) + points.max(0)) / 2
     ways = points - np.array(light.position)

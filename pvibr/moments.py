@@ -20,15 +20,7 @@ uniform vec2 corner;
 
 
 class Moments:
-    """The moments of the depth of a depth view, in half its resolution.
-
-    Parameters
-    ----------
-    view : pvibr.depth_view.DepthView
-        What is blurred.
-    kind : {'vsm', 'evsm', 'msm'}
-        Which moments.
-    """
+    """The moments of the depth of a depth view, in half its resolution."""
 
     def __init__(self, view, kind):
         self.view, self.window = view, view.drawer.window
@@ -54,15 +46,7 @@ class Moments:
         return self.target.nbytes + self._half.nbytes
 
     def update(self, k, sigma):
-        """Blur the depth of a view that was drawn.
-
-        Parameters
-        ----------
-        k : int
-            Which view.
-        sigma : float
-            Standard deviation of the blur in texels of the depth view.
-        """
+        """Blur the depth of a view that was drawn."""
         side = self.view.resolution // 2
         x, y = self.view.corner(k)
         view = self.view.views[k]

@@ -10,51 +10,19 @@ _CAPTION, _PER_WIDTH = 26, 32  # height of a caption: at least, and the picture'
 
 
 def error_colors(error) -> np.ndarray:
-    """Return an error map as colours: black where there is none, through red to pale yellow.
-
-    Parameters
-    ----------
-    error : numpy.ndarray, shape (h, w)
-        0 to 1.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w, 3)
-        0 to 1; the colour map is magma, as FLIP's authors use it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.montage import error_colors
-    >>> error_colors(np.zeros((1, 1))).max() < 0.02
-    np.True_
-    """
+    """Return an error map as colours: black where there is none, through red to pale yellow."""
     from matplotlib import colormaps
 
     return colormaps['magma'](np.clip(error, 0, 1))[..., :3]
 
 
 def as_bytes(picture) -> np.ndarray:
-    """Return a picture with values from 0 to 1 as uint8.
-
-    Parameters
-    ----------
-    picture : numpy.ndarray
-        Any shape.
-    """
+    """Return a picture with values from 0 to 1 as uint8."""
     return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
 
 
 def save(path, picture):
-    """Write a picture as PNG; its folder is made.
-
-    Parameters
-    ----------
-    path : path-like
-        Where to.
-    picture : numpy.ndarray, shape (h, w, 3)
-        0 to 1, or uint8.
-    """
+    """Write a picture as PNG; its folder is made."""
     from PIL import Image
 
     picture = picture if picture.dtype == np.uint8 else as_bytes(picture)
@@ -63,27 +31,7 @@ def save(path, picture):
 
 
 def compose(pictures, columns=3) -> np.ndarray:
-    """Return pictures of the same size side by side, each under its caption.
-
-    Parameters
-    ----------
-    pictures : sequence of (numpy.ndarray, str)
-        Each (h, w, 3), 0 to 1, and its caption.
-    columns : int
-        Pictures in a row.
-
-    Returns
-    -------
-    numpy.ndarray, shape (H, W, 3), uint8
-        On white.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.montage import compose
-    >>> compose([(np.ones((20, 30, 3)), 'one'), (np.ones((20, 30, 3)), 'two')]).shape
-    (46, 64, 3)
-    """
+    """Return pictures of the same size side by side, each under its caption."""
     tiles = [_captioned(picture, text) for picture, text in pictures]
     rows = [tiles[k : k + columns] for k in range(0, len(tiles), columns)]
     blank = np.full_like(tiles[0], 255)

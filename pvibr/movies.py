@@ -25,46 +25,7 @@ _FULL = 2**16
 
 
 class Film:
-    """The frames of a movie in a folder, and the movie that is made of them.
-
-    Frames that an earlier run left are used again if they are of the same movie.
-
-    Parameters
-    ----------
-    path : path
-        A movie, by its ending, or a folder of PNG files.
-    count : int
-        Frames.
-    fps : float
-        Frames a second.
-    marks : dict
-        What must be the same for frames of an earlier run to be of this movie; as JSON keeps it.
-    resume : bool
-        Whether earlier frames are used.
-
-    Raises
-    ------
-    ValueError
-        If the ending is of no movie.
-    ImportError
-        If the movie needs imageio-ffmpeg, and it is not installed.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> import numpy as np
-    >>> from pvibr.movies import Film
-    >>> folder = Path(tempfile.mkdtemp())
-    >>> film = Film(folder / 'dark.gif', count=2, fps=10, marks={}, resume=True)
-    >>> film.missing()
-    [0, 1]
-    >>> for k in film.missing():
-    ...     film.keep(k, np.zeros((4, 4, 3), np.uint8))
-    >>> film.finish()
-    >>> [p.name for p in folder.iterdir()]
-    ['dark.gif']
-    """
+    """The frames of a movie in a folder, and the movie that is made of them."""
 
     def __init__(self, path, *, count, fps, marks, resume):
         self.path, self.count, self.fps = Path(path).expanduser(), count, fps
@@ -91,13 +52,7 @@ class Film:
         return self.folder / f'{k:0{len(str(self.count - 1))}d}.png'
 
     def missing(self) -> list[int]:
-        """Return the frames that are still to be drawn.
-
-        Returns
-        -------
-        list of int
-            Those that are not there, or cannot be read.
-        """
+        """Return the frames that are still to be drawn."""
         self.folder.mkdir(parents=True, exist_ok=True)
         if not self._resume:
             with replacing(self.folder / NOTE) as file:
@@ -117,15 +72,7 @@ class Film:
             return False
 
     def keep(self, k, picture):
-        """Write a frame.
-
-        Parameters
-        ----------
-        k : int
-            Which one.
-        picture : numpy.ndarray, shape (h, w, 3), uint8
-            Row 0 at the top.
-        """
+        """Write a frame."""
         from PIL import Image
 
         with replacing(self._file(k)) as file:
@@ -175,22 +122,7 @@ def _writer(file, ending, fps):
 
 
 def write_movie(film, draw, *, progress=None):
-    """Draw the frames of a movie that are missing, and make it.
-
-    Parameters
-    ----------
-    film : Film
-        The movie.
-    draw : callable
-        Takes the number of a frame, returns its picture, (h, w, 3) uint8.
-    progress : bool, optional
-        Whether a bar is shown on standard error; by default where that is a terminal.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written; it names the frames that are kept.
-    """
+    """Draw the frames of a movie that are missing, and make it."""
     missing = film.missing()
     try:
         with _bar(film, len(missing), progress) as step:
@@ -224,35 +156,7 @@ def _bar(film, missing, wanted):
 
 
 def frame_times(seconds, fps, start, speed) -> np.ndarray:
-    """Return the moment of each frame of a movie.
-
-    Parameters
-    ----------
-    seconds : float
-        How long the movie is.
-    fps : float
-        Frames a second.
-    start : float
-        The first moment, seconds.
-    speed : float
-        Seconds in a second of those who look.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), float64
-        Seconds; at least one.
-
-    Raises
-    ------
-    ValueError
-        If a number is not allowed.
-
-    Examples
-    --------
-    >>> from pvibr.movies import frame_times
-    >>> frame_times(0.5, 4, start=1, speed=2).tolist()
-    [1.0, 1.5]
-    """
+    """Return the moment of each frame of a movie."""
     for name, value, positive in (
         ('seconds', seconds, True),
         ('fps', fps, True),

@@ -19,35 +19,7 @@ SKY = '#dfe9f0'
 
 
 class Stage:
-    """An off-screen window with one sample a pixel.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Width and height in pixels.
-    ground : pyvista.PolyData, optional
-        What stands under the instances, with colours ``'color_rgb'``.
-    view_angle : float, optional
-        Vertical, degrees.
-    samples : int, optional
-        Samples along a side of a pixel: the window is so many times as large, and what is read
-        of it is averaged.
-    background : str, optional
-        Colour.
-    lights : sequence of pyvista.Light, optional
-        Instead of those that a plotter has by default.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.offscreen import Stage
-    >>> with Stage((64, 32)) as stage:
-    ...     stage.plotter.add_mesh(pv.Sphere())
-    ...     stage.look([(3, 0, 0), (0, 0, 0), (0, 0, 1)])
-    ...     stage.picture().shape
-    Actor (...
-    (32, 64, 3)
-    """
+    """An off-screen window with one sample a pixel."""
 
     def __init__(self, size, ground=None, view_angle=30.0, samples=1, background=SKY, lights=()):
         self.samples = samples
@@ -87,24 +59,12 @@ class Stage:
         return self.plotter.renderer
 
     def add(self, actors):
-        """Put actors in, as they are.
-
-        Parameters
-        ----------
-        actors : iterable of vtkProp
-            What is shown.
-        """
+        """Put actors in, as they are."""
         for actor in actors:
             self.renderer.AddViewProp(actor)
 
     def look(self, camera):
-        """Take a camera; near and far follow :attr:`bounds` where it is set.
-
-        Parameters
-        ----------
-        camera : tuple
-            Eye, focus and up, world units.
-        """
+        """Take a camera; near and far follow :attr:`bounds` where it is set."""
         self.plotter.camera_position = camera
         if not self._shown:
             self.plotter.show(auto_close=False)
@@ -120,20 +80,7 @@ class Stage:
         return time.perf_counter() - start
 
     def seconds(self, cameras, limit=np.inf) -> np.ndarray:
-        """Return the seconds of a frame at each of some cameras, after one to warm up.
-
-        Parameters
-        ----------
-        cameras : sequence of tuple
-            Each (eye, focus, up).
-        limit : float, optional
-            Seconds after which no further frame is drawn.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n,)
-            Seconds; fewer than cameras where the limit was met.
-        """
+        """Return the seconds of a frame at each of some cameras, after one to warm up."""
         self.look(cameras[0])
         self.draw()
         found: list[float] = []
@@ -180,11 +127,7 @@ class Stage:
         return _vtk.vtk_to_numpy(data).reshape(height, width)[::-1].copy()
 
     def coverage(self) -> np.ndarray:
-        """Return how much of each pixel all but ground and background cover, (h, w), 0 to 1.
-
-        Drawn before black and before white: what does not change is covered. So it sees soft
-        edges, which a depth buffer does not.
-        """
+        """Return how much of each pixel all but ground and background cover, (h, w), 0 to 1."""
         white, black = (self._before(color) for color in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)))
         return np.clip(1 - (white - black).mean(-1), 0, 1)
 
@@ -204,20 +147,7 @@ class Stage:
 
 
 def add_ground(plotter, ground):
-    """Add a ground to a plotter and return its actor.
-
-    Parameters
-    ----------
-    plotter : pyvista.Plotter
-        Where to.
-    ground : pyvista.PolyData
-        With colours ``'color_rgb'``; smooth where it has normals.
-
-    Returns
-    -------
-    pyvista.Actor
-        The ground.
-    """
+    """Add a ground to a plotter and return its actor."""
     actor = plotter.add_mesh(ground, scalars='color_rgb', rgb=True)
     if ground.point_data.active_normals is not None:
         actor.prop.interpolation = 'Phong'  # not smooth_shading, which computes them anew
@@ -225,40 +155,12 @@ def add_ground(plotter, ground):
 
 
 def covered(depth, ground_depth, samples) -> np.ndarray:
-    """Return coverage from two depth buffers: where they differ something stands before.
-
-    Parameters
-    ----------
-    depth, ground_depth : numpy.ndarray, shape (h * samples, w * samples)
-        With everything, and with the ground alone, at the same camera.
-    samples : int
-        Along a side of a pixel.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w)
-        0 to 1.
-    """
+    """Return coverage from two depth buffers: where they differ something stands before."""
     return box_reduce(depth != ground_depth, samples)
 
 
 def mesh_actors(meshes, poses, index) -> list:
-    """Return VTK actors of the full meshes: one of each part at each pose.
-
-    Parameters
-    ----------
-    meshes : list of list of Part
-        Parts by mesh.
-    poses : numpy.ndarray, shape (n, 4, 4)
-        World from model.
-    index : numpy.ndarray, shape (n,)
-        Which mesh.
-
-    Returns
-    -------
-    list of vtkActor
-        They share the parts' mappers.
-    """
+    """Return VTK actors of the full meshes: one of each part at each pose."""
     return [
         _mesh_actor(part, pose) for pose, k in zip(poses, index, strict=True) for part in meshes[k]
     ]
@@ -273,24 +175,7 @@ def _mesh_actor(part, pose):
 
 
 def spheres(meshes, poses, index):
-    """Return bounding spheres of instances.
-
-    Parameters
-    ----------
-    meshes : list of list of Part
-        Parts by mesh.
-    poses : numpy.ndarray, shape (n, 4, 4)
-        World from model.
-    index : numpy.ndarray, shape (n,)
-        Which mesh.
-
-    Returns
-    -------
-    centers : numpy.ndarray, shape (n, 3)
-        World units.
-    radii : numpy.ndarray, shape (n,)
-        World units.
-    """
+    """Return bounding spheres of instances."""
     own = [bounding_sphere(np.concatenate([p.mesh.points for p in parts])) for parts in meshes]
     center, radius = (np.array(a)[index] for a in zip(*own, strict=True))
     stretch = np.linalg.norm(poses[:, :3, :3], axis=1).max(1)
@@ -298,22 +183,7 @@ def spheres(meshes, poses, index):
 
 
 def in_view(frame, centers, radii):
-    """Return the spheres that a perspective camera may see, the nearest first.
-
-    Parameters
-    ----------
-    frame : Frame
-        Camera and size.
-    centers : numpy.ndarray, shape (n, 3)
-        World units.
-    radii : numpy.ndarray, shape (n,)
-        World units.
-
-    Returns
-    -------
-    numpy.ndarray of int
-        Rows.
-    """
+    """Return the spheres that a perspective camera may see, the nearest first."""
     view, clip = frame.view_from_world, frame.clip_from_view
     x, y, z = (centers @ view[:3, :3].T + view[:3, 3]).T
     wide, high = 1 / clip[0, 0], 1 / clip[1, 1]

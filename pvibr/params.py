@@ -16,25 +16,7 @@ _KINDS = {
 
 
 class Interval:
-    """A range of numbers in the notation of mathematics.
-
-    Parameters
-    ----------
-    text : str
-        Two bounds between brackets: ``[`` and ``]`` include the bound, ``(`` and ``)`` do not.
-
-    Raises
-    ------
-    ValueError
-        Where the text is not an interval.
-
-    Examples
-    --------
-    >>> 0.0 in Interval('(0, 1]'), 1.0 in Interval('(0, 1]')
-    (False, True)
-    >>> 1e300 in Interval('[0, inf)')
-    True
-    """
+    """A range of numbers in the notation of mathematics."""
 
     def __init__(self, text):
         self.text = text
@@ -149,13 +131,7 @@ class Param:
         return words + (' or None (derived from the scene)' if self.optional else '')
 
     def describe(self) -> str:
-        """Return the meaning, what is allowed and the default, in one line.
-
-        Returns
-        -------
-        str
-            For documentation and the help of commands.
-        """
+        """Return the meaning, what is allowed and the default, in one line."""
         return f'{self.doc} Default {self.default!r}; {self.allowed()}.'
 
     def check(self, value, owner=''):
@@ -218,25 +194,7 @@ def _is_number(value, kind) -> bool:
 
 
 def params_of(owner) -> dict[str, Param]:
-    """Return the settings of a class by name, those of its bases first.
-
-    Parameters
-    ----------
-    owner : type
-        A class with :class:`Param` attributes.
-
-    Returns
-    -------
-    dict
-        Name to :class:`Param`, in the order of declaration.
-
-    Examples
-    --------
-    >>> class Lamp:
-    ...     power = Param(1.0, 'How bright it is.', range='[0, inf)', unit='W')
-    >>> list(params_of(Lamp))
-    ['power']
-    """
+    """Return the settings of a class by name, those of its bases first."""
     found = {}
     for base in reversed(owner.__mro__):
         found.update({n: p for n, p in vars(base).items() if isinstance(p, Param)})

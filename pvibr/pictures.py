@@ -14,32 +14,7 @@ _FILMS = ('.avi', '.gif', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.web
 
 
 class Pictures:
-    """One picture, or a sequence of them by time.
-
-    Parameters
-    ----------
-    image : path, array, pyvista.Texture, or a sequence of paths or arrays
-        Arrays are (h, w) or (h, w, c) with 1 to 4 channels (grey, grey and alpha, RGB, RGBA), row
-        0 at the top; uint8, uint16, bool, or float from 0 to 1; (n, h, w, c) is a sequence. Films
-        are read by imageio.
-    mask : path or array, optional
-        (h, w) of any size: 0 where the picture must not be used.
-
-    Raises
-    ------
-    ValueError
-        Where it cannot be read as a picture.
-    FileNotFoundError
-        Where there is no such file.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.pictures import Pictures
-    >>> pictures = Pictures(np.zeros((4, 6, 3)))
-    >>> pictures.size, len(pictures), pictures.read(0).shape
-    ((6, 4), 1, (4, 6, 4))
-    """
+    """One picture, or a sequence of them by time."""
 
     def __init__(self, image, mask=None):
         self.fps = 25.0
@@ -64,38 +39,12 @@ class Pictures:
         return len(self._frames)
 
     def at(self, time, fps=None, loop=True) -> int:
-        """Return which picture is shown at a time.
-
-        Parameters
-        ----------
-        time : float
-            Seconds.
-        fps : float, optional
-            Pictures a second; by default the film's own, or 25.
-        loop : bool, optional
-            Begin again after the last, or hold it.
-
-        Returns
-        -------
-        int
-            From 0.
-        """
+        """Return which picture is shown at a time."""
         number = int(np.floor(time * (fps or self.fps) + 1e-9))
         return number % len(self) if loop else min(max(number, 0), len(self) - 1)
 
     def read(self, k) -> np.ndarray:
-        """Return a picture; decoded only where it is not the one that was read last.
-
-        Parameters
-        ----------
-        k : int
-            Which.
-
-        Returns
-        -------
-        numpy.ndarray, shape (h, w, 4), uint8
-            Row 0 at the top.
-        """
+        """Return a picture; decoded only where it is not the one that was read last."""
         if self._last[0] != k:
             self._last = (k, self._decoded(k))
         picture = self._last[1]
@@ -106,20 +55,7 @@ class Pictures:
         return picture
 
     def weighted(self, k, alpha=True) -> np.ndarray:
-        """Return a picture whose alpha says how much each pixel counts.
-
-        Parameters
-        ----------
-        k : int
-            Which.
-        alpha : bool, optional
-            Whether its own alpha counts, beside the mask.
-
-        Returns
-        -------
-        numpy.ndarray, shape (h, w, 4), uint8
-            Row 0 at the top.
-        """
+        """Return a picture whose alpha says how much each pixel counts."""
         picture = self.read(k)
         if alpha and self.mask is None:
             return picture
@@ -157,20 +93,7 @@ class Pictures:
 
 
 class LivePictures:
-    """What a live texture shows, where pictures are taken.
-
-    Parameters
-    ----------
-    live : pvibr.LiveTexture
-        In a subplot when it is read.
-    mask : None
-        It has its alpha for that.
-
-    Raises
-    ------
-    ValueError
-        Where there is a mask.
-    """
+    """What a live texture shows, where pictures are taken."""
 
     def __init__(self, live, mask=None):
         if mask is not None:
@@ -179,35 +102,11 @@ class LivePictures:
         self.live, self.size = live, live.size
 
     def at(self, time, fps=None, loop=True) -> int:
-        """Return 0: it is one picture, which changes by itself.
-
-        Parameters
-        ----------
-        time, fps, loop : object
-            As :meth:`Pictures.at` has them.
-
-        Returns
-        -------
-        int
-            0.
-        """
+        """Return 0: it is one picture, which changes by itself."""
         return 0
 
     def weighted(self, k, alpha=True) -> np.ndarray:
-        """Return what it shows now.
-
-        Parameters
-        ----------
-        k : int
-            0.
-        alpha : bool, optional
-            Whether its own alpha counts.
-
-        Returns
-        -------
-        numpy.ndarray, shape (h, w, 4), uint8
-            Row 0 at the top.
-        """
+        """Return what it shows now."""
         picture = self.live.image()
         if not alpha:
             picture[..., 3] = 255
@@ -218,22 +117,7 @@ class LivePictures:
 
 
 class Shown:
-    """An image as a texture that shaders sample: a picture, a sequence by time, a live texture.
-
-    Parameters
-    ----------
-    image : path, array, pyvista.Texture, a sequence of these, or pvibr.LiveTexture
-        See :class:`Pictures`. A live texture is in some subplot of the same window.
-    repeat : bool, optional
-        Whether it goes on beyond its left and right edge.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.pictures import Shown
-    >>> Shown(np.zeros((4, 6, 3))).size
-    (6, 4)
-    """
+    """An image as a texture that shaders sample: a picture, a sequence by time, a live texture."""
 
     def __init__(self, image, *, repeat=False):
         self.live: Any = image if is_live(image) else None
@@ -260,22 +144,7 @@ class Shown:
         return self._texture.nbytes if self._texture else 0
 
     def texture(self, window, time=0.0, fps=None, loop=True) -> Texture:
-        """Return the texture of a time; uploaded where it is another picture than before.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Its context is current.
-        time : float, optional
-            Seconds.
-        fps, loop : float, bool, optional
-            See :meth:`Pictures.at`.
-
-        Returns
-        -------
-        pvibr.gl.Texture
-            RGBA, with mip levels, row 0 at the bottom.
-        """
+        """Return the texture of a time; uploaded where it is another picture than before."""
         if self.live is not None:
             return self.live.shown
         k = self.pictures.at(time, fps, loop)
@@ -288,15 +157,7 @@ class Shown:
         return self._texture
 
     def picture(self, time=0.0, fps=None, loop=True) -> np.ndarray:
-        """Return the picture of a time, (h, w, 4) uint8, row 0 at the top.
-
-        Parameters
-        ----------
-        time : float, optional
-            Seconds.
-        fps, loop : float, bool, optional
-            See :meth:`Pictures.at`.
-        """
+        """Return the picture of a time, (h, w, 4) uint8, row 0 at the top."""
         if self.live is not None:
             return self.live.image()
         return self.pictures.read(self.pictures.at(time, fps, loop))
@@ -311,47 +172,12 @@ class Shown:
 
 
 def is_live(image) -> bool:
-    """Tell whether an image is a live texture, which has its own on the GPU.
-
-    Parameters
-    ----------
-    image : object
-        What was given as an image.
-
-    Returns
-    -------
-    bool
-        Whether it has ``shown`` and ``size``.
-    """
+    """Tell whether an image is a live texture, which has its own on the GPU."""
     return hasattr(type(image), 'shown') and hasattr(image, 'size')
 
 
 def as_rgba(image) -> np.ndarray:
-    """Return a picture as colours with alpha.
-
-    Parameters
-    ----------
-    image : path, array or pyvista.Texture
-        See :class:`Pictures`.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w, 4), uint8
-        Row 0 at the top.
-
-    Raises
-    ------
-    TypeError
-        Where it is neither.
-    ValueError
-        Where it is no picture.
-
-    Examples
-    --------
-    >>> from pvibr.pictures import as_rgba
-    >>> as_rgba([[0.0, 1.0]])[0].tolist()
-    [[0, 0, 0, 255], [255, 255, 255, 255]]
-    """
+    """Return a picture as colours with alpha."""
     if isinstance(image, str | Path):
         image = _read(_file('image', image))
     elif hasattr(image, 'to_array'):

@@ -21,44 +21,7 @@ from pvibr.report import Report, Row
 
 
 class Pipeline:
-    """What runs before and after a renderer draws; empty, it does nothing and costs nothing.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        In a window, sooner or later.
-    pace : pvibr.quality.Pace, optional
-        Tells how good a frame must be; by default each is of full quality.
-
-    Attributes
-    ----------
-    renderer : vtkRenderer
-        The subplot's renderer.
-    time : float
-        Seconds, passed to every frame.
-    buffers : pvibr.buffers.Buffers
-        Normals and numbers of what is drawn, for effects that ask for them.
-    watch : pvibr.web_report.Watch or None
-        Told whether there is anything in the pipeline.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr import Effect
-    >>> class Count(Effect):
-    ...     frames = 0
-    ...
-    ...     def prepare(self, frame):
-    ...         self.frames += 1
-    >>> pl = pv.Plotter(off_screen=True)
-    >>> pipeline = Pipeline(pl.renderer)
-    >>> count = pipeline.add(Count())
-    >>> pl.show(auto_close=False)
-    >>> count.frames > 0
-    True
-    >>> pipeline.release()
-    >>> pl.close()
-    """
+    """What runs before and after a renderer draws; empty, it does nothing and costs nothing."""
 
     def __init__(self, renderer, pace=None):
         self.renderer = renderer
@@ -91,25 +54,7 @@ class Pipeline:
         return self._things
 
     def buffer(self, name) -> Tap:
-        """Draw a frame and read one of its buffers.
-
-        Parameters
-        ----------
-        name : {'depth', 'normal', 'id', 'color'}
-            Which.
-
-        Returns
-        -------
-        pvibr.buffers.Tap
-            With its ``array``, and what ids are indices into.
-
-        Raises
-        ------
-        ValueError
-            Where there is no such buffer.
-        RuntimeError
-            Where the frame could not be read.
-        """
+        """Draw a frame and read one of its buffers."""
         tap = Tap(name)
         self.add(tap)
         try:
@@ -124,45 +69,12 @@ class Pipeline:
         return tap
 
     def stops(self, frame, picture) -> float:
-        """Return the exposure of a frame, for effects that come before it.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        picture : pvibr.gl.picture.Picture
-            Its pixels so far.
-
-        Returns
-        -------
-        float
-            In stops, of all effects with ``expose(frame, picture)`` that run.
-        """
+        """Return the exposure of a frame, for effects that come before it."""
         exposing = [e.effect for e in self._entries if e.running]
         return sum(e.expose(frame, picture) for e in exposing if hasattr(e, 'expose'))
 
     def add(self, effect) -> Effect:
-        """Put an effect or a thing in; it is in the next frame.
-
-        Parameters
-        ----------
-        effect : pvibr.Effect
-            In no pipeline yet.
-
-        Returns
-        -------
-        pvibr.Effect
-            The same.
-
-        Raises
-        ------
-        TypeError
-            Where it is no :class:`pvibr.Effect`.
-        ValueError
-            Where it is in a pipeline already.
-        ClosedError
-            Where this pipeline is released.
-        """
+        """Put an effect or a thing in; it is in the next frame."""
         self._check_addable(effect)
         effect.attach(self)
         effect.pipeline = self
@@ -194,18 +106,7 @@ class Pipeline:
             raise ValueError(msg)
 
     def remove(self, effect):
-        """Take an effect or a thing out and free what it holds on the GPU.
-
-        Parameters
-        ----------
-        effect : pvibr.Effect
-            In this pipeline.
-
-        Raises
-        ------
-        ValueError
-            Where it is not.
-        """
+        """Take an effect or a thing out and free what it holds on the GPU."""
         if effect not in self.effects:
             name = getattr(effect, 'name', repr(effect))
             msg = f'{name} is not in this subplot; here are: {self._names() or "none"}'
@@ -234,13 +135,7 @@ class Pipeline:
             self.buffers.release()
 
     def report(self) -> Report:
-        """Return what ran in the last frame, what was skipped and why.
-
-        Returns
-        -------
-        pvibr.report.Report
-            Printed, a table.
-        """
+        """Return what ran in the last frame, what was skipped and why."""
         return Report(
             [e.reported() for e in self._entries],
             self._frames,

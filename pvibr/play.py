@@ -26,41 +26,7 @@ def main(
     file, *, clip=None, movie=None, frame=None, out=None, fps=30.0, size=(1280, 720), speed=1.0,
     seconds=None, skinning='linear',
 ):  # fmt: skip
-    """Play a file: in a window, or off screen where a movie or a frame is asked for.
-
-    Parameters
-    ----------
-    file : path
-        ``.glb``, ``.gltf``, or a series of meshes.
-    clip : str, optional
-        Name or number; the first clip by default.
-    movie : path, optional
-        Movie or GIF to write.
-    frame : float, optional
-        Moment of a picture, seconds.
-    out : path, optional
-        PNG file of that picture; named as the file by default.
-    fps : float
-        Frames of a movie in a second.
-    size : tuple of 2 int
-        Pixels.
-    speed : float
-        Seconds of the clip in a second.
-    seconds : float, optional
-        How long a movie is; by default once through the clip.
-    skinning : {'linear', 'dual'}
-        How joints are blended.
-
-    Raises
-    ------
-    ValueError
-        If there is no such clip, nothing moves, or a file would be of an unknown kind.
-
-    Examples
-    --------
-    >>> from pvibr.play import main
-    >>> main('fox.glb', clip='Run', movie='fox.mp4')  # doctest: +SKIP
-    """
+    """Play a file: in a window, or off screen where a movie or a frame is asked for."""
     _check(movie, frame, out)
     figure = as_figure(file)
     clip = _clip_of(figure, clip)

@@ -30,31 +30,7 @@ _BUTTONS = ('Left', 'Middle', 'Right')
 
 
 class Budget:
-    """Quality that a time allows, learned from how long frames took.
-
-    A frame over the budget lowers the quality at once, by as much as it was over; easy frames
-    raise it, a level at a time, unless that level was too slow lately. Where less quality makes
-    no frame faster, none is taken away.
-
-    Parameters
-    ----------
-    ms : float, optional
-        Milliseconds that a moving frame may take; 0 is any.
-
-    Attributes
-    ----------
-    ms : float
-        The same; it can be changed.
-
-    Examples
-    --------
-    >>> from pvibr.quality import Budget
-    >>> budget = Budget(100.0)
-    >>> for cost in (400.0, 200.0):
-    ...     budget.moved(cost * budget.quality)
-    >>> round(budget.quality, 3)
-    0.25
-    """
+    """Quality that a time allows, learned from how long frames took."""
 
     def __init__(self, ms=100.0):
         self.ms = ms
@@ -73,13 +49,7 @@ class Budget:
         return LEVELS[self._level] if self.ms else 1.0
 
     def rested(self, ms):
-        """Take note of a frame at rest, which is one of full quality.
-
-        Parameters
-        ----------
-        ms : float
-            Milliseconds that it took.
-        """
+        """Take note of a frame at rest, which is one of full quality."""
         # The faster one of two: what is baked in a frame is no part of the next.
         self._rests = [*self._rests[-1:], ms]
         full = min(self._rests)
@@ -90,13 +60,7 @@ class Budget:
             self._level = _steps(full / self.ms)
 
     def moved(self, ms):
-        """Take note of a moving frame, drawn at `quality`.
-
-        Parameters
-        ----------
-        ms : float
-            Milliseconds that it took.
-        """
+        """Take note of a moving frame, drawn at `quality`."""
         if not self.ms:
             return
         self._frame += 1
@@ -143,43 +107,7 @@ def _steps(ratio) -> int:
 
 
 class Pace:
-    """Tells moving frames of a window from others, times them, and says how good they must be.
-
-    A frame moves while VTK asks for an update rate above that of a still picture (it does while
-    the mouse or a widget is dragged, in windows and on servers), while the wheel turns, and while
-    the time goes on by itself. All others are of full quality, and so are frames that are drawn
-    to pick, for a movie, or in tiles for a large screenshot. The last frame always is.
-
-    Parameters
-    ----------
-    plotter : pyvista.BasePlotter
-        What draws; anything with ``render()`` and either ``render_window`` or ``renderer``.
-    budget : callable
-        Returns the milliseconds that a moving frame may take; 0 is any.
-    playing : callable, optional
-        Tells whether the time goes on by itself.
-
-    Attributes
-    ----------
-    budget : Budget
-        What it learned.
-    lowered : bool
-        Whether the last frame is of less than full quality.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> import pvibr
-    >>> class Show(pvibr.Effect):
-    ...     def prepare(self, frame):
-    ...         self.quality = frame.quality
-    >>> pl = pv.Plotter(off_screen=True)
-    >>> show = pl.ibr.add(Show())
-    >>> pl.show(auto_close=False)
-    >>> show.quality
-    1.0
-    >>> pl.close()
-    """
+    """Tells moving frames of a window from others, times them, and says how good they must be."""
 
     def __init__(self, plotter, budget, playing=lambda: False):
         self._plotter, self._asked_ms, self._playing = plotter, budget, playing
@@ -203,30 +131,14 @@ class Pace:
         return self._quality
 
     def quality(self, renderer) -> float:
-        """Return the quality of the frame that a renderer is about to draw.
-
-        Parameters
-        ----------
-        renderer : vtkRenderer
-            In a window, which is watched from now on.
-
-        Returns
-        -------
-        float
-            1 is full.
-        """
+        """Return the quality of the frame that a renderer is about to draw."""
         self._asked = True
         self._watch(renderer.GetRenderWindow())
         return self._quality
 
     @contextmanager
     def full(self):
-        """Have frames of full quality, moving or not.
-
-        Yields
-        ------
-        None
-        """
+        """Have frames of full quality, moving or not."""
         before, self._full = self._full, True
         try:
             yield

@@ -9,23 +9,7 @@ _COLUMNS = ('effect', 'state', 'ms', 'bytes', 'why')
 
 @dataclass
 class Row:
-    """What one effect did in the last frame.
-
-    Parameters
-    ----------
-    effect : str
-        Its name.
-    state : {'new', 'ran', 'skipped', 'off'}
-        What became of it.
-    why : str
-        Why it was skipped or is off.
-    ms : float
-        Milliseconds of Python in its hooks.
-    bytes : int
-        What it holds on the GPU.
-    details : dict
-        What the effect itself reports.
-    """
+    """What one effect did in the last frame."""
 
     effect: str
     state: str = 'new'
@@ -37,27 +21,7 @@ class Row:
 
 @dataclass
 class Report:
-    """Rows of one or more subplots; printed, it is a table.
-
-    Parameters
-    ----------
-    rows : list of Row
-        One per effect, in the order in which they run.
-    frames : int
-        Frames that were drawn with them.
-    picture_bytes : int
-        What the textures between image effects hold on the GPU.
-    quality : str
-        How good the last frames were that moved and were too slow, and why; empty where all were
-        as good as at rest.
-
-    Examples
-    --------
-    >>> print(Report([Row('Bloom', 'skipped', 'intensity is 0')], frames=2))
-    effect  state     ms  bytes  why
-    Bloom   skipped  0.0      0  intensity is 0
-    2 frames, 0 bytes between effects
-    """
+    """Rows of one or more subplots; printed, it is a table."""
 
     rows: list[Row]
     frames: int = 0
@@ -65,13 +29,7 @@ class Report:
     quality: str = ''
 
     def as_dict(self) -> dict:
-        """Return the same as values that JSON keeps.
-
-        Returns
-        -------
-        dict
-            ``rows`` (one dict per effect), ``frames``, ``picture_bytes`` and ``quality``.
-        """
+        """Return the same as values that JSON keeps."""
         return asdict(self)
 
     def __str__(self) -> str:

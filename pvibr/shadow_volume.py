@@ -24,29 +24,7 @@ _MARGIN = 1e-6
 
 
 class ShadowVolumes:
-    """The masks of what lights reach, one per light, for the picture of one frame.
-
-    Parameters
-    ----------
-    drawer : pvibr.gl.drawer.Drawer
-        Draws the props.
-
-    Attributes
-    ----------
-    drawn : int
-        Masks drawn so far.
-    silhouettes : int
-        Outlines found so far: one whenever light and caster moved against each other.
-    counts : dict
-        Volumes of the last masks by how they were counted, see :meth:`report`.
-
-    Notes
-    -----
-    A mask belongs to the nearest opaque surface of each pixel: translucent receivers show no
-    shadows. Counts have 8 bits, so what exactly 256 sheets (or 512, ...) hide would be lit; a
-    closed body is one sheet. What is translucent casts none, nor do points, lines, glyphs and
-    instances.
-    """
+    """The masks of what lights reach, one per light, for the picture of one frame."""
 
     def __init__(self, drawer):
         self.drawer, self.window = drawer, drawer.window
@@ -65,19 +43,7 @@ class ShadowVolumes:
         return volumes + (self.target.nbytes if self.target else 0)
 
     def update(self, frame, lights, casters, shown):
-        """Draw the masks anew, unless nothing changed.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        lights : sequence of pvibr.lights.SceneLight
-            Those that cast shadows; mask k is that of number k.
-        casters : pvibr.casters.Casters
-            What throws shadows.
-        shown : pvibr.casters.Casters
-            Everything in the picture, prepared for it.
-        """
+        """Draw the masks anew, unless nothing changed."""
         key = self._stamp(frame, lights, casters, shown)
         if key == self._key:
             return
@@ -178,18 +144,7 @@ class ShadowVolumes:
     # -- what receives --------------------------------------------------------------------------
 
     def uniforms(self, frame) -> list[tuple]:
-        """Return what the receivers' shader reads, and bind the masks.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-
-        Returns
-        -------
-        list of tuple
-            Names of setters, with their arguments.
-        """
+        """Return what the receivers' shader reads, and bind the masks."""
         tile = [float(x) for x in (*frame.origin, *self.target.size)]
         return [
             ('SetUniformMatrix4x4', 'ibr_shadow_clip', frame.clip_from_view.T.ravel().tolist()),
@@ -222,20 +177,7 @@ class ShadowVolumes:
 
 
 def receiver_text(lights) -> tuple[dict[str, str], str]:
-    """Return what a receiver's shader needs.
-
-    Parameters
-    ----------
-    lights : sequence of tuple of (int, bool)
-        Number of each light in VTK's shaders, and whether it has a place; in the order of masks.
-
-    Returns
-    -------
-    samplers : dict of str to str
-        Name to type.
-    text : str
-        GLSL that declares ``ibr_shadow_N(place, normal)`` of each light, 0 or 1.
-    """
+    """Return what a receiver's shader needs."""
     parts = sections(shader_source(__file__))
     text = parts['declare']
     for k, (number, positional) in enumerate(lights):
@@ -492,38 +434,7 @@ def _clip_from_caster(view, world, edges, height):
 
 
 def shadow_rects(view, light, bounds, scene, size) -> np.ndarray:
-    """Return the pixels in which boxes may throw their shadow on a scene.
-
-    Parameters
-    ----------
-    view : pvibr.maths.views.View
-        Where from.
-    light : numpy.ndarray, shape (4,)
-        Place (x, y, z, 1) or direction toward the light (x, y, z, 0).
-    bounds : array_like, shape (n, 6)
-        x, y and z, low and high each, world units.
-    scene : array_like, shape (6,)
-        Box around all that receives shadows.
-    size : tuple of 2 int
-        Width and height in pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 4), int
-        Left, bottom, width and height; width or height 0 where there are none.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.maths.views import perspective
-    >>> from pvibr.shadow_volume import shadow_rects
-    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
-    >>> box, scene = [[20, 21, 0, 1, -1, 0]], [-2, 21, -2, 2, -1, 0]
-    >>> for x in (1.0, -1.0):
-    ...     shadow_rects(view, np.array([x, 0, 0, 0]), box, scene, (100, 100)).tolist()
-    [[18, 48, 82, 14]]
-    [[0, 0, 0, 0]]
-    """
+    """Return the pixels in which boxes may throw their shadow on a scene."""
     near = corners(bounds) - view.eye
     place = light[:3] - light[3] * view.eye
     away = light[3] * near - place
@@ -552,35 +463,7 @@ def shadow_rects(view, light, bounds, scene, size) -> np.ndarray:
 
 
 def safe_before(view, light, bounds) -> np.ndarray:
-    """Tell which boxes hide the light from nothing of the near plane.
-
-    Surfaces of their shadows can be counted from there on: the near plane is outside.
-
-    Parameters
-    ----------
-    view : pvibr.maths.views.View
-        Where from.
-    light : numpy.ndarray, shape (4,)
-        Place (x, y, z, 1) or direction toward the light (x, y, z, 0).
-    bounds : array_like, shape (n, 6)
-        x, y and z, low and high each, world units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), bool
-        True where a plane parts the box from all between the light and the part of the near
-        plane that is seen; not all such boxes are found.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.maths.views import perspective
-    >>> from pvibr.shadow_volume import safe_before
-    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
-    >>> boxes = [[-1, 1, -1, 1, 8, 9], [-1, 1, -1, 1, 0, 1]]
-    >>> safe_before(view, np.array([0, 0, 1.0, 0]), boxes).tolist()
-    [False, True]
-    """
+    """Tell which boxes hide the light from nothing of the near plane."""
     axes = view.view_from_world[:3, :3]
     square = np.array([(-1, -1, -1, 1), (1, -1, -1, 1), (1, 1, -1, 1), (-1, 1, -1, 1)])
     near = square @ np.linalg.inv(view.clip_from_view).T

@@ -60,25 +60,11 @@ class Shine(Effect):
         super().__init__(**settings)
 
     def needed(self, frame):
-        """Tell whether a frame needs it.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether a frame needs it."""
         return self.intensity > 0 or 'intensity is 0'
 
     def render(self, frame, picture):
-        """Draw the picture with its light.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        picture : pvibr.gl.picture.Picture
-            Its pixels.
-        """
+        """Draw the picture with its light."""
         tile = None
         if self._is_part(frame):
             left, bottom = frame.tile[:2]

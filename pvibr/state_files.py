@@ -16,26 +16,7 @@ MOST_BYTES = 2**24
 
 
 def state_of(contents, own) -> dict:
-    """Return the settings of things as values that JSON keeps.
-
-    Parameters
-    ----------
-    contents : dict
-        Subplot to name to :class:`pvibr.Effect`.
-    own : dict
-        Settings of the plotter itself.
-
-    Returns
-    -------
-    dict
-        These, and ``subplots``: subplot to name to settings, and whether it is ``enabled``.
-
-    Examples
-    --------
-    >>> import pvibr
-    >>> state_of({'0': {'Flash': pvibr.Flash(at=2)}}, {})['subplots']['0']['Flash']['at']
-    2.0
-    """
+    """Return the settings of things as values that JSON keeps."""
     subplots = {
         key: {name: thing.state() | {'enabled': thing.enabled} for name, thing in named.items()}
         for key, named in contents.items()
@@ -44,38 +25,7 @@ def state_of(contents, own) -> dict:
 
 
 def restore(contents, state, *, own=None, lenient=False) -> list[str]:
-    """Set things to settings; all of them or none.
-
-    Parameters
-    ----------
-    contents : dict
-        Subplot to name to :class:`pvibr.Effect`.
-    state : dict
-        As :func:`state_of` returns it.
-    own : object, optional
-        What has the settings of the plotter itself, with ``state()`` and ``restore(state)``.
-    lenient : bool, optional
-        Leave out values that are not allowed, as if their names were not known.
-
-    Returns
-    -------
-    list of str
-        What is not known here and was left out.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Where a value is not allowed; then nothing is changed.
-
-    Examples
-    --------
-    >>> import pvibr
-    >>> flash = pvibr.Flash()
-    >>> restore({'0': {'Flash': flash}}, {'subplots': {'0': {'Flash': {'at': 2, 'hue': 1}}}})
-    ['Flash.hue']
-    >>> flash.at
-    2.0
-    """
+    """Set things to settings; all of them or none."""
     known = [] if own is None else [k for k in own.state() if k in _mapping('state', state)]
     unknown = [k for k in _mapping('state', state) if k not in ('subplots', *known)]
     plan = [('plotter', own, {k: state[k] for k in known})] if known else []
@@ -129,79 +79,19 @@ def _restore_one(name, thing, settings, lenient):
 
 
 def warn_of(unknown):
-    """Say in one warning what was left out, if anything was; it names the caller's caller.
-
-    Parameters
-    ----------
-    unknown : list of str
-        Names.
-    """
+    """Say in one warning what was left out, if anything was; it names the caller's caller."""
     if unknown:
         msg = f'not here, so not restored: {", ".join(unknown)}; add the effects first'
         warnings.warn(msg, PvibrWarning, stacklevel=3)
 
 
 def to_text(kind, values) -> str:
-    """Return values as the text of a file.
-
-    Parameters
-    ----------
-    kind : str
-        What it holds, such as ``'state'``.
-    values : dict
-        What JSON keeps.
-
-    Returns
-    -------
-    str
-        JSON, with the version of its layout first.
-
-    Raises
-    ------
-    ValueError
-        Where a number is not finite.
-
-    Examples
-    --------
-    >>> print(to_text('state', {'time': 0.5}))
-    {
-      "pvibr": "state",
-      "version": 1,
-      "time": 0.5
-    }
-    """
+    """Return values as the text of a file."""
     return json.dumps({'pvibr': kind, 'version': VERSION} | values, indent=2, allow_nan=False)
 
 
 def from_text(kind, text, name='the text') -> tuple[dict, int]:
-    """Return the values that a text holds, and the version of its layout.
-
-    Parameters
-    ----------
-    kind : str
-        What it must hold, such as ``'state'``.
-    text : str or bytes
-        JSON.
-    name : str, optional
-        What errors call the text.
-
-    Returns
-    -------
-    values : dict
-        What :func:`to_text` was given, not checked further.
-    version : int
-        The layout's.
-
-    Raises
-    ------
-    ValueError
-        Where it is no JSON, or not of pvibr.
-
-    Examples
-    --------
-    >>> from_text('state', to_text('state', {'time': 0.5}))
-    ({'time': 0.5}, 1)
-    """
+    """Return the values that a text holds, and the version of its layout."""
     try:
         if isinstance(text, bytes):
             text = text.decode('utf-8-sig')
@@ -226,52 +116,13 @@ def _no_number(word):
 
 
 def write(path, text):
-    """Write a text to a file, whole or not at all.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        Where to; the folder is made, and a file that is there is replaced.
-    text : str
-        What.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be written, such as on a full disk; a file that was there is as it was.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write(pathlib.Path(folder) / 'a.json', to_text('state', {}))
-    ...     from_text('state', read(pathlib.Path(folder) / 'a.json'))
-    ({}, 1)
-    """
+    """Write a text to a file, whole or not at all."""
     with replacing(path) as file:
         file.write_text(text, encoding='utf-8')
 
 
 def read(path) -> bytes:
-    """Return what a file of settings holds.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file.
-
-    Returns
-    -------
-    bytes
-        For :func:`from_text`.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be read.
-    ValueError
-        Where it is too large for a file of settings.
-    """
+    """Return what a file of settings holds."""
     with Path(path).open('rb') as file:
         found = file.read(MOST_BYTES + 1)
     if len(found) > MOST_BYTES:

@@ -13,38 +13,9 @@ from pvibr.errors import require
 def sun_position(time, latitude, longitude):
     """Return where the sun stands in the sky.
 
-    Parameters
-    ----------
-    time : datetime.datetime
-        The time, with its time zone.
-    latitude, longitude : float
-        Place in degrees, north and east positive; from -90 to 90 and from -180 to 360.
-
-    Returns
-    -------
-    azimuth : float
-        Degrees clockwise from north as seen from above: 90 is east.
-    altitude : float
-        Degrees above the horizon, negative below, of the middle of the sun. As light travels
-        without air, which lifts the sun by half a degree at the horizon and by less than 0.1
-        degrees from 10 degrees up.
-
-    Raises
-    ------
-    TypeError
-        If the time is no `datetime.datetime`.
-    ValueError
-        If the time has no time zone, or the place is out of range.
-    ImportError
-        If PyEphem is not installed.
-
-    Examples
-    --------
-    >>> from datetime import datetime, timezone
-    >>> from pvibr.sun import sun_position
-    >>> azimuth, altitude = sun_position(datetime(2026, 6, 21, 12, tzinfo=timezone.utc), 51.48, 0)
-    >>> round(azimuth), round(altitude)
-    (179, 62)
+    Examples -------- >>> from datetime import datetime, timezone >>> from pvibr.sun import
+    sun_position >>> azimuth, altitude = sun_position(datetime(2026, 6, 21, 12,
+    tzinfo=timezone.utc), 51.48, 0) >>> round(azimuth), round(altitude) (179, 62)
     """
     _check_time(time)
     _check_degrees('latitude', latitude, -90, 90)
@@ -62,38 +33,9 @@ def sun_position(time, latitude, longitude):
 def sun_direction(time, latitude, longitude, *, north=(0, 1, 0), up=(0, 0, 1)):
     """Return the direction toward the sun.
 
-    Below the horizon it points down: a light from there shines through the ground. Look at the
-    altitude of `sun_position` first if that can be.
-
-    Parameters
-    ----------
-    time : datetime.datetime
-        The time, with its time zone.
-    latitude, longitude : float
-        Place in degrees, north and east positive; from -90 to 90 and from -180 to 360.
-    north, up : array_like, shape (3,)
-        Where north and up are in the scene. Of north only what is perpendicular to up counts.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3,), float64
-        Unit vector in world space.
-
-    Raises
-    ------
-    TypeError
-        If the time is no `datetime.datetime`.
-    ValueError
-        If the time has no time zone, the place is out of range, or north and up are parallel.
-    ImportError
-        If PyEphem is not installed.
-
-    Examples
-    --------
-    >>> from datetime import datetime, timezone
-    >>> from pvibr.sun import sun_direction
-    >>> sun_direction(datetime(2026, 3, 20, 12, tzinfo=timezone.utc), 0, 0).round(1).tolist()
-    [0.0, 0.0, 1.0]
+    Examples -------- >>> from datetime import datetime, timezone >>> from pvibr.sun import
+    sun_direction >>> sun_direction(datetime(2026, 3, 20, 12, tzinfo=timezone.utc), 0,
+    0).round(1).tolist() [0.0, 0.0, 1.0]
     """
     east, north, up = _axes(north, up)
     azimuth, altitude = np.radians(sun_position(time, latitude, longitude))

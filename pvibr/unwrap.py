@@ -18,23 +18,7 @@ _BASE = 255  # numbers in a channel of a picture of triangles; alpha stays 1
 
 
 def unwrapped(mesh) -> pv.PolyData:
-    """Return the triangles of a mesh's surface with texture coordinates.
-
-    Parameters
-    ----------
-    mesh : pyvista.DataSet
-        With texture coordinates, or else xatlas makes them.
-
-    Returns
-    -------
-    pyvista.PolyData
-        Triangles; where xatlas cut seams, points are there more than once.
-
-    Raises
-    ------
-    ImportError
-        Where there are no texture coordinates and no xatlas.
-    """
+    """Return the triangles of a mesh's surface with texture coordinates."""
     surface = mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface(algorithm=None)
     surface = surface.triangulate()
     if surface.active_texture_coordinates is not None:
@@ -59,31 +43,12 @@ def unwrapped(mesh) -> pv.PolyData:
 
 @dataclass(frozen=True, eq=False)
 class TexelImage:
-    """Where the texels of :func:`texels_of` are in the texture.
-
-    Attributes
-    ----------
-    inside : numpy.ndarray
-        (h, w) bool, bottom row first; the texels that lie on a triangle, in the order of samples.
-    """
+    """Where the texels of :func:`texels_of` are in the texture."""
 
     inside: np.ndarray
 
     def filled(self, colors, covered) -> np.ndarray:
-        """Return the texture; texels beside the mesh's parts take the nearest colour.
-
-        Parameters
-        ----------
-        colors : numpy.ndarray, shape (n, 4), uint8
-            Of the texels inside.
-        covered : numpy.ndarray, shape (n,), bool
-            Which of them have a colour.
-
-        Returns
-        -------
-        numpy.ndarray, shape (h, w, 4), uint8
-            Row 0 at the top.
-        """
+        """Return the texture; texels beside the mesh's parts take the nearest colour."""
         image = np.zeros((*self.inside.shape, 4), np.uint8)
         image[self.inside] = colors
         known = self.inside.copy()
@@ -99,35 +64,7 @@ class TexelImage:
 
 
 def texels_of(mesh, size) -> tuple[Samples, TexelImage]:
-    """Return the places on a mesh that the texels of its texture stand for.
-
-    Parameters
-    ----------
-    mesh : pyvista.PolyData
-        Triangles with texture coordinates in [0, 1].
-    size : int or tuple of 2 int
-        Width and height of the texture in pixels.
-
-    Returns
-    -------
-    Samples
-        One for each texel whose centre lies on a triangle.
-    TexelImage
-        Where they are.
-
-    Raises
-    ------
-    ValueError
-        Where the size is none.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.unwrap import texels_of
-    >>> samples, image = texels_of(pv.Plane().triangulate(), (4, 2))
-    >>> samples.points[0].tolist(), image.inside.shape
-    ([-0.375, -0.25, 0.0], (2, 4))
-    """
+    """Return the places on a mesh that the texels of its texture stand for."""
     width, height = np.broadcast_to(np.asarray(size), 2).tolist()
     if not (int(width) == width > 0 and int(height) == height > 0):
         msg = f'size is {size!r}; it must be whole numbers of pixels above 0.'

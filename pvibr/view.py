@@ -21,41 +21,7 @@ def main(
     mesh, poses, *, max_error=1.0, out=None, size=(1280, 720), scalars=None, cmap=None,
     columns=None, scale=1.0, window=False,
 ):  # fmt: skip
-    """Draw a mesh at every pose of a file, and say what was drawn and how fast.
-
-    Parameters
-    ----------
-    mesh : path
-        Any file that PyVista or trimesh reads.
-    poses : path
-        See :func:`pvibr.read_poses`.
-    max_error : float
-        Pixels.
-    out : path, optional
-        PNG file of the isometric view.
-    size : tuple of 2 int
-        Pixels.
-    scalars : str, optional
-        Column of the poses file that colours the instances.
-    cmap : str, optional
-        Colour map.
-    columns : sequence of three str or None, optional
-        Columns to take for x, y and z.
-    scale : float
-        How many world units a unit of the mesh is.
-    window : bool
-        Open a window instead of drawing off screen.
-
-    Raises
-    ------
-    ValueError
-        If the poses file has no such column, or its values are no numbers.
-
-    Examples
-    --------
-    >>> from pvibr.view import main
-    >>> main('tree.ply', 'trees.csv', scalars='height', out='trees.png')  # doctest: +SKIP
-    """
+    """Draw a mesh at every pose of a file, and say what was drawn and how fast."""
     matrices, found = read_poses(poses, columns)
     looks = _looks(poses, found, scalars, cmap)
     matrices = _scaled(matrices, scale)

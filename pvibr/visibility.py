@@ -194,21 +194,7 @@ def shadowed_area(mesh, lit) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Places on the faces of a mesh that tell about its points or cells.
-
-    Attributes
-    ----------
-    points, normals : numpy.ndarray
-        (m, 3) float64, world units; normals 0 where there is no face.
-    owner : numpy.ndarray
-        (m,) int; the point or cell that each tells about.
-    count : int
-        How many points or cells there are.
-    corner : numpy.ndarray
-        (m, 3) int; the points of each one's triangle.
-    area : numpy.ndarray
-        (m,) float64; of that triangle.
-    """
+    """Places on the faces of a mesh that tell about its points or cells."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -219,20 +205,7 @@ class Samples:
 
     @classmethod
     def of(cls, mesh, to) -> Samples:
-        """Return the samples of a mesh: the middle of each triangle, or a place near each corner.
-
-        Parameters
-        ----------
-        mesh : pyvista.DataSet
-            Any.
-        to : {'points', 'cells'}
-            What they tell about.
-
-        Returns
-        -------
-        Samples
-            Points that no face has stand for themselves.
-        """
+        """Return samples of a mesh: triangle centroids, or points near the corners."""
         if to not in ('points', 'cells'):
             msg = f"to is {to!r}; it must be 'points' or 'cells'."
             raise ValueError(msg)
@@ -256,53 +229,25 @@ class Samples:
         )
 
     def facing(self, toward, two_sided) -> np.ndarray:
-        """Return the cosines between normals and directions, (m,); those without normals have 1.
-
-        Parameters
-        ----------
-        toward : numpy.ndarray, shape (m, 3)
-            Unit vectors.
-        two_sided : int
-            0 if both sides count, 1 or -1 for the one that does.
-        """
+        """Return the cosines between normals and directions, (m,); 1 without normals."""
         cosine = np.einsum('ij,ij->i', self.normals, toward)
         cosine = np.abs(cosine) if not two_sided else two_sided * cosine
         return np.where(self.normals.any(1), cosine, 1.0)
 
     def turned(self, toward) -> np.ndarray:
-        """Return normals on the side of some directions, (m, 3); those where there is none.
-
-        Parameters
-        ----------
-        toward : numpy.ndarray, shape (m, 3)
-            Unit vectors.
-        """
+        """Return normals on the side of some directions, (m, 3); those where there is none."""
         back = np.einsum('ij,ij->i', self.normals, toward) < 0
         normals = np.where(back[:, None], -self.normals, self.normals)
         return np.where(self.normals.any(axis=1, keepdims=True), normals, toward)
 
     def most(self, values) -> np.ndarray:
-        """Return the largest value of each owner, (count,); 0 for one without samples.
-
-        Parameters
-        ----------
-        values : numpy.ndarray, shape (m,)
-            Not negative.
-        """
+        """Return the largest value of each owner, (count,); 0 for one without samples."""
         found = np.zeros(self.count)
         np.maximum.at(found, self.owner, values)
         return found
 
     def mean(self, values, weights) -> np.ndarray:
-        """Return the weighted mean of each owner, (count, c); NaN where all weights are 0.
-
-        Parameters
-        ----------
-        values : numpy.ndarray, shape (m, c)
-            NaN where the weight is 0.
-        weights : numpy.ndarray, shape (m,)
-            Not negative.
-        """
+        """Return the weighted mean of each owner, (count, c); NaN where all weights are 0."""
         total = np.bincount(self.owner, weights, self.count)
         values = np.where(weights[:, None] > 0, values, 0.0)
         sums = [np.bincount(self.owner, weights * c, self.count) for c in values.T]
@@ -327,23 +272,7 @@ def _triangles(mesh):
 
 
 def surface_of(thing) -> pv.PolyData:
-    """Return the surface of a mesh or an actor in world units, without data.
-
-    Parameters
-    ----------
-    thing : pyvista.DataSet or vtkActor
-        Actors as they stand.
-
-    Returns
-    -------
-    pyvista.PolyData
-        Points in float64.
-
-    Raises
-    ------
-    TypeError
-        Where it is neither.
-    """
+    """Return the surface of a mesh or an actor in world units, without data."""
     matrix = None
     if hasattr(thing, 'GetMapper'):
         matrix = thing.GetMatrix()
@@ -372,31 +301,12 @@ def _with_points(surface, points):
 
 
 def bounds_of(surfaces) -> np.ndarray:
-    """Return the bounds of those that are not empty, (n, 6).
-
-    Parameters
-    ----------
-    surfaces : sequence of pyvista.PolyData
-        World units.
-    """
+    """Return the bounds of those that are not empty, (n, 6)."""
     return np.array([s.bounds for s in surfaces if s.n_points], float).reshape(-1, 6)
 
 
 def sides_of(mesh, two_sided) -> int:
-    """Return which side of a mesh's faces is outside, 1 or -1; 0 where both count.
-
-    Parameters
-    ----------
-    mesh : pyvista.DataSet
-        Any.
-    two_sided : bool or None
-        Whether both count; None where the mesh is not closed.
-
-    Returns
-    -------
-    int
-        1 for the side that normals are on.
-    """
+    """Return which side of a mesh's faces is outside, 1 or -1; 0 where both count."""
     if two_sided is None:
         surface = surface_of(mesh).triangulate().clean()
         two_sided = not len(surface.regular_faces) or surface.n_open_edges > 0
@@ -412,22 +322,7 @@ def sides_of(mesh, two_sided) -> int:
 
 
 def view_of(camera, bounds, resolution) -> View | None:
-    """Return the view of a calibrated camera: all that its lens sees, as deep as there are things.
-
-    Parameters
-    ----------
-    camera : Pinhole or Orthographic
-        Where from.
-    bounds : array_like, shape (n, 6)
-        Of what is drawn, world units.
-    resolution : int
-        Texels along a side, for the margin.
-
-    Returns
-    -------
-    View or None
-        None where nothing is in front of the camera.
-    """
+    """Return the view of a calibrated camera, deep enough for the whole scene."""
     matrix = camera.view_from_world
     away = -(corners(bounds) @ matrix[2, :3] + matrix[2, 3])
     if not away.size:
@@ -452,22 +347,7 @@ def view_of(camera, bounds, resolution) -> View | None:
 
 
 def depth_maps(views, surfaces, resolution) -> list:
-    """Return what some views see of meshes, drawn in a hidden window.
-
-    Parameters
-    ----------
-    views : sequence of View
-        Where from.
-    surfaces : sequence of pyvista.PolyData
-        World units.
-    resolution : int
-        Texels along each side; less where the driver's limit asks for it.
-
-    Returns
-    -------
-    list of numpy.ndarray
-        (n, n) float32: 0 near to 1 far, row 0 at the bottom.
-    """
+    """Return what some views see of meshes, drawn in a hidden window."""
     with _hidden(surfaces) as scene:
         return [scene.depth(view, resolution) for view in views]
 
@@ -575,15 +455,7 @@ def _lit_side(light, samples) -> int:
 
 
 def toward_light(light, points) -> np.ndarray:
-    """Return unit vectors to a light, (m, 3).
-
-    Parameters
-    ----------
-    light : pvibr.lights.SceneLight
-        The light.
-    points : numpy.ndarray, shape (m, 3)
-        World units.
-    """
+    """Return unit vectors to a light, (m, 3)."""
     toward = light.homogeneous()[:3] - (points if light.positional else np.zeros_like(points))
     length = np.linalg.norm(toward, axis=1, keepdims=True)
     return toward / np.where(length > 0, length, 1)

@@ -19,19 +19,7 @@ _NAME = 'pvibr: told when the scene is read'
 
 @dataclass(frozen=True)
 class WebRow:
-    """What becomes of one effect or thing.
-
-    Attributes
-    ----------
-    effect : str
-        Its name.
-    state : {'shown', 'baked', 'lost', 'off'}
-        Shown as it is, after ``pl.ibr.baked()``, or not at all; 'off' is not drawn here either.
-    what : str
-        As what, or why not.
-    subplot : int
-        Number of its subplot.
-    """
+    """What becomes of one effect or thing."""
 
     effect: str
     state: str
@@ -41,21 +29,7 @@ class WebRow:
 
 @dataclass(frozen=True)
 class WebReport:
-    """What of a plotter a browser shows; printed, it is a table.
-
-    Attributes
-    ----------
-    backend : str
-        Who draws.
-    rows : list of WebRow
-        One per effect or thing, of all subplots.
-
-    Examples
-    --------
-    >>> print(WebReport('html', [WebRow('Bloom', 'lost', 'a browser draws its own frames')]))
-    effect  with 'html'  as what, or why not
-    Bloom   lost         a browser draws its own frames
-    """
+    """What of a plotter a browser shows; printed, it is a table."""
 
     backend: str
     rows: list[WebRow]
@@ -66,13 +40,7 @@ class WebReport:
         return [row for row in self.rows if row.state in ('baked', 'lost')]
 
     def as_dict(self) -> dict:
-        """Return the same as values that JSON keeps.
-
-        Returns
-        -------
-        dict
-            ``backend`` and ``rows``, one dict per effect.
-        """
+        """Return the same as values that JSON keeps."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -88,25 +56,7 @@ class WebReport:
 
 
 def web_report(subplots, backend) -> WebReport:
-    """Return what a browser shows.
-
-    Parameters
-    ----------
-    subplots : dict of int to sequence of pvibr.Effect
-        What is in each subplot.
-    backend : str
-        As PyVista names them, or 'vtksz', 'wasm', 'gltf'.
-
-    Returns
-    -------
-    WebReport
-        With a row for each effect.
-
-    Raises
-    ------
-    ValueError
-        Where there is no such backend.
-    """
+    """Return what a browser shows."""
     if backend not in PICTURES + DATA:
         known = ', '.join(map(repr, PICTURES + DATA))
         msg = f'backend is {backend!r}; it must be one of {known}'
@@ -129,18 +79,7 @@ def _row(effect, subplot, backend):
 
 
 class Watch:
-    """Tells when a renderer's scene is read as data, by an exporter or for a browser.
-
-    It is a prop that draws nothing and is not visible while frames are drawn. Who reads the scene
-    in between asks each visible prop for its mesh, this one too.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        Whose scene.
-    tell : callable
-        A method, which is called without arguments; its owner is not kept alive.
-    """
+    """Tells when a renderer's scene is read as data, by an exporter or for a browser."""
 
     def __init__(self, renderer, tell):
         self.renderer = renderer
@@ -158,13 +97,7 @@ class Watch:
         self._observers: list[int] = []
 
     def set(self, there):
-        """Watch, or watch no longer.
-
-        Parameters
-        ----------
-        there : bool
-            Whether there is anything to tell about.
-        """
+        """Watch, or watch no longer."""
         if there and not self._observers:
             self.renderer.AddViewProp(self.prop)
             show = _shows(self.prop, self._source, self._drawing)
@@ -202,28 +135,14 @@ def _shows(prop, source, drawing):
 
 
 class Page:
-    """A page of trame that shows pictures of a plotter, and can be switched to draw by itself.
-
-    Such a page is handed the scene along with each picture.
-
-    Parameters
-    ----------
-    viewer : object
-        As ``trame_pyvista`` keeps one for each plotter.
-    """
+    """A page of trame that shows pictures of a plotter, and can be switched to draw by itself."""
 
     def __init__(self, viewer):
         self.viewer = viewer
 
     @classmethod
     def of(cls, plotter) -> Page | None:
-        """Return the page of a plotter, None where there is none.
-
-        Parameters
-        ----------
-        plotter : pyvista.Plotter
-            Any.
-        """
+        """Return the page of a plotter, None where there is none."""
         ui = sys.modules.get('trame_pyvista.ui') or sys.modules.get('pyvista.trame.ui')
         viewers: dict[Any, Any] = getattr(ui, '_VIEWERS', {})
         viewer: Any = viewers.get(getattr(plotter, '_id_name', None))
@@ -235,13 +154,7 @@ class Page:
         return bool(self.viewer.server.state[self.viewer.SERVER_RENDERING])
 
     def on_switch(self, tell):
-        """Have something told when it begins or ceases to draw by itself.
-
-        Parameters
-        ----------
-        tell : callable
-            A method, which is called without arguments; its owner is not kept alive.
-        """
+        """Have something told when it begins or ceases to draw by itself."""
         tell = weakref.WeakMethod(tell)
         self.viewer.server.state.change(self.viewer.SERVER_RENDERING)(
             lambda **_: (told := tell()) is not None and told()
@@ -249,13 +162,7 @@ class Page:
 
 
 def warn_missing(report):
-    """Say in one warning what a browser will not show.
-
-    Parameters
-    ----------
-    report : WebReport
-        Of what is handed over.
-    """
+    """Say in one warning what a browser will not show."""
     named = '; '.join(f'{r.effect} ({r.what})' for r in report.missing if r.state == 'lost')
     baked = ', '.join(r.effect for r in report.missing if r.state == 'baked')
     parts = ['The scene is handed over as data: what pvibr draws is not in it']

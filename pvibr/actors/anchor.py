@@ -12,13 +12,7 @@ from pvibr.effect import Effect
 
 
 def anchor():
-    """Return an actor that draws nothing, without bounds.
-
-    Returns
-    -------
-    pyvista.Actor
-        Not pickable.
-    """
+    """Return an actor that draws nothing, without bounds."""
     actor = pv.Actor()
     mapper = _vtk.vtkPolyDataMapper()
     mapper.SetInputData(_vtk.vtkPolyData())
@@ -28,23 +22,7 @@ def anchor():
 
 
 def set_bounds(actor, bounds):
-    """Give an anchor bounds.
-
-    Parameters
-    ----------
-    actor : pyvista.Actor
-        As :func:`anchor` returned it.
-    bounds : sequence of 6 float
-        World units; with the first low above its high there are none.
-
-    Examples
-    --------
-    >>> from pvibr.actors.anchor import anchor, set_bounds
-    >>> actor = anchor()
-    >>> set_bounds(actor, (0.0, 1.0, 0.0, 2.0, 0.0, 3.0))
-    >>> actor.GetBounds()
-    (0.0, 1.0, 0.0, 2.0, 0.0, 3.0)
-    """
+    """Give an anchor bounds."""
     points = _vtk.vtkPoints()
     points.SetDataTypeToDouble()
     if bounds[0] <= bounds[1]:
@@ -103,13 +81,7 @@ class Anchored(Effect):
         return (self._anchor,)
 
     def attach(self, pipeline):
-        """Put its props into the scene.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-        """
+        """Put its props into the scene."""
         super().attach(pipeline)
         renderer, anchor = pipeline.renderer, self._anchor
         if hasattr(renderer, 'add_actor'):

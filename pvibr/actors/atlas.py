@@ -15,27 +15,7 @@ MARGIN = 1.02  # half side of a tile in radii: the silhouette never touches its 
 
 
 def bounding_sphere(points):
-    """Return a sphere that holds all points: the box's centre and the farthest point from it.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Model coordinates.
-
-    Returns
-    -------
-    center : numpy.ndarray, shape (3,)
-        Model coordinates.
-    radius : float
-        Positive even for a single point.
-
-    Examples
-    --------
-    >>> from pvibr.actors.atlas import bounding_sphere
-    >>> center, radius = bounding_sphere([[0, 0, 0], [2, 0, 0]])
-    >>> center.tolist(), radius
-    ([1.0, 0.0, 0.0], 1.0)
-    """
+    """Return a sphere that holds all points: the box's centre and the farthest point from it."""
     points = np.asarray(points, float)
     center = (points.min(0) + points.max(0)) / 2
     radius = float(np.sqrt(((points - center) ** 2).sum(1).max()))
@@ -249,20 +229,7 @@ class Atlas:
 
 
 def pyramid(picture, tile) -> np.ndarray:
-    """Return a picture with all smaller levels of detail beside it.
-
-    Parameters
-    ----------
-    picture : numpy.ndarray, shape (side, side, 4), uint8
-        Tiles side by side.
-    tile : int
-        Texels along a side of a tile.
-
-    Returns
-    -------
-    numpy.ndarray, shape (side, 3 * side / 2, 4), uint8
-        See :meth:`Atlas.textures`.
-    """
+    """Return a picture with all smaller levels of detail beside it."""
     side = len(picture)
     out = np.zeros((side, side * 3 // 2, 4), np.uint8)
     out[:, :side] = picture

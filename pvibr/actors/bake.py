@@ -1,8 +1,4 @@
-"""Bake: draw an object from every view of the grid and keep the pictures as an atlas.
-
-The method and its numbers are those of the project's impostor study: views on an octahedral grid,
-drawn unlit, four samples or more a texel, with normal, depth and coverage.
-"""
+"""Bake: draw an object from every view of the grid and keep the pictures as an atlas."""
 
 from __future__ import annotations
 
@@ -38,38 +34,7 @@ _OUTPUT = """
 
 
 def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **looks) -> Atlas:
-    """Return a mesh as images from all around, with the error of drawing them measured.
-
-    Parameters
-    ----------
-    mesh : dataset, MultiBlock, actor, trimesh object, path or sequence of Part
-        What is drawn.
-    views : int
-        Views along a side of the grid.
-    tile : int
-        Texels along a side of a tile.
-    half : bool
-        Only views from above, at twice their density.
-    cache : bool or path
-        Whether, or in which folder, the atlas is kept on disk.
-    progress : bool, optional
-        Whether to show a progress bar; by default where standard error is a terminal.
-    **looks
-        As in :meth:`pyvista.Plotter.add_mesh`.
-
-    Returns
-    -------
-    Atlas
-        It can be saved, loaded and looked at.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.actors.bake import bake
-    >>> atlas = bake(pv.Cone(), views=4, tile=16, cache=False)
-    >>> atlas.geometry.shape
-    (64, 64, 4)
-    """
+    """Return a mesh as images from all around, with the error of drawing them measured."""
     from pvibr.actors.levels import make_model
 
     parts = as_parts(mesh, **looks)
@@ -80,39 +45,7 @@ def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **l
 def bake_parts(
     parts, *, views=16, tile=128, half=False, supersample=2, turns=None, progress=None
 ) -> Atlas:
-    """Draw the parts of one object from all views into an atlas.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-        See :func:`pvibr.actors.parts.as_parts`.
-    views : int
-        Views along a side of the octahedral grid, 2 or more.
-    tile : int
-        Texels along a side of a tile, a power of two.
-    half : bool
-        Only views from above (z >= 0) at twice their density.
-    supersample : int
-        Samples along a side of a texel, 1 or even.
-    turns : Turns, optional
-        Pictures from around an axis, besides.
-    progress : callable, optional
-        Called with the fraction done, 0 to 1.
-
-    Returns
-    -------
-    Atlas
-        The pictures, without an error table.
-
-    Raises
-    ------
-    ValueError
-        Where views or tile are out of range.
-
-    Notes
-    -----
-    An atlas that is wider than the driver's texture limit gets smaller tiles.
-    """
+    """Draw the parts of one object from all views into an atlas."""
     if views < 2 or tile < 4 or tile & (tile - 1):
         msg = f'views={views}, tile={tile}: views must be 2 or more, tile a power of two from 4'
         raise ValueError(msg)
@@ -154,21 +87,7 @@ def bake_parts(
 
 
 class Baker:
-    """Draws views of parts; the points of their meshes may change between pictures.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        Whose context is current.
-    parts : sequence of Part
-        What is drawn.
-    center : numpy.ndarray, shape (3,)
-        Of the sphere that holds them.
-    radius : float
-        Of the sphere.
-    grid : tuple of 3 int
-        Views along a side, texels along a side of a tile, samples along a side of a texel.
-    """
+    """Draws views of parts; the points of their meshes may change between pictures."""
 
     def __init__(self, window, parts, center, radius, grid):
         self.window, self.center, self.radius = window, center, radius
@@ -198,15 +117,7 @@ class Baker:
         self.camera.UseExplicitProjectionTransformMatrixOn()
 
     def pictures(self, frames, progress=None):
-        """Return geometry and albedo of all views, (views * tile, views * tile, 4) uint8 each.
-
-        Parameters
-        ----------
-        frames : numpy.ndarray, shape (views, views, 3, 3)
-            Rows right, up, toward the eye of each view.
-        progress : callable, optional
-            Called with the fraction done, 0 to 1.
-        """
+        """Return geometry and albedo of all views, (views * tile, views * tile, 4) uint8 each."""
         strips = []
         for k, row in enumerate(frames):
             strips.append(self._row(row))
@@ -253,20 +164,7 @@ class Baker:
 
 
 def unlit_actor(part, closed=None):
-    """Return a copy of a part's actor that writes its unlit surface.
-
-    Parameters
-    ----------
-    part : Part
-        What is drawn.
-    closed : bool, optional
-        Whether nobody sees backs; by default this is found out.
-
-    Returns
-    -------
-    vtkActor
-        It writes colour and alpha, and normal and depth; see ``bake.glsl``.
-    """
+    """Return a copy of a part's actor that writes its unlit surface."""
     if closed is None:
         closed = part.alpha_cutoff is None and encloses(part.mesh.points, part.mesh.regular_faces)
     actor = _vtk.vtkActor()
@@ -299,18 +197,7 @@ def unlit_actor(part, closed=None):
 
 
 def copy_texture(texture):
-    """Return a texture of its own with the same image, for another window.
-
-    Parameters
-    ----------
-    texture : vtkTexture or None
-        None stays None.
-
-    Returns
-    -------
-    vtkTexture or None
-        The copy.
-    """
+    """Return a texture of its own with the same image, for another window."""
     if texture is None or texture.GetInput() is None:
         return None
     copy = _vtk.vtkTexture()
@@ -326,15 +213,6 @@ def copy_texture(texture):
 def fill_depth(geometry, tile):
     """Extend depth into the background of every tile, so that rays beside a part still find it.
 
-    Parameters
-    ----------
-    geometry : numpy.ndarray, shape (height, width, 4), uint8
-        Depth in channel 0, coverage in channel 1; channel 0 is changed in place.
-    tile : int
-        Texels along a side of a tile.
-
-    Notes
-    -----
     The pull-push interpolation of Gortler et al., "The Lumigraph", SIGGRAPH 1996, section 3.4,
     within each tile: averages of the covered texels are pulled up a pyramid, holes take the value
     of the finest level that has one.

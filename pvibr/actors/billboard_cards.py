@@ -16,28 +16,7 @@ UNITS = ('world', 'pixel')
 
 
 class Field:
-    """Points with cards.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 3), or dataset
-        World units.
-    images : numpy.ndarray, shape (m, 2)
-        Width and height of each image, pixels.
-    size : float or array_like, shape (n,), (n, 2) or (1, 2)
-        Height, or width and height.
-    facing, axis, towards, orientation, rotation, index, size_unit : object
-        See :class:`pvibr.Billboards`.
-    anchor : numpy.ndarray, shape (2,)
-        See :func:`as_anchor`.
-    views, blend_views, yaw : object
-        See :class:`pvibr.Billboards`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Where an argument is not allowed.
-    """
+    """Points with cards."""
 
     def __init__(
         self, points, images, size, *, facing, axis, towards, orientation, rotation, index,
@@ -68,48 +47,24 @@ class Field:
         return len(self._images)
 
     def set_index(self, index):
-        """Choose which image each shows.
-
-        Parameters
-        ----------
-        index : None, int or array_like of int, shape (n,)
-            By turns where it is None.
-        """
+        """Choose which image each shows."""
         count = self.n_images
         self.index = _checked_index(np.arange(len(self)) % count if index is None else index,
                                     len(self), count)  # fmt: skip
         self.sizes = _full_sizes(self.given_size, self._images[self.index])
 
     def resize(self, size):
-        """Take another size.
-
-        Parameters
-        ----------
-        size : float or array_like, shape (n,), (n, 2) or (1, 2)
-            See :class:`pvibr.Billboards`.
-        """
+        """Take another size."""
         self.given_size = _checked_size(size, len(self))
         self.set_index(self.index)
         self._arrange()
 
     def rotate(self, rotation):
-        """Turn each in its plane.
-
-        Parameters
-        ----------
-        rotation : float or array_like, shape (n,)
-            Radians.
-        """
+        """Turn each in its plane."""
         self.rotation = _numbers('rotation', rotation, len(self))
 
     def move(self, points):
-        """Take new points, as many as before.
-
-        Parameters
-        ----------
-        points : array_like, shape (n, 3), or dataset
-            World units.
-        """
+        """Take new points, as many as before."""
         points = as_points(points)
         if len(points) != len(self):
             msg = f'points has {len(points)} rows; it must keep its {len(self)} billboards'
@@ -178,13 +133,7 @@ class Field:
         }
 
     def view_uniforms(self, frame) -> dict:
-        """Return what the shader knows of the eye.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            Camera and size.
-        """
+        """Return what the shader knows of the eye."""
         eye = -frame.view_from_world[:3, :3].T @ frame.view_from_world[:3, 3] - self.origin
         high = eye.astype(np.float32)
         uniforms = {'ibr_size_scale': 0.0, 'ibr_size_depth': (0.0, 0.0, 0.0, 0.0)}
@@ -207,14 +156,7 @@ class Field:
         return {'ibr_size_scale': self._pixel(seer), 'ibr_size_depth': tuple(depth.tolist())}
 
     def cast_bounds(self) -> np.ndarray:
-        """Return world bounds of the cards as the camera saw them last, shape (6,).
-
-        Returns
-        -------
-        numpy.ndarray
-            Where sizes are in pixels they grow in powers of two, so that what depends on them
-            changes seldom.
-        """
+        """Return world bounds of the cards as the camera saw them last, shape (6,)."""
         if self.size_unit == 'world' or self._seer is None or not len(self):
             return self.bounds
         reach = np.hypot(*(np.maximum(self.anchor, 1 - self.anchor) * self.sizes).T)
@@ -238,27 +180,7 @@ class Field:
         return frame.scale / frame.pixel_scale
 
     def chosen(self, frame, fences, *, sort):
-        """Return what is drawn, in which order.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            Camera and size.
-        fences : sequence of float
-            Distances, descending, at which the draws are cut; see `depths_of`.
-        sort : bool
-            From far to near, each; else blocks from near to far, so that few pixels are drawn
-            twice.
-
-        Returns
-        -------
-        entries : numpy.ndarray of int
-            Slots, or blocks of them.
-        unit : int
-            Slots of an entry.
-        cuts : list of int
-            Where each part begins, and the end.
-        """
+        """Return what is drawn, in which order."""
         if self.size_unit == 'pixel':
             blocks = np.arange(len(self._blocks.centers))
         else:
@@ -280,15 +202,7 @@ class Field:
         return depths_of(frame, points)
 
     def view_of(self, frame, i) -> int:
-        """Return which of its views a billboard shows, the nearer one where two are mixed.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            What is on the screen.
-        i : int
-            The billboard.
-        """
+        """Return which of its views a billboard shows, the nearer one where two are mixed."""
         if self.views == 1:
             return 0
         axis = self.turn[i, :3] if self.turn.ndim == 2 else self.turn[:3]
@@ -297,15 +211,7 @@ class Field:
         return int(np.rint((azimuth - self.yaw[i]) / (2 * np.pi) * self.views)) % self.views
 
     def placed(self, frame, near) -> tuple[np.ndarray, np.ndarray]:
-        """Return how some are turned, (k, 3, 3), and their widths and heights, (k, 2).
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            What is on the screen.
-        near : numpy.ndarray of int
-            Which ones.
-        """
+        """Return how some are turned, (k, 3, 3), and their widths and heights, (k, 2)."""
         turn = self.turn[near] if self.turn.ndim == 2 else self.turn
         axes = cards(
             self.points[near], frame.view_from_world, self.facing, towards=self.towards,
@@ -320,20 +226,7 @@ class Field:
         return axes, sizes
 
     def met(self, frame, start, direction) -> list:
-        """Return the billboards whose rectangles a ray meets, the nearest first.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            What is on the screen.
-        start, direction : numpy.ndarray, shape (3,)
-            Of the ray, world units; a direction of length 1.
-
-        Returns
-        -------
-        list of (int, float, numpy.ndarray)
-            Index, distance along the ray, and where on the card, 0 to 1 from the lower left.
-        """
+        """Return the billboards whose rectangles a ray meets, the nearest first."""
         near = np.arange(len(self))
         if self.size_unit == 'world':
             away = self.points - start
@@ -354,29 +247,7 @@ class Field:
 
 
 def as_points(points) -> np.ndarray:
-    """Return points as a checked float64 array.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 3), or dataset
-        World units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 3)
-        The points.
-
-    Raises
-    ------
-    ValueError
-        Where it has another shape or a value is not finite.
-
-    Examples
-    --------
-    >>> from pvibr.actors.billboard_cards import as_points
-    >>> as_points([1, 2, 3])
-    array([[1., 2., 3.]])
-    """
+    """Return points as a checked float64 array."""
     array = _floats('points', getattr(points, 'points', points))
     if array.shape not in ((0,), (3,)) and array.shape[1:] != (3,):
         msg = f'points has shape {array.shape}; it must be (n, 3)'
@@ -398,29 +269,7 @@ def _floats(name, values) -> np.ndarray:
 
 
 def as_anchor(anchor) -> np.ndarray:
-    """Return what of a card is at its point.
-
-    Parameters
-    ----------
-    anchor : {'center', 'bottom', 'top'} or array_like, shape (2,)
-        Shares of width and height from the lower left.
-
-    Returns
-    -------
-    numpy.ndarray, shape (2,)
-        The shares.
-
-    Raises
-    ------
-    ValueError
-        Where it is neither.
-
-    Examples
-    --------
-    >>> from pvibr.actors.billboard_cards import as_anchor
-    >>> as_anchor('bottom').tolist()
-    [0.5, 0.0]
-    """
+    """Return what of a card is at its point."""
     named = isinstance(anchor, str)
     values = ANCHORS.get(anchor) if named else anchor
     if values is None or np.shape(values) != (2,) or not np.isfinite(values).all():
@@ -430,18 +279,7 @@ def as_anchor(anchor) -> np.ndarray:
 
 
 def checked_cutout(cutout):
-    """Return an alpha from which something is drawn, or None.
-
-    Parameters
-    ----------
-    cutout : float or None
-        What was given.
-
-    Raises
-    ------
-    ValueError
-        Where it is not above 0 and at most 1.
-    """
+    """Return an alpha from which something is drawn, or None."""
     if cutout is not None and not 0 < cutout <= 1:
         msg = f'cutout is {cutout!r}; it must be above 0 and at most 1, or None to blend'
         raise ValueError(msg)
@@ -449,27 +287,7 @@ def checked_cutout(cutout):
 
 
 def checked_opacity(opacity, count, cut) -> np.ndarray:
-    """Return the opacity of all, shape (), or of each, shape (n,).
-
-    Parameters
-    ----------
-    opacity : float or array_like, shape (n,)
-        What was given.
-    count : int
-        Billboards.
-    cut : bool
-        Whether they are cut out.
-
-    Returns
-    -------
-    numpy.ndarray
-        From 0 to 1.
-
-    Raises
-    ------
-    ValueError
-        Where it is not, or each of a cut-out has its own.
-    """
+    """Return the opacity of all, shape (), or of each, shape (n,)."""
     values = _floats('opacity', opacity)
     if values.shape not in ((), (count,)) or not ((values >= 0) & (values <= 1)).all():
         msg = f'opacity must be one number or {count}, from 0 to 1'

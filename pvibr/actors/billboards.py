@@ -294,13 +294,7 @@ class Billboards(Painted, Anchored):
     picks = True
 
     def needed(self, frame) -> bool | str:
-        """Tell whether there is anything to draw.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether there is anything to draw."""
         if not self.visibility or not self._anchor.GetVisibility():
             return 'not visible'
         if self._live is not None and self._live.shown is None:
@@ -317,13 +311,7 @@ class Billboards(Painted, Anchored):
         self._stamp = None
 
     def prepare(self, frame):
-        """Choose what is drawn, in which order.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Choose what is drawn, in which order."""
         if self._failure:
             raise ShaderError(self._failure)
         self._upload(frame.window)
@@ -372,13 +360,7 @@ class Billboards(Painted, Anchored):
             self._in_turn.arrange(frame.renderer, groups, [actor for _, actor in others])
 
     def finish(self, frame):
-        """Give the texture units back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Give the texture units back."""
         self._binder.unbind()
         self._in_turn.finish(frame.renderer)
 
@@ -486,13 +468,7 @@ class Billboards(Painted, Anchored):
         return out
 
     def bake_into(self, scene):
-        """Hand them to a scene without pvibr, as they are turned to the eye now.
-
-        Parameters
-        ----------
-        scene : pvibr.baked_scene.BakedScene
-            Takes quads with a picture.
-        """
+        """Hand them to a scene without pvibr, as they are turned to the eye now."""
         rows = np.flatnonzero(self.visible)
         field, frame = self.field, scene.frame
         axes, sizes = field.placed(frame, rows)

@@ -1,13 +1,4 @@
-"""The atlases of earlier runs, kept on disk.
-
-A bake takes seconds and gives the same arrays whenever it is given the same mesh, looks and
-settings. So what it gave is kept in the platform's cache folder under a digest of what it was
-given. Nothing here needs a GPU.
-
-One file is one entry: a magic number, the SHA-256 of all that follows, the length of a JSON
-header, the header (name, type, shape and place of each array, and the caller's own notes), then
-the arrays, each at a multiple of 64 bytes, so that they are read without being copied.
-"""
+"""The atlases of earlier runs, kept on disk."""
 
 from __future__ import annotations
 
@@ -46,15 +37,7 @@ _given_up: set[Path] = set()
 
 
 class Entry(dict[str, np.ndarray]):
-    """The arrays of one entry by name, with the notes that were put beside them.
-
-    Parameters
-    ----------
-    arrays : mapping of str to numpy.ndarray
-        The arrays.
-    meta : dict
-        The notes: anything that JSON holds.
-    """
+    """The arrays of one entry by name, with the notes that were put beside them."""
 
     def __init__(self, arrays: Mapping[str, np.ndarray], meta: dict[str, Any]) -> None:
         super().__init__(arrays)
@@ -62,37 +45,7 @@ class Entry(dict[str, np.ndarray]):
 
 
 class AtlasCache:
-    """A folder of entries, limited in size; the least recently used go first.
-
-    Reading and writing are safe while other processes do the same. A folder that cannot be
-    written, or a full disk, costs one warning; after it the cache only reads.
-
-    Parameters
-    ----------
-    path : path-like, optional
-        The folder; made when something is put. By default that of the environment variable
-        ``PVIBR_CACHE``, else the platform's cache folder.
-    cap_bytes : int, default: 2 GiB
-        What all entries together may hold, in bytes. An entry larger than that is not kept.
-
-    Raises
-    ------
-    ValueError
-        If ``cap_bytes`` is negative.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import numpy as np
-    >>> from pvibr.actors.cache import AtlasCache, key_of
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     cache = AtlasCache(folder)
-    ...     key = key_of(np.arange(3), {'tile': 64})
-    ...     stored = cache.put(key, {'depth': np.ones((2, 2))}, {'seconds': 1.5})
-    ...     entry = cache.get(key)
-    >>> entry['depth'].shape, entry.meta
-    ((2, 2), {'seconds': 1.5})
-    """
+    """A folder of entries, limited in size; the least recently used go first."""
 
     def __init__(
         self, path: str | os.PathLike[str] | None = None, cap_bytes: int = CAP_BYTES
@@ -104,25 +57,7 @@ class AtlasCache:
         self.cap_bytes = int(cap_bytes)
 
     def get(self, key: str) -> Entry | None:
-        """Read one entry, and count this as a use of it.
-
-        A file that was truncated or altered is removed with one warning.
-
-        Parameters
-        ----------
-        key : str
-            The digest that :func:`key_of` gives.
-
-        Returns
-        -------
-        Entry or None
-            The arrays by name, with their notes in ``meta``; None when there is no such entry.
-
-        Raises
-        ------
-        ValueError
-            If ``key`` is not 16 to 128 hexadecimal digits in lower case.
-        """
+        """Read one entry, and count this as a use of it."""
         file = self._file(key)
         try:
             raw = np.fromfile(file, np.uint8)
@@ -140,29 +75,7 @@ class AtlasCache:
     def put(
         self, key: str, arrays: Mapping[str, np.ndarray], meta: dict[str, Any] | None = None
     ) -> bool:
-        """Write one entry, whole or not at all, then remove the oldest above the cap.
-
-        Parameters
-        ----------
-        key : str
-            The digest that :func:`key_of` gives.
-        arrays : mapping of str to numpy.ndarray
-            The arrays: numbers, booleans or text of any shape.
-        meta : dict, optional
-            Notes to keep beside them: anything that JSON holds.
-
-        Returns
-        -------
-        bool
-            Whether the entry was written.
-
-        Raises
-        ------
-        ValueError
-            If ``key`` is not 16 to 128 hexadecimal digits in lower case.
-        TypeError
-            If an array holds objects or records, or ``meta`` something that JSON does not.
-        """
+        """Write one entry, whole or not at all, then remove the oldest above the cap."""
         file = self._file(key)
         chunks = pack(arrays, meta or {})
         size = sum(len(chunk) for chunk in chunks)
@@ -184,13 +97,7 @@ class AtlasCache:
             file.unlink(missing_ok=True)
 
     def nbytes(self) -> int:
-        """Sum the sizes of all entries.
-
-        Returns
-        -------
-        int
-            What the entries hold on disk, in bytes.
-        """
+        """Sum the sizes of all entries."""
         return sum(size for _, size, _ in self._ages())
 
     def _file(self, key: str) -> Path:
@@ -242,13 +149,7 @@ class AtlasCache:
 
 
 def default_path() -> Path:
-    """Name the folder of atlases: that of ``PVIBR_CACHE``, else the platform's own.
-
-    Returns
-    -------
-    pathlib.Path
-        The folder, which may not exist yet.
-    """
+    """Name the folder of atlases: that of ``PVIBR_CACHE``, else the platform's own."""
     override = os.environ.get('PVIBR_CACHE')
     if override:
         return Path(override).expanduser()
@@ -256,57 +157,13 @@ def default_path() -> Path:
 
 
 def key_of(*values: Any) -> str:
-    """Digest arrays and settings by their content.
-
-    Parameters
-    ----------
-    *values : numpy.ndarray or anything that JSON holds
-        What the result depends on, in order. Arrays count by type, shape and content, and may
-        also stand inside lists and dictionaries; the order of a dictionary's items is nothing.
-
-    Returns
-    -------
-    str
-        40 hexadecimal digits.
-
-    Raises
-    ------
-    TypeError
-        If a value is neither an array of numbers or text nor something that JSON holds.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.actors.cache import key_of
-    >>> key_of(np.zeros(3), {'a': 1, 'b': 2}) == key_of(np.zeros(3), {'b': 2, 'a': 1})
-    True
-    >>> key_of(np.zeros(3)) == key_of(np.zeros((3, 1)))
-    False
-    """
+    """Digest arrays and settings by their content."""
     text = json.dumps(values, sort_keys=True, default=_digest)
     return hashlib.blake2b(text.encode(), digest_size=20).hexdigest()
 
 
 def pack(arrays: Mapping[str, np.ndarray], meta: dict[str, Any]) -> list[bytes | memoryview]:
-    """Lay arrays and notes out as the chunks of one file.
-
-    Parameters
-    ----------
-    arrays : mapping of str to numpy.ndarray
-        The arrays: numbers, booleans or text of any shape.
-    meta : dict
-        Notes: anything that JSON holds.
-
-    Returns
-    -------
-    list of bytes or memoryview
-        The chunks, in order; the arrays among them are not copied.
-
-    Raises
-    ------
-    TypeError
-        If an array holds objects or records, or ``meta`` something that JSON does not.
-    """
+    """Lay arrays and notes out as the chunks of one file."""
     table: dict[str, tuple[str, tuple[int, ...], int]] = {}
     data: list[bytes | memoryview] = []
     end = 0
@@ -325,23 +182,7 @@ def pack(arrays: Mapping[str, np.ndarray], meta: dict[str, Any]) -> list[bytes |
 
 
 def unpack(raw: np.ndarray) -> Entry:
-    """Read what :func:`pack` laid out, after checking that nothing of it has changed.
-
-    Parameters
-    ----------
-    raw : (n,) uint8 array
-        The content of the file. The arrays returned are views of it.
-
-    Returns
-    -------
-    Entry
-        The arrays by name, with their notes in ``meta``.
-
-    Raises
-    ------
-    ValueError
-        If the file is truncated, altered, or something else altogether.
-    """
+    """Read what :func:`pack` laid out, after checking that nothing of it has changed."""
     buffer = raw.data
     if len(buffer) < _HEAD.size:
         msg = 'it is truncated'

@@ -36,30 +36,7 @@ DULL = '#define pow(a, b) 0.0\n', '#undef pow\n'
 
 @dataclass(frozen=True)
 class Program:
-    """How a card is drawn.
-
-    Attributes
-    ----------
-    name : str
-        For the report.
-    views : int
-        Views blended, 1 or 3.
-    steps : int
-        Fixed-point steps of the depth correction.
-    corners : int
-        Vertices of a card: 4, or 1 for a point sprite, cheaper where cards are small.
-    depth : bool
-        Write the depth of each fragment.
-    splat : bool
-        Draw a box of the view's mean, filtered by the pixel: for what is a few pixels large.
-    sides : int
-        0; of a card that stands upright and shows a turntable's picture: 1 for the first of them,
-        2 for that which is nearest to the eye.
-    turns : int
-        Draws of each mesh at least, where several meshes take turns from far to near.
-    least, largest : float
-        On-screen diameter, px, below which nothing else serves, above which it does not pay.
-    """
+    """How a card is drawn."""
 
     name: str
     views: int
@@ -73,15 +50,7 @@ class Program:
     largest: float = float('inf')
 
     def defines(self, phased=False, turned=False) -> str:
-        """Return the preprocessor lines of the program.
-
-        Parameters
-        ----------
-        phased : bool
-            Whether each instance shows a phase of a movement.
-        turned : bool
-            Whether the atlas has a turntable, for eyes that are level with it.
-        """
+        """Return the preprocessor lines of the program."""
         values = {
             'VIEWS_BLENDED': self.views,
             'STEPS': self.steps,
@@ -95,17 +64,7 @@ class Program:
         return DITHER + ''.join(f'#define {k} {v}\n' for k, v in values.items())
 
     def feature(self, shiny=True, phased=False, turned=False) -> Feature:
-        """Return the shader text of the program by VTK's tags.
-
-        Parameters
-        ----------
-        shiny : bool
-            Whether the material has highlights; without, their power is not computed.
-        phased : bool
-            Whether each instance shows a phase of a movement.
-        turned : bool
-            Whether the atlas has a turntable.
-        """
+        """Return the shader text of the program by VTK's tags."""
         part = sections(shader_source(__file__))
         defines = self.defines(phased, turned)
         vertex = {
@@ -137,37 +96,14 @@ _NEVER = (1e30, 1e30, 0.0, 0.0)
 
 
 def ends(low, high, fade) -> tuple:
-    """Return on-screen diameters at which a program's instances appear, are whole, fade, are gone.
-
-    Parameters
-    ----------
-    low, high : float
-        Between which it is good and nothing cheaper is, px.
-    fade : float
-        Factor by which the size grows while a level takes over.
-    """
+    """Return the on-screen diameters at which a shader's instances fade in and out."""
     if high <= low:
         return _NEVER
     return low, low * fade if low > 0 else 0.0, high, high * fade
 
 
 def card_mesh(count, corners, bounds):
-    """Return the polydata of unplaced cards: the shader places them by their vertex number.
-
-    Parameters
-    ----------
-    count : int
-        Cards.
-    corners : int
-        1 or 4 vertices each.
-    bounds : array_like of 6 float
-        World bounds of what they show: VTK leaves out actors whose bounds are out of view.
-
-    Returns
-    -------
-    vtkPolyData
-        Triangles.
-    """
+    """Return the polydata of unplaced cards: the shader places them by their vertex number."""
     low, high = np.asarray(bounds, float).reshape(3, 2).T
     points = np.empty((count * corners, 3))
     points[0::2], points[1::2] = low, high
@@ -191,22 +127,7 @@ def card_mesh(count, corners, bounds):
 
 
 def pack(values, width, channels) -> np.ndarray:
-    """Return values as the rows of an image, padded with zeros.
-
-    Parameters
-    ----------
-    values : numpy.ndarray, shape (n, ...)
-        float32 or uint8.
-    width : int
-        Texels of a row.
-    channels : int
-        Numbers of a texel.
-
-    Returns
-    -------
-    numpy.ndarray, shape (height, width, channels)
-        At least one row.
-    """
+    """Return values as the rows of an image, padded with zeros."""
     flat = values.reshape(-1, channels)
     height = max(1, -(-len(flat) // width))
     out = np.zeros((height * width, channels), values.dtype)
@@ -215,32 +136,7 @@ def pack(values, width, channels) -> np.ndarray:
 
 
 def slabs(depths, turns, unit) -> list[np.ndarray]:
-    """Divide the blocks of several meshes into draws that take turns from far to near.
-
-    Cards write depth also where they are half transparent, so one that is behind must be drawn
-    first, whichever mesh it shows.
-
-    Parameters
-    ----------
-    depths : list of numpy.ndarray, shape (n,)
-        For each mesh the depth of its blocks, ascending from the farthest.
-    turns : int
-        Draws at least, where there are several meshes.
-    unit : int
-        Instances of a block.
-
-    Returns
-    -------
-    list of numpy.ndarray of int
-        For each mesh the ends of its draws, beginning with 0; all of the same length.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.actors.cards import slabs
-    >>> [c.tolist() for c in slabs([np.array([-3.0, -1.0]), np.array([-2.0])], 3, 1)]
-    [[0, 1, 1, 2], [0, 0, 1, 1]]
-    """
+    """Divide the blocks of several meshes into draws that take turns from far to near."""
     total, capacity = sum(len(d) for d in depths), _CHUNK // unit
     if len(depths) == 1:
         return [np.minimum(np.arange(-(-total // capacity) + 1) * capacity, total)]
@@ -253,22 +149,7 @@ def slabs(depths, turns, unit) -> list[np.ndarray]:
 
 
 def slab_counts(instances, meshes, turned=False) -> dict[str, int]:
-    """Return how many draws of each program a mesh may need.
-
-    Parameters
-    ----------
-    instances : int
-        Of all meshes.
-    meshes : int
-        How many meshes there are.
-    turned : bool
-        Whether one of them has a turntable.
-
-    Returns
-    -------
-    dict of str to int
-        By the name of the program, of all that are in use.
-    """
+    """Return how many draws of each program a mesh may need."""
     # A block may be partly empty, and each mesh has one such block.
     full = -(-(instances + meshes * BLOCK) // _CHUNK)
     used = ALL_PROGRAMS if turned else PROGRAMS
@@ -281,29 +162,13 @@ _bound: weakref.WeakKeyDictionary[Any, weakref.ref[Binder]] = weakref.WeakKeyDic
 
 
 class Binder:
-    """Keeps one set of textures bound: those of what was drawn last in their window.
-
-    All binders of a window share this place, so that any number of things can be drawn.
-    """
+    """Keeps one set of textures bound: those of what was drawn last in their window."""
 
     def __init__(self):
         self.owner, self.textures, self.units = None, {}, {}
 
     def bind(self, owner, textures) -> dict[str, int]:
-        """Bind textures and return their units, after giving back those of another owner.
-
-        Parameters
-        ----------
-        owner : object
-            Who draws.
-        textures : dict of str to Texture
-            By the name of their sampler.
-
-        Returns
-        -------
-        dict of str to int
-            Unit of each sampler.
-        """
+        """Bind textures and return their units, after giving back those of another owner."""
         if self.owner is not owner:
             self.unbind()
             window = next(iter(textures.values())).window
@@ -323,25 +188,7 @@ class Binder:
 
 
 class Cards:
-    """The instances of one atlas as cards.
-
-    Parameters
-    ----------
-    atlas : Atlas
-        The pictures.
-    count : int
-        Instances.
-    unit : int
-        Instances of a block.
-    draws : dict of str to int, optional
-        Draws of each program, see :func:`slab_counts`; enough for one mesh by default.
-    bounds : array_like of 6 float
-        World bounds of all instances.
-    prop : vtkProperty
-        Material: lighting, ambient, diffuse, specular, opacity, interpolation.
-    binder : Binder
-        Shared by all cards of a renderer.
-    """
+    """The instances of one atlas as cards."""
 
     def __init__(self, atlas, count, unit, draws, bounds, prop, binder):
         self.atlas, self.binder, self.window = atlas, binder, None
@@ -394,15 +241,7 @@ class Cards:
         return [a for layer in self.layers.values() for a in layer.actors]
 
     def upload(self, window, rows):
-        """Put pictures and poses on the GPU of a window whose context is current.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            The window.
-        rows : numpy.ndarray, shape (n, 4) or (n, 3, 4), float32
-            Translation relative to the block's origin, or rows of rotation and translation.
-        """
+        """Put pictures and poses on the GPU of a window whose context is current."""
         self.window = window
         names = ('ibr_geometry', 'ibr_albedo')
         for name, picture in zip(names, self.atlas.textures(), strict=True):
@@ -420,36 +259,17 @@ class Cards:
             self.uniforms['ibr_pages'] = self.atlas.pages
 
     def look(self, looks):
-        """Put per-instance colours on the GPU.
-
-        Parameters
-        ----------
-        looks : numpy.ndarray, shape (n, 4), uint8, or None
-            Red, green, blue; 0 hidden, 128 as baked, 255 coloured. None is as baked.
-        """
+        """Put per-instance colours on the GPU."""
         self.uniforms['ibr_has_looks'] = int(looks is not None)
         if looks is not None and self.window is not None:
             self.textures['ibr_looks'].upload(pack(looks, _ROW, 4))
 
     def move(self, moves):
-        """Put on the GPU how instances of a phased atlas move.
-
-        Parameters
-        ----------
-        moves : numpy.ndarray, shape (n, 4), float32
-            Rounds at time 0, rounds a second, row of the atlas's bins, 1 where it goes round and
-            0 where it stays at the end.
-        """
+        """Put on the GPU how instances of a phased atlas move."""
         self.textures['ibr_moves'].upload(pack(moves, _ROW, 4))
 
     def view(self, frame):
-        """Take over the camera of a frame.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            Camera and size.
-        """
+        """Take over the camera of a frame."""
         clip, view = frame.clip_from_view, frame.view_from_world
         self.uniforms |= {
             'ibr_parallel': int(frame.parallel),
@@ -461,28 +281,7 @@ class Cards:
         }
 
     def show(self, name, blocks, sizes, cuts, *, level=None, unit=None, dithered=False):
-        """Draw some blocks by a program, in the order given.
-
-        Parameters
-        ----------
-        name : str
-            Name of the program.
-        blocks : numpy.ndarray, shape (n, 4), float32
-            Origin in eye space, index.
-        sizes : tuple of 4 float
-            On-screen diameters in pixels between which instances appear, are whole, fade, and
-            are gone.
-        cuts : numpy.ndarray of int
-            Where each draw begins and ends, see :func:`slabs`.
-        level : tuple of 4 float, optional
-            The same as `sizes` for instances that the eye is level with, where the atlas has a
-            turntable.
-        unit : int, optional
-            1 where an entry of `blocks` is a single instance.
-        dithered : bool
-            Whether the next finer level is the mesh: pixels are shared with it by a dither,
-            where cards blend with each other.
-        """
+        """Draw some blocks by a program, in the order given."""
         layer = self.layers[name]
         layer.dithered, layer.unit, layer.level = dithered, unit or self.unit, level or sizes
         layer.show(blocks, sizes, cuts)

@@ -18,24 +18,7 @@ _DEPTHS |= {'CompositeSolid': 2}
 
 
 def is_city(path) -> bool:
-    """Tell whether a file says of itself that it is CityJSON.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        The file.
-
-    Returns
-    -------
-    bool
-        By its ending and its first bytes.
-
-    Examples
-    --------
-    >>> from pvibr.actors.cities import is_city
-    >>> is_city('fox.glb')
-    False
-    """
+    """Tell whether a file says of itself that it is CityJSON."""
     path = Path(path).expanduser()
     if path.suffix.lower() not in ('.json', '.cityjson') or not path.is_file():
         return False

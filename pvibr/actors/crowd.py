@@ -222,13 +222,7 @@ class Crowd(Instances):
         return mesh.transform(_matrix(self._poses[index]), inplace=False)
 
     def bake_into(self, scene):
-        """Hand each figure as it is now to a scene without pvibr.
-
-        Parameters
-        ----------
-        scene : pvibr.baked_scene.BakedScene
-            Takes meshes.
-        """
+        """Hand each figure as it is now to a scene without pvibr."""
         for i in np.flatnonzero(self.visible):
             color = None if self._colors is None else self._colors[i]
             for part in self._cast.parts(int(i), self._now(), _matrix(self._poses[i])):
@@ -241,13 +235,7 @@ class Crowd(Instances):
         return *super().stamp(), self._now()
 
     def prepare(self, frame):
-        """Choose what is drawn, and show all as they are now.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Choose what is drawn, and show all as they are now."""
         super().prepare(frame)
         for kind in self._kinds:
             kind.at(frame.window, self._now())
@@ -255,13 +243,7 @@ class Crowd(Instances):
                 actor.SetPickable(bool(self.pickable and frame.picking))
 
     def finish(self, frame):
-        """Give the texture units back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Give the texture units back."""
         super().finish(frame)
         for kind in self._kinds:
             kind.finish()

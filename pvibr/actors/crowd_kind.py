@@ -17,24 +17,7 @@ _ERA = 512.0
 
 
 class Moves:
-    """What each member of a crowd plays.
-
-    Parameters
-    ----------
-    count : int
-        Members.
-
-    Attributes
-    ----------
-    clip : numpy.ndarray, shape (n,), int
-        Number of the motion.
-    offset : numpy.ndarray, shape (n,), float64
-        Time in the clip when the plotter's is 0, seconds.
-    speed : numpy.ndarray, shape (n,), float64
-        Seconds of the clip in a second.
-    loop : numpy.ndarray, shape (n,), bool
-        Whether it begins again after its end.
-    """
+    """What each member of a crowd plays."""
 
     def __init__(self, count):
         self.clip = np.zeros(count, int)
@@ -43,42 +26,14 @@ class Moves:
         self.loop = np.ones(count, bool)
 
     def rounds(self, motions, time, ids=slice(None)) -> np.ndarray:
-        """Return how many rounds of their clips members are through.
-
-        Parameters
-        ----------
-        motions : sequence of Motion
-            The clips.
-        time : float
-            Seconds of the plotter.
-        ids : index
-            Which members.
-
-        Returns
-        -------
-        numpy.ndarray
-            From 0 to 1.
-        """
+        """Return how many rounds of their clips members are through."""
         durations = np.array([m.duration for m in motions])[self.clip[ids]]
         rounds = (self.offset[ids] + self.speed[ids] * time) / np.maximum(durations, 1e-12)
         rounds[durations == 0] = 0.0
         return np.where(self.loop[ids], rounds % 1.0, np.clip(rounds, 0.0, 1.0))
 
     def rows(self, motions, time) -> np.ndarray:
-        """Return what the GPU needs to know, from a time on.
-
-        Parameters
-        ----------
-        motions : sequence of Motion
-            The clips.
-        time : float
-            Seconds of the plotter that count as 0.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, 4), float32
-            Rounds at that time, rounds a second, number of the clip, whether it goes round.
-        """
+        """Return what the GPU needs to know, from a time on."""
         durations = np.array([m.duration for m in motions])[self.clip]
         still = durations == 0
         durations = np.where(still, 1.0, durations)
@@ -90,15 +45,7 @@ class Moves:
 
 
 class CrowdKind(Kind):
-    """The members of a crowd.
-
-    Parameters
-    ----------
-    cast : Cast
-        The figure with what it may play.
-    *args
-        See :class:`pvibr.actors.kind.Kind`.
-    """
+    """The members of a crowd."""
 
     def __init__(self, cast, *args):
         self.cast = cast
@@ -110,13 +57,7 @@ class CrowdKind(Kind):
         return [PosedPool(level, self.cast.bodies, self.cast.skinning) for level in self.levels]
 
     def upload(self, window):
-        """Put atlas and poses on the GPU of a window whose context is current.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            The window.
-        """
+        """Put atlas and poses on the GPU of a window whose context is current."""
         super().upload(window)
         self._era = None
 
@@ -125,15 +66,7 @@ class CrowdKind(Kind):
         self._era, self._posed = None, {}
 
     def at(self, window, time):
-        """Show all as they are at a time.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Whose context is current.
-        time : float
-            Seconds of the plotter.
-        """
+        """Show all as they are at a time."""
         if self.atlas.phased:
             era = _ERA * float(np.floor(time / _ERA))
             if self._era != era:
@@ -149,13 +82,7 @@ class CrowdKind(Kind):
                 pool.pose(window, keys, self.cast.moments, self.matrix)
 
     def parts(self, slot) -> list:
-        """Return the meshes of a member as it is now, as Parts in the figure's space.
-
-        Parameters
-        ----------
-        slot : int
-            A place in the order of this kind.
-        """
+        """Return the meshes of a member as it is now, as Parts in the figure's space."""
         time = self.cast.now()
         key = int(self.ids[slot]), time
         if self._posed.get('key') != key:
@@ -184,21 +111,7 @@ class CrowdKind(Kind):
 
 
 class Cast:
-    """A figure with its looks, what it may play, and what each member plays.
-
-    Parameters
-    ----------
-    figure : pvibr.Figure
-        The figure.
-    bodies : list of RigidBody or PosedBody
-        With its looks.
-    skinning : {'linear', 'dual'}
-        How joints are blended.
-    moves : Moves
-        What each member plays.
-    now : callable
-        Returns the plotter's time.
-    """
+    """A figure with its looks, what it may play, and what each member plays."""
 
     def __init__(self, figure, bodies, skinning, moves, now):
         self.figure, self.bodies, self.skinning = figure, bodies, skinning
@@ -207,39 +120,17 @@ class Cast:
         self.box = np.zeros(6)
 
     def seconds(self, time, ids) -> tuple[np.ndarray, np.ndarray]:
-        """Return number of and time in the clips of members.
-
-        Parameters
-        ----------
-        time : float
-            Seconds of the plotter.
-        ids : numpy.ndarray of int
-            Which members.
-        """
+        """Return number of and time in the clips of members."""
         clips = self.moves.clip[ids]
         durations = np.array([m.duration for m in self.motions])[clips]
         return clips, self.moves.rounds(self.motions, time, ids) * durations
 
     def pose(self, clip, seconds):
-        """Return the pose at a time of a clip.
-
-        Parameters
-        ----------
-        clip : int
-            Its number.
-        seconds : array_like, shape (...)
-            Within the clip.
-        """
+        """Return the pose at a time of a clip."""
         return self.figure.sample(seconds, self.motions[clip].clip, loop=False)
 
     def moments(self, keys) -> list[Moment]:
-        """Return what is shown at times of clips, all times of a clip at once.
-
-        Parameters
-        ----------
-        keys : sequence of (int, float)
-            Number of the clip, seconds within it.
-        """
+        """Return what is shown at times of clips, all times of a clip at once."""
         clips, seconds = np.array(keys).T
         out: list = [None] * len(keys)
         # Where nothing but joints moves vertices, these are all that is asked for.
@@ -253,17 +144,7 @@ class Cast:
         return out
 
     def parts(self, member, time, matrix) -> list:
-        """Return the meshes of a member as it is, with their looks, in world units.
-
-        Parameters
-        ----------
-        member : int
-            Which one.
-        time : float
-            Seconds of the plotter.
-        matrix : numpy.ndarray, shape (4, 4)
-            World from figure.
-        """
+        """Return the meshes of a member as it is, with their looks, in world units."""
         clips, seconds = self.seconds(time, np.array([member]))
         pose = self.pose(int(clips[0]), float(seconds[0]))
         return [
@@ -272,15 +153,7 @@ class Cast:
         ]
 
     def shown(self, member, time):
-        """Return the mesh of a member as it is, in the figure's space.
-
-        Parameters
-        ----------
-        member : int
-            Which one.
-        time : float
-            Seconds of the plotter.
-        """
+        """Return the mesh of a member as it is, in the figure's space."""
         clips, seconds = self.seconds(time, np.array([member]))
         pose = self.pose(int(clips[0]), float(seconds[0]))
         return self.figure.mesh(pose=pose, skinning=self.skinning)

@@ -18,27 +18,9 @@ _MISSED = 1.1  # times the triangles wanted: more were not collapsed in good ord
 def lighter(part, share) -> Part | None:
     """Return a part with a share of the triangles, or None where there is no good way.
 
-    Scattered matter (leaves) is thinned out: some pieces go, the others grow by as much area.
-    Surfaces are simplified by quadrics, their arrays taken from the nearest point; not those
-    with texture coordinates, whose seams would open.
-
-    Parameters
-    ----------
-    part : Part
-        The mesh.
-    share : float
-        Triangles wanted, of 1.
-
-    Returns
-    -------
-    Part or None
-        The stand-in.
-
-    Notes
-    -----
     Cook et al., "Stochastic Simplification of Aggregate Detail", SIGGRAPH 2007; Garland and
-    Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997, by
-    fast-simplification.
+    Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997, by fast-
+    simplification.
     """
     faces = np.asarray(part.mesh.regular_faces)
     pieces, labels = _pieces(faces, part.mesh.n_points)
@@ -152,24 +134,7 @@ def _corners(faces, same):
 
 
 def take_arrays(old, new, points, cells):
-    """Give a mesh the arrays of another at some of its points and cells.
-
-    Parameters
-    ----------
-    old : pyvista.PolyData
-        With the arrays.
-    new : pyvista.PolyData
-        What gets them.
-    points : numpy.ndarray of int
-        Of which point of the old mesh each new one is.
-    cells : numpy.ndarray of int or None
-        The same for cells; None leaves out their arrays.
-
-    Returns
-    -------
-    pyvista.PolyData
-        The new mesh.
-    """
+    """Give a mesh the arrays of another at some of its points and cells."""
     for source, target, ids in (
         (old.point_data, new.point_data, points),
         (old.cell_data, new.cell_data, cells),

@@ -165,13 +165,7 @@ class FigureActor(FigurePlayer, Anchored, Placed):
         return bool(self.visibility and self._anchor.GetVisibility())
 
     def attach(self, pipeline):
-        """Put its props into the scene.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-        """
+        """Put its props into the scene."""
         self.pipeline = pipeline
         self._now_shown()
         self._framed = self._changes, self._anchor.GetBounds()
@@ -216,13 +210,7 @@ class FigureActor(FigurePlayer, Anchored, Placed):
         super()._take_out(renderer)
 
     def needed(self, frame) -> bool | str:
-        """Tell whether there is anything to draw.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether there is anything to draw."""
         failure, self._failure = self._failure, None
         if failure is not None:
             raise failure
@@ -243,13 +231,7 @@ class FigureActor(FigurePlayer, Anchored, Placed):
                 actor.SetVisibility(shown)
 
     def prepare(self, frame):
-        """Pose it, where its pose changed, and have its shaders find their vertices.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Pose it, where its pose changed, and have its shaders find their vertices."""
         moment = self._now_shown()
         for body in self._posed if frame.picking else ():
             body.actor.SetPickable(bool(self.pickable))
@@ -277,13 +259,7 @@ class FigureActor(FigurePlayer, Anchored, Placed):
             body.aim(row, units)
 
     def finish(self, frame):
-        """Give the texture units back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Give the texture units back."""
         for body in self._posed if frame.picking else ():
             body.actor.PickableOff()  # other pickers look at meshes, which are those at rest
         if self._posing is not None:
@@ -310,13 +286,7 @@ class FigureActor(FigurePlayer, Anchored, Placed):
         return {'bytes': held, 'vertices': vertices, 'poses': self.posed}
 
     def bake_into(self, scene):
-        """Hand its bodies as they are now to a scene without pvibr.
-
-        Parameters
-        ----------
-        scene : pvibr.baked_scene.BakedScene
-            Takes meshes.
-        """
+        """Hand its bodies as they are now to a scene without pvibr."""
         parts = self._posed_parts(self._now_shown().pose)
         for i in self._seen():
             scene.part(self, parts[i])

@@ -20,17 +20,7 @@ _KINDS = ('positions', 'normals')
 
 
 class BodyShapes:
-    """The shapes of a body: key frames, then morph targets, then correctives.
-
-    Parameters
-    ----------
-    figure : pvibr.Figure
-        The figure.
-    index : int
-        Which of its bodies.
-    order : numpy.ndarray of int, shape (v,)
-        Which vertex of the body each of the drawn ones is.
-    """
+    """The shapes of a body: key frames, then morph targets, then correctives."""
 
     def __init__(self, figure, index, order):
         self.figure, self.index, self.order = figure, index, order
@@ -76,22 +66,7 @@ class BodyShapes:
         return morphs.total(what, weights, len(self.body.points))[self.order]
 
     def active(self, pose):
-        """Return what is added in a pose.
-
-        Parameters
-        ----------
-        pose : Pose or numpy.ndarray
-            One pose.
-
-        Returns
-        -------
-        shapes : numpy.ndarray of int, shape (s,)
-            Those of any weight, key frames first.
-        amounts : numpy.ndarray, shape (s,)
-            Their weights.
-        frames : int
-            How many are key frames.
-        """
+        """Return what is added in a pose."""
         shapes, amounts, frames = [], [], 0
         if self.n_frames:
             found, weights = self.body.frames.at(getattr(pose, 'time', 0.0))
@@ -108,15 +83,7 @@ class BodyShapes:
 
 
 class RigidBody:
-    """A body that moves with its joint as a whole: an ordinary actor.
-
-    Parameters
-    ----------
-    part : pvibr.actors.parts.Part
-        Its mesh and look.
-    node : int
-        Its joint, -1 for none.
-    """
+    """A body that moves with its joint as a whole: an ordinary actor."""
 
     def __init__(self, part, node):
         self.part, self.actor, self.node = part, part.actor, node
@@ -126,57 +93,20 @@ class RigidBody:
         return self.actor
 
     def release(self, window):
-        """Free what its actor holds on the GPU.
-
-        Parameters
-        ----------
-        window : vtkRenderWindow
-            Whose context is current.
-        """
+        """Free what its actor holds on the GPU."""
         self.actor.ReleaseGraphicsResources(window)
 
     def move(self, user, moment):
-        """Take the place that a moment gives it.
-
-        Parameters
-        ----------
-        user : numpy.ndarray, shape (4, 4)
-            World from figure.
-        moment : Moment
-            What is shown.
-        """
+        """Take the place that a moment gives it."""
         self.actor.user_matrix = user @ self.local(moment)
 
     def local(self, moment) -> np.ndarray:
-        """Return the matrix that takes its mesh to the figure, shape (4, 4).
-
-        Parameters
-        ----------
-        moment : Moment
-            What is shown.
-        """
+        """Return the matrix that takes its mesh to the figure, shape (4, 4)."""
         return _node(moment, self.node)
 
 
 class PosedBody:
-    """A body whose vertices are moved by joints or shapes, on the GPU.
-
-    Parameters
-    ----------
-    figure : pvibr.Figure
-        The figure.
-    index : int
-        Which of its bodies.
-    part : pvibr.actors.parts.Part
-        Its mesh and look.
-
-    Attributes
-    ----------
-    actor : pyvista.Actor
-        What draws it.
-    mould : pvibr.actors.posing.Mould
-        What the GPU needs of it.
-    """
+    """A body whose vertices are moved by joints or shapes, on the GPU."""
 
     def __init__(self, figure, index, part):
         self.figure, self.index, self.part = figure, index, part
@@ -234,10 +164,7 @@ class PosedBody:
         return double
 
     def depth_actor(self):
-        """Return what draws its depth alone, where colours do not say where there is any.
-
-        Software drivers run the whole fragment shader where there is no colour to write.
-        """
+        """Return what draws its depth alone, where colours do not say where there is any."""
         actor = self.actor
         if actor.GetProperty().GetRepresentation() != _SURFACE or is_cut_out(actor):
             return actor
@@ -249,26 +176,12 @@ class PosedBody:
         return self._double
 
     def release(self, window):
-        """Free what its actors hold on the GPU.
-
-        Parameters
-        ----------
-        window : vtkRenderWindow
-            Whose context is current.
-        """
+        """Free what its actors hold on the GPU."""
         for actor in (self.actor, self._double):
             actor.ReleaseGraphicsResources(window)
 
     def aim(self, row, units):
-        """Tell the shader where its vertices are.
-
-        Parameters
-        ----------
-        row : int
-            First row of its mould.
-        units : dict of str to int
-            Texture units of the samplers.
-        """
+        """Tell the shader where its vertices are."""
         for actor in (self.actor, self._double):
             uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
             uniforms.SetUniformi('ibr_posed_row', row)
@@ -276,43 +189,18 @@ class PosedBody:
                 uniforms.SetUniformi(name, units[name])
 
     def place(self, moment) -> Place:
-        """Return what makes its pose.
-
-        Parameters
-        ----------
-        moment : Moment
-            What is shown.
-        """
+        """Return what makes its pose."""
         shapes = () if self.shapes is None else self.shapes.active(moment.pose)
         if self.body.skin is None:
             return Place(None, self.mould.origin, *shapes)
         return Place(self.body.skin.matrices(moment.world), moment.origin, *shapes)
 
     def move(self, user, moment):
-        """Take the place that a moment gives it, and a box that holds it.
-
-        Parameters
-        ----------
-        user : numpy.ndarray, shape (4, 4)
-            World from figure.
-        moment : Moment
-            What is shown.
-        """
+        """Take the place that a moment gives it, and a box that holds it."""
         self.actor.user_matrix = self._double.user_matrix = user @ self.local(moment)
 
     def local(self, moment) -> np.ndarray:
-        """Return the matrix that takes posed vertices to the figure, and have its box hold them.
-
-        Parameters
-        ----------
-        moment : Moment
-            What is shown.
-
-        Returns
-        -------
-        numpy.ndarray, shape (4, 4)
-            Figure from what the posing pass wrote.
-        """
+        """Return the matrix from posed vertices to the figure; update the bounding box."""
         skinned = self.body.skin is not None
         matrix = np.eye(4)
         matrix[:3, 3] = moment.origin if skinned else self.mould.origin
@@ -359,22 +247,7 @@ class PosedBody:
 
 
 def as_bodies(figure, looks, theme):
-    """Return the bodies of a figure as actors.
-
-    Parameters
-    ----------
-    figure : pvibr.Figure
-        The figure.
-    looks : dict
-        Keywords of ``add_mesh`` over those of each body.
-    theme : pyvista.plotting.themes.Theme or None
-        Defaults of the looks.
-
-    Returns
-    -------
-    list of RigidBody or PosedBody
-        As many as the figure has bodies of triangles.
-    """
+    """Return the bodies of a figure as actors."""
     out: list = []
     for i, body in enumerate(figure.bodies):
         mesh = body.mesh.copy(deep=False)
@@ -414,20 +287,7 @@ def _with_spares(mesh, order, points):
 
 
 def moved_bounds(matrix, bounds):
-    """Return bounds of a box that a matrix moved.
-
-    Parameters
-    ----------
-    matrix : numpy.ndarray, shape (4, 4)
-        Where it goes.
-    bounds : array_like of 6 float
-        x, y and z, low and high.
-
-    Returns
-    -------
-    numpy.ndarray, shape (6,)
-        As `bounds`; what has none stays so.
-    """
+    """Return bounds of a box that a matrix moved."""
     if bounds[0] > bounds[1]:
         return np.asarray(bounds)
     low, high = _low(bounds), _high(bounds)
@@ -445,28 +305,7 @@ def _high(bounds):
 
 
 def posed_part(figure, index, part, matrix, pose, skinning, bulge=1.0) -> Part:
-    """Return a body as it is in a pose, as a part in world units.
-
-    Parameters
-    ----------
-    figure : pvibr.Figure
-        The figure.
-    index : int
-        Which of its bodies.
-    part : pvibr.actors.parts.Part
-        The body with its look.
-    matrix : numpy.ndarray, shape (4, 4)
-        World from figure.
-    pose : Pose
-        See :meth:`pvibr.Figure.posed`.
-    skinning, bulge : object
-        As there.
-
-    Returns
-    -------
-    pvibr.actors.parts.Part
-        With a mesh of its own, points in float64.
-    """
+    """Return a body as it is in a pose, as a part in world units."""
     mesh = part.mesh.copy(deep=False)
     points, normals = figure.posed(index, pose, skinning, bulge)
     mesh.SetPoints(pv.vtk_points(transform_points(matrix, points)))

@@ -13,21 +13,7 @@ from pvibr import _vtk
 
 @dataclass(frozen=True)
 class FigureHit:
-    """Where a ray met a figure.
-
-    Attributes
-    ----------
-    body : int
-        The body.
-    cell : int
-        Its triangle.
-    vertex : int
-        The nearest of the triangle's points.
-    point : tuple of 3 float
-        Where on the posed mesh, world units.
-    distance : float
-        From the ray's start, world units.
-    """
+    """Where a ray met a figure."""
 
     body: int
     cell: int
@@ -37,20 +23,7 @@ class FigureHit:
 
 
 def nearest_hit(meshes, start, direction):
-    """Return the first triangle that a ray meets.
-
-    Parameters
-    ----------
-    meshes : dict of int to pyvista.PolyData
-        Body to its triangles, world units.
-    start, direction : numpy.ndarray, shape (3,)
-        The ray; the direction is of length 1.
-
-    Returns
-    -------
-    FigureHit or None
-        The nearest hit.
-    """
+    """Return the first triangle that a ray meets."""
     hits = [_meet(i, mesh, start, direction) for i, mesh in meshes.items()]
     return min((h for h in hits if h is not None), key=lambda h: h.distance, default=None)
 
@@ -73,25 +46,7 @@ def _meet(body, mesh, start, direction):
 
 
 def stand_in(owner, number, actor):
-    """Return an actor that pickers of VTK and PyVista find in place of another: it is not drawn.
-
-    What is posed on the GPU has its mesh at rest, which is not what is seen. Between frames the
-    stand-in is visible; its mesh is posed when a picker asks.
-
-    Parameters
-    ----------
-    owner : FigureActor
-        Whose ``posed_meshes()`` are picked.
-    number : int
-        Which of them.
-    actor : pyvista.Actor
-        What draws it.
-
-    Returns
-    -------
-    pyvista.Actor
-        Not visible yet.
-    """
+    """Return an invisible actor that pickers find in place of another."""
     source = _vtk.vtkProgrammableSource()
     source.SetExecuteMethod(_filler(owner, number, source.GetPolyDataOutput()))
     mapper = _vtk.vtkPolyDataMapper()

@@ -18,17 +18,7 @@ from pvibr.params import Param
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What a figure shows.
-
-    Attributes
-    ----------
-    pose : Pose or numpy.ndarray, shape (n, 4, 4)
-        The pose, or ``figure_from_joint`` matrices.
-    world : numpy.ndarray, shape (n, 4, 4)
-        ``figure_from_joint``.
-    bounds : numpy.ndarray, shape (6,)
-        A box that holds it, in the figure's space.
-    """
+    """What a figure shows."""
 
     pose: Any
     world: np.ndarray
@@ -36,17 +26,7 @@ class Moment:
 
     @classmethod
     def of(cls, figure, pose, skinning):
-        """Return the moment of a pose.
-
-        Parameters
-        ----------
-        figure : pvibr.Figure
-            The figure.
-        pose : Pose or numpy.ndarray, shape (n, 4, 4)
-            The pose.
-        skinning : {'linear', 'dual'}
-            How joints are blended.
-        """
+        """Return the moment of a pose."""
         world = figure.world(pose)
         # Where nothing but joints moves vertices, these say where they are, and are known.
         still = not any(b.frames or b.morphs for b in figure.bodies) and not figure.correctives
@@ -230,10 +210,7 @@ class FigurePlayer(Effect):
         self._show_anew()
 
     def follow(self):
-        """Take the pose of now, so that bounds are right before it is drawn.
-
-        What fails is told by the next frame.
-        """
+        """Take the pose of now, so that bounds are right before it is drawn."""
         if self.pipeline is not None:
             with suppress(Exception):
                 self._now_shown()

@@ -23,54 +23,13 @@ GLTF = ('.gltf', '.glb')
 
 
 def is_trimesh(thing, kind):
-    """Return whether something is of a class of trimesh, without importing trimesh.
-
-    Parameters
-    ----------
-    thing : object
-        Anything.
-    kind : str
-        Name of the class.
-
-    Returns
-    -------
-    bool
-        Whether it is.
-    """
+    """Return whether something is of a class of trimesh, without importing trimesh."""
     module = sys.modules.get('trimesh')
     return module is not None and isinstance(thing, getattr(module, kind))
 
 
 def read_mesh(path):
-    """Read a mesh or scene from a file.
-
-    glTF goes through trimesh, so that textures come along; CityJSON through cjio; everything else
-    goes through PyVista and, where that fails, through trimesh.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        The file.
-
-    Returns
-    -------
-    pyvista.DataSet, pyvista.MultiBlock or trimesh.Scene
-        What is in the file.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If neither library reads it, or a glTF file leads out of its folder.
-
-    Examples
-    --------
-    >>> from pyvista import examples
-    >>> from pvibr.actors.foreign import read_mesh
-    >>> read_mesh(examples.planefile).n_cells
-    2452
-    """
+    """Read a mesh or scene from a file."""
     path = Path(path).expanduser()
     if not path.is_file():
         msg = f'mesh file {str(path)!r} does not exist.'
@@ -93,39 +52,7 @@ def read_mesh(path):
 
 
 def scene_instances(scene):
-    """Return the meshes of a scene and where its graph puts them.
-
-    Parameters
-    ----------
-    scene : trimesh.Scene, str or pathlib.Path
-        The scene, or a file that trimesh reads, or CityJSON. A glTF file's
-        ``EXT_mesh_gpu_instancing`` needs the file, since trimesh drops those poses.
-
-    Returns
-    -------
-    meshes : list of trimesh.Trimesh or pyvista.PolyData
-        Each geometry that is used, once.
-    index : numpy.ndarray, shape (n,), int64
-        Which of `meshes` each instance is.
-    matrices : numpy.ndarray, shape (n, 4, 4), float64
-        ``world_from_model`` of each instance.
-
-    Raises
-    ------
-    ValueError
-        If the scene has no triangle mesh.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import trimesh
-    >>> from pvibr.actors.foreign import scene_instances
-    >>> scene = trimesh.Scene({'box': trimesh.creation.box()})
-    >>> scene.graph.update('second', matrix=np.diag([2.0, 2.0, 2.0, 1.0]), geometry='box')
-    >>> meshes, index, matrices = scene_instances(scene)
-    >>> len(meshes), index.tolist(), matrices[:, 0, 0].tolist()
-    (1, [0, 0], [1.0, 2.0])
-    """
+    """Return the meshes of a scene and where its graph puts them."""
     if isinstance(scene, str | Path):
         path = Path(scene).expanduser()
         if is_city(path):
@@ -151,33 +78,7 @@ def scene_instances(scene):
 
 
 def as_dataset(mesh, pbr=False, textures=None):
-    """Return a trimesh as PolyData and the add_mesh keywords of its material.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The mesh, with vertex colours, face colours or a textured material.
-    pbr : bool, optional
-        Whether metallic and roughness are wanted too.
-    textures : dict, optional
-        Textures by image, filled in, so that meshes that share an image share a texture.
-
-    Returns
-    -------
-    dataset : pyvista.PolyData
-        Points, triangles, given normals, texture coordinates and colours.
-    look : dict
-        Keywords of :func:`pvibr.actors.parts.as_parts`.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> from pvibr.actors.foreign import as_dataset
-    >>> box = trimesh.creation.box()
-    >>> box.visual.face_colors = [255, 0, 0, 255]
-    >>> as_dataset(box)[1]
-    {'scalars': 'trimesh_colors', 'rgb': True, 'preference': 'cell'}
-    """
+    """Return a trimesh as PolyData and the add_mesh keywords of its material."""
     dataset = pv.PolyData.from_regular_faces(np.array(mesh.vertices), np.array(mesh.faces))
     # Only normals that came with the file: trimesh would compute others on demand.
     normals = mesh._cache.cache.get('vertex_normals')

@@ -18,42 +18,8 @@ _STEEPEST = 8.0  # alpha of a smaller level is raised by this factor at most
 class Sheet:
     """Images side by side in one texture.
 
-    Each has a cell of its own whose sides are a power of two times whole numbers, so that no
-    texel of a smaller level mixes two images. Colours are premultiplied by alpha: averages of
-    them, levels and filters included, know no colour of what is not there.
-
-    Parameters
-    ----------
-    images : sequence of numpy.ndarray, shape (h, w, 4), uint8
-        Row 0 at the top; any sizes.
-    cutout : float, optional
-        The alpha from which a texel is drawn: smaller levels keep the share of such texels.
-        Without, they keep the mean of alpha.
-
-    Attributes
-    ----------
-    rects : numpy.ndarray, shape (n, 4), float32
-        Left, bottom, right, top of each image, texels of the largest level.
-    levels : list of numpy.ndarray, shape (h, w, 4), uint8
-        The largest first, row 0 at the bottom.
-
-    Raises
-    ------
-    ValueError
-        Where the images do not fit into one texture.
-
-    Notes
-    -----
     The share is kept as Castano does ("Computing Alpha Mipmaps", 2010): alpha is scaled per level
     such that as much passes the test; here image by image, by the quantile of its filtered alpha.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.actors.images import Sheet
-    >>> sheet = Sheet([np.full((4, 4, 4), 255, np.uint8), np.zeros((2, 6, 4), np.uint8)])
-    >>> sheet.rects.tolist()
-    [[0.0, 4.0, 4.0, 8.0], [0.0, 0.0, 6.0, 2.0]]
     """
 
     def __init__(self, images, cutout=None):
@@ -97,25 +63,7 @@ class Sheet:
         return sum(level.nbytes for level in self.levels)
 
     def upload(self, window) -> tuple[MipTexture, int]:
-        """Put the levels on the GPU.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Its context is current.
-
-        Returns
-        -------
-        texture : MipTexture
-            Sampled by ``textureLod``.
-        skipped : int
-            Largest levels that were left out, since the driver takes no texture so large.
-
-        Raises
-        ------
-        ValueError
-            Where even the smallest level is too large.
-        """
+        """Put the levels on the GPU."""
         limit = texture_limit(window)
         fits = [k for k, level in enumerate(self.levels) if max(level.shape[:2]) <= limit]
         if not fits:
@@ -139,35 +87,7 @@ def _step(sizes) -> int:
 
 
 def shelves(sizes, limit):
-    """Place boxes in rows, the tallest first.
-
-    Parameters
-    ----------
-    sizes : numpy.ndarray, shape (n, 2), int
-        Width and height of each.
-    limit : int
-        Largest side of what holds them.
-
-    Returns
-    -------
-    corners : numpy.ndarray, shape (n, 2), int
-        Left and bottom of each.
-    size : tuple of 2 int
-        Width and height of what holds them.
-
-    Raises
-    ------
-    ValueError
-        Where they do not fit.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.actors.images import shelves
-    >>> corners, size = shelves(np.array([[2, 1], [2, 2], [2, 2]]), 16)
-    >>> corners.tolist(), size
-    ([[0, 2], [0, 0], [2, 0]], (4, 3))
-    """
+    """Place boxes in rows, the tallest first."""
     wanted = int(np.ceil(np.sqrt(sizes.prod(1).sum())))
     width = min(max(wanted, int(sizes[:, 0].max())), limit)
     corners = np.zeros((len(sizes), 2), int)
@@ -212,34 +132,7 @@ def _halved(a):
 
 
 def as_images(image, frames=None) -> list:
-    """Return one image or several as arrays.
-
-    Parameters
-    ----------
-    image : path, array, pyvista.Texture, or a list of these
-        As :func:`pvibr.pictures.as_rgba` takes them; (n, h, w, c) is a list.
-    frames : tuple of 2 int, optional
-        Columns and rows of a sheet of frames, which is cut up, from the upper left on by rows.
-
-    Returns
-    -------
-    list of numpy.ndarray, shape (h, w, 4), uint8
-        Row 0 at the top.
-
-    Raises
-    ------
-    ValueError
-        Where one is no image, or frames do not divide it.
-    FileNotFoundError
-        Where there is no such file.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.actors.images import as_images
-    >>> [i.shape for i in as_images(np.zeros((4, 8)), frames=(2, 1))]
-    [(4, 4, 4), (4, 4, 4)]
-    """
+    """Return one image or several as arrays."""
     images = (
         image if isinstance(image, list | tuple) or getattr(image, 'ndim', 0) == 4 else [image]
     )

@@ -164,18 +164,7 @@ class Impostor(Effect):
     # -- the life of an effect -------------------------------------------------------------------
 
     def attach(self, pipeline):
-        """Put the cards into the scene.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-
-        Raises
-        ------
-        ValueError
-            Where an actor is not in the subplot, or has an impostor there.
-        """
+        """Put the cards into the scene."""
         renderer = pipeline.renderer
         mine = {address(a) for a in self.props}
         for actor in self.props:
@@ -207,13 +196,7 @@ class Impostor(Effect):
         self._frame = None
 
     def prepare(self, frame):
-        """Choose what is drawn as an image, and draw the images that no longer serve.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Choose what is drawn as an image, and draw the images that no longer serve."""
         if not frame.own:
             self._elsewhere = self._seen_from(frame)
             return
@@ -249,13 +232,7 @@ class Impostor(Effect):
         self._frames += 1
 
     def finish(self, frame):
-        """Give everyone their actors back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Give everyone their actors back."""
         if not frame.own or frame is not self._frame:
             return
         self._cards.hide()

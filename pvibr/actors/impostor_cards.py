@@ -15,17 +15,7 @@ _ROW, _TEXELS = 128, 5  # cards of a row of the table, texels of a card
 
 
 def card_feature(*, depth, shiny, several) -> Feature:
-    """Return the shader text of cards by VTK's tags.
-
-    Parameters
-    ----------
-    depth : bool
-        Whether each fragment has the depth of what it shows.
-    shiny : bool
-        Whether any material has highlights; without, their power is not computed.
-    several : bool
-        Whether there are several materials.
-    """
+    """Return the shader text of cards by VTK's tags."""
     part = sections(shader_source(__file__, 'impostor'))
     light = '//VTK::Light::Impl\n'
     return Feature(
@@ -62,15 +52,7 @@ class ImpostorCards(OneDraw):
         return sum(t.nbytes for t in (self._table, self._matter) if t is not None)
 
     def fit(self, count, bounds):
-        """Have room for cards within bounds.
-
-        Parameters
-        ----------
-        count : int
-            Cards at most.
-        bounds : array_like of 6 float
-            World units: VTK leaves out actors whose bounds are out of view.
-        """
+        """Have room for cards within bounds."""
         low, high = (
             np.minimum(bounds[::2], self._bounds[::2]),
             np.maximum(bounds[1::2], self._bounds[1::2]),
@@ -87,15 +69,7 @@ class ImpostorCards(OneDraw):
         self.mapper.SetInputData(card_mesh(self._room, 4, self._bounds))
 
     def wear(self, *, depth, materials):
-        """Have the shader that is asked for, and its materials.
-
-        Parameters
-        ----------
-        depth : bool
-            Whether each fragment has the depth of what it shows.
-        materials : Materials
-            Those that tiles have numbers of.
-        """
+        """Have the shader that is asked for, and its materials."""
         self._dress(card_feature(depth=depth, shiny=materials.shiny, several=len(materials) > 1))
         if self._matter is not None and len(materials) != self._known:
             self._matter.upload(materials.table())
@@ -103,19 +77,7 @@ class ImpostorCards(OneDraw):
         self._materials = materials
 
     def show(self, frame, rows, pool):
-        """Draw cards in a frame.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        rows : numpy.ndarray, shape (n, 5, 4)
-            Of each card, in view space: corner and the distance of the image's eye; right side
-            and near; upper side and far; that eye, or the direction of sight, and whether it is
-            one; corner in the pool and sides, in texels.
-        pool : TilePool
-            With the images.
-        """
+        """Draw cards in a frame."""
         if self._table is None:
             self._table = Texture(frame.window)
             self._matter = Texture(frame.window).upload(self._materials.table())
@@ -134,13 +96,7 @@ class ImpostorCards(OneDraw):
         self.actor.SetVisibility(bool(len(rows)))
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Whose context is current; None where there is none.
-        """
+        """Free the GPU's memory; the context must be alive."""
         super().release(window)
         for texture in (self._table, self._matter):
             if texture is not None:

@@ -21,19 +21,7 @@ _TRIES = 3
 
 
 class Costs:
-    """Times of meshes and of cards, and how the eye and the actors move.
-
-    Attributes
-    ----------
-    speed : float
-        World units a frame that the eye moves.
-    step : numpy.ndarray, shape (3,)
-        Where to; 0 unless it goes on as it did.
-    busy : numpy.ndarray
-        Of each actor, the share of frames in which it changed.
-    pixel : float
-        Seconds of a pixel of a card.
-    """
+    """Times of meshes and of cards, and how the eye and the actors move."""
 
     def __init__(self):
         self.speed, self.pixel, self.busy = 0.0, PIXEL, np.zeros(0)
@@ -44,34 +32,16 @@ class Costs:
         self._sums: Any = None
 
     def count(self, actors):
-        """Have so many actors.
-
-        Parameters
-        ----------
-        actors : int
-            How many.
-        """
+        """Have so many actors."""
         self.busy, self._sums = np.zeros(actors), None
 
     def changed(self, actors):
-        """Take note of actors that changed since the last frame.
-
-        Parameters
-        ----------
-        actors : list of int
-            Which.
-        """
+        """Take note of actors that changed since the last frame."""
         self.busy[actors] = np.minimum(self.busy[actors] + 0.3, 1.0)
         self._sums = None
 
     def move(self, frame):
-        """Take note of where the eye is.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Take note of where the eye is."""
         if self._eye is not None:
             step = frame.eye - self._eye
             size, before = np.linalg.norm(step), np.linalg.norm(self._last)
@@ -83,28 +53,14 @@ class Costs:
         self.busy *= 0.9
 
     def meshes(self, leaves, nodes) -> np.ndarray:
-        """Return the seconds of the meshes below each node.
-
-        Parameters
-        ----------
-        leaves : Leaves
-            The actors.
-        nodes : Nodes
-            Over them.
-        """
+        """Return the seconds of the meshes below each node."""
         if self._sums is None:
             seconds = np.array([self._of(source) for source in leaves.sources])
             self._sums = nodes.tree.gather(seconds * nodes.live[: len(leaves)], np.add)
         return self._sums
 
     def often(self, tree) -> np.ndarray | float:
-        """Return for each node the share of frames in which what is below it changed.
-
-        Parameters
-        ----------
-        tree : Tree
-            Over the actors.
-        """
+        """Return for each node the share of frames in which what is below it changed."""
         return tree.gather(self.busy, np.maximum) if self.busy.max() > 1e-3 else 0.0
 
     def _of(self, source):
@@ -113,46 +69,17 @@ class Costs:
         return (ACTOR + CELL * source.cells) * self._ratio[0]
 
     def expected(self, sources) -> float:
-        """Return the seconds that an image of some actors takes.
-
-        Parameters
-        ----------
-        sources : sequence of Source
-            What is seen.
-        """
+        """Return the seconds that an image of some actors takes."""
         return _IMAGE + sum(map(self._of, sources))
 
     def images(self, seconds, rate, busy, area) -> np.ndarray:
-        """Return the seconds of a frame that images take, with their share of being drawn again.
-
-        Parameters
-        ----------
-        seconds : numpy.ndarray
-            Of the meshes.
-        rate, busy : numpy.ndarray
-            Shares of frames in which the eye moves too far, and in which an actor changes.
-        area : numpy.ndarray
-            Pixels that they cover.
-        """
+        """Return the seconds per frame spent on images, re-rendering included."""
         often = np.minimum(rate + busy, 1.0)
         return often * (seconds + _IMAGE) + _CARD + self.pixel * area
 
     @contextmanager
     def timed(self, window, sources):
-        """Measure what the meshes of some actors take.
-
-        Parameters
-        ----------
-        window : vtkRenderWindow
-            Whose context is current.
-        sources : sequence of Source
-            What is drawn; a single one keeps the time.
-
-        Yields
-        ------
-        types.SimpleNamespace
-            ``seconds``, afterwards.
-        """
+        """Measure what the meshes of some actors take."""
         known = len(sources) != 1 or sources[0].tries >= _TRIES or is_deterministic()
         spent = SimpleNamespace(seconds=self.expected(sources))
         if not known:
@@ -172,19 +99,7 @@ class Costs:
             self._ratio[0] += 0.2 * (source.seconds / guess - self._ratio[0])
 
     def measure(self, frame, cards, drawer, area):
-        """Measure once what a pixel of a card takes.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        cards : ImpostorCards
-            Ready to be drawn.
-        drawer : pvibr.gl.drawer.Drawer
-            Draws them.
-        area : float
-            Pixels that they cover, about.
-        """
+        """Measure once what a pixel of a card takes."""
         if self._measured or area < 2000 or is_deterministic():
             return
         self._measured = True

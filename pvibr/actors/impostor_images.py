@@ -18,15 +18,7 @@ _SHAPES: tuple = ((3,), (3,), (3, 3), (2,), (2,), (), ())  # of a card's fields
 
 
 class Images:
-    """The views of n objects.
-
-    Parameters
-    ----------
-    count : int
-        Objects.
-    views : int
-        Images of each at most.
-    """
+    """The views of n objects."""
 
     def __init__(self, count, views):
         self.count, self.views = count, views
@@ -46,22 +38,7 @@ class Images:
     # -- how wrong they are ----------------------------------------------------------------------
 
     def errors(self, objects, eyes):
-        """Return the best image of each of some objects, and its errors.
-
-        Parameters
-        ----------
-        objects : numpy.ndarray of int
-            Which.
-        eyes : Eyes
-            Where the eye is now.
-
-        Returns
-        -------
-        view : numpy.ndarray of int
-            Index of the image, -1 for none.
-        moved, coarse : numpy.ndarray
-            Displacement and side of a texel on the screen, pixels; inf without an image.
-        """
+        """Return the best image of each of some objects, and its errors."""
         every = objects[:, None] * self.views + np.arange(self.views)
         flat = every[self.alive[every] & (self.parallel[every] == eyes.parallel)]
         moved = np.full(every.shape, np.inf)
@@ -83,34 +60,14 @@ class Images:
     # -- making them -----------------------------------------------------------------------------
 
     def open(self, frame, area, memory):
-        """Have a pool on the GPU.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        area : int
-            Texels that are wanted now.
-        memory : int
-            Bytes that it may take.
-        """
+        """Have a pool on the GPU."""
         if self.pool is None:
             self.pool = TilePool(frame.window, area, memory)
         if self.drawer is None:
             self.drawer = Drawer(frame.renderer)
 
     def sizes(self, card, eyes, max_error) -> np.ndarray:
-        """Return the texels that the screen needs of cards, shape (n, 2), with their margins.
-
-        Parameters
-        ----------
-        card : Card
-            Of n objects.
-        eyes : Eyes
-            Where the eye is now.
-        max_error : float
-            Pixels of a texel.
-        """
+        """Return the texels that the screen needs of cards, shape (n, 2), with their margins."""
         # As large as they are now, or will be where the image is taken from.
         away = np.minimum(eyes.away(card.center), np.linalg.norm(card.eye, axis=1))
         scale = eyes.pixels(card.center, card.depth) / away
@@ -118,17 +75,7 @@ class Images:
         return np.ceil(np.minimum(sides * RESERVE / max_error, 1e6)).astype(int) + 2
 
     def room(self, obj, side, now) -> int | None:
-        """Return an index for a new image of an object, with a tile; None where there is none.
-
-        Parameters
-        ----------
-        obj : int
-            Which.
-        side : int
-            Of the image, texels.
-        now : int
-            The frame; images that are used in it stay.
-        """
+        """Return an index for a new image of an object, with a tile; None where there is none."""
         own = obj * self.views + np.arange(self.views)
         free = own[~self.alive[own]]
         view = int(free[0] if len(free) else own[self.used[own].argmin()])
@@ -147,13 +94,7 @@ class Images:
         return view
 
     def drop(self, views):
-        """Forget images and give their tiles back.
-
-        Parameters
-        ----------
-        views : iterable of int
-            Which; those that there are not do no harm.
-        """
+        """Forget images and give their tiles back."""
         for view in views:
             if self.alive[view]:
                 x, y, side = self.tile[view].tolist()
@@ -161,33 +102,11 @@ class Images:
                 self.alive[view] = False
 
     def drop_objects(self, objects):
-        """Forget all images of some objects.
-
-        Parameters
-        ----------
-        objects : array_like of int
-            Which.
-        """
+        """Forget all images of some objects."""
         self.drop((np.asarray(objects, int)[:, None] * self.views + np.arange(self.views)).ravel())
 
     def draw(self, view, card, k, size, sources, *, parallel):
-        """Draw an image; within ``pool.target.drawing()``.
-
-        Parameters
-        ----------
-        view : int
-            Index from :meth:`room`.
-        card : Card
-            Of several objects.
-        k : int
-            Which of them.
-        size : array_like of 2 int
-            Texels.
-        sources : iterable of Source or Block
-            What is seen.
-        parallel : bool
-            Whether the view is.
-        """
+        """Draw an image; within ``pool.target.drawing()``."""
         size = np.asarray(size)
         texel = (card.high[k] - card.low[k]) / (size - 2)
         seen = card_view(card, k, texel, parallel=parallel)
@@ -209,15 +128,7 @@ class Images:
     # -- showing them ----------------------------------------------------------------------------
 
     def rows(self, frame, views) -> np.ndarray:
-        """Return the table of some images, see :meth:`ImpostorCards.show`.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        views : numpy.ndarray of int
-            Indices.
-        """
+        """Return the table of some images, see :meth:`ImpostorCards.show`."""
         card, turn = self.card.rows(views), frame.view_from_world[:3, :3]
         middle = _in_view(frame, card.center)
         right, up, back = (card.axes[:, k] @ turn.T for k in range(3))
@@ -254,13 +165,7 @@ class Images:
 
 
 class Eyes:
-    """Where a frame is seen from, and how large things are on its screen.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        The frame about to be drawn.
-    """
+    """Where a frame is seen from, and how large things are on its screen."""
 
     def __init__(self, frame):
         self.frame, self.eye, self.parallel = frame, frame.eye, frame.parallel
@@ -271,27 +176,13 @@ class Eyes:
         self._corner = float(np.hypot(*across))
 
     def away(self, places) -> np.ndarray:
-        """Return the distances of places, 1 in a parallel view.
-
-        Parameters
-        ----------
-        places : numpy.ndarray, shape (n, 3)
-            World units.
-        """
+        """Return the distances of places, 1 in a parallel view."""
         if self.parallel:
             return np.ones(len(places))
         return np.linalg.norm(places - self.eye, axis=1)
 
     def pixels(self, places, radius) -> np.ndarray:
-        """Return pixels of a radian at places; in a parallel view, of a world unit.
-
-        Parameters
-        ----------
-        places : numpy.ndarray, shape (n, 3)
-            World units.
-        radius : numpy.ndarray, shape (n,)
-            Of what is there, world units.
-        """
+        """Return pixels of a radian at places; in a parallel view, of a world unit."""
         scale = self.frame.pixel_scale
         if self.parallel:
             return np.full(len(places), scale)

@@ -18,20 +18,7 @@ _CARD = 1e-6
 
 
 class InstanceSet:
-    """A set of instances, in blocks of neighbours that are the leaves of an impostor.
-
-    Parameters
-    ----------
-    thing : pvibr.Instances
-        The set.
-    materials : Materials
-        Taken further.
-
-    Attributes
-    ----------
-    blocks : list of Block
-        Each of one instance, or of several where there are thousands.
-    """
+    """A set of instances, in blocks of neighbours that are the leaves of an impostor."""
 
     def __init__(self, thing, materials):
         self.thing, self.materials = thing, materials
@@ -72,15 +59,7 @@ class InstanceSet:
                 block.cells = cells * len(block.slots)
 
     def pool(self, number, texels) -> MeshPool:
-        """Return what draws an instance so large that it is as good as its mesh.
-
-        Parameters
-        ----------
-        number : int
-            Which mesh of the set.
-        texels : float
-            Diameter of the instance.
-        """
+        """Return what draws an instance so large that it is as good as its mesh."""
         kind = self.thing._kinds[number]
         limits = kind.model.limits(self.thing.max_error).meshes
         level = max(k for k, limit in enumerate(limits) if k == 0 or texels <= limit)
@@ -92,17 +71,7 @@ class InstanceSet:
         return pool
 
     def plain(self, meshes, pixels, area, pixel) -> np.ndarray:
-        """Return the seconds that blocks take as the set itself draws them.
-
-        Parameters
-        ----------
-        meshes : numpy.ndarray
-            Seconds of their meshes.
-        pixels, area : numpy.ndarray
-            Diameters on the screen, and pixels that blocks cover, about.
-        pixel : float
-            Seconds of a pixel of a card.
-        """
+        """Return the seconds that blocks take as the set itself draws them."""
         limits = [k.model.limits(self.thing.max_error).mesh for k in self.thing._kinds]
         limit = np.array([limits[block.number] for block in self.blocks])
         cards = self.per * _CARD + pixel * area
@@ -110,18 +79,7 @@ class InstanceSet:
         return np.where(pixels < limit * self.per ** (1 / 3), np.minimum(cards, meshes), meshes)
 
     def hide(self, imaged) -> bool:
-        """Leave out of frames what images show.
-
-        Parameters
-        ----------
-        imaged : numpy.ndarray of bool
-            Which blocks.
-
-        Returns
-        -------
-        bool
-            Whether that is other than before.
-        """
+        """Leave out of frames what images show."""
         key = imaged.tobytes()
         if key == self._imaged:
             return False
@@ -137,13 +95,7 @@ class InstanceSet:
         self.thing.cover(None)
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Whose context is current; None where there is none.
-        """
+        """Free the GPU's memory; the context must be alive."""
         for pool in self._pools.values():
             for actor in pool.actors():
                 actor.SetTexture(None)  # the set's own
@@ -153,17 +105,7 @@ class InstanceSet:
 
 
 class Block:
-    """Some instances of one mesh; to impostors what :class:`Source` is.
-
-    Parameters
-    ----------
-    group : InstanceSet
-        The set.
-    number : int
-        Which of its meshes.
-    span : slice
-        Of the mesh's instances, in the order of its kind.
-    """
+    """Some instances of one mesh; to impostors what :class:`Source` is."""
 
     tries: int = 0
     seconds: float = np.inf
@@ -176,17 +118,7 @@ class Block:
         self.slots = np.zeros(0, int)
 
     def draw(self, renderer, world_from_view, texel):
-        """Draw its surface, see :meth:`Source.draw`.
-
-        Parameters
-        ----------
-        renderer : vtkRenderer
-            With the view.
-        world_from_view : list of 9 float
-            By columns, as GL reads it.
-        texel : float
-            Side of a texel, world units.
-        """
+        """Draw its surface, see :meth:`Source.draw`."""
         group = self.group
         kind = group.thing._kinds[self.number]
         for slot in self.slots.tolist():

@@ -10,28 +10,7 @@ from pvibr import _vtk
 
 
 class Leaves:
-    """Sources, of which thousands are asked in every frame.
-
-    Parameters
-    ----------
-    sources : list of Source
-        Actors.
-    sets : list of InstanceSet
-        Whose blocks come after them.
-
-    Attributes
-    ----------
-    sources : list of Source and Block
-        All of them.
-    fits, wanted : numpy.ndarray, shape (n,), bool
-        Which can be images, and which the user has visible.
-    why : numpy.ndarray, shape (n,), object
-        Why each is none whatever the eye sees, empty where it may be one.
-    center, half, radius, corners
-        Of each, see :class:`pvibr.actors.impostor_sources.Source`.
-    reach : numpy.ndarray, shape (n, 3)
-        From the middle, along x, y and z.
-    """
+    """Sources, of which thousands are asked in every frame."""
 
     def __init__(self, sources, sets=()):
         self.sets = list(sets)
@@ -106,35 +85,14 @@ class Leaves:
         self._pipelines = [source.pipeline for source in sources if source.pipeline is not None]
 
     def plain(self, meshes, pixels, area, pixel) -> np.ndarray:
-        """Return the seconds that each takes where it is no image.
-
-        Parameters
-        ----------
-        meshes : numpy.ndarray, shape (n,)
-            Seconds of the meshes.
-        pixels, area : numpy.ndarray, shape (n,)
-            Diameter on the screen, and pixels that it covers.
-        pixel : float
-            Seconds of a pixel of a card.
-        """
+        """Return the seconds that each takes where it is no image."""
         out = meshes.copy()
         for group, rows in zip(self.sets, self._ranges, strict=True):
             out[rows] = group.plain(meshes[rows], pixels[rows], area[rows], pixel)
         return out
 
     def hide(self, why) -> list:
-        """Hide until :meth:`show` all but what is drawn as it is.
-
-        Parameters
-        ----------
-        why : numpy.ndarray, shape (n,), object
-            Why each is no image; empty for those that images show.
-
-        Returns
-        -------
-        list of pvibr.Instances
-            Those of which other ones than before are left to the images.
-        """
+        """Hide until :meth:`show` all but what is drawn as it is."""
         imaged = why == ''
         idle = (imaged | (why == 'out of view')) & self.wanted
         self.hidden = np.flatnonzero(idle[: len(self._own)])
@@ -168,13 +126,7 @@ class Leaves:
             group.show()
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Whose context is current; None where there is none.
-        """
+        """Free the GPU's memory; the context must be alive."""
         self.rest()
         for owner in (*self.sources[: len(self._own)], *self.sets):
             owner.release(window)

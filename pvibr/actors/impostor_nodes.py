@@ -16,24 +16,7 @@ _AHEAD = 0.85
 
 
 class Nodes:
-    """A tree over leaves, with the box of each node.
-
-    Parameters
-    ----------
-    leaves : pvibr.actors.impostor_leaves.Leaves
-        Up to date.
-    hierarchical : bool
-        Whether there are nodes over leaves at all.
-
-    Attributes
-    ----------
-    tree : Tree
-        Leaves first.
-    center, radius : numpy.ndarray, shape (m, 3) and (m,)
-        Of each node.
-    live : numpy.ndarray, shape (m,), bool
-        Whether there is anything that can be an image.
-    """
+    """A tree over leaves, with the box of each node."""
 
     def __init__(self, leaves, hierarchical):
         self.leaves = leaves
@@ -73,13 +56,7 @@ class Nodes:
         return np.stack([self.low[self.live].min(0), self.high[self.live].max(0)], 1).ravel()
 
     def faces(self, eyes):
-        """Return how deep boxes are from their middles, and the area that they show.
-
-        Parameters
-        ----------
-        eyes : pvibr.actors.impostor_images.Eyes
-            Where the eye is.
-        """
+        """Return how deep boxes are from their middles, and the area that they show."""
         if eyes.parallel:
             along = self._half @ eyes.toward
         else:
@@ -90,41 +67,17 @@ class Nodes:
         return np.minimum(along.sum(1), self.radius), (along * self._faces).sum(1)
 
     def below(self, node) -> list[int]:
-        """Return the leaves below a node that can be images.
-
-        Parameters
-        ----------
-        node : int
-            Its number.
-        """
+        """Return the leaves below a node that can be images."""
         return [i for i in self.tree.below(node) if self.live[i]]
 
     def corners(self, node) -> np.ndarray:
-        """Return the corners of what is below a node, from its middle, shape (k, 3).
-
-        Parameters
-        ----------
-        node : int
-            Its number.
-        """
+        """Return the corners of what is below a node, from its middle, shape (k, 3)."""
         rows = self.below(node)
         middles = self.leaves.center[rows] - self.center[node]
         return (middles[:, None] + self.leaves.corners[rows]).reshape(-1, 3)
 
     def cards(self, nodes, eyes, step, max_error) -> Card:
-        """Return cards for new images, as far ahead on the way as the error allows.
-
-        Parameters
-        ----------
-        nodes : numpy.ndarray of int
-            Numbers.
-        eyes : pvibr.actors.impostor_images.Eyes
-            Where the eye is.
-        step : numpy.ndarray, shape (3,)
-            By which it moves from frame to frame; 0 where that is not known.
-        max_error : float
-            Pixels.
-        """
+        """Return cards for new images, as far ahead on the way as the error allows."""
         leaves = nodes < len(self.leaves)
         rows = [np.flatnonzero(leaves), *np.flatnonzero(~leaves)[:, None]]
         cards = []

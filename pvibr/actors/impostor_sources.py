@@ -33,10 +33,7 @@ _OUTPUT = """  if (gl_FragData[0].a < 0.5) discard;
 
 
 class Materials:
-    """What light makes of surfaces, numbered: ambient, diffuse, specular, power and its colour.
-
-    As many as a byte tells apart; what comes later takes the number of the most alike.
-    """
+    """What light makes of surfaces, numbered: ambient, diffuse, specular, power and its colour."""
 
     most = 256
 
@@ -44,13 +41,7 @@ class Materials:
         self._numbers: dict[tuple, int] = {}
 
     def number(self, prop) -> int:
-        """Return the number of a property's material.
-
-        Parameters
-        ----------
-        prop : vtkProperty
-            Of an actor.
-        """
+        """Return the number of a property's material."""
         shine = prop.GetSpecular()
         # What does not show makes no difference.
         how = (
@@ -80,30 +71,7 @@ class Materials:
 
 
 class Source:
-    """One actor, and its double.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        In a renderer.
-    materials : Materials
-        Taken further.
-
-    Attributes
-    ----------
-    why : str
-        Why it cannot be an image, empty where it can.
-    center, half, radius
-        Middle, half edges (rows) and radius about the middle of its box, world units.
-    corners : numpy.ndarray, shape (80, 3)
-        Of a polytope that holds it, from the middle, world units.
-    clocks : list of callable
-        Times of its mapper and data; its actor's own is that of its material and texture, too.
-    pipeline : vtkAlgorithm or None
-        To be brought up to date before these are asked.
-    seconds : float
-        What its surface takes to be drawn, as measured; inf before.
-    """
+    """One actor, and its double."""
 
     def __init__(self, actor, materials):
         self.actor, self.materials = actor, materials
@@ -126,13 +94,7 @@ class Source:
         return bool(self.actor.GetVisibility())
 
     def update(self, dops):
-        """Take over what the actor is now: whether it serves, and its box.
-
-        Parameters
-        ----------
-        dops : dict
-            Polytopes of points that are known, taken further: many actors may share them.
-        """
+        """Take over what the actor is now: whether it serves, and its box."""
         self.why = unfit(self.actor)
         self._watch()
         if self.why:
@@ -205,29 +167,13 @@ class Source:
         unlit(double, number)
 
     def draw(self, renderer, world_from_view, texel):
-        """Draw its surface: colour and coverage, normal and material.
-
-        Parameters
-        ----------
-        renderer : vtkRenderer
-            With the view.
-        world_from_view : list of 9 float
-            By columns, as GL reads it.
-        texel : float
-            Side of a texel, world units: a mesh is the same at any.
-        """
+        """Draw its surface: colour and coverage, normal and material."""
         uniforms = self._double.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniformMatrix3x3('ibr_world_from_view', world_from_view)
         self._double.RenderOpaqueGeometry(renderer)
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Whose context is current; None where there is none.
-        """
+        """Free the GPU's memory; the context must be alive."""
         if self._double is not None and window is not None:
             self._double.SetTexture(None)  # the actor's own
             self._double.ReleaseGraphicsResources(window)
@@ -241,15 +187,7 @@ def _held(points, middle):
 
 
 def unlit(actor, number):
-    """Have an actor draw colour and coverage, normal and the number of its material.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        With a property and shader texts of its own.
-    number : int
-        From :class:`Materials`.
-    """
+    """Have an actor draw colour and coverage, normal and the number of its material."""
     prop, shader = actor.GetProperty(), actor.GetShaderProperty()
     lit = bool(prop.GetLighting())
     prop.SetInterpolation(min(prop.GetInterpolation(), 2))
@@ -264,20 +202,7 @@ def unlit(actor, number):
 
 
 def copied(mapper, data):
-    """Return a mapper of the same looks.
-
-    Parameters
-    ----------
-    mapper : vtkMapper
-        What it is like.
-    data : vtkDataSet
-        What it draws.
-
-    Returns
-    -------
-    vtkMapper
-        A new one.
-    """
+    """Return a mapper of the same looks."""
     copy = _vtk.vtkPolyDataMapper() if data.IsA('vtkPolyData') else _vtk.vtkDataSetMapper()
     copy.ShallowCopy(mapper)
     copy.SetInputDataObject(data)
@@ -292,13 +217,7 @@ def _data(mapper):
 
 
 def unfit(actor) -> str:
-    """Return why an image cannot stand for an actor, or nothing.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        Any.
-    """
+    """Return why an image cannot stand for an actor, or nothing."""
     mapper, prop = actor.GetMapper(), actor.GetProperty()
     if mapper is None or mapper.GetClassName() not in _MAPPERS:
         return 'a mapper of another kind'

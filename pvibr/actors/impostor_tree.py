@@ -8,28 +8,7 @@ import numpy as np
 
 
 class Tree:
-    """A binary tree over n boxes; nodes below n are the boxes themselves, the root is the last.
-
-    Parameters
-    ----------
-    centers : numpy.ndarray, shape (n, 3)
-        World units.
-    hierarchical : bool
-        Whether there are nodes over the boxes at all.
-
-    Attributes
-    ----------
-    children : numpy.ndarray, shape (m - n, 2)
-        Of each node over others; below it in number.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.actors.impostor_tree import Tree
-    >>> tree = Tree(np.array([[0.0, 0, 0], [9, 0, 0], [1, 0, 0]]), True)
-    >>> tree.children.tolist()
-    [[0, 2], [3, 1]]
-    """
+    """A binary tree over n boxes; nodes below n are the boxes themselves, the root is the last."""
 
     def __init__(self, centers, hierarchical):
         self.leaves = len(centers)
@@ -72,15 +51,7 @@ class Tree:
         self._levels = [slice(a, b) for a, b in pairwise(edges)]
 
     def gather(self, values, join) -> np.ndarray:
-        """Return values of all nodes from those of the boxes.
-
-        Parameters
-        ----------
-        values : numpy.ndarray, shape (n, ...)
-            Of the boxes.
-        join : callable
-            Takes those of two children, and returns that of their parent.
-        """
+        """Return values of all nodes from those of the boxes."""
         out = np.zeros((len(self), *values.shape[1:]), values.dtype)
         out[: self.leaves] = values
         for level in self._levels:
@@ -90,20 +61,7 @@ class Tree:
         return out
 
     def cheapest(self, cost, here) -> np.ndarray:
-        """Return the nodes that cover all boxes at the least cost.
-
-        Parameters
-        ----------
-        cost : numpy.ndarray, shape (m,)
-            Of each node by itself; inf where it may not stand for its boxes.
-        here : numpy.ndarray, shape (m,), bool
-            Which nodes are wanted at all.
-
-        Returns
-        -------
-        numpy.ndarray of int
-            Numbers.
-        """
+        """Return the nodes that cover all boxes at the least cost."""
         least = np.where(here, cost, 0.0)
         whole = np.ones(len(self), bool)
         for level in self._levels:
@@ -122,13 +80,7 @@ class Tree:
         return np.flatnonzero(wanted & here)
 
     def below(self, node) -> list[int]:
-        """Return the boxes below a node.
-
-        Parameters
-        ----------
-        node : int
-            Its number.
-        """
+        """Return the boxes below a node."""
         found, stack = [], [int(node)]
         while stack:
             node = stack.pop()
@@ -139,13 +91,7 @@ class Tree:
         return found
 
     def above(self, nodes) -> np.ndarray:
-        """Return nodes and all that are above them.
-
-        Parameters
-        ----------
-        nodes : array_like of int
-            Numbers.
-        """
+        """Return nodes and all that are above them."""
         found = set(np.asarray(nodes, int).tolist())
         for node in list(found):
             node = self.parent[node]

@@ -300,13 +300,7 @@ class Instances(Painted, Anchored):
         return self.scalar_mapper().GetArrayName() or ''
 
     def bake_into(self, scene):
-        """Hand the instances to a scene without pvibr.
-
-        Parameters
-        ----------
-        scene : pvibr.baked_scene.BakedScene
-            Takes copies of meshes.
-        """
+        """Hand the instances to a scene without pvibr."""
         for k, model in self._models.items():
             ids = np.flatnonzero((self._index == k) & self.visible)
             scene.copies(
@@ -346,13 +340,7 @@ class Instances(Painted, Anchored):
     picks = True
 
     def needed(self, frame) -> bool | str:
-        """Tell whether there is anything to draw.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether there is anything to draw."""
         if not self.visibility or not self._anchor.GetVisibility():
             self._hide()
             return 'not visible'
@@ -365,13 +353,7 @@ class Instances(Painted, Anchored):
             self._stamp = None
 
     def prepare(self, frame):
-        """Choose what is drawn, where camera, size or settings changed.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Choose what is drawn, where camera, size or settings changed."""
         if not self._uploaded:
             for kind in self._kinds:
                 kind.upload(frame.window)
@@ -436,13 +418,7 @@ class Instances(Painted, Anchored):
         self._prop_count = count
 
     def finish(self, frame):
-        """Give the texture units back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Give the texture units back."""
         self._binder.unbind()
 
     def release(self):
@@ -533,13 +509,7 @@ def _scene(mesh, poses, index):
 
 
 def scene_graph(scene):
-    """Return meshes, poses and index of a trimesh scene or of a file that trimesh reads.
-
-    Parameters
-    ----------
-    scene : trimesh.Scene or path
-        The graph.
-    """
+    """Return meshes, poses and index of a trimesh scene or of a file that trimesh reads."""
     meshes, index, matrices = scene_instances(scene)
     return meshes, matrices, index
 

@@ -27,20 +27,7 @@ _KEEP = 0.9  # a mesh level is kept until the size is this far below where it wa
 
 @dataclass(frozen=True)
 class Choice:
-    """What a program of cards draws of a kind.
-
-    Attributes
-    ----------
-    table : numpy.ndarray, shape (n, 4), float32
-        Origin in view coordinates and index of each block, or instance, the farthest first.
-    depths : numpy.ndarray, shape (n,)
-        Ascending from the farthest.
-    sizes, level : tuple of 4 float
-        On-screen diameters in pixels at which instances appear, are whole, fade, are gone; and
-        the same for those that the eye is level with, where a turntable may show them.
-    dithered : bool
-        Whether the next finer level is the mesh.
-    """
+    """What a program of cards draws of a kind."""
 
     table: np.ndarray
     depths: np.ndarray
@@ -60,58 +47,18 @@ class Choice:
 
 
 def stretches(axes):
-    """Return bounds of how much matrices stretch: exact where their columns are at right angles.
-
-    Parameters
-    ----------
-    axes : numpy.ndarray, shape (n, 3, 3)
-        Linear parts.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        Never less than the largest singular value (Gershgorin's circles).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.actors.kind import stretches
-    >>> stretches(np.diag([1.0, -3.0, 2.0])[None]).tolist()
-    [3.0]
-    """
+    """Return bounds on the stretch of matrices, exact if their columns are orthogonal."""
     squares = np.swapaxes(axes, 1, 2) @ axes
     return np.sqrt(np.abs(squares).sum(2).max(1))
 
 
 def unit_of(count) -> int:
-    """Return how many instances of a set are culled, sorted and chosen together.
-
-    Parameters
-    ----------
-    count : int
-        Instances of the whole set.
-    """
+    """Return how many instances of a set are culled, sorted and chosen together."""
     return 1 if count <= SORTED else BLOCK
 
 
 class Kind:
-    """Instances of one mesh.
-
-    Parameters
-    ----------
-    model : Model
-        The mesh with its levels and its atlas.
-    ids : numpy.ndarray, shape (n,), int
-        Which of the scene's instances these are.
-    poses : numpy.ndarray, shape (m, 3) or (m, 4, 4), float64
-        All poses of the scene; those of ``ids`` are read.
-    binder : Binder
-        Shared by all kinds of a scene.
-    unit : int
-        Instances that are culled, sorted and chosen together, the same for all kinds.
-    draws : dict of str to int
-        Draws of each program of cards, see :func:`pvibr.actors.cards.slab_counts`.
-    """
+    """Instances of one mesh."""
 
     def __init__(self, model, ids, poses, binder, unit=1, draws=None):
         self.model, self.levels, self.atlas, self.poses = model, model.levels, model.atlas, poses
@@ -136,13 +83,7 @@ class Kind:
         return [MeshPool(level) for level in self.levels]
 
     def parts(self, slot) -> list:
-        """Return the meshes that a ray at an instance meets, as Parts in model coordinates.
-
-        Parameters
-        ----------
-        slot : int
-            A place in the order of this kind.
-        """
+        """Return the meshes that a ray at an instance meets, as Parts in model coordinates."""
         return self.levels[0].parts
 
     def _spheres(self, ids):
@@ -155,23 +96,11 @@ class Kind:
         return axes @ center + poses[:, :3, 3], stretches(axes) * radius
 
     def centers(self, slots):
-        """Return the centres of the bounding spheres of some slots, world units.
-
-        Parameters
-        ----------
-        slots : numpy.ndarray of int
-            Places in the order of this kind.
-        """
+        """Return the centres of the bounding spheres of some slots, world units."""
         return self._spheres(self.ids[slots])[0]
 
     def matrix(self, slot):
-        """Return the pose of a slot as a matrix, shape (4, 4).
-
-        Parameters
-        ----------
-        slot : int
-            A place in the order of this kind.
-        """
+        """Return the pose of a slot as a matrix, shape (4, 4)."""
         pose = self.poses[self.ids[slot]]
         if pose.ndim == 2:
             return pose
@@ -187,13 +116,7 @@ class Kind:
         return np.stack([low, high], 1).ravel()
 
     def upload(self, window):
-        """Put atlas and poses on the GPU of a window whose context is current.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            The window.
-        """
+        """Put atlas and poses on the GPU of a window whose context is current."""
         self.cards.upload(window, self._rows())
         self.cards.look(self.looks)
 
@@ -217,15 +140,7 @@ class Kind:
         return np.ascontiguousarray((centers - origins).T, np.float32)
 
     def set_looks(self, looks, multiply=False):
-        """Take over changed looks.
-
-        Parameters
-        ----------
-        looks : numpy.ndarray, shape (n, 4), uint8, or None
-            In the scene's order; None is plain.
-        multiply : bool
-            Whether colours multiply the mesh's own.
-        """
+        """Take over changed looks."""
         self.looks = None if looks is None else np.ascontiguousarray(looks[self.ids])
         self.cards.uniforms['ibr_multiply'] = int(multiply)
         self.cards.look(self.looks)
@@ -239,34 +154,14 @@ class Kind:
         return tuple(float(v) for v in self.looks[slot] / 255.0)
 
     def tint(self, colors):
-        """Have one colour for all that are drawn in the same way.
-
-        Parameters
-        ----------
-        colors : dict of str to tuple of 3 float
-            By the name of a program of cards, ``'mesh'`` or ``'lighter mesh'``, from 0 to 1; what
-            is not named has its own colours.
-        """
+        """Have one colour for all that are drawn in the same way."""
         for name, layer in self.cards.layers.items():
             layer.tint = colors.get(name)
         for k, pool in enumerate(self.pools):
             pool.tint(colors.get('lighter mesh' if k else 'mesh'), self._look)
 
     def select(self, frame, limits):
-        """Choose which blocks are drawn by which program.
-
-        Parameters
-        ----------
-        frame : Frame
-            Camera and size.
-        limits : Limits
-            On-screen diameters up to which each level is good enough.
-
-        Returns
-        -------
-        dict of str to Choice
-            For each program what it draws.
-        """
+        """Choose which blocks are drawn by which program."""
         index, origins, small, large = self.blocks.seen(frame)
         self.seen = index
         self.cards.view(frame)
@@ -305,20 +200,7 @@ class Kind:
         return np.abs(along) / np.maximum(_lengths(axes.T) * away, 1e-30)
 
     def refine(self, frame, choice):
-        """Sort the single instances of a choice of blocks, those out of its sizes left out.
-
-        Parameters
-        ----------
-        frame : Frame
-            Camera and size.
-        choice : Choice
-            Of blocks.
-
-        Returns
-        -------
-        Choice
-            Of instances.
-        """
+        """Sort the single instances of a choice of blocks, those out of its sizes left out."""
         slots = (
             choice.table[:, 3].astype(int)[:, None] * self.unit + np.arange(self.unit)
         ).ravel()
@@ -339,20 +221,7 @@ class Kind:
         return replace(choice, table=table, depths=np.maximum.accumulate(depths[used]))
 
     def select_meshes(self, frame, limits):
-        """Show the mesh at the instances that are too near for cards; return actors that are new.
-
-        Parameters
-        ----------
-        frame : Frame
-            Camera and size, as :meth:`select` was given.
-        limits : Limits
-            On-screen diameters up to which each level is good enough.
-
-        Returns
-        -------
-        list of vtkActor
-            New actors that the renderer does not have yet.
-        """
+        """Draw instances too near for cards as meshes; return new actors."""
         slots = (self.large[:, None] * self.unit + np.arange(self.unit)).ravel()
         slots = slots[slots < len(self.ids)]
         sizes = np.zeros(0)
@@ -396,13 +265,7 @@ class Kind:
         return out
 
     def instance_of(self, actor):
-        """Return the scene's instance that an actor of the near meshes shows, or None.
-
-        Parameters
-        ----------
-        actor : vtkActor
-            Any actor.
-        """
+        """Return the scene's instance that an actor of the near meshes shows, or None."""
         for pool in self.pools:
             slot = pool.instance_of(actor)
             if slot is not None:

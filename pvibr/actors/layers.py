@@ -175,18 +175,7 @@ class Layers(Effect):
     # -- the life of an effect --------------------------------------------------------------------
 
     def attach(self, pipeline):
-        """Put the quads into the scene.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-
-        Raises
-        ------
-        ValueError
-            Where an actor is not in the subplot, or something else stands for it there.
-        """
+        """Put the quads into the scene."""
         renderer = pipeline.renderer
         for actor in self.actors() if self._groups is not None else ():
             if not renderer.HasViewProp(actor):
@@ -224,23 +213,11 @@ class Layers(Effect):
         self._frame = None
 
     def needed(self, frame) -> bool | str:
-        """Tell whether a frame is one that pictures may serve.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether a frame is one that pictures may serve."""
         return frame.scale == 1 or 'a screenshot larger than the window is drawn from the actors'
 
     def prepare(self, frame):
-        """Warp what serves, take again what does not, and hide what is in either.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Warp what serves, take again what does not, and hide what is in either."""
         if _is_elsewhere(frame):
             self._elsewhere = self._seen_from(frame)
             return
@@ -257,13 +234,7 @@ class Layers(Effect):
         self._frame = frame
 
     def finish(self, frame):
-        """Give everyone their actors back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Give everyone their actors back."""
         if frame is self._frame:
             self.rest()
 

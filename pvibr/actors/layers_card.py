@@ -13,13 +13,7 @@ from pvibr.gl.feature import Feature, sections
 
 
 def layer_feature(*, blends) -> Feature:
-    """Return the shader text of a layer by VTK's tags.
-
-    Parameters
-    ----------
-    blends : bool
-        Whether its edges are laid over what is there; else they are hard.
-    """
+    """Return the shader text of a layer by VTK's tags."""
     part = sections(shader_source(__file__, 'layers'))
     least = '1.0 / 255.0' if blends else '0.5'
     defines = f'#define BLENDS {int(blends)}\n#define LEAST {least}\n'
@@ -48,21 +42,7 @@ class LayerCard(OneDraw):
         self._bounds: Any = None
 
     def show(self, frame, picture, warp, turn, bounds):
-        """Draw a picture in a frame.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        picture : LayerPicture
-            What is shown.
-        warp : numpy.ndarray, shape (3, 3)
-            From its pixels to those of the frame.
-        turn : numpy.ndarray, shape (4, 4)
-            View space now from view space when it was taken.
-        bounds : array_like of 6 float
-            World units: VTK leaves out actors whose bounds are out of view.
-        """
+        """Draw a picture in a frame."""
         self._dress(layer_feature(blends=picture.blends))
         bounds = tuple(map(float, bounds))
         if bounds != self._bounds:

@@ -22,23 +22,7 @@ _NEWS, _GAIN = 0.2, 1.1
 
 
 class Now(NamedTuple):
-    """What layers ask for in a frame.
-
-    Attributes
-    ----------
-    frame : pvibr.frame.Frame
-        The frame about to be drawn.
-    view : pvibr.maths.views.View
-        Its camera's.
-    light : Lighting
-        Its lights.
-    effects : list of pvibr.Effect
-        Those that the look of surfaces depends on.
-    key : tuple
-        What changes whenever that does, the camera left out.
-    owner : Layers
-        With the settings.
-    """
+    """What layers ask for in a frame."""
 
     frame: Any
     view: Any
@@ -292,13 +276,7 @@ def _angle(matrix) -> float:
 
 
 def around(boxes) -> tuple:
-    """Return the bounds of all of some boxes.
-
-    Parameters
-    ----------
-    boxes : iterable of sequences of 6 float
-        Those with the first low above its high are none.
-    """
+    """Return the bounds of all of some boxes."""
     found = np.array([b for b in boxes if b[0] <= b[1]]).reshape(-1, 6)
     if not len(found):
         return (1.0, -1.0) * 3
@@ -307,24 +285,7 @@ def around(boxes) -> tuple:
 
 
 def numbers_by_depth(frame, bounds, count) -> tuple[list, list]:
-    """Split boxes into layers by their distance from the eye.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        The frame about to be drawn.
-    bounds : sequence of sequences of 6 float
-        World units.
-    count : int
-        See :func:`pvibr.maths.layers.split_by_depth`.
-
-    Returns
-    -------
-    numbers : list of int
-        Of the layer of each.
-    away : list of float
-        Distance of the middle of each; inf in a parallel view, where no step changes the layers.
-    """
+    """Split boxes into layers by their distance from the eye."""
     ends = np.reshape(bounds, (-1, 3, 2)).astype(float)
     if not len(ends):
         return [], []

@@ -13,26 +13,7 @@ _SLOPE = np.exp(-0.5)
 
 
 class Member:
-    """An actor of a layer.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        In a renderer.
-
-    Attributes
-    ----------
-    matrix : numpy.ndarray, shape (4, 4)
-        World from the actor's own space.
-    bounds : tuple of 6 float
-        World units.
-    why : str
-        Why it is in no picture, empty where it is.
-    dull, gloss : float
-        How much lighter its surface and its highlights become where light turns by a radian.
-    version : int
-        How often anything but its place changed.
-    """
+    """An actor of a layer."""
 
     def __init__(self, actor):
         self.actor, self.key = actor, address(actor)
@@ -51,18 +32,7 @@ class Member:
         self._hidden = False
 
     def update(self, draws) -> bool:
-        """Look at the actor; its own time is no help: that is also of being hidden.
-
-        Parameters
-        ----------
-        draws : dict
-            How often textures that are drawn were drawn, by address.
-
-        Returns
-        -------
-        bool
-            Whether anything about it changed.
-        """
+        """Look at the actor; its own time is no help: that is also of being hidden."""
         self._draws = draws
         data, stamp = self._look()
         before, self.matrix = self.matrix, np.reshape(self._place().GetData(), (4, 4))
@@ -136,13 +106,7 @@ def _time_of(thing) -> tuple:
 
 
 class Lighting:
-    """The lights of a renderer at one moment.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        Lights that go with its camera are where that is now.
-    """
+    """The lights of a renderer at one moment."""
 
     def __init__(self, renderer):
         renderer.UpdateLightsGeometryToFollowCamera()
@@ -157,24 +121,7 @@ class Lighting:
         self.positional = np.array([bool(light.GetPositional()) for light in on], bool)
 
     def change(self, before, center, radius) -> tuple[float, float]:
-        """Return how much the light differs from that of another moment.
-
-        Parameters
-        ----------
-        before : Lighting
-            Of that moment.
-        center : numpy.ndarray, shape (3,)
-            Middle of what is lit, world units.
-        radius : float
-            Of a sphere around it that holds all.
-
-        Returns
-        -------
-        color : float
-            Of all lights together, as a share of white; inf where there are others.
-        turned : float
-            How far each turned, radians, times its colour; of all together.
-        """
+        """Return how much the light differs from that of another moment."""
         if self.kinds != before.kinds:
             return np.inf, np.inf
         color = float(np.abs(self.colors - before.colors).max(axis=1, initial=0.0).sum())

@@ -37,21 +37,7 @@ _TEXTS = sections(shader_source(__file__, 'layers'))
 
 
 class Settings(NamedTuple):
-    """How a picture is taken.
-
-    Attributes
-    ----------
-    resolution : float
-        Texels of a pixel, along a side.
-    blur : float
-        Standard deviation of its filter, pixels.
-    overscan : float
-        What it shows beyond each side of the screen, as a share of that.
-    format : str
-        Of its colours.
-    memory : float
-        Bytes that it may take.
-    """
+    """How a picture is taken."""
 
     resolution: float
     blur: float
@@ -61,21 +47,7 @@ class Settings(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """A picture in a frame.
-
-    Attributes
-    ----------
-    warp : numpy.ndarray, shape (3, 3)
-        From its pixels to those of the frame.
-    turn : numpy.ndarray, shape (4, 4)
-        View space now from view space then.
-    residual : float
-        How far from where it is a characteristic point is shown at most, pixels.
-    seen : bool
-        Whether the frame shows any of it.
-    why : str
-        Why it does not serve any more, whatever the residual; empty where it does.
-    """
+    """A picture in a frame."""
 
     warp: np.ndarray
     turn: np.ndarray
@@ -85,25 +57,7 @@ class Fit(NamedTuple):
 
 
 class LayerPicture:
-    """Colour and depth of some actors, as an eye saw them.
-
-    Attributes
-    ----------
-    rect : tuple of 4 float
-        Left, bottom, right and top on the screen of then, pixels.
-    crop : tuple of 4 float
-        The part that shows anything, 0 to 1.
-    clip_from_view : numpy.ndarray, shape (4, 4)
-        Of the picture itself.
-    view_from_world : numpy.ndarray, shape (4, 4)
-        Of then.
-    texels : list of 2 int
-        Width and height.
-    scale : float
-        Texels of a pixel of then, along a side.
-    pixel : float
-        Seconds that a pixel of its card takes, about.
-    """
+    """Colour and depth of some actors, as an eye saw them."""
 
     def __init__(self):
         self.settings: Any = None
@@ -180,22 +134,7 @@ class LayerPicture:
     # -- whether it serves ------------------------------------------------------------------------
 
     def fit(self, frame, motion, kind) -> Fit:
-        """Warp it to a frame.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        motion : numpy.ndarray or None
-            What moved all that it shows since, (4, 4) in world space; None where nothing did.
-        kind : {'affine', 'projective'}
-            What a warp may be.
-
-        Returns
-        -------
-        Fit
-            With the best warp.
-        """
+        """Warp it to a frame."""
         world = frame.view_from_world if motion is None else frame.view_from_world @ motion
         turn = world @ np.linalg.inv(self.view_from_world)
         clip = frame.clip_from_view @ turn
@@ -242,22 +181,7 @@ class LayerPicture:
     # -- taking it --------------------------------------------------------------------------------
 
     def aim(self, frame, bounds, settings) -> View | None:
-        """Choose what it shows in the view of a frame.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        bounds : numpy.ndarray, shape (n, 6)
-            Of the actors, world units.
-        settings : Settings
-            How it is taken.
-
-        Returns
-        -------
-        View or None
-            In which it is drawn; None where there is nothing to see.
-        """
+        """Choose what it shows in the view of a frame."""
         self.settings, self.view_from_world = settings, frame.view_from_world
         self._size, self._parallel = frame.size, frame.parallel
         self._pixels, self._points = np.zeros((0, 2)), np.zeros((0, 3))
@@ -300,22 +224,7 @@ class LayerPicture:
         )
 
     def draw(self, drawer, view, actors) -> float:
-        """Draw actors into it, in the view that :meth:`aim` returned.
-
-        Parameters
-        ----------
-        drawer : pvibr.gl.drawer.Drawer
-            Draws them.
-        view : View
-            See there.
-        actors : iterable of vtkActor
-            Of the layer.
-
-        Returns
-        -------
-        float
-            Seconds that the actors alone took.
-        """
+        """Draw actors into it, in the view that :meth:`aim` returned."""
         window = drawer.window
         window.WaitForCompletion()
         start = time.perf_counter()

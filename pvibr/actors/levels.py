@@ -33,20 +33,7 @@ _MESH_BETTER = 1.0  # the same for lighter meshes, where cards are not good enou
 
 @dataclass(frozen=True)
 class Limits:
-    """On-screen diameters, in pixels, at which levels change.
-
-    Attributes
-    ----------
-    cards : tuple of (str, float, float)
-        Program, from, to; empty where both are the same.
-    mesh : float
-        From here on meshes are drawn.
-    meshes : tuple of float
-        For each mesh level the largest diameter at which it is good enough; the first is inf.
-    level : tuple of (str, float, float)
-        As `cards`, with the programs of a turntable, for what the eye is level with; none where
-        there is no turntable.
-    """
+    """On-screen diameters, in pixels, at which levels change."""
 
     cards: tuple
     mesh: float
@@ -88,13 +75,7 @@ class Model:
         return self._limits[max_error]
 
     def describe(self, max_error) -> str:
-        """Return views, bake time and the sizes at which levels change, in one line.
-
-        Parameters
-        ----------
-        max_error : float
-            Pixels.
-        """
+        """Return views, bake time and the sizes at which levels change, in one line."""
         limits, a = self.limits(max_error), self.atlas
         sides = [(f'{n} from the side', *span) for n, *span in limits.level if n in _SIDES]
         cards = [f'{name} to {high:.0f} px' for name, low, high in (*sides, *limits.cards)
@@ -112,36 +93,7 @@ class Model:
 
 
 def limits_of(errors, mesh_levels, max_error) -> Limits:
-    """Return the sizes up to which each level keeps an error.
-
-    Parameters
-    ----------
-    errors : dict of str to numpy.ndarray
-        See :func:`pvibr.actors.measure.measure`; empty where only the mesh can be drawn.
-    mesh_levels : int
-        How many meshes there are, the full one included.
-    max_error : float
-        Pixels.
-
-    Returns
-    -------
-    Limits
-        Programs in the order of their cost, each from where the cheaper one ends.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> good, bad = np.array([[0.4, 0.5], [1.4, 0.8]]), np.array([[0.4, 0.5], [2.4, 0.8]])
-    >>> table = {
-    ...     'sizes': np.array([8.0, 16.0]),
-    ...     'dot': good,
-    ...     'flat': bad,
-    ...     'middle': good,
-    ...     'near': good,
-    ... }
-    >>> limits_of(table, 1, 1.0).cards[1:]
-    (('flat', 6.0, 11.08), ('middle', 11.08, 16.0), ('near', 16.0, 16.0))
-    """
+    """Return the sizes up to which each level keeps an error."""
     if not errors:
         never = tuple((p.name, 0.0, 0.0) for p in PROGRAMS)
         return Limits(never, 0.0, (float('inf'), *[0.0] * (mesh_levels - 1)))
@@ -191,27 +143,7 @@ def _good_up_to(errors, name, max_error, better):
 
 
 def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=128) -> Model:
-    """Return the levels of a mesh, baked and measured, or taken from the cache.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-        The mesh.
-    half : bool
-        Views of the upper half only.
-    cache : bool or path
-        Whether, or in which folder, the atlas is kept on disk.
-    progress : bool, optional
-        Whether to show a progress bar once it takes longer than a second; by default where
-        standard error is a terminal.
-    views, tile : int
-        See :func:`pvibr.actors.bake.bake_parts`.
-
-    Returns
-    -------
-    Model
-        Ready to be drawn.
-    """
+    """Return the levels of a mesh, baked and measured, or taken from the cache."""
     levels = _levels(parts)
     folder = None if cache in (True, False) else cache
     store = AtlasCache(folder) if cache is not False else None
@@ -292,22 +224,7 @@ def _bake_parts(levels):
 
 
 def content_key(parts, views, tile, half) -> str:
-    """Return a hash of everything that the pictures of a mesh depend on.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-        The mesh.
-    views, tile : int
-        The grid.
-    half : bool
-        Half a sphere.
-
-    Returns
-    -------
-    str
-        A key of the cache.
-    """
+    """Return a hash of everything that the pictures of a mesh depend on."""
     values = [VERSION, views, tile, half, SHARES, _turns(parts)]
     stand_ins = [q for p in parts for rung in p.stand_ins for q in rung]
     for part in [*parts, *stand_ins]:
@@ -325,13 +242,7 @@ def _mesh_values(mesh):
 
 
 def look_values(actor) -> list:
-    """Return everything of an actor's look that its pictures depend on.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        The actor.
-    """
+    """Return everything of an actor's look that its pictures depend on."""
     prop, mapper, texture = actor.GetProperty(), actor.GetMapper(), actor.GetTexture()
     values = [list(prop.GetColor()), prop.GetInterpolation(), prop.GetRepresentation()]
     values += [prop.GetBackfaceCulling(), prop.GetFrontfaceCulling(), prop.GetOpacity()]
@@ -358,18 +269,7 @@ def _table_values(table):
 
 @contextmanager
 def progress_bar(wanted):
-    """Yield a function that takes the fraction done; a bar appears after a second of it.
-
-    Parameters
-    ----------
-    wanted : bool or None
-        None is where standard error is a terminal.
-
-    Yields
-    ------
-    callable or None
-        None where there is no bar.
-    """
+    """Yield a function that takes the fraction done; a bar appears after a second of it."""
     if wanted is None:
         wanted = sys.stderr.isatty()
     if not wanted:

@@ -11,31 +11,7 @@ HIDDEN, PLAIN, COLORED = 0, 128, 255
 
 
 def as_colors(colors, n):
-    """Return per-instance colours as bytes.
-
-    Parameters
-    ----------
-    colors : array_like, shape (n, 3) or (n, 4)
-        uint8, or float from 0 to 1. A fourth column is ignored: opacity is of the whole set.
-    n : int
-        Instances.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 3), uint8
-        Red, green, blue.
-
-    Raises
-    ------
-    ValueError
-        Where the shape is another one, or a float is not from 0 to 1.
-
-    Examples
-    --------
-    >>> from pvibr.actors.looks import as_colors
-    >>> as_colors([[1.0, 0.0, 0.5]], 1).tolist()
-    [[255, 0, 128]]
-    """
+    """Return per-instance colours as bytes."""
     array = np.asarray(colors)
     if array.ndim != 2 or array.shape[0] != n or array.shape[1] not in (3, 4):
         msg = f'colors has shape {array.shape}; it must be ({n}, 3) or ({n}, 4): one row for each'
@@ -53,25 +29,7 @@ def as_colors(colors, n):
 
 
 def as_scalars(scalars, n):
-    """Return per-instance scalars as floats.
-
-    Parameters
-    ----------
-    scalars : array_like, shape (n,)
-        Numbers or booleans; NaN is drawn in the colour for NaN.
-    n : int
-        Instances.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), float64
-        The values.
-
-    Raises
-    ------
-    ValueError
-        Where the length is another one or the values are not numbers.
-    """
+    """Return per-instance scalars as floats."""
     array = np.asarray(scalars)
     if array.dtype.kind not in 'fiub' or array.shape != (n,):
         msg = f'scalars has shape {array.shape}, dtype {array.dtype}; it must be ({n},) numbers'
@@ -80,29 +38,7 @@ def as_scalars(scalars, n):
 
 
 def color_table(scalars, cmap=None, clim=None, **options):
-    """Return the table that colours scalars as ``add_mesh`` would.
-
-    Parameters
-    ----------
-    scalars : numpy.ndarray, shape (n,)
-        Values; their finite range is the default of `clim`.
-    cmap : str, colormap or sequence of colours, optional
-        As in ``add_mesh``; the theme's by default.
-    clim : sequence of 2 float or float, optional
-        As in ``add_mesh``.
-    **options
-        ``n_colors``, ``nan_color``, ``below_color``, ``above_color``, ``log_scale``.
-
-    Returns
-    -------
-    pyvista.LookupTable
-        The table.
-
-    Raises
-    ------
-    ValueError
-        Where the map is unknown or the range is not two finite, ordered numbers.
-    """
+    """Return the table that colours scalars as ``add_mesh`` would."""
     finite = scalars[np.isfinite(scalars)]
     if clim is None:
         clim = (finite.min(), finite.max()) if len(finite) else (0.0, 1.0)
@@ -130,15 +66,7 @@ def color_table(scalars, cmap=None, clim=None, **options):
 
 
 def map_scalars(table, scalars):
-    """Return the colours of scalars, shape (n, 3) uint8.
-
-    Parameters
-    ----------
-    table : pyvista.LookupTable
-        The colours.
-    scalars : numpy.ndarray, shape (n,)
-        Values.
-    """
+    """Return the colours of scalars, shape (n, 3) uint8."""
     if not len(scalars):
         return np.zeros((0, 3), np.uint8)
     mapped = table.MapScalars(_vtk.numpy_to_vtk(scalars), 1, 0)
@@ -146,22 +74,7 @@ def map_scalars(table, scalars):
 
 
 def merge(n, colors, visible):
-    """Return looks for the GPU, or None where every instance is plain and visible.
-
-    Parameters
-    ----------
-    n : int
-        Instances.
-    colors : numpy.ndarray, shape (n, 3), uint8, or None
-        Colours.
-    visible : numpy.ndarray, shape (n,), bool, or None
-        Which are drawn.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 4), uint8, or None
-        Red, green, blue and one of HIDDEN, PLAIN, COLORED.
-    """
+    """Return looks for the GPU, or None where every instance is plain and visible."""
     if colors is None and visible is None:
         return None
     looks = np.empty((n, 4), np.uint8)

@@ -1,9 +1,4 @@
-"""The error of each level of detail against the mesh, measured where the atlas is baked.
-
-Views that were not baked are drawn from the supersampled mesh (the reference), from the mesh once
-per pixel, and from each level, at several sizes. The numbers decide which level is good enough at
-which size; they are kept with the atlas.
-"""
+"""The error of each level of detail against the mesh, measured where the atlas is baked."""
 
 from __future__ import annotations
 
@@ -35,18 +30,9 @@ _FLOOR = 1e-4  # mean FLIP below which a ratio says nothing: nothing can be seen
 def directions(count, half=False):
     """Return directions spread over the sphere that are on no grid of views.
 
-    Parameters
-    ----------
-    count : int
-        How many.
-    half : bool
-        Only with z >= 0.
-
-    Returns
-    -------
-    numpy.ndarray, shape (count, 3)
-        Unit vectors, the spherical Fibonacci points of Keinert et al., "Spherical Fibonacci
-        Mapping", SIGGRAPH Asia 2015, turned by an irrational angle.
+    Returns ------- numpy.ndarray, shape (count, 3) Unit vectors, the spherical Fibonacci points of
+    Keinert et al., "Spherical Fibonacci Mapping", SIGGRAPH Asia 2015, turned by an irrational
+    angle.
     """
     k = np.arange(count) + 0.5
     z = 1 - (1.0 if half else 2.0) * k / count
@@ -54,22 +40,7 @@ def directions(count, half=False):
 
 
 def level_directions(count, turns, half=False):
-    """Return directions that are level with a turntable, spread as evenly.
-
-    Parameters
-    ----------
-    count : int
-        How many.
-    turns : Turns
-        With the axis.
-    half : bool
-        Only above level.
-
-    Returns
-    -------
-    numpy.ndarray, shape (count, 3)
-        Unit vectors.
-    """
+    """Return directions that are level with a turntable, spread as evenly."""
     k = np.arange(count) + 0.5
     z = LEVEL * (1 - (1.0 if half else 2.0) * k / count)
     return _around(z) @ turns.sides()
@@ -83,28 +54,7 @@ def _around(z):
 
 
 def measure(model) -> dict[str, np.ndarray]:
-    """Return the error table of a model's levels.
-
-    Parameters
-    ----------
-    model : Model
-        Mesh levels and a baked atlas.
-
-    Returns
-    -------
-    dict of str to numpy.ndarray
-        ``sizes`` (k,); for every level, cards by the name of their program and meshes by
-        ``mesh<i>``: an array (k, 2) of the outline's displacement in pixels and of the mean FLIP
-        over that of the mesh drawn once per pixel. The displacement is the 99th percentile of
-        all views, or a third of the worst view's, where this is more. For meshes
-        ``mesh<i>.radii``: the displacement in radii, measured finely. Programs of a turntable are
-        measured in views that are level with it.
-
-    Raises
-    ------
-    ShaderError
-        Where the driver does not draw cards.
-    """
+    """Return the error table of a model's levels."""
     atlas = model.atlas
     table = {'sizes': np.array(SIZES, float)} | _measured(model, None, PROGRAMS, meshes=True)
     if atlas.turntable is not None:
@@ -240,11 +190,7 @@ class _Sheet:
         camera.SetFocalPoint(-shift, -shift, 0)
 
     def draw_mesh(self, level, views=None):
-        """Return the samples of a mesh level, premultiplied RGBA from 0 to 1.
-
-        They lie on the corners of the largest size's half pixels: so one is in the middle of the
-        pixel of any size.
-        """
+        """Return the samples of a mesh level, premultiplied RGBA from 0 to 1."""
         self._resize(SIZES[-1] * _SAMPLES, 0.5)
         pool = MeshPool(self.model.levels[level])
         slots = np.flatnonzero(self.kind.ids < (views or len(self.kind))).tolist()

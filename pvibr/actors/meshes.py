@@ -42,15 +42,7 @@ BLUR = 0.02
 
 @dataclass
 class MeshLevel:
-    """The mesh, or a lighter stand-in, with its error.
-
-    Attributes
-    ----------
-    parts : list of Part
-        What is drawn.
-    error : float
-        Largest displacement of the surface in radii of the bounding sphere; 0 for the mesh.
-    """
+    """The mesh, or a lighter stand-in, with its error."""
 
     parts: list
     error: float = 0.0
@@ -62,13 +54,7 @@ class MeshLevel:
 
 
 class MeshPool:
-    """Actors of one level, lent to the instances that need them.
-
-    Parameters
-    ----------
-    level : MeshLevel
-        What they draw.
-    """
+    """Actors of one level, lent to the instances that need them."""
 
     def __init__(self, level):
         self.level = level
@@ -81,13 +67,7 @@ class MeshPool:
         self._lit = True
 
     def light(self, lit):
-        """Have the normals of mirrored poses turned, or not: without light VTK has none.
-
-        Parameters
-        ----------
-        lit : bool
-            Whether there is any light.
-        """
+        """Have the normals of mirrored poses turned, or not: without light VTK has none."""
         if lit == self._lit:
             return
         self._lit = lit
@@ -96,22 +76,7 @@ class MeshPool:
             _turn_normals(actor, lit)
 
     def show(self, ids, matrix_of, look_of):
-        """Show the mesh at some instances and nowhere else.
-
-        Parameters
-        ----------
-        ids : iterable of int
-            Instances.
-        matrix_of : callable
-            Instance to its (4, 4) matrix, world from model.
-        look_of : callable
-            Instance to its look, 4 numbers from 0 to 1.
-
-        Returns
-        -------
-        list of vtkActor
-            Actors that are new and have to be added to the renderer.
-        """
+        """Show the mesh at some instances and nowhere else."""
         wanted = set(ids)
         for i in [i for i in self.lent if i not in wanted]:
             actors = self.lent.pop(i)
@@ -134,13 +99,7 @@ class MeshPool:
         return [lendable(p, p.actor.GetMapper()) for p in self.level.parts]
 
     def fade(self, shares):
-        """Draw some instances in a share of their pixels; cards have the others.
-
-        Parameters
-        ----------
-        shares : dict of int to float
-            Instances shown to 0 to 1; all others are whole.
-        """
+        """Draw some instances in a share of their pixels; cards have the others."""
         for i in self._faded | shares.keys():
             for actor in self.lent.get(i, ()):
                 uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
@@ -148,38 +107,18 @@ class MeshPool:
         self._faded = set(shares)
 
     def tint(self, color, look_of):
-        """Have one colour for all that it shows, whatever their looks are.
-
-        Parameters
-        ----------
-        color : tuple of 3 float or None
-            From 0 to 1; None for their own.
-        look_of : callable
-            Instance to its look, 4 numbers from 0 to 1.
-        """
+        """Have one colour for all that it shows, whatever their looks are."""
         self._tint = color
         self.recolor(look_of)
 
     def recolor(self, look_of):
-        """Take over changed looks of the instances shown.
-
-        Parameters
-        ----------
-        look_of : callable
-            Instance to its look, 4 numbers from 0 to 1.
-        """
+        """Take over changed looks of the instances shown."""
         for i, actors in self.lent.items():
             for actor in actors:
                 self._dress(actor, look_of(i))
 
     def instance_of(self, actor):
-        """Return the instance that an actor shows, or None.
-
-        Parameters
-        ----------
-        actor : vtkActor
-            Any actor.
-        """
+        """Return the instance that an actor shows, or None."""
         return next((i for i, actors in self.lent.items() if actor in actors), None)
 
     def _put(self, actors, matrix, look):
@@ -205,20 +144,7 @@ class MeshPool:
 
 
 def lendable(part, mapper):
-    """Return a new actor that shows a part as an instance: with its share of pixels and its look.
-
-    Parameters
-    ----------
-    part : Part
-        What looks so.
-    mapper : vtkMapper
-        What it draws.
-
-    Returns
-    -------
-    pyvista.Actor
-        With a matrix of its own.
-    """
+    """Return a new actor that draws a part at instances, with per-instance looks."""
     actor = dressed(part, mapper)
     actor.SetUserMatrix(_vtk.vtkMatrix4x4())
     shader = actor.GetShaderProperty()

@@ -34,21 +34,6 @@ void main()
 class Occlusion:
     """Finds blocks of which nothing can be seen, since others hide them.
 
-    Those that probably are in front are drawn first, by their depth alone and as if as far away as
-    their backs; whatever is behind the farthest depth of all its pixels is hidden.
-
-    Parameters
-    ----------
-    quadrics : pvibr.actors.quadrics.Quadrics
-        Whose blocks.
-
-    Attributes
-    ----------
-    layers : list of pvibr.actors.quadric_cards.Layer
-        What draws depths; none before the first frame that needs it.
-
-    Notes
-    -----
     In the manner of Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", SIGGRAPH 1993.
     """
 
@@ -67,20 +52,7 @@ class Occlusion:
         return sum(one.nbytes for one in held if one is not None)
 
     def hidden(self, frame, seen) -> np.ndarray:
-        """Return which blocks need not be drawn.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn; its context is current.
-        seen : pvibr.actors.quadric_cards.Seen
-            Blocks in view.
-
-        Returns
-        -------
-        numpy.ndarray of bool, shape (n,)
-            For certain: that picture is the same without them.
-        """
+        """Return which blocks need not be drawn."""
         none = np.zeros(len(seen.ways), bool)
         # A pass may draw in pixels of its own, between those of the depths.
         if frame.casting or frame.renderer.GetPass() is not None or len(none) < _LEAST:
@@ -137,13 +109,7 @@ class Occlusion:
         self._target = self._coarse = None
 
     def release(self, window):
-        """Free what it holds on the GPU; the context is current.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow or None
-            Where it was drawn.
-        """
+        """Free what it holds on the GPU; the context is current."""
         self._release_targets()
         for layer in self.layers:
             layer.release(window)

@@ -13,21 +13,7 @@ from pvibr.gl import set_uniforms
 
 
 class OneDraw:
-    """One actor, visible only within frames.
-
-    Attributes
-    ----------
-    actor : pyvista.Actor
-        What draws.
-    failure : str or None
-        What went wrong with the shaders.
-
-    Examples
-    --------
-    >>> from pvibr.actors.one_draw import OneDraw
-    >>> OneDraw().actor.GetVisibility()
-    0
-    """
+    """One actor, visible only within frames."""
 
     def __init__(self):
         self.actor = pv.Actor()
@@ -79,13 +65,7 @@ class OneDraw:
                 self.failure = f'the shader text {self._feature.name} did not land'
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Whose context is current; None where there is none.
-        """
+        """Free the GPU's memory; the context must be alive."""
         self.hide()
         self._textures = {}
         if window is not None:

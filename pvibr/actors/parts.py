@@ -42,31 +42,7 @@ FIXED = {
 
 @dataclass
 class Part:
-    """One surface with one look.
-
-    Parameters
-    ----------
-    actor : pyvista.Actor
-        Property, texture and mapper as ``add_mesh`` makes them; the mapper shows `mesh`. It
-        has no matrix of its own.
-    mesh : pyvista.PolyData
-        Triangles in model coordinates, with the arrays that the actor shows and no others.
-    alpha_cutoff : float, optional
-        Fragments whose alpha (before the uniform opacity) is below are not drawn.
-    stand_ins : tuple of tuple of Part
-        What may be drawn in its place from ever farther away, where that is not derived from it.
-    turns : Turns, optional
-        Pictures from around an axis that may be drawn in place of the whole mesh; of its first
-        part.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.actors.parts import as_parts
-    >>> part = as_parts(pv.Cube(), color='red')[0]
-    >>> part.mesh.n_cells, part.actor.prop.color.name
-    (12, 'red')
-    """
+    """One surface with one look."""
 
     actor: pv.Actor
     mesh: pv.PolyData
@@ -75,15 +51,7 @@ class Part:
     turns: Turns | None = None
 
     def polydata_mapper(self):
-        """Return a new ``vtkPolyDataMapper`` with the look of the actor's own mapper.
-
-        Unlike add_mesh's ``vtkDataSetMapper`` it takes custom vertex attributes.
-
-        Returns
-        -------
-        vtkPolyDataMapper
-            It shows `mesh` and shares the lookup table.
-        """
+        """Return a new ``vtkPolyDataMapper`` with the look of the actor's own mapper."""
         mapper = _vtk.vtkPolyDataMapper()
         mapper.ShallowCopy(self.actor.mapper)
         mapper.SetInputDataObject(self.mesh)
@@ -91,20 +59,7 @@ class Part:
 
 
 def dressed(part, mapper):
-    """Return a new actor with the look of a part.
-
-    Parameters
-    ----------
-    part : Part
-        What looks so.
-    mapper : vtkMapper
-        What it draws.
-
-    Returns
-    -------
-    pyvista.Actor
-        It shares property and texture with the part.
-    """
+    """Return a new actor with the look of a part."""
     actor, source = pv.Actor(), part.actor
     actor.SetMapper(mapper)
     actor.SetProperty(source.GetProperty())
@@ -117,47 +72,7 @@ def dressed(part, mapper):
 
 
 def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
-    """Return the parts that ``add_mesh`` would draw.
-
-    Parameters
-    ----------
-    mesh : pyvista.DataSet, pyvista.MultiBlock, vtkActor, trimesh.Trimesh, trimesh.Scene, path
-        Anything that users plot: a dataset (its surface is taken), several blocks (each a part,
-        with one colour range), an actor (its look and matrix are copied), a trimesh mesh or
-        scene with its materials, or a file. A part or list of parts is handed back, and that
-        of a :class:`pvibr.PlantLevels`.
-    theme : pyvista.plotting.themes.Theme, optional
-        Defaults of the looks; PyVista's global theme.
-    alpha_cutoff : float, optional
-        Draw fragments of texture or colours whose alpha is at least this, in 0 to 1, opaquely,
-        and no others: leaves, fences. By default alpha blends, as in add_mesh.
-    **add_mesh_kwargs
-        As :meth:`pyvista.Plotter.add_mesh`, and with ``pbr``: ``pbr_textures``, a dict of VTK's
-        names (``'albedoTex'``, ``'materialTex'``, ``'emissiveTex'``) to textures, and
-        ``emissive_factor``, three numbers. With blocks, ``texture``, ``rgb`` and a name of
-        ``scalars`` apply to those blocks that have texture coordinates, scalars, that array.
-
-    Returns
-    -------
-    list of Part
-        One or more.
-
-    Raises
-    ------
-    FileNotFoundError
-        If a path has no file.
-    TypeError
-        If `mesh` is none of these, or add_mesh does not know a keyword.
-    ValueError
-        If there are no triangles or a point is not finite.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.actors.parts import as_parts
-    >>> [part.mesh.n_cells for part in as_parts(pv.MultiBlock([pv.Cube(), pv.Plane()]))]
-    [12, 200]
-    """
+    """Return the parts that ``add_mesh`` would draw."""
     if alpha_cutoff is not None and not 0 <= alpha_cutoff <= 1:
         msg = f'alpha_cutoff is {alpha_cutoff!r}; it must be within 0 and 1, or None to blend.'
         raise ValueError(msg)
@@ -181,32 +96,7 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
 
 
 def as_meshes(meshes, **kwargs):
-    """Return the parts of one mesh or of several.
-
-    Parameters
-    ----------
-    meshes : mesh, or list or tuple of meshes
-        Each as in :func:`as_parts`; a list of :class:`Part` alone is one mesh.
-    **kwargs
-        As :func:`as_parts`, for all of them.
-
-    Returns
-    -------
-    list of list of Part
-        One list per mesh.
-
-    Raises
-    ------
-    ValueError
-        If the list is empty, or as :func:`as_parts` says, with the place in the list.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.actors.parts import as_meshes
-    >>> len(as_meshes([pv.Cube(), pv.Sphere()])), len(as_meshes(pv.Cube()))
-    (2, 1)
-    """
+    """Return the parts of one mesh or of several."""
     if not isinstance(meshes, list | tuple) or are_parts(meshes):
         return [as_parts(meshes, **kwargs)]
     if not meshes:
@@ -224,13 +114,7 @@ def _numbered(place, mesh, kwargs):
 
 
 def are_parts(mesh) -> bool:
-    """Return whether something is a list of parts: one mesh.
-
-    Parameters
-    ----------
-    mesh : object
-        Anything.
-    """
+    """Return whether something is a list of parts: one mesh."""
     is_list = isinstance(mesh, list | tuple)
     return is_list and bool(mesh) and all(isinstance(part, Part) for part in mesh)
 
@@ -510,13 +394,7 @@ def _copied_property(prop):
 
 
 def copy_property(copy, prop):
-    """Make a property a copy of another one, textures shared.
-
-    Parameters
-    ----------
-    copy, prop : vtkProperty
-        What it is put into, without textures, and what is copied.
-    """
+    """Make a property a copy of another one, textures shared."""
     copy.DeepCopy(prop)
     for name in PROPERTY_TEXTURES:
         texture = copy.GetTexture(name)

@@ -1,9 +1,4 @@
-"""Atlases of figures that move: views of many phases of their clips.
-
-Phases of a clip are equally far apart in what moves, not in time: half of the way from one to the
-next is what an outline may be off because a card shows the nearest phase. A texture tells which
-phase is shown when.
-"""
+"""Atlases of figures that move: views of many phases of their clips."""
 
 from __future__ import annotations
 
@@ -41,13 +36,7 @@ _BYTES = 8 * 3 / 2  # of a texel with its smaller levels
 
 @dataclass
 class PhaseAtlas(Atlas):
-    """Pictures of several phases: `geometry` and `albedo` have one axis more, the first one.
-
-    Attributes
-    ----------
-    bins : numpy.ndarray, shape (clips, BINS), float32
-        For each clip, which phase is shown when.
-    """
+    """Pictures of several phases: `geometry` and `albedo` have one axis more, the first one."""
 
     bins: Any = None
     phased = True
@@ -64,13 +53,7 @@ class PhaseAtlas(Atlas):
         return columns, -(-self.phases // columns)
 
     def phase(self, number) -> Atlas:
-        """Return the atlas of one phase, without an error table.
-
-        Parameters
-        ----------
-        number : int
-            Which one.
-        """
+        """Return the atlas of one phase, without an error table."""
         return Atlas(
             self.geometry[number], self.albedo[number], self.center, self.radius, self.box,
             self.views, self.tile,
@@ -94,23 +77,7 @@ class PhaseAtlas(Atlas):
 
     @classmethod
     def from_arrays(cls, arrays) -> PhaseAtlas:
-        """Make an atlas from named arrays, checking that they fit together.
-
-        Parameters
-        ----------
-        arrays : mapping of str to numpy.ndarray
-            As :meth:`to_arrays` gives.
-
-        Returns
-        -------
-        PhaseAtlas
-            The atlas.
-
-        Raises
-        ------
-        ValueError
-            Where an array is missing or of the wrong shape or type.
-        """
+        """Make an atlas from named arrays, checking that they fit together."""
         try:
             pictures = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
             bins = np.asarray(arrays['bins'], np.float32)
@@ -131,40 +98,13 @@ class PhaseAtlas(Atlas):
         )  # fmt: skip
 
     def contact_sheet(self, path=None, background=1.0, phase=0) -> np.ndarray:
-        """Return all views of a phase side by side as a picture to look at, optionally saved.
-
-        Parameters
-        ----------
-        path : str or os.PathLike, optional
-            A PNG to write.
-        background : float
-            Grey level behind the object.
-        phase : int
-            Which phase.
-
-        Returns
-        -------
-        numpy.ndarray, shape (2 * views * tile, views * tile, 3), uint8
-            Albedo over normals, top row first.
-        """
+        """Return all views of a phase side by side as a picture to look at, optionally saved."""
         return self.phase(phase).contact_sheet(path, background)
 
 
 @dataclass(eq=False)
 class Motion:
-    """A clip, and how far it has got at any time.
-
-    Attributes
-    ----------
-    figure : pvibr.Figure
-        Whose.
-    clip : Clip or None
-        None is rest.
-    times : numpy.ndarray, shape (k,)
-        Moments, in seconds, from 0 to its end.
-    way : numpy.ndarray, shape (k,)
-        What the fastest points have gone until then, figure's units.
-    """
+    """A clip, and how far it has got at any time."""
 
     figure: Any
     clip: Any
@@ -177,64 +117,26 @@ class Motion:
         return float(self.times[-1])
 
     def pose(self, share):
-        """Return the pose where a share of the way is gone.
-
-        Parameters
-        ----------
-        share : float
-            0 to 1.
-        """
+        """Return the pose where a share of the way is gone."""
         time = np.interp(share * self.way[-1], self.way, self.times)
         return self.figure.sample(time, self.clip, loop=False)
 
     def bins(self, phases) -> np.ndarray:
-        """Return which of its phases is shown when.
-
-        Parameters
-        ----------
-        phases : int
-            How many it has.
-
-        Returns
-        -------
-        numpy.ndarray, shape (BINS,)
-            For equal parts of its time.
-        """
+        """Return which of its phases is shown when."""
         times = (np.arange(BINS) + 0.5) / BINS * self.duration
         share = np.interp(times, self.times, self.way) / max(self.way[-1], 1e-300)
         return np.minimum((share * phases).astype(int), phases - 1)
 
 
 class Sitter:
-    """The meshes of a figure, put in poses on the CPU, about a middle.
-
-    Parameters
-    ----------
-    figure : pvibr.Figure
-        The figure.
-    bodies : list of RigidBody or PosedBody
-        With its looks.
-    skinning : {'linear', 'dual'}
-        How joints are blended.
-
-    Attributes
-    ----------
-    center : numpy.ndarray, shape (3,)
-        What points are relative to.
-    """
+    """The meshes of a figure, put in poses on the CPU, about a middle."""
 
     def __init__(self, figure, bodies, skinning):
         self.figure, self.bodies, self.skinning = figure, bodies, skinning
         self.center = np.zeros(3)
 
     def shapes(self, pose) -> list:
-        """Return points and normals of each body, (v, 3) float64 each.
-
-        Parameters
-        ----------
-        pose : Pose
-            One pose.
-        """
+        """Return points and normals of each body, (v, 3) float64 each."""
         world = self.figure.world(pose)
         return [self._shape(i, body, pose, world) for i, body in enumerate(self.bodies)]
 
@@ -249,13 +151,7 @@ class Sitter:
         return points - self.center, normals
 
     def parts(self, pose) -> list[Part]:
-        """Return its parts in a pose.
-
-        Parameters
-        ----------
-        pose : Pose
-            One pose.
-        """
+        """Return its parts in a pose."""
         parts = [_own(body.part) for body in self.bodies]
         put(parts, self.shapes(pose))
         return parts
@@ -270,15 +166,7 @@ def _own(part) -> Part:
 
 
 def put(parts, shapes):
-    """Give parts other points and normals.
-
-    Parameters
-    ----------
-    parts : list of Part
-        With meshes of their own.
-    shapes : list
-        Points and normals of each.
-    """
+    """Give parts other points and normals."""
     for part, (points, normals) in zip(parts, shapes, strict=True):
         part.mesh.points = points.astype(np.float32)
         part.mesh.point_data.active_normals = normals.astype(np.float32)
@@ -296,22 +184,7 @@ def _reach(sitter, motion):
 
 
 def motion_of(sitter, clip):
-    """Look at a clip.
-
-    Parameters
-    ----------
-    sitter : Sitter
-        The figure.
-    clip : Clip or None
-        None is rest.
-
-    Returns
-    -------
-    motion : Motion
-        How fast it moves when.
-    box : numpy.ndarray, shape (2, 3)
-        Lowest and highest coordinates at any moment that was looked at.
-    """
+    """Look at a clip."""
     duration = 0.0 if clip is None else clip.duration
     times = np.linspace(0.0, duration, _SAMPLES + 1 if duration else 1)
     poses = sitter.figure.sample(times, clip, loop=False)
@@ -328,31 +201,7 @@ def motion_of(sitter, clip):
 
 
 def phase_counts(ways, radius, max_error) -> tuple[int, list[int]]:
-    """Return the side of a tile, and how many phases each clip gets.
-
-    Parameters
-    ----------
-    ways : sequence of float
-        What the fastest points go in each clip, figure's units.
-    radius : float
-        Of the sphere that holds the figure in all poses.
-    max_error : float
-        Pixels that an outline may be off.
-
-    Returns
-    -------
-    tile : int
-        Texels.
-    counts : list of int
-        So many that half of the way between two is the error, where the card is as large as its
-        tile and the budget allows.
-
-    Examples
-    --------
-    >>> from pvibr.actors.phases import phase_counts
-    >>> phase_counts([0.0, 1.5], 1.0, 1.0)
-    (64, [1, 24])
-    """
+    """Return the side of a tile, and how many phases each clip gets."""
     for tile in TILES:
         wanted = [max(1, int(np.ceil(w / radius * tile / (4 * max_error)))) for w in ways]
         room = BUDGET / (_BYTES * (VIEWS * tile) ** 2)
@@ -364,32 +213,7 @@ def phase_counts(ways, radius, max_error) -> tuple[int, list[int]]:
 
 def make_phases(figure, bodies, clips, *, skinning='linear', max_error=1.0, cache=True,
                 advance=None) -> tuple[Model, list[Motion]]:  # fmt: skip
-    """Return the levels of a figure that moves, baked and measured, or taken from the cache.
-
-    Parameters
-    ----------
-    figure : pvibr.Figure
-        The figure.
-    bodies : list of RigidBody or PosedBody
-        With its looks.
-    clips : sequence of Clip or None
-        What it may play.
-    skinning : {'linear', 'dual'}
-        How joints are blended.
-    max_error : float
-        Pixels: how far two phases may be apart.
-    cache : bool or path
-        Whether, or in which folder, the atlas is kept on disk.
-    advance : callable, optional
-        Called with the fraction done, 0 to 1.
-
-    Returns
-    -------
-    model : Model
-        With a :class:`PhaseAtlas`.
-    motions : list of Motion
-        One for each clip, as the rows of the atlas's bins.
-    """
+    """Return the levels of a figure that moves, baked and measured, or taken from the cache."""
     sitter = Sitter(figure, bodies, skinning)
     motions, boxes = zip(*[motion_of(sitter, clip) for clip in clips], strict=True)
     box = np.stack([np.min(boxes, 0)[0], np.max(boxes, 0)[1]])
@@ -463,10 +287,7 @@ def _baked(sitter, motions, counts, poses, grid, advance):
 
 
 def _measured(sitter, motions, counts, atlas):
-    """Return the worst of the error tables of some phases, beside meshes at the time between two.
-
-    There a card is off most: what the table says holds at all times.
-    """
+    """Return the worst error table of some phases, against meshes halfway between two."""
     tables = []
     first = 0
     some = 2 if len(motions) == 1 else 1

@@ -11,17 +11,7 @@ from pvibr import _vtk
 
 @dataclass(frozen=True)
 class Hit:
-    """Where a ray met an instance.
-
-    Attributes
-    ----------
-    index : int
-        The instance.
-    point : tuple of 3 float
-        Where on its mesh, world units.
-    distance : float
-        From the ray's start, world units.
-    """
+    """Where a ray met an instance."""
 
     index: int
     point: tuple
@@ -29,22 +19,7 @@ class Hit:
 
 
 def pixel_ray(renderer, x, y):
-    """Return the ray through a pixel.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        The subplot.
-    x, y : float
-        Pixels from the lower left corner of the window.
-
-    Returns
-    -------
-    start : numpy.ndarray, shape (3,)
-        On the near plane, world units.
-    direction : numpy.ndarray, shape (3,)
-        Of length 1.
-    """
+    """Return the ray through a pixel."""
     ends = []
     for depth in (0.0, 1.0):
         renderer.SetDisplayPoint(x, y, depth)
@@ -56,24 +31,7 @@ def pixel_ray(renderer, x, y):
 
 
 def nearest_hit(kinds, renderer, x, y, visible):
-    """Return the first instance that the ray through a pixel meets.
-
-    Parameters
-    ----------
-    kinds : sequence of Kind
-        The instances.
-    renderer : vtkRenderer
-        The subplot.
-    x, y : float
-        Pixels from the lower left corner of the window.
-    visible : numpy.ndarray, shape (n,), bool
-        Which instances count.
-
-    Returns
-    -------
-    Hit or None
-        The nearest hit.
-    """
+    """Return the first instance that the ray through a pixel meets."""
     start, direction = pixel_ray(renderer, x, y)
     best = None
     for kind in kinds:

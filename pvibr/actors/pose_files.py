@@ -69,22 +69,7 @@ def read_poses(path, columns=None, *, others=None):
 
 
 def read_poses_and(path, name):
-    """Read poses and one other column, if the file has it.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        As in :func:`read_poses`.
-    name : str or None
-        The column.
-
-    Returns
-    -------
-    poses : numpy.ndarray, shape (n, 3) or (n, 4, 4), float64
-        As :func:`read_poses` returns them.
-    values : numpy.ndarray, shape (n,), or None
-        The column; None where there is none of this name.
-    """
+    """Read poses and one other column, if the file has it."""
     path = _existing(path)
     if path.suffix.lower() == '.npy':
         return _read_npy(path), None

@@ -19,17 +19,7 @@ class _Group(list):
 
 
 class PosedPool(MeshPool):
-    """Actors of a figure, lent to the members that need them and posed with them.
-
-    Parameters
-    ----------
-    level : MeshLevel
-        What they draw: a part per body.
-    bodies : list of RigidBody or PosedBody
-        The figure's bodies.
-    skinning : {'linear', 'dual'}
-        How joints are blended.
-    """
+    """Actors of a figure, lent to the members that need them and posed with them."""
 
     def __init__(self, level, bodies, skinning):
         super().__init__(level)
@@ -59,19 +49,7 @@ class PosedPool(MeshPool):
         return 0 if self._posing is None else self._posing.nbytes
 
     def pose(self, window, keys, moments_of, matrix_of):
-        """Pose those that are lent, where any changed, and have their shaders find them.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Whose context is current.
-        keys : dict of int to (int, float)
-            For each member lent: what its pose depends on.
-        moments_of : callable
-            Keys to as many Moments.
-        matrix_of : callable
-            Member to its (4, 4) matrix, world from figure.
-        """
+        """Pose those that are lent, where any changed, and have their shaders find them."""
         shown = {self.lent[i].number: (i, key) for i, key in keys.items()}
         if any(self._shown.get(number) != what for number, what in shown.items()):
             moments = moments_of(list(keys.values()))
@@ -128,13 +106,7 @@ class PosedPool(MeshPool):
         self._posing, self._shown = None, {}
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Whose context it is.
-        """
+        """Free the GPU's memory; the context must be alive."""
         self._release_posing()
         for body in self.bodies:
             body.release(window)

@@ -10,39 +10,7 @@ SINGULAR = 1e-12
 
 
 def as_poses(poses):
-    """Return poses as a checked float64 array.
-
-    Points stay points (24 bytes each): they are not blown up to matrices (128 bytes each). The
-    array given is not copied where it is already float64.
-
-    Parameters
-    ----------
-    poses : array_like or pyvista.DataSet
-        (n, 3) points, one (3,) point, (n, 4, 4) matrices, one (4, 4) matrix, or a dataset whose
-        points are taken. World units; a matrix is ``world_from_model`` and may rotate, scale
-        per axis and mirror.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 3) or (n, 4, 4), float64
-        The poses; n may be zero.
-
-    Raises
-    ------
-    TypeError
-        If the values are not numbers.
-    ValueError
-        If the shape is another one, a value is NaN or infinite, a matrix has a last row other
-        than (0, 0, 0, 1) or has no inverse. The row is named.
-
-    Examples
-    --------
-    >>> from pvibr.actors.poses import as_poses
-    >>> as_poses([1, 2, 3])
-    array([[1., 2., 3.]])
-    >>> as_poses([]).shape
-    (0, 3)
-    """
+    """Return poses as a checked float64 array."""
     array = _as_array(getattr(poses, 'points', poses))
     _check_finite(array)
     if array.ndim == 3:

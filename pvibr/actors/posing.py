@@ -22,24 +22,7 @@ _TEXELS = {'linear': 3, 'dual': 8}  # of a joint
 
 @dataclass(eq=False)
 class Mould:
-    """A mesh at rest, and what deforms it on the GPU.
-
-    Attributes
-    ----------
-    points : numpy.ndarray, shape (v, 3), float64
-        Vertices at rest.
-    normals : numpy.ndarray, shape (v, 3), float64
-        Their normals.
-    joints : numpy.ndarray, shape (v, k), int, or None
-        Joints of each vertex, rows of the matrices that :meth:`Posing.draw` is given.
-    weights : numpy.ndarray, shape (v, k), float64, or None
-        Their weights, of sum 1.
-    centers : numpy.ndarray, shape (m, 3), float64, or None
-        Joints at rest, about which they stretch.
-    shapes : sequence or None
-        Differences of positions and normals, each (v, 3) or None: ``shapes[i]`` is read when it
-        is first needed.
-    """
+    """A mesh at rest, and what deforms it on the GPU."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -56,22 +39,7 @@ class Mould:
 
 @dataclass(eq=False)
 class Place:
-    """What makes one pose of a mould.
-
-    Attributes
-    ----------
-    matrices : numpy.ndarray, shape (m, 4, 4), or None
-        ``figure_from_mesh`` of each joint of the mould.
-    origin : numpy.ndarray, shape (3,)
-        In the figure's space: posed positions are relative to it. Without joints it is that of
-        the mould.
-    shapes : numpy.ndarray of int, shape (s,)
-        Which shapes are added.
-    amounts : numpy.ndarray, shape (s,)
-        How much of each.
-    frames : int
-        How many of them are key frames, which come first; normals are made unit after them.
-    """
+    """What makes one pose of a mould."""
 
     matrices: np.ndarray | None = None
     origin: np.ndarray | None = None
@@ -81,24 +49,7 @@ class Place:
 
 
 class Posing:
-    """Posed positions and normals of several moulds in two textures, one texel a vertex.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        Whose context is current.
-    moulds : sequence of Mould
-        The meshes.
-    poses : int
-        How many poses of each are kept.
-    how : {'linear', 'dual'}
-        How joints are blended.
-
-    Raises
-    ------
-    ValueError
-        If there are more vertices than the driver's textures hold.
-    """
+    """Posed positions and normals of several moulds in two textures, one texel a vertex."""
 
     def __init__(self, window, moulds, *, poses=1, how='linear'):
         self.window, self.poses, self.how = window, poses, how
@@ -129,15 +80,7 @@ class Posing:
         return dict(zip(SAMPLERS, self.target.colors, strict=True))
 
     def draw(self, places, *, bulge=1.0):
-        """Pose all moulds anew.
-
-        Parameters
-        ----------
-        places : sequence of sequence of Place
-            For each mould its poses, as many as it was made for.
-        bulge : float
-            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
-        """
+        """Pose all moulds anew."""
         self._load([c.numbers(poses) for c, poses in zip(self._casts, places, strict=True)])
         state = self.window.GetState()
         with self.target.drawing():
@@ -167,22 +110,7 @@ class Posing:
         self._state.upload(state)
 
     def download(self, mould, pose=0):
-        """Return what the pass wrote.
-
-        Parameters
-        ----------
-        mould : int
-            Which mesh.
-        pose : int
-            Which of its poses.
-
-        Returns
-        -------
-        positions : numpy.ndarray, shape (v, 3), float32
-            Relative to the pose's origin.
-        normals : numpy.ndarray, shape (v, 3), float32
-            Of length 1.
-        """
+        """Return what the pass wrote."""
         cast = self._casts[mould]
         first = self.rows[mould] + pose * cast.rows
         texels = [t.download()[first : first + cast.rows] for t in self.target.colors]
@@ -303,15 +231,7 @@ SAMPLERS = ('ibr_posed', 'ibr_posed_normals')
 
 @lru_cache(maxsize=1)
 def posed_feature() -> Feature:
-    """Return the text by which an actor's vertices are those that were posed.
-
-    Its actor has the uniform ``ibr_posed_row``: where its mesh begins.
-
-    Returns
-    -------
-    pvibr.gl.feature.Feature
-        For actors whose points are numbered as the mould's.
-    """
+    """Return the text by which an actor's vertices are those that were posed."""
     text = sections(shader_source(__file__))
     declare = declared_samplers(dict.fromkeys(SAMPLERS, 'sampler2D')) + text['vertex.declare']
     begin = f'#define WIDTH {WIDTH}u\n{text["vertex.begin"]}'

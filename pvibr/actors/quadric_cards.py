@@ -25,25 +25,7 @@ _LARGEST_SMALL = 4.0  # px: those are edges all over, and their depths differ by
 
 @dataclass(frozen=True)
 class Shape:
-    """What kind of quadric is drawn.
-
-    Attributes
-    ----------
-    name : str
-        Stem of its shader, for reports and marks too.
-    texels : int
-        Of an item in the texture of items.
-    looks : int
-        Of an item in the texture of looks.
-    largest_point : float
-        Diameter on the screen up to which point sprites pay, px; every driver draws them of 60.
-    fill : float
-        Share of the sphere about an item that its picture fills, roughly.
-    open : bool
-        Whether its inside can be seen where no plane cuts it.
-    defines : tuple of (str, int)
-        What its shader is told.
-    """
+    """What kind of quadric is drawn."""
 
     name: str
     texels: int
@@ -56,25 +38,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Way:
-    """How the items of a block are drawn.
-
-    Attributes
-    ----------
-    name : str
-        For reports and marks in shaders.
-    corners : int
-        Vertices of a card: 1 is a point sprite, cheaper, but gone with its centre.
-    chunk : int
-        Cards of one draw.
-    depth : bool
-        Whether each pixel has its own depth, not each item.
-    dots : bool
-        Whether none is larger than a pixel, so that all of it is drawn.
-    blends : bool
-        Whether what is behind shines through.
-    hides : bool
-        Whether nothing but depth is drawn, and not nearer than the back: for what is behind.
-    """
+    """How the items of a block are drawn."""
 
     name: str
     corners: int
@@ -85,13 +49,7 @@ class Way:
     hides: bool = False
 
     def feature(self, shape) -> Feature:
-        """Return the shader text by VTK's tags.
-
-        Parameters
-        ----------
-        shape : Shape
-            What is drawn.
-        """
+        """Return the shader text by VTK's tags."""
         part, own = (sections(shader_source(__file__, stem)) for stem in (None, shape.name))
         values = {
             'HIDES': int(self.hides),
@@ -270,13 +228,7 @@ class Layer:
                 self.failure = f'the shader text of {self._feature.name} did not land'
 
     def release(self, window):
-        """Free what it holds on the GPU; the context is current.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow or None
-            Where it was drawn.
-        """
+        """Free what it holds on the GPU; the context is current."""
         if window is not None:
             self._mapper.ReleaseGraphicsResources(window)
             for actor in self.actors:
@@ -297,19 +249,7 @@ def _span(actor, first, end):
 
 @dataclass
 class Seen:
-    """Blocks in view, the nearest first.
-
-    Attributes
-    ----------
-    entries : numpy.ndarray, shape (n, 4)
-        Middle in eye space, and number.
-    ways : numpy.ndarray, shape (n,)
-        Which of `WAYS` draws them.
-    around : numpy.ndarray, shape (n,)
-        Radius of the sphere about the middle that holds all, world units.
-    areas : numpy.ndarray, shape (n,)
-        Of the screen that their items cover, each for itself, pixels.
-    """
+    """Blocks in view, the nearest first."""
 
     entries: np.ndarray
     ways: np.ndarray
@@ -318,22 +258,7 @@ class Seen:
 
 
 def seen_blocks(blocks, frame, shape) -> Seen:
-    """Return what may be seen, the nearest first, and how it is drawn.
-
-    Parameters
-    ----------
-    blocks : pvibr.maths.blocks.Blocks
-        All of them.
-    frame : pvibr.frame.Frame
-        Camera and size.
-    shape : Shape
-        Of the items.
-
-    Returns
-    -------
-    Seen
-        Blocks that reach into the picture.
-    """
+    """Return what may be seen, the nearest first, and how it is drawn."""
     with np.errstate(divide='ignore', invalid='ignore'):  # the eye may be in the middle of one
         index, origins, small, large = (a[::-1] for a in blocks.seen(frame))
     around = (blocks.reach + blocks.largest)[index]
@@ -347,17 +272,7 @@ def seen_blocks(blocks, frame, shape) -> Seen:
 
 
 def view_uniforms(frame, count, unit) -> dict:
-    """Return what both shaders know of the eye.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        Camera and size.
-    count : int
-        How many items there are.
-    unit : int
-        Items of an entry.
-    """
+    """Return what both shaders know of the eye."""
     m = frame.clip_from_view
     offset = m[:2, 3] if frame.parallel else -m[:2, 2]
     return {

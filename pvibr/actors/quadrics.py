@@ -193,13 +193,7 @@ class Quadrics(Painted, Anchored):
         return [] if self.blends else self.drawn()
 
     def needed(self, frame) -> bool | str:
-        """Tell whether there is anything to draw.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether there is anything to draw."""
         if not self.visibility or not self._anchor.GetVisibility():
             return 'not visible'
         return bool(len(self)) or f'no {self.shape.name}'
@@ -211,13 +205,7 @@ class Quadrics(Painted, Anchored):
         self._stamp = None
 
     def prepare(self, frame):
-        """Choose what is drawn, and how.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Choose what is drawn, and how."""
         self._upload(frame.window)
         shiny = self.property.GetSpecular() > 0 or self.property.GetInterpolation() == PBR
         for layer in self._layers:
@@ -261,13 +249,7 @@ class Quadrics(Painted, Anchored):
             self._in_turn.arrange(frame.renderer, parts, [actor for _, actor in others])
 
     def finish(self, frame):
-        """Give the texture units back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Give the texture units back."""
         self.binder.unbind()
         self._in_turn.finish(frame.renderer)
 
@@ -335,13 +317,7 @@ class Quadrics(Painted, Anchored):
         }
 
     def bake_into(self, scene):
-        """Hand them to a scene without pvibr.
-
-        Parameters
-        ----------
-        scene : pvibr.baked_scene.BakedScene
-            Takes copies of meshes.
-        """
+        """Hand them to a scene without pvibr."""
         rows = np.flatnonzero(self.visible & (self._balls()[1] > 0))
         for levels, largest, matrices, colors in self._bodies():
             shown = rows[np.isfinite(matrices[rows]).all((1, 2))]
@@ -389,27 +365,7 @@ class Quadrics(Painted, Anchored):
 
 
 def checked_lengths(name, lengths, shape) -> np.ndarray:
-    """Return lengths as a float64 array of its own.
-
-    Parameters
-    ----------
-    name : str
-        What errors call it.
-    lengths : float or array_like
-        What was given.
-    shape : tuple of int
-        To which one number, or the last axes, are repeated.
-
-    Returns
-    -------
-    numpy.ndarray
-        Of that shape.
-
-    Raises
-    ------
-    ValueError
-        Where the shape is another one, or a value is not finite or below 0.
-    """
+    """Return lengths as a float64 array of its own."""
     array = np.asarray(lengths, float)
     if array.shape not in ((), shape, shape[1:]):
         allowed = ', '.join(str(s) for s in dict.fromkeys((shape, shape[1:])) if s)

@@ -24,26 +24,7 @@ _THIN = 1e-3  # least width of a quad, in parts of its length
 
 
 def components(mesh) -> np.ndarray:
-    """Return which connected part each triangle belongs to.
-
-    Parameters
-    ----------
-    mesh : pyvista.PolyData
-        Triangles; points in the same place count as one.
-
-    Returns
-    -------
-    numpy.ndarray, shape (m,), int
-        From 0.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.actors.scatter import components
-    >>> two = pv.Cube().triangulate() + pv.Cube(center=(3, 0, 0)).triangulate()
-    >>> sorted(set(components(two).tolist()))
-    [0, 1]
-    """
+    """Return which connected part each triangle belongs to."""
     _, same = np.unique(np.asarray(mesh.points), axis=0, return_inverse=True)
     triangles = same.ravel()[mesh.regular_faces]
     ends = np.concatenate([triangles[:, :2], triangles[:, 1:]])
@@ -54,30 +35,7 @@ def components(mesh) -> np.ndarray:
 
 
 def clusters(centers, count, seed=0) -> np.ndarray:
-    """Return which of some clusters each point belongs to: k-means, from spread out beginnings.
-
-    Parameters
-    ----------
-    centers : numpy.ndarray, shape (n, 3)
-        Any units.
-    count : int
-        Clusters at most.
-    seed : int
-        Of the beginnings.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), int
-        From 0; none is empty.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.actors.scatter import clusters
-    >>> a, b, c = clusters(np.array([[0.0, 0, 0], [0.1, 0, 0], [9, 0, 0]]), 2)
-    >>> bool(a == b), bool(b == c)
-    (True, False)
-    """
+    """Return which of some clusters each point belongs to: k-means, from spread out beginnings."""
     if count >= len(centers):
         return np.arange(len(centers))
     rng = np.random.default_rng(seed)
@@ -97,23 +55,7 @@ def clusters(centers, count, seed=0) -> np.ndarray:
 
 @dataclass
 class Groups:
-    """Triangles in groups, each with a frame of its own.
-
-    Attributes
-    ----------
-    points : numpy.ndarray, shape (n, 3)
-        Those of each group; a point of two groups is there twice.
-    source : numpy.ndarray, shape (n,)
-        Which point of the mesh each is.
-    group : numpy.ndarray, shape (n,)
-        Of each point.
-    triangles : numpy.ndarray, shape (m, 3)
-        Of these points, in the order of the mesh's.
-    axes : numpy.ndarray, shape (g, 3, 3)
-        Rows along, across, normal: of most and of least extent.
-    low, high : numpy.ndarray, shape (g, 3)
-        Extent of each group in its frame, seen from the origin.
-    """
+    """Triangles in groups, each with a frame of its own."""
 
     points: np.ndarray
     source: np.ndarray
@@ -125,20 +67,7 @@ class Groups:
 
     @classmethod
     def of(cls, mesh, labels) -> Groups:
-        """Divide a mesh.
-
-        Parameters
-        ----------
-        mesh : pyvista.PolyData
-            Triangles.
-        labels : numpy.ndarray, shape (m,), int
-            Group of each, from 0 without gaps.
-
-        Returns
-        -------
-        Groups
-            Each in the plane that fits it best.
-        """
+        """Divide a mesh."""
         faces, count = mesh.regular_faces, mesh.n_points
         keys, corner = np.unique(labels[:, None] * np.int64(count) + faces, return_inverse=True)
         group, source = np.divmod(keys, count)
@@ -148,13 +77,7 @@ class Groups:
         return cls(points, source, group, corner.reshape(-1, 3), axes, low, high)
 
     def turned(self, k) -> Groups:
-        """Return the same groups with another of their axes as the normal.
-
-        Parameters
-        ----------
-        k : int
-            0 the plane that fits best, 1 and 2 those at right angles to it.
-        """
+        """Return the same groups with another of their axes as the normal."""
         axes = np.roll(self.axes, k, 1)
         low, high = _extents(self.points, self.group, axes)
         return Groups(self.points, self.source, self.group, self.triangles, axes, low, high)
@@ -192,19 +115,7 @@ def _extents(points, group, axes):
 
 @dataclass
 class Layout:
-    """Where each group lies in a texture.
-
-    Attributes
-    ----------
-    corners : numpy.ndarray, shape (g, 2), int
-        Lower left texel.
-    sizes : numpy.ndarray, shape (g, 2), int
-        Texels, the empty edge included.
-    scale : float
-        Texels per world unit.
-    size : tuple of 2 int
-        Of the texture.
-    """
+    """Where each group lies in a texture."""
 
     corners: np.ndarray
     sizes: np.ndarray
@@ -213,25 +124,7 @@ class Layout:
 
     @classmethod
     def of(cls, extents, side) -> Layout:
-        """Place rectangles as large as they all can be.
-
-        Parameters
-        ----------
-        extents : numpy.ndarray, shape (g, 2)
-            World units.
-        side : int
-            Texels along a side of the texture at most.
-
-        Returns
-        -------
-        Layout
-            All at one scale.
-
-        Raises
-        ------
-        ValueError
-            Where there are too many for such a texture.
-        """
+        """Place rectangles as large as they all can be."""
         scale = side / np.sqrt(max(float(extents.prod(1).sum()), 1e-300))
         scale = min(scale, (side - 2 * _EDGE) / float(extents.max()))
         least = 1 + 2 * _EDGE
@@ -247,22 +140,7 @@ class Layout:
 
 
 def quads(part, groups, *, texture=1024) -> Part:
-    """Return a quad for each group of a part's triangles, textured with what the group looks like.
-
-    Parameters
-    ----------
-    part : Part
-        With its look.
-    groups : sequence of Groups
-        Of its mesh; several are the same groups with other normals.
-    texture : int
-        Texels along a side of the texture at most.
-
-    Returns
-    -------
-    Part
-        Cut out at an alpha of one half.
-    """
+    """Return one textured quad per group of a part's triangles."""
     low, high = (np.concatenate([getattr(g, name)[:, :2] for g in groups])
                  for name in ('low', 'high'))  # fmt: skip
     extents = high - low
@@ -360,27 +238,8 @@ def _unlit(part, mesh):
 def dilated(picture):
     """Return straight RGBA whose transparent texels have colours from around them.
 
-    Parameters
-    ----------
-    picture : numpy.ndarray, shape (h, w, 4)
-        Premultiplied, from 0 to 1.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w, 4), uint8
-        Alpha is the same.
-
-    Notes
-    -----
-    Premultiplied averages are pulled up a pyramid, holes take the finest that has any: Gortler
-    et al., "The Lumigraph", SIGGRAPH 1996, section 3.4.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.actors.scatter import dilated
-    >>> dilated(np.array([[[1.0, 0, 0, 1], [0, 0, 0, 0]]])).tolist()
-    [[[255, 0, 0, 255], [255, 0, 0, 0]]]
+    Premultiplied averages are pulled up a pyramid, holes take the finest that has any: Gortler et
+    al., "The Lumigraph", SIGGRAPH 1996, section 3.4.
     """
     levels = [picture]
     while max(levels[-1].shape[:2]) > 1:

@@ -23,19 +23,7 @@ _SHARES = (0.5, 0.2)  # of the triangles of what stays a mesh, beside quads
 
 @dataclass
 class PlantLevel:
-    """One level.
-
-    Parameters
-    ----------
-    name : str
-        ``'mesh'``, ``'parts'``, ``'clusters'``, ``'turntable'`` or ``'billboard'``.
-    vertices, triangles, quads : int
-        What is drawn for each plant; quads are counted in triangles, too.
-    textures : list of tuple of 2 int
-        Width and height of each.
-    error : dict
-        After :meth:`PlantLevels.measure`: ``flip``, ``psnr`` (dB) and ``iou`` of the silhouette.
-    """
+    """One level."""
 
     name: str
     vertices: int
@@ -46,26 +34,7 @@ class PlantLevel:
 
 
 class PlantLevels:
-    """Levels of a plant; :func:`plant_levels` makes them.
-
-    Parameters
-    ----------
-    parts : list of Part
-        The mesh, with the quads as its lighter levels and what a turntable is to show:
-        :meth:`plotter.ibr.add_instances` takes these, or the levels themselves.
-    counts : sequence of 2 int
-        Quads of these.
-    turntable : dict
-        Arguments of :meth:`plotter.ibr.add_billboards`, points left out; the images show the plant
-        in the light of a plotter of the default theme.
-
-    Attributes
-    ----------
-    billboard : dict
-        The same with one view.
-    levels : list of PlantLevel
-        What each costs, the mesh first.
-    """
+    """Levels of a plant; :func:`plant_levels` makes them."""
 
     def __init__(self, parts, counts, turntable):
         self.parts, self.turntable = parts, turntable
@@ -82,23 +51,7 @@ class PlantLevels:
         return [self.parts, *([q for p in self.parts for q in p.stand_ins[k]] for k in rungs)]
 
     def actors(self, name) -> list:
-        """Return new actors that show a level of meshes, for ``plotter.add_actor``.
-
-        Parameters
-        ----------
-        name : {'mesh', 'parts', 'clusters'}
-            Which level.
-
-        Returns
-        -------
-        list of pyvista.Actor
-            With the looks of its parts.
-
-        Raises
-        ------
-        ValueError
-            Where it is no level of meshes.
-        """
+        """Return new actors that show a level of meshes, for ``plotter.add_actor``."""
         names = [level.name for level in self.levels[: len(self._meshes())]]
         if name not in names:
             msg = f'name is {name!r}; it must be one of {", ".join(names)}'
@@ -106,20 +59,7 @@ class PlantLevels:
         return _actors(self._meshes()[names.index(name)])
 
     def measure(self, size=128, directions=6) -> PlantLevels:
-        """Measure the error of each level against the supersampled mesh.
-
-        Parameters
-        ----------
-        size : int
-            Pixels along a side of the picture that the plant fills.
-        directions : int
-            Views all around, at a height of the eye between level and 30 degrees.
-
-        Returns
-        -------
-        PlantLevels
-            Itself; see ``levels[i].error``.
-        """
+        """Measure the error of each level against the supersampled mesh."""
         shots = _Shots(self.parts, size, directions)
         truth = shots.take(_shown(self.parts), _SAMPLES)
         drawn = [shots.take(_shown(parts)) for parts in self._meshes()]

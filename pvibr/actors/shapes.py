@@ -16,22 +16,7 @@ _FEW = 8
 
 
 class ShapeStore:
-    """The shapes of a mesh that are in use, and as many more as the budget allows.
-
-    A shape is uploaded when it is first used and stays until its room is needed, so that a series
-    longer than the memory streams through it.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        Whose context is current.
-    shapes : sequence
-        Differences of positions and normals, each (v, 3) or None for no difference.
-    width : int
-        Vertices of a row of the textures.
-    budget : int
-        Bytes.
-    """
+    """The shapes of a mesh that are in use, and as many more as the budget allows."""
 
     def __init__(self, window, shapes, width, budget=BUDGET):
         self.window, self.shapes, self.width, self.budget = window, shapes, width, budget
@@ -68,23 +53,7 @@ class ShapeStore:
         return dict(zip(names, self._target.colors, strict=True))
 
     def slots(self, wanted) -> dict[int, int]:
-        """Return the groups of rows where shapes are, loading those that are missing.
-
-        Parameters
-        ----------
-        wanted : set of int
-            Which shapes.
-
-        Returns
-        -------
-        dict of int to int
-            Shape to group of rows; others may be in it.
-
-        Raises
-        ------
-        ValueError
-            If the driver has no texture for so many at once.
-        """
+        """Return the groups of rows where shapes are, loading those that are missing."""
         missing = wanted - self._where.keys()
         if self._target is None or (missing and len(self._where) + len(missing) > self.capacity):
             self._grow(len(wanted))

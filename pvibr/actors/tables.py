@@ -16,119 +16,36 @@ MISSING = frozenset({'', 'na', 'n/a', 'null', 'none'})
 
 
 def table_of(path):
-    """Return what reads a file, by its ending.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A file that is there.
-
-    Returns
-    -------
-    Table
-        Its header is read, and checked.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be read.
-    ImportError
-        If that needs an extra.
-    """
+    """Return what reads a file, by its ending."""
     reader: Any = _READERS.get(path.suffix.lower(), _TextTable)
     return reader(path)
 
 
 class Table:
-    """A file with named columns, which are read when they are asked for.
-
-    Attributes
-    ----------
-    path : pathlib.Path
-        The file.
-    names : list of str
-        Of its columns.
-    """
+    """A file with named columns, which are read when they are asked for."""
 
     path: Path
     names: list[str]
 
     def find(self, name):
-        """Return the index of a column.
-
-        Parameters
-        ----------
-        name : str
-            Its name, in upper or lower case.
-
-        Returns
-        -------
-        int or None
-            None where there is no such column.
-        """
+        """Return the index of a column."""
         lower = [known.lower() for known in self.names]
         return lower.index(name.lower()) if name.lower() in lower else None
 
     def kind(self, index):
-        """Return what a column holds.
-
-        Parameters
-        ----------
-        index : int
-            Which column.
-
-        Returns
-        -------
-        {'number', 'text', 'other'}
-            What is 'other' cannot be read.
-        """
+        """Return what a column holds."""
         raise NotImplementedError
 
     def numbers(self, indices, needed):
-        """Return columns of numbers.
-
-        Parameters
-        ----------
-        indices : sequence of int
-            Which columns.
-        needed : collection of int
-            Those that must be finite.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, len(indices)), float64
-            NaN where a value is missing.
-
-        Raises
-        ------
-        ValueError
-            If a value is no number, or a needed one is not finite.
-        """
+        """Return columns of numbers."""
         raise NotImplementedError
 
     def texts(self, indices):
-        """Return columns of text.
-
-        Parameters
-        ----------
-        indices : sequence of int
-            Which columns.
-
-        Returns
-        -------
-        list of numpy.ndarray, shape (n,), str
-            Empty where a text is missing.
-        """
+        """Return columns of text."""
         raise NotImplementedError
 
     def extras(self) -> dict:
-        """Return arrays that are made of several columns.
-
-        Returns
-        -------
-        dict of str to numpy.ndarray
-            By name.
-        """
+        """Return arrays that are made of several columns."""
         return {}
 
     def _check_finite(self, values, indices, needed):

@@ -12,45 +12,18 @@ TEXEL_BYTES = 12
 
 
 class Tiles:
-    """Which squares of a larger one are taken, by halves of halves (a buddy system).
-
-    Parameters
-    ----------
-    side : int
-        Of the whole, a power of two.
-    least : int, optional
-        Side of the smallest tile, a power of two.
-
-    Examples
-    --------
-    >>> from pvibr.actors.tile_pool import Tiles
-    >>> tiles = Tiles(64)
-    >>> tiles.take(32), tiles.take(16), tiles.take(64)
-    ((0, 0), (0, 32), None)
-    """
+    """Which squares of a larger one are taken, by halves of halves (a buddy system)."""
 
     def __init__(self, side, least=8):
         self.side, self.least = side, least
         self._free: dict[int, set] = {side: {(0, 0)}}
 
     def fits(self, size) -> int:
-        """Return the side of the tile that holds an image.
-
-        Parameters
-        ----------
-        size : int
-            The image's longer side.
-        """
+        """Return the side of the tile that holds an image."""
         return max(self.least, 1 << (int(size) - 1).bit_length())
 
     def take(self, side) -> tuple[int, int] | None:
-        """Return the corner of a free tile that is taken now, None where there is none.
-
-        Parameters
-        ----------
-        side : int
-            A power of two.
-        """
+        """Return the corner of a free tile that is taken now, None where there is none."""
         larger = side
         while not self._free.get(larger):
             larger *= 2
@@ -65,15 +38,7 @@ class Tiles:
         return x, y
 
     def give(self, corner, side):
-        """Give a tile back.
-
-        Parameters
-        ----------
-        corner : tuple of 2 int
-            As :meth:`take` returned it.
-        side : int
-            As it was asked for.
-        """
+        """Give a tile back."""
         while side < self.side:
             x, y = (c // (2 * side) * 2 * side for c in corner)
             buddies = {(x + i * side, y + j * side) for i in (0, 1) for j in (0, 1)} - {corner}
@@ -86,17 +51,7 @@ class Tiles:
 
 
 class TilePool:
-    """Tiles on the GPU, as many as the memory allows.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        Whose context is current.
-    area : int
-        Texels that are needed now.
-    memory : int
-        Bytes that it may take.
-    """
+    """Tiles on the GPU, as many as the memory allows."""
 
     def __init__(self, window, area, memory):
         self.largest = _power_below(min((memory / TEXEL_BYTES) ** 0.5, texture_limit(window)))

@@ -9,30 +9,13 @@ MOST = 8
 
 
 class InTurn:
-    """Puts a thing's draws between the other translucent props of a renderer for its frames.
-
-    VTK draws translucent props in the order in which they were added, or, where that is on, mixes
-    them by weights, whatever is in front; only depth peeling is right without an order.
-    """
+    """Puts a thing's draws between the other translucent props of a renderer for its frames."""
 
     def __init__(self):
         self._weighted = False
 
     def others(self, frame, mine) -> list:
-        """Return the other translucent actors, the farthest first, and stop VTK's own mixing.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        mine : sequence of vtkActor
-            Those of the thing.
-
-        Returns
-        -------
-        list of (float, vtkActor)
-            Distance of its middle from the eye, as in :func:`depths_of`; at most `MOST`.
-        """
+        """Return the other translucent actors, the farthest first, and stop VTK's own mixing."""
         renderer = frame.renderer
         if renderer.GetUseDepthPeeling():
             return []
@@ -55,27 +38,11 @@ class InTurn:
         return [(depth, found[i]) for depth, i in ordered[:MOST]]
 
     def key(self, others) -> tuple:
-        """Return what changes whenever the order does.
-
-        Parameters
-        ----------
-        others : list of (float, vtkActor)
-            As :meth:`others` returned them.
-        """
+        """Return what changes whenever the order does."""
         return tuple((depth, actor.GetAddressAsString('')) for depth, actor in others)
 
     def arrange(self, renderer, groups, others):
-        """Have a renderer draw groups of actors in turn with others.
-
-        Parameters
-        ----------
-        renderer : vtkRenderer
-            It has all of them.
-        groups : list of list of vtkActor
-            One more than there are others.
-        others : list of vtkActor
-            Each is drawn after the group of its number.
-        """
+        """Have a renderer draw groups of actors in turn with others."""
         wanted = list(groups[0])
         for actor, group in zip(others, groups[1:], strict=True):
             wanted += [actor, *group]
@@ -88,33 +55,14 @@ class InTurn:
                 props.AddItem(actor)
 
     def finish(self, renderer):
-        """Leave the renderer's mixing as it was.
-
-        Parameters
-        ----------
-        renderer : vtkRenderer
-            The frame is drawn.
-        """
+        """Leave the renderer's mixing as it was."""
         if self._weighted:
             self._weighted = False
             renderer.SetUseOIT(True)
 
 
 def depths_of(frame, points) -> np.ndarray:
-    """Return how far points are: from the eye, or in parallel projection along the view.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        Camera.
-    points : numpy.ndarray, shape (n, 3)
-        World units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        World units.
-    """
+    """Return how far points are: from the eye, or in parallel projection along the view."""
     view = frame.view_from_world
     if frame.parallel:
         return -(points @ view[2, :3] + view[2, 3])

@@ -14,15 +14,7 @@ LEVEL = 0.34
 
 
 class Turns(NamedTuple):
-    """Which pictures a turntable has.
-
-    Attributes
-    ----------
-    axis : tuple of 3 float
-        Unit vector, model coordinates.
-    views : int
-        Evenly around it; of one the object looks the same from all sides.
-    """
+    """Which pictures a turntable has."""
 
     axis: tuple[float, float, float]
     views: int
@@ -33,14 +25,7 @@ class Turns(NamedTuple):
         return int(np.ceil(np.sqrt(self.views)))
 
     def sides(self) -> np.ndarray:
-        """Return the axes in which azimuths are told, shape (3, 3).
-
-        Returns
-        -------
-        numpy.ndarray
-            Rows: where azimuth is 0 (x, or y where the axis is close to x), a quarter further
-            counter-clockwise, the axis.
-        """
+        """Return the axes in which azimuths are told, shape (3, 3)."""
         axis = np.array(self.axis)
         side = np.array([1.0, 0, 0] if abs(axis[0]) < CLOSE else [0, 1.0, 0])
         first = side - axis * (axis @ side)
@@ -48,19 +33,7 @@ class Turns(NamedTuple):
         return np.stack([first, np.cross(axis, first), axis])
 
     def frames(self) -> np.ndarray:
-        """Return right, up and toward the eye of each picture, shape (columns, columns, 3, 3).
-
-        Returns
-        -------
-        numpy.ndarray
-            Where they do not fill the square, the last ones are those from further around.
-
-        Examples
-        --------
-        >>> from pvibr.actors.turntable import Turns
-        >>> Turns((0.0, 0.0, 1.0), 4).frames()[0, 1].round(3).tolist()
-        [[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
-        """
+        """Return right, up and toward the eye of each picture, shape (columns, columns, 3, 3)."""
         first, second, axis = self.sides()
         angle = 2 * np.pi * np.arange(self.columns**2)[:, None] / self.views
         toward = np.cos(angle) * first + np.sin(angle) * second
@@ -71,15 +44,7 @@ class Turns(NamedTuple):
 
 @dataclass
 class Turntable:
-    """Pictures from around an axis.
-
-    Attributes
-    ----------
-    turns : Turns
-        Axis and number.
-    geometry, albedo : numpy.ndarray, shape (side, side, 4), uint8
-        See :class:`pvibr.actors.atlas.Atlas`.
-    """
+    """Pictures from around an axis."""
 
     turns: Turns
     geometry: np.ndarray
@@ -97,23 +62,7 @@ class Turntable:
 
     @classmethod
     def from_arrays(cls, arrays) -> Turntable | None:
-        """Make one from named arrays, or None where there is none among them.
-
-        Parameters
-        ----------
-        arrays : mapping of str to numpy.ndarray
-            As :meth:`to_arrays` gives, among others.
-
-        Returns
-        -------
-        Turntable or None
-            The turntable.
-
-        Raises
-        ------
-        ValueError
-            Where they do not fit together.
-        """
+        """Make one from named arrays, or None where there is none among them."""
         if 'turns' not in arrays:
             return None
         numbers = np.asarray(arrays['turns'], float)

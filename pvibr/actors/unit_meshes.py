@@ -13,48 +13,13 @@ _CLOSE = 0.5  # px by which an outline may be off
 
 
 def balls(prop) -> tuple[list, tuple]:
-    """Return spheres of radius 1.
-
-    Parameters
-    ----------
-    prop : pyvista.Property
-        How they look.
-
-    Returns
-    -------
-    levels : list of list of pvibr.actors.parts.Part
-        The best first.
-    largest : tuple of float
-        The largest diameter in pixels at which each is good enough.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> levels, largest = balls(pv.Property())
-    >>> len(levels) == len(largest), largest[0]
-    (True, inf)
-    """
+    """Return spheres of radius 1."""
     meshes = [pv.Sphere(radius=1.0, theta_resolution=n, phi_resolution=n // 2) for n in _SIDES]
     return [_level(mesh, prop, True) for mesh in meshes], _largest()
 
 
 def tubes(prop, capped) -> tuple[list, tuple]:
-    """Return cylinders of radius 1 along z from -1 to 1.
-
-    Parameters
-    ----------
-    prop : pyvista.Property
-        How they look.
-    capped : bool
-        Whether their ends are closed.
-
-    Returns
-    -------
-    levels : list of list of pvibr.actors.parts.Part
-        The best first.
-    largest : tuple of float
-        The largest diameter in pixels at which each is good enough.
-    """
+    """Return cylinders of radius 1 along z from -1 to 1."""
     sizes = {'direction': (0, 0, 1), 'radius': 1.0, 'height': 2.0, 'capping': capped}
     made = [pv.Cylinder(resolution=n, **sizes).triangulate() for n in _SIDES]
     return [_level(mesh, prop, capped) for mesh in made], _largest()
@@ -72,21 +37,7 @@ def _largest():
 
 
 def along(middles, halves, radii) -> np.ndarray:
-    """Return what brings the cylinder of size 1 to some places, (n, 4, 4).
-
-    Parameters
-    ----------
-    middles, halves : numpy.ndarray, shape (n, 3)
-        Middles, and from them to the second ends, world units; halves have a length.
-    radii : numpy.ndarray, shape (n,)
-        World units.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> along(np.zeros((1, 3)), np.array([[2.0, 0, 0]]), np.ones(1))[0, :3, 2].tolist()
-    [2.0, 0.0, 0.0]
-    """
+    """Return what brings the cylinder of size 1 to some places, (n, 4, 4)."""
     units = halves / np.linalg.norm(halves, axis=1, keepdims=True)
     aside = np.eye(3)[np.abs(units).argmin(1)]
     right = np.cross(units, aside)
@@ -100,15 +51,7 @@ def along(middles, halves, radii) -> np.ndarray:
 
 
 def linear(middles, axes) -> np.ndarray:
-    """Return matrices of linear parts and places, (n, 4, 4).
-
-    Parameters
-    ----------
-    middles : numpy.ndarray, shape (n, 3)
-        World units.
-    axes : numpy.ndarray, shape (n, 3, 3)
-        Columns are where x, y and z go.
-    """
+    """Return matrices of linear parts and places, (n, 4, 4)."""
     matrices = np.tile(np.eye(4), (len(middles), 1, 1))
     matrices[:, :3, :3], matrices[:, :3, 3] = axes, middles
     return matrices

@@ -1,12 +1,4 @@
-"""Boxes that a posed mesh cannot leave, from the boxes of its joints.
-
-A vertex that is blended linearly lies in the convex hull of where its joints take it, so the box
-around all joints' moved boxes holds the mesh. With dual quaternions it may leave the hull, but by
-no more than a bound that follows from their definition: with all joints seen from the heaviest
-one, r, of a vertex, the blended motion takes it from ``p_r`` by at most
-``sum_j w_j |p_j - p_r| / |sum_j w_j q_j|``, and that length is at least
-``w_r + (1 - w_r) min_j |q_r . q_j|``.
-"""
+"""Boxes that a posed mesh cannot leave, from the boxes of its joints."""
 
 from __future__ import annotations
 
@@ -24,54 +16,13 @@ _AXES = np.arange(3)
 
 
 class Boxes:
-    """Boxes of a body in any pose, without looking at its vertices again.
-
-    Parameters
-    ----------
-    body : Body
-        The body, of one vertex at least; its arrays are not to be changed afterwards.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import pyvista as pv
-    >>> from pvibr import Body
-    >>> from pvibr.animation.boxes import Boxes
-    >>> Boxes(Body(pv.Cube())).around(np.eye(4)[None]).round(3).tolist()
-    [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
-    """
+    """Boxes of a body in any pose, without looking at its vertices again."""
 
     def __init__(self, body):
         self._body = body
 
     def around(self, world, layers=(), time=0.0, how='linear'):
-        """Return boxes around the posed body.
-
-        Parameters
-        ----------
-        world : array_like, shape (..., n, 4, 4)
-            ``figure_from_joint`` of the whole skeleton, of one or many poses.
-        layers : sequence of (Morphs, array_like)
-            Targets and their weights, shape (..., t).
-        time : array_like, shape (...)
-            Time of its key frames, seconds.
-        how : {'linear', 'dual'}
-            How joints are blended.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., 6), float64
-            x, y and z, each from and to, in the figure's space.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import pyvista as pv
-        >>> from pvibr import Body
-        >>> from pvibr.animation.boxes import Boxes
-        >>> Boxes(Body(pv.Cube())).around(np.zeros((5, 0, 4, 4))).shape
-        (5, 6)
-        """
+        """Return boxes around the posed body."""
         body, world = self._body, np.asarray(world, dtype=np.float64)
         if body.skin is None:
             node = np.eye(4) if body.node < 0 else world[..., body.node, :, :]
@@ -205,10 +156,7 @@ def _grown(boxes, lengths):
 
 
 def _apart(a, b, boxes):
-    """Return the longest distance between where two motions take a point of a box.
-
-    It is a convex function of the point, and so the longest at a corner.
-    """
+    """Return the longest distance between where two motions take a point of a box."""
     corners = boxes[..., _CORNERS, _AXES]
     between = a - b
     apart = corners @ np.swapaxes(between[..., :3, :3], -1, -2) + between[..., None, :3, 3]

@@ -279,10 +279,7 @@ class Clip:
 
 
 def _between(path, how, keys, values, times):
-    """Return values at times: (..., c), or (..., g, c) if there are g tracks with these keys.
-
-    ``values`` is (k, g, c), for 'cubic' (k, 3, g, c), or both without g.
-    """
+    """Return values at times: (..., c), or (..., g, c) if there are g tracks with these keys."""
     times = np.minimum(np.maximum(times, keys[0]), keys[-1])
     before = np.searchsorted(keys, times, side='right') - 1
     if how == 'step':

@@ -26,44 +26,7 @@ _KICKS = 3  # out of poses where no small step helps, as a straight chain that m
 
 
 def solve(chain, rotations, effectors, targets, weights, tolerances, iterations):
-    """Return rotations that bring effectors to targets.
-
-    Parameters
-    ----------
-    chain : Chain
-        The joints.
-    rotations : numpy.ndarray, shape (n, 4)
-        Where to start, inside of the limits.
-    effectors : numpy.ndarray of int, shape (k,)
-        Joints whose origins shall reach.
-    targets : numpy.ndarray, shape (k, 3)
-        Where to, in the figure's space.
-    weights : numpy.ndarray, shape (k,)
-        What each counts where not all can be reached.
-    tolerances : numpy.ndarray, shape (k,)
-        Distances that will do.
-    iterations : int
-        Steps at most.
-
-    Returns
-    -------
-    rotations : numpy.ndarray, shape (n, 4), float64
-        Inside of the limits.
-    iterations : int
-        Steps made.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.animation.chain import Chain
-    >>> from pvibr.animation.damped import solve
-    >>> arm = Chain([-1, 0, 1], [[0, 0, 0], [1, 0, 0], [1, 0, 0]])
-    >>> start = np.eye(4)[[0, 0, 0]]
-    >>> goal = np.array([[0.0, 1.5, 0.0]])
-    >>> turned, _ = solve(arm, start, np.array([2]), goal, np.ones(1), np.array([1e-3]), 50)
-    >>> bool(np.abs(arm.world(turned)[2, :3, 3] - goal).max() < 1e-3)
-    True
-    """
+    """Return rotations that bring effectors to targets."""
     task = _Task(chain, effectors, targets, weights)
     now = best = task.pose(product(task.from_rest, rotations.T))
     caution, kicks, done = 1.0, 0, 0

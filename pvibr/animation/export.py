@@ -28,29 +28,7 @@ _TEXTURES = {
 
 
 def write_glb(figure, path):
-    """Write a figure as binary glTF 2.0.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    path : str or pathlib.Path
-        A file that ends in ``.glb``.
-
-    Raises
-    ------
-    ValueError
-        If the name ends otherwise, or a clip or key frames are of a kind that glTF lacks.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> import pyvista as pv
-    >>> from pvibr import Body, Figure
-    >>> from pvibr.animation.export import write_glb
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_glb(Figure([Body(pv.Sphere())]), pathlib.Path(folder) / 'sphere.glb')
-    """
+    """Write a figure as binary glTF 2.0."""
     path = Path(path).expanduser()
     if path.suffix.lower() != '.glb':
         msg = f'path is {str(path)!r}; figures are written as .glb.'

@@ -8,53 +8,12 @@ from pvibr.animation.clip import Clip, Track
 
 
 def one_hot(frames):
-    """Return the weights of all key frames but the first, at each frame's time.
-
-    Parameters
-    ----------
-    frames : Frames
-        Key frames.
-
-    Returns
-    -------
-    numpy.ndarray, shape (f, f - 1), float64
-        A row per time.
-
-    Examples
-    --------
-    >>> from pvibr.animation.export_tracks import one_hot
-    >>> from pvibr.animation.frames import Frames
-    >>> one_hot(Frames([0, 1], [[[0, 0, 0.0]], [[0, 0, 1.0]]])).tolist()
-    [[0.0], [1.0]]
-    """
+    """Return the weights of all key frames but the first, at each frame's time."""
     return np.eye(len(frames.times))[:, 1:]
 
 
 def lasting(clip):
-    """Return a clip whose last keys are at its end, since glTF knows no other duration.
-
-    Parameters
-    ----------
-    clip : Clip
-        A clip.
-
-    Returns
-    -------
-    Clip
-        The same movement.
-
-    Raises
-    ------
-    ValueError
-        If it ends before its last key.
-
-    Examples
-    --------
-    >>> from pvibr import Clip, Track
-    >>> from pvibr.animation.export_tracks import lasting
-    >>> lasting(Clip('x', [Track(0, 'weights', [0], [[1]])], 2.0)).tracks[0].times.tolist()
-    [0.0, 2.0]
-    """
+    """Return a clip whose last keys are at its end, since glTF knows no other duration."""
     last = max((track.times[-1] for track in clip.tracks), default=0.0)
     if clip.duration < last:
         msg = (
@@ -68,35 +27,7 @@ def lasting(clip):
 
 
 def weights_track(clip, first, body):
-    """Return the weights of a body's frames and morph targets as one track.
-
-    Parameters
-    ----------
-    clip : Clip
-        The clip.
-    first : int
-        First column of the body's weights.
-    body : Body
-        The body.
-
-    Returns
-    -------
-    Track or None
-        A column per frame but the first, then one per target; ``None`` if all rest.
-
-    Raises
-    ------
-    ValueError
-        If frames or tracks are of a kind that glTF lacks.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr import Body, Clip
-    >>> from pvibr.animation.export_tracks import weights_track
-    >>> weights_track(Clip('x', []), 0, Body(pv.Sphere())) is None
-    True
-    """
+    """Return the weights of a body's frames and morph targets as one track."""
     tracks, rest = [], np.zeros(0)
     if body.frames is not None:
         tracks.append((0, _frame_track(clip, body.frames)))

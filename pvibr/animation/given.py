@@ -14,33 +14,7 @@ from pvibr.animation.sources import series_of
 
 
 def as_figure(thing):
-    """Return a figure of whatever can be one.
-
-    Parameters
-    ----------
-    thing : Figure, Body, path, trimesh.Scene, mesh, or a series of meshes
-        A path ends in ``.glb`` or ``.gltf``, or is that of a series. A series is a list, a
-        MultiBlock or a reader, see :meth:`pvibr.Figure.from_series`.
-
-    Returns
-    -------
-    Figure
-        The figure; the same where it is one.
-
-    Raises
-    ------
-    TypeError
-        Where it is none of these.
-    ValueError, FileNotFoundError
-        Where it cannot be read.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.animation.given import as_figure
-    >>> as_figure([pv.Sphere(radius=r) for r in (1, 2)]).clips[0].duration
-    1.0
-    """
+    """Return a figure of whatever can be one."""
     if isinstance(thing, Figure):
         return thing
     if isinstance(thing, (str, PathLike)):

@@ -15,92 +15,26 @@ _TYPES = {1: 'SCALAR', 2: 'VEC2', 3: 'VEC3', 4: 'VEC4', 16: 'MAT4'}
 
 
 class GlbWriter:
-    """A document that is filled part by part and written at once.
-
-    Examples
-    --------
-    >>> from pvibr.animation.glb_writer import GlbWriter
-    >>> glb = GlbWriter()
-    >>> glb.add('nodes', {'name': 'hip'})
-    0
-    """
+    """A document that is filled part by part and written at once."""
 
     def __init__(self):
         self.document: dict[str, Any] = {'asset': {'version': '2.0', 'generator': 'pvibr'}}
         self._buffer = bytearray()
 
     def add(self, kind, thing):
-        """Add something to one of the document's lists.
-
-        Parameters
-        ----------
-        kind : str
-            Name of the list: 'nodes', 'meshes', ...
-        thing : dict
-            What is added.
-
-        Returns
-        -------
-        int
-            Its number in the list.
-
-        Examples
-        --------
-        >>> from pvibr.animation.glb_writer import GlbWriter
-        >>> glb = GlbWriter()
-        >>> glb.add('nodes', {}), glb.add('nodes', {})
-        (0, 1)
-        """
+        """Add something to one of the document's lists."""
         things = self.document.setdefault(kind, [])
         things.append(thing)
         return len(things) - 1
 
     def view(self, data):
-        """Add bytes to the buffer.
-
-        Parameters
-        ----------
-        data : bytes
-            The bytes.
-
-        Returns
-        -------
-        int
-            Number of the buffer view.
-
-        Examples
-        --------
-        >>> from pvibr.animation.glb_writer import GlbWriter
-        >>> GlbWriter().view(b'abc')
-        0
-        """
+        """Add bytes to the buffer."""
         start = len(self._buffer)
         self._buffer += data + bytes(-len(data) % 4)
         return self.add('bufferViews', {'buffer': 0, 'byteOffset': start, 'byteLength': len(data)})
 
     def accessor(self, values, limits=False):
-        """Add an array.
-
-        Parameters
-        ----------
-        values : array_like, shape (n,) or (n, c)
-            Unsigned integers keep their type, all else becomes float32.
-        limits : bool
-            Whether least and largest values are said too, as positions and times need.
-
-        Returns
-        -------
-        int
-            Number of the accessor.
-
-        Examples
-        --------
-        >>> from pvibr.animation.glb_writer import GlbWriter
-        >>> glb = GlbWriter()
-        >>> _ = glb.accessor([[0, 0, 1.0]], limits=True)
-        >>> glb.document['accessors'][0]['type'], glb.document['accessors'][0]['max']
-        ('VEC3', [0.0, 0.0, 1.0])
-        """
+        """Add an array."""
         values = np.asarray(values)
         values = values if values.dtype.kind == 'u' else values.astype(np.float32)
         accessor = _described(values)
@@ -114,30 +48,7 @@ class GlbWriter:
         return self.add('accessors', accessor | {'bufferView': view})
 
     def sparse(self, where, values, n):
-        """Add an array that is zero but in some rows.
-
-        Parameters
-        ----------
-        where : array_like of int, shape (k,)
-            Rows, each once and in order.
-        values : array_like, shape (k, 3)
-            What they hold.
-        n : int
-            Number of all rows.
-
-        Returns
-        -------
-        int
-            Number of the accessor.
-
-        Examples
-        --------
-        >>> from pvibr.animation.glb_writer import GlbWriter
-        >>> glb = GlbWriter()
-        >>> _ = glb.sparse([7], [[0, 0, 1.0]], 10)
-        >>> glb.document['accessors'][0]['count']
-        10
-        """
+        """Add an array that is zero but in some rows."""
         values = np.asarray(values, dtype=np.float32)
         rows = np.zeros((0 if len(values) == n else 1, values.shape[1]), np.float32)
         accessor = _described(values) | {'count': n} | _limits(np.concatenate([values, rows]))
@@ -151,28 +62,7 @@ class GlbWriter:
         return self.add('accessors', accessor)
 
     def write(self, path):
-        """Write the file, under another name first.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            Where to.
-
-        Raises
-        ------
-        OSError
-            If it cannot be written; what was there stays.
-
-        Examples
-        --------
-        >>> import pathlib, tempfile
-        >>> from pvibr.animation.glb_writer import GlbWriter
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     file = pathlib.Path(folder) / 'empty.glb'
-        ...     GlbWriter().write(file)
-        ...     file.stat().st_size % 4
-        0
-        """
+        """Write the file, under another name first."""
         if self._buffer:
             self.document['buffers'] = [{'byteLength': len(self._buffer)}]
         text = json.dumps(self.document, separators=(',', ':'), allow_nan=False).encode()

@@ -20,25 +20,7 @@ _SHAPES = {
 
 
 class Accessors:
-    """The arrays of a file, each read once.
-
-    Parameters
-    ----------
-    file : GltfFile
-        The file.
-
-    Examples
-    --------
-    >>> import json, tempfile
-    >>> from pathlib import Path
-    >>> from pvibr.animation.gltf_accessors import Accessors
-    >>> from pvibr.animation.gltf_file import GltfFile
-    >>> zeros = {'componentType': 5126, 'count': 2, 'type': 'VEC3'}
-    >>> path = Path(tempfile.mkdtemp(), 'a.gltf')
-    >>> _ = path.write_text(json.dumps({'asset': {'version': '2.0'}, 'accessors': [zeros]}))
-    >>> Accessors(GltfFile(path)).floats(0, 'here', 'VEC3').tolist()
-    [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    """
+    """The arrays of a file, each read once."""
 
     def __init__(self, file: GltfFile):
         self._file = file
@@ -46,44 +28,11 @@ class Accessors:
         self._floats: dict[int, np.ndarray] = {}
 
     def count(self, index, place) -> int:
-        """Return how many elements an accessor has.
-
-        Parameters
-        ----------
-        index : int
-            Which accessor.
-        place : str
-            Where the file asks for it.
-
-        Returns
-        -------
-        int
-            As the file says; :meth:`floats` and :meth:`integers` see whether it is so.
-        """
+        """Return how many elements an accessor has."""
         return follow(self._file.document.accessors, index, place, 'accessors').count
 
     def floats(self, index, place, *types):
-        """Return an accessor as numbers.
-
-        Parameters
-        ----------
-        index : int
-            Which accessor.
-        place : str
-            Where the file asks for it.
-        *types : str
-            What it may be: 'SCALAR', 'VEC3', ...
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, c), float32, or float64 of 4-byte integers
-            Read-only; of matrices c counts down the columns.
-
-        Raises
-        ------
-        GltfError
-            If the accessor is of another type, does not fit its bytes, or is not finite.
-        """
+        """Return an accessor as numbers."""
         self._check_type(index, place, types)
         if index not in self._floats:
             accessor = self._file.document.accessors[index]
@@ -93,27 +42,7 @@ class Accessors:
         return self._floats[index]
 
     def integers(self, index, place, *types):
-        """Return an accessor of unsigned integers.
-
-        Parameters
-        ----------
-        index : int
-            Which accessor.
-        place : str
-            Where the file asks for it.
-        *types : str
-            What it may be: 'SCALAR', 'VEC4'.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, c), int64
-            Read-only.
-
-        Raises
-        ------
-        GltfError
-            If it is of another type, does not fit its bytes, or is signed or a fraction.
-        """
+        """Return an accessor of unsigned integers."""
         accessor = self._check_type(index, place, types)
         if accessor.component_type not in (5121, 5123, 5125) or accessor.normalized:
             msg = f'accessors[{index}], which {place} asks for, must hold unsigned integers.'

@@ -1,9 +1,4 @@
-"""A glTF file taken apart: its JSON, its buffers, and the files beside it.
-
-Nothing in the file is believed: a number is compared with the bytes that are there before
-anything of its size is allocated, and a URI is read only if it names a file in the same folder
-or below it.
-"""
+"""A glTF file taken apart: its JSON, its buffers, and the files beside it."""
 
 from __future__ import annotations
 
@@ -52,32 +47,7 @@ class MissingFileError(GltfError):
 
 @contextmanager
 def naming(place):
-    """Turn errors about values into errors that name their place in the file.
-
-    Parameters
-    ----------
-    place : str
-        Where the values are.
-
-    Yields
-    ------
-    None
-        The block in which the values are used.
-
-    Raises
-    ------
-    GltfError
-        Where the block raises ``ValueError``.
-
-    Examples
-    --------
-    >>> from pvibr.animation.gltf_file import naming
-    >>> with naming('skins[0]'):
-    ...     raise ValueError('weights[2] is negative.')
-    Traceback (most recent call last):
-        ...
-    pvibr.animation.gltf_file.GltfError: skins[0]: weights[2] is negative.
-    """
+    """Turn errors about values into errors that name their place in the file."""
     try:
         yield
     except GltfError:
@@ -88,35 +58,7 @@ def naming(place):
 
 
 def follow(things, index, place, kind):
-    """Return the thing that a place in the file refers to.
-
-    Parameters
-    ----------
-    things : list
-        All things of the kind.
-    index : int
-        Which of them.
-    place : str
-        Where the file says so.
-    kind : str
-        Their name in the file.
-
-    Returns
-    -------
-    object
-        ``things[index]``.
-
-    Raises
-    ------
-    GltfError
-        If there is none.
-
-    Examples
-    --------
-    >>> from pvibr.animation.gltf_file import follow
-    >>> follow(['a', 'b'], 1, 'scene', 'scenes')
-    'b'
-    """
+    """Return the thing that a place in the file refers to."""
     if index >= len(things):
         msg = f'{place} is {index}; the file has {len(things)} {kind}.'
         raise GltfError(msg)
@@ -124,27 +66,7 @@ def follow(things, index, place, kind):
 
 
 class GltfFile:
-    """A file that is open: its JSON, checked, and its bytes.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        A ``.glb`` or ``.gltf`` file; which of both it is, its first bytes say.
-
-    Attributes
-    ----------
-    path : pathlib.Path
-        The file.
-    document : pvibr.animation.gltf_schema.Gltf
-        Its JSON.
-
-    Raises
-    ------
-    GltfError
-        If it is neither, or is cut off.
-    FileNotFoundError
-        If there is no such file.
-    """
+    """A file that is open: its JSON, checked, and its bytes."""
 
     def __init__(self, path):
         self.path = Path(path)
@@ -156,35 +78,14 @@ class GltfFile:
         self.document = _parsed(json)
 
     def spend(self, size, place):
-        """Count bytes that are about to be allocated.
-
-        Parameters
-        ----------
-        size : int
-            How many.
-        place : str
-            What for.
-
-        Raises
-        ------
-        GltfError
-            If all together are far more than the files can hold in earnest.
-        """
+        """Count bytes that are about to be allocated."""
         self._room -= size
         if self._room < 0:
             msg = f'{place} asks for {size} bytes, far more than the file has data for.'
             raise GltfError(msg)
 
     def leave_out(self, what, place):
-        """Note something that is in the file and not in what is made of it.
-
-        Parameters
-        ----------
-        what : str
-            What is not supported.
-        place : str
-            Where it is; of each kind only the first place is kept.
-        """
+        """Note something that is in the file and not in what is made of it."""
         self._left_out.setdefault(what, place)
 
     def warn(self):
@@ -195,25 +96,7 @@ class GltfFile:
             warnings.warn(_clipped(msg), PvibrWarning, stacklevel=3)
 
     def view(self, index, place) -> memoryview:
-        """Return the bytes of a buffer view.
-
-        Parameters
-        ----------
-        index : int
-            Which.
-        place : str
-            Where the file asks for it.
-
-        Returns
-        -------
-        memoryview
-            Its bytes, not copied.
-
-        Raises
-        ------
-        GltfError
-            If there is no such view, or it reaches beyond its buffer.
-        """
+        """Return the bytes of a buffer view."""
         view = follow(self.document.buffer_views, index, place, 'bufferViews')
         data = self._buffer(view.buffer, f'bufferViews[{index}].buffer')
         end = view.byte_offset + view.byte_length
@@ -223,27 +106,7 @@ class GltfFile:
         return data[view.byte_offset : end]
 
     def resource(self, uri, place, limit=None) -> bytes:
-        """Return the bytes that a URI names.
-
-        Parameters
-        ----------
-        uri : str
-            A data URI in base64, or a path relative to the file, in its folder or below.
-        place : str
-            Where the file says so.
-        limit : int, optional
-            How many bytes are wanted at most.
-
-        Returns
-        -------
-        bytes
-            They.
-
-        Raises
-        ------
-        GltfError
-            If the URI is of another kind, leads elsewhere, or names no file.
-        """
+        """Return the bytes that a URI names."""
         if uri[:5].lower() == 'data:':
             return _decoded(uri, place)
         data = self._read(self._located(uri, place), place, limit)
@@ -251,13 +114,7 @@ class GltfFile:
         return data
 
     def check_places(self):
-        """Check that what the file names lies in its folder, for readers that do not look.
-
-        Raises
-        ------
-        GltfError
-            If a URI of a buffer or an image leads elsewhere, or names no file.
-        """
+        """Check that what the file names lies in its folder, for readers that do not look."""
         for kind in ('buffers', 'images'):
             for i, thing in enumerate(getattr(self.document, kind)):
                 if thing.uri is not None and thing.uri[:5].lower() != 'data:':

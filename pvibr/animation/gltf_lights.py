@@ -13,30 +13,7 @@ from pvibr.animation.gltf_file import GltfError, GltfFile, follow
 
 @dataclass(frozen=True)
 class FigureCamera:
-    """A camera that moves with a joint; it looks along the joint's -z, its y is up.
-
-    Parameters
-    ----------
-    node : int
-        The joint.
-    name : str
-        Its name.
-    view_angle : float, optional
-        Vertical angle of a perspective camera, degrees.
-    half_height : float, optional
-        Half of the height that a parallel camera sees, in the figure's unit.
-    aspect : float, optional
-        Width by height that it is meant for.
-    clipping : tuple of float, optional
-        Distance of the nearest and the farthest that it sees; the latter may be infinite.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.animation.gltf_lights import FigureCamera
-    >>> FigureCamera(0, 'front', view_angle=40.0).placed([np.eye(4)]).direction
-    (0.0, 0.0, -1.0)
-    """
+    """A camera that moves with a joint; it looks along the joint's -z, its y is up."""
 
     node: int
     name: str = ''
@@ -46,18 +23,7 @@ class FigureCamera:
     clipping: tuple[float, float] = (0.01, math.inf)
 
     def placed(self, world) -> pv.Camera:
-        """Return the camera in a pose.
-
-        Parameters
-        ----------
-        world : array_like, shape (n, 4, 4)
-            ``figure_from_joint``, as :meth:`pvibr.Figure.world` returns them.
-
-        Returns
-        -------
-        pyvista.Camera
-            For ``Plotter.camera``; its focal point lies one unit ahead.
-        """
+        """Return the camera in a pose."""
         matrix = np.asarray(world, dtype=np.float64)[self.node]
         _, up, back = _axes(matrix)
         camera = pv.Camera()
@@ -76,32 +42,7 @@ class FigureCamera:
 
 @dataclass(frozen=True)
 class FigureLight:
-    """A light that moves with a joint; it shines along the joint's -z.
-
-    Parameters
-    ----------
-    node : int
-        The joint.
-    kind : {'directional', 'point', 'spot'}
-        Its kind.
-    name : str
-        Its name.
-    color : tuple of float
-        Linear light.
-    intensity : float
-        Lux of a directional light, else candela.
-    range : float, optional
-        Distance at which it ends.
-    cone : tuple of float
-        Of a spot, degrees from its axis: where it begins to fade, and where it ends.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.animation.gltf_lights import FigureLight
-    >>> FigureLight(0, 'directional', intensity=3.0).placed([np.eye(4)], 0.1).intensity
-    0.3
-    """
+    """A light that moves with a joint; it shines along the joint's -z."""
 
     node: int
     kind: str
@@ -112,21 +53,7 @@ class FigureLight:
     cone: tuple[float, float] = (0.0, 45.0)
 
     def placed(self, world, exposure=1.0) -> pv.Light:
-        """Return the light in a pose.
-
-        Parameters
-        ----------
-        world : array_like, shape (n, 4, 4)
-            ``figure_from_joint``, as :meth:`pvibr.Figure.world` returns them.
-        exposure : float, optional
-            Factor of the intensity: glTF's is physical, and VTK shows 1 as white.
-
-        Returns
-        -------
-        pyvista.Light
-            For ``Plotter.add_light``. Point and spot lights weaken with the square of distance;
-            VTK's have no end, and a spot's edge is hard.
-        """
+        """Return the light in a pose."""
         matrix = np.asarray(world, dtype=np.float64)[self.node]
         back = _axes(matrix)[2]
         directional = self.kind == 'directional'
@@ -147,25 +74,7 @@ class FigureLight:
 
 
 def cameras_of(file: GltfFile, nodes):
-    """Return the cameras at some nodes.
-
-    Parameters
-    ----------
-    file : GltfFile
-        The file.
-    nodes : list of int
-        The nodes.
-
-    Returns
-    -------
-    list of FigureCamera
-        In the order of the nodes.
-
-    Raises
-    ------
-    GltfError
-        If a node refers to none, or a camera lacks its numbers.
-    """
+    """Return the cameras at some nodes."""
     cameras = []
     for node in nodes:
         index = file.document.nodes[node].camera
@@ -176,25 +85,7 @@ def cameras_of(file: GltfFile, nodes):
 
 
 def lights_of(file: GltfFile, nodes):
-    """Return the lights at some nodes.
-
-    Parameters
-    ----------
-    file : GltfFile
-        The file.
-    nodes : list of int
-        The nodes.
-
-    Returns
-    -------
-    list of FigureLight
-        In the order of the nodes.
-
-    Raises
-    ------
-    GltfError
-        If a node refers to none.
-    """
+    """Return the lights at some nodes."""
     known = file.document.extensions.lights.lights
     lights = []
     for node in nodes:

@@ -32,62 +32,20 @@ _CHANNELS = {'metallic_roughness_texture': 'GB', 'occlusion_texture': 'R'}
 
 
 class Looks:
-    """The materials and textures of a file, each read once.
-
-    Parameters
-    ----------
-    file : GltfFile
-        The file.
-    pbr : bool
-        Whether looks are physically based.
-    """
+    """The materials and textures of a file, each read once."""
 
     def __init__(self, file: GltfFile, pbr):
         self._file, self._pbr = file, pbr
         self._textures: dict[tuple, pv.Texture] = {}
 
     def material(self, index, place) -> Material:
-        """Return a material.
-
-        Parameters
-        ----------
-        index : int or None
-            Which; ``None`` for the one of glTF itself: white and matt.
-        place : str
-            Where the file asks for it.
-
-        Returns
-        -------
-        pvibr.animation.gltf_schema.Material
-            The material.
-        """
+        """Return a material."""
         if index is None:
             return Material()
         return follow(self._file.document.materials, index, place, 'materials')
 
     def look(self, material, place, *, coordinates, colors, mirrored):
-        """Return the keywords for ``add_mesh``.
-
-        Parameters
-        ----------
-        material : pvibr.animation.gltf_schema.Material
-            The material.
-        place : str
-            Where it is used.
-        coordinates : bool
-            Whether the mesh has texture coordinates.
-        colors : bool
-            Whether it has colours, in which the material's colour is a factor already.
-        mirrored : bool
-            Whether its triangles turn their backs to where their normals point.
-
-        Returns
-        -------
-        dict
-            ``color``, ``texture``, ``opacity``, ``pbr``, ...; and what add_figure and
-            add_instances know beside the keywords of ``add_mesh``: ``alpha_cutoff`` where alpha
-            is a mask, ``pbr_textures`` and ``emissive_factor``.
-        """
+        """Return the keywords for ``add_mesh``."""
         look: dict[str, Any] = {'smooth_shading': True}
         used: dict[str, Any] = {}
         if self._is_physical(material):
@@ -112,42 +70,14 @@ class Looks:
         return look
 
     def vertex_colors(self, material, colors):
-        """Return the colours of vertices, the material's colour multiplied in.
-
-        Parameters
-        ----------
-        material : pvibr.animation.gltf_schema.Material
-            The material.
-        colors : numpy.ndarray, shape (n, 3) or (n, 4)
-            Linear light.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, 3) or (n, 4), uint8
-            As a display is given them; with alpha only where it is not full.
-        """
+        """Return the colours of vertices, the material's colour multiplied in."""
         shown = (255 * self._shown(material, colors) + 0.5).astype(np.uint8)
         # Alpha that is full, or to be ignored, would make VTK sort the mesh as translucent.
         opaque = material.alpha_mode == 'OPAQUE' or (shown[:, 3] == 255).all()
         return np.ascontiguousarray(shown[:, :3]) if opaque else shown
 
     def color_difference(self, material, colors, difference):
-        """Return what a morph target adds to colours as a display is given them.
-
-        Parameters
-        ----------
-        material : pvibr.animation.gltf_schema.Material
-            The material.
-        colors : numpy.ndarray, shape (n, 3) or (n, 4)
-            Linear light.
-        difference : numpy.ndarray, shape (n, 3) or (n, 4)
-            What the target adds to it.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, 4), float32
-            Exact at the weights 0 and 1; glTF blends light, not what a display is given.
-        """
+        """Return what a morph target adds to colours as a display is given them."""
         moved = _with_alpha(colors, 1.0) + _with_alpha(difference, 0.0)
         change = self._shown(material, moved) - self._shown(material, colors)
         return change.astype(np.float32)
@@ -160,20 +90,7 @@ class Looks:
         return np.column_stack([to_display(light[:, :3]), light[:, 3]])
 
     def coordinates(self, material):
-        """Return which texture coordinates the material shows, and how they are moved.
-
-        Parameters
-        ----------
-        material : pvibr.animation.gltf_schema.Material
-            The material.
-
-        Returns
-        -------
-        number : int
-            Which set.
-        matrix : numpy.ndarray, shape (2, 3), float64
-            What they are multiplied by: VTK's v is up, and glTF's is down.
-        """
+        """Return which texture coordinates the material shows, and how they are moved."""
         infos = self._infos(material).values() if self._is_physical(material) else ()
         base = material.pbr_metallic_roughness.base_color_texture
         return _coordinates(next((i for i in (base, *infos) if i is not None), None))

@@ -32,17 +32,7 @@ _MORPHED = {
 
 @dataclass(frozen=True)
 class Surface:
-    """A primitive that is read.
-
-    Parameters
-    ----------
-    mesh : pyvista.PolyData
-        Triangles with normals and, where the file has them, texture coordinates and colours.
-    morphs : pvibr.Morphs or None
-        Morph targets, which rest at 0.
-    coordinates, colors : bool
-        Whether it has texture coordinates and colours.
-    """
+    """A primitive that is read."""
 
     mesh: pv.PolyData
     morphs: Morphs | None
@@ -51,17 +41,7 @@ class Surface:
 
 
 class Primitives:
-    """The primitives of a file, each read once, however many nodes show it.
-
-    Parameters
-    ----------
-    file : GltfFile
-        The file.
-    accessors : Accessors
-        Its arrays.
-    looks : Looks
-        Its materials.
-    """
+    """The primitives of a file, each read once, however many nodes show it."""
 
     def __init__(self, file: GltfFile, accessors: Accessors, looks: Looks):
         self._file, self._accessors, self._looks = file, accessors, looks
@@ -70,25 +50,7 @@ class Primitives:
         self._skins: dict[tuple, Skin] = {}
 
     def surface(self, mesh, number) -> Surface | None:
-        """Return a primitive as a mesh.
-
-        Parameters
-        ----------
-        mesh : int
-            Which mesh.
-        number : int
-            Which of its primitives.
-
-        Returns
-        -------
-        Surface or None
-            ``None`` where it has no triangles.
-
-        Raises
-        ------
-        GltfError
-            If arrays do not fit each other, or an index is out of range.
-        """
+        """Return a primitive as a mesh."""
         reader = self._reader(mesh, number)
         if reader is None:
             return None
@@ -98,27 +60,7 @@ class Primitives:
         return self._surfaces[key]
 
     def skin(self, mesh, number, skin) -> Skin | None:
-        """Return how a skin pulls at a primitive.
-
-        Parameters
-        ----------
-        mesh : int
-            Which mesh.
-        number : int
-            Which of its primitives.
-        skin : int
-            Which skin.
-
-        Returns
-        -------
-        pvibr.Skin or None
-            ``None`` where the primitive has no joints.
-
-        Raises
-        ------
-        GltfError
-            If a joint is out of range or weights are negative or all zero.
-        """
+        """Return how a skin pulls at a primitive."""
         reader = self._reader(mesh, number)
         if reader is None or 'JOINTS_0' not in reader.primitive.attributes:
             return None

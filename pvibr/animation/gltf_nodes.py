@@ -26,23 +26,7 @@ _Z_UP = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
 
 
 def parents_of(file: GltfFile):
-    """Return the parent of each node.
-
-    Parameters
-    ----------
-    file : GltfFile
-        The file.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), int64
-        Parents; -1 of roots.
-
-    Raises
-    ------
-    GltfError
-        If a node has two parents, is its own ancestor, or is very deep.
-    """
+    """Return the parent of each node."""
     nodes = file.document.nodes
     file.spend(_NODE * len(nodes), 'nodes')
     parents = np.full(len(nodes), -1, dtype=np.int64)
@@ -74,30 +58,7 @@ def _check_depth(nodes, level):
 
 
 def shown_nodes(file: GltfFile, parents, scene):
-    """Return the nodes of a scene.
-
-    Parameters
-    ----------
-    file : GltfFile
-        The file.
-    parents : numpy.ndarray
-        Of :func:`parents_of`.
-    scene : int, str or None
-        Number or name of the scene; ``None`` for the one that the file says, or else the first
-        or, if there are no scenes, all nodes.
-
-    Returns
-    -------
-    list of int
-        Nodes, each followed by what hangs below it.
-
-    Raises
-    ------
-    GltfError
-        If the scene names nodes that do not exist, or no roots.
-    ValueError
-        If there is no such scene; those that exist are named.
-    """
+    """Return the nodes of a scene."""
     document = file.document
     if scene is None and not document.scenes:
         roots = np.flatnonzero(parents < 0).tolist()
@@ -136,27 +97,7 @@ def _roots(document, parents, number):
 
 
 def skeleton_of(file: GltfFile, parents, up):
-    """Return all nodes as joints of the same numbers.
-
-    Parameters
-    ----------
-    file : GltfFile
-        The file.
-    parents : numpy.ndarray
-        Of :func:`parents_of`.
-    up : {'y', 'z'}
-        With 'z' one more joint comes last, which turns all others upright.
-
-    Returns
-    -------
-    pvibr.Skeleton
-        Joints named as the nodes, or 'node0', 'node1', ...
-
-    Raises
-    ------
-    GltfError
-        If a node's matrix or quaternion says no place.
-    """
+    """Return all nodes as joints of the same numbers."""
     nodes = file.document.nodes
     translation = np.array([node.translation for node in nodes], np.float64).reshape(-1, 3)
     rotation = np.array([node.rotation for node in nodes], np.float64).reshape(-1, 4)
@@ -200,29 +141,7 @@ def _apart(matrix, place):
 
 
 def bind_of(file: GltfFile, accessors: Accessors, index):
-    """Return joints and inverse bind matrices of a skin.
-
-    Parameters
-    ----------
-    file : GltfFile
-        The file.
-    accessors : Accessors
-        Its arrays.
-    index : int
-        Which skin.
-
-    Returns
-    -------
-    joints : list of int
-        Nodes.
-    inverse_bind : numpy.ndarray, shape (m, 4, 4), float64
-        ``joint_from_mesh``.
-
-    Raises
-    ------
-    GltfError
-        If a joint is no node or the matrices are too few or not affine.
-    """
+    """Return joints and inverse bind matrices of a skin."""
     skin, place = file.document.skins[index], f'skins[{index}]'
     for i, joint in enumerate(skin.joints):
         follow(file.document.nodes, joint, f'{place}.joints[{i}]', 'nodes')
@@ -244,28 +163,7 @@ def bind_of(file: GltfFile, accessors: Accessors, index):
 
 
 def clips_of(file: GltfFile, accessors: Accessors, targets):
-    """Return the animations as clips.
-
-    Parameters
-    ----------
-    file : GltfFile
-        The file.
-    accessors : Accessors
-        Its arrays.
-    targets : dict
-        Of each node with morph targets: the first of its columns of :attr:`pvibr.Pose.weights`,
-        how many targets it has, and how many bodies share their weights.
-
-    Returns
-    -------
-    list of pvibr.Clip
-        Named as the animations, or 'animation0', 'animation1', ...
-
-    Raises
-    ------
-    GltfError
-        If keys are out of order, of another number or kind, or drive something twice.
-    """
+    """Return the animations as clips."""
     clips = []
     for i, animation in enumerate(file.document.animations):
         tracks = _Tracks(file, accessors, animation, f'animations[{i}]', targets)

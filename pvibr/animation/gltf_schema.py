@@ -1,9 +1,4 @@
-"""What the JSON of a glTF 2.0 file may say, as types that msgspec checks while it parses.
-
-A value of another type, a number out of range and a property that is missing are found there
-and named by their place, e.g. ``accessors[3].count``. What no class here lists is skipped.
-References to other things are plain numbers here; who follows one checks it.
-"""
+"""What the JSON of a glTF 2.0 file may say, as types that msgspec checks while it parses."""
 
 from __future__ import annotations
 
@@ -340,15 +335,7 @@ class GltfExtensions(_Thing, frozen=True):
 
 
 class Gltf(_Thing, frozen=True):
-    """A whole file.
-
-    Examples
-    --------
-    >>> import msgspec
-    >>> from pvibr.animation.gltf_schema import Gltf
-    >>> msgspec.json.decode('{"asset": {"version": "2.0"}}', type=Gltf).asset.version
-    '2.0'
-    """
+    """A whole file."""
 
     asset: Asset
     accessors: list[Accessor] = []

@@ -17,23 +17,7 @@ _PATIENCE = 3  # such sweeps in a row
 
 
 class Solution(NamedTuple):
-    """What a solver found.
-
-    Parameters
-    ----------
-    rotations : numpy.ndarray, shape (n, 4), float64
-        Rotations relative to the parents, unit quaternions (w, x, y, z), inside of the limits.
-    errors : numpy.ndarray, shape (k,), float64
-        How far each effector is from its target, in the figure's unit.
-    iterations : int
-        Steps or sweeps that were made.
-
-    Examples
-    --------
-    >>> from pvibr.animation.kinematics import Solution
-    >>> Solution([[1, 0, 0, 0]], [0.0], 3).iterations
-    3
-    """
+    """What a solver found."""
 
     rotations: Any
     errors: Any
@@ -64,56 +48,7 @@ def solve(
     tolerance=1e-3,
     iterations=100,
 ):
-    """Return rotations that bring effectors to their targets, inside of the joints' limits.
-
-    Parameters
-    ----------
-    chain : Chain
-        The joints, with their limits; roots stay where they are.
-    rotations : array_like, shape (n, 4)
-        Where to start, relative to the parents, unit quaternions (w, x, y, z); what is outside
-        of the limits is cut first. The result is near.
-    effectors : array_like of int, shape (k,)
-        Joints whose origins shall reach.
-    targets : array_like, shape (k, 3)
-        Where to, in the figure's space. Joints stretch toward a target out of reach.
-    weights : array_like, shape (k,), optional
-        What the square of each error counts where not all can be reached; positive, default 1.
-    method : {'damped', 'ccd', 'fabrik', 'two_bone'}, default: 'damped'
-        ``'damped'`` moves all joints at once and converges fastest, with limits too;
-        ``'ccd'`` turns the joints near the effectors most and ``'fabrik'`` bends ropes smoothly:
-        both leave what they cannot do, at limits or stretched out, to ``'damped'``;
-        ``'two_bone'`` bends the effector's parent and turns its grandparent, in closed form.
-    poles : dict of int to array_like, shape (3,), optional
-        For an effector, the point to which its knee or elbow shall show. Reaching goes first:
-        limits may leave it undone.
-    tolerance : float, default: 1e-3
-        Distance that will do, as a share of each effector's reach.
-    iterations : int, default: 100
-        Most steps, and most sweeps before them.
-
-    Returns
-    -------
-    Solution
-        Rotations, errors and iterations.
-
-    Raises
-    ------
-    ValueError
-        If an effector is not in the chain or too near to its root for two bones, a target or
-        weight does not fit, or the method is unknown.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.animation.chain import Chain
-    >>> from pvibr.animation.kinematics import solve
-    >>> arm = Chain([-1, 0, 1], [[0, 0, 0], [1, 0, 0], [1, 0, 0]])
-    >>> start = np.eye(4)[[0, 0, 0]]
-    >>> bent = solve(arm, start, [2], [[0, 1, 1]], poles={2: [0, 0, 9]}, method='two_bone')
-    >>> bool(np.allclose(arm.world(bent.rotations)[1, :3, 3], [0, 0, 1]))
-    True
-    """
+    """Return rotations that bring effectors to their targets, inside of the joints' limits."""
     if method not in METHODS:
         msg = f'method is {method!r}; it must be one of {", ".join(METHODS)}.'
         raise ValueError(msg)

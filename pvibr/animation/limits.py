@@ -1,9 +1,4 @@
-"""Limits of joints: how far a joint may swing and twist away from its rest.
-
-One form serves all joints. The rotation away from rest is a twist about an axis, and then a swing
-of that axis (:func:`pvibr.maths.quaternions.swing_twist`): a hinge twists only, a cone bounds
-both, and what is not bounded is free.
-"""
+"""Limits of joints: how far a joint may swing and twist away from its rest."""
 
 from __future__ import annotations
 
@@ -94,27 +89,7 @@ class Limit:
 
 
 class Limits:
-    """The limits of some of n joints, held together.
-
-    Parameters
-    ----------
-    limits : dict of int to Limit
-        Limit of each joint that has one.
-    rest : array_like, shape (n, 4)
-        Rotations of all joints at rest, relative to their parents, quaternions (w, x, y, z).
-
-    Raises
-    ------
-    ValueError
-        If a joint is out of range.
-
-    Examples
-    --------
-    >>> from pvibr.animation.limits import Limit, Limits
-    >>> limits = Limits({0: Limit.hinge([0, 0, 1], 0.0, 0.0)}, [[1, 0, 0, 0]])
-    >>> limits.clamped([[0.0, 0.6, 0.0, 0.8]]).tolist()
-    [[1.0, 0.0, 0.0, 0.0]]
-    """
+    """The limits of some of n joints, held together."""
 
     def __init__(self, limits, rest):
         self.rest = quaternions.normalized(rest)
@@ -142,27 +117,7 @@ class Limits:
         self._swing_end = np.where(self._swing < np.pi - _AT, self._swing, np.inf)
 
     def clamped(self, rotations):
-        """Return rotations inside of the limits, near those given.
-
-        Parameters
-        ----------
-        rotations : array_like, shape (n, 4)
-            Rotations of all joints relative to their parents, unit quaternions (w, x, y, z).
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, 4), float64
-            The same where they keep the limits; else swing and twist are cut to their bounds.
-
-        Examples
-        --------
-        >>> import math
-        >>> from pvibr.animation.limits import Limit, Limits
-        >>> from pvibr.maths.quaternions import from_axis_angle, log
-        >>> cone = Limits({0: Limit([0, 0, 1], swing=0.25)}, [[1, 0, 0, 0]])
-        >>> log(cone.clamped(from_axis_angle([[1, 0, 0]], 2.0)))
-        array([[0.25, 0.  , 0.  ]])
-        """
+        """Return rotations inside of the limits, near those given."""
         rotations = np.array(rotations, dtype=np.float64)
         rest = self.rest[self.at].T
         away = product(rest * _CONJUGATE, rotations[self.at].T)
@@ -170,18 +125,7 @@ class Limits:
         return rotations
 
     def cut(self, away):
-        """Cut the rotations of the limited joints, and see where they are in their limits.
-
-        Parameters
-        ----------
-        away : numpy.ndarray, shape (4, m)
-            Rotations away from rest of the joints ``at``, in columns.
-
-        Returns
-        -------
-        Cut
-            Rotations, and in which directions they may go on.
-        """
+        """Cut the rotations of the limited joints, and see where they are in their limits."""
         axis = self._axis
         w, xyz = away[0], away[1:]
         along = (xyz * axis).sum(0)
@@ -214,26 +158,7 @@ class Limits:
         return Cut(product(turns[0], turns[1]), turns[0], outward, ends)
 
     def excess(self, rotations):
-        """Return how far rotations are beyond their limits.
-
-        Parameters
-        ----------
-        rotations : array_like, shape (..., n, 4)
-            Rotations of all joints relative to their parents, unit quaternions (w, x, y, z).
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., n), float64
-            Angle in radians: the larger of those beyond the swing and the twist, 0 inside.
-
-        Examples
-        --------
-        >>> from pvibr.animation.limits import Limit, Limits
-        >>> from pvibr.maths.quaternions import from_axis_angle
-        >>> hinge = Limits({0: Limit.hinge([0, 0, 1], 0.0, 1.0)}, [[1, 0, 0, 0]])
-        >>> hinge.excess(from_axis_angle([[0, 0, 1]], 1.5))
-        array([0.5])
-        """
+        """Return how far rotations are beyond their limits."""
         away = quaternions.multiply(quaternions.conjugate(self.rest), rotations)
         swing, twist = quaternions.swing_twist(away, self.axis)
         off = (quaternions.log(twist) * self.axis).sum(-1) - self.middle
@@ -244,19 +169,7 @@ class Limits:
 
 
 class Cut(NamedTuple):
-    """Rotations away from rest that keep the limits, in columns.
-
-    Parameters
-    ----------
-    rotations : numpy.ndarray, shape (4, m)
-        Swing after twist.
-    swing : numpy.ndarray, shape (4, m)
-        The swing alone.
-    outward : numpy.ndarray, shape (3, m)
-        Unit axes of the swing, perpendicular to the axes of the twist.
-    ends : numpy.ndarray, shape (3, m), bool
-        Whether the twist is at its lower end, at its upper end, the swing at its bound.
-    """
+    """Rotations away from rest that keep the limits, in columns."""
 
     rotations: Any
     swing: Any

@@ -1,9 +1,4 @@
-"""Movements that are put together: layers over layers, clips in step.
-
-Whatever has ``sample(times) -> Pose`` is a source of poses here, a :class:`Mixer` among them.
-Everything is a function of the time alone: it does not matter in what steps time goes, nor
-whether it goes back.
-"""
+"""Movements that are put together: layers over layers, clips in step."""
 
 from __future__ import annotations
 
@@ -422,23 +417,5 @@ class Mixer:
 
 
 def revision_of(*sources) -> tuple:
-    """Return what changes when poses of sources at the same time may have.
-
-    Parameters
-    ----------
-    *sources : object
-        Of poses.
-
-    Returns
-    -------
-    tuple
-        Their ``revision``, None for those without.
-
-    Examples
-    --------
-    >>> from pvibr import Pose
-    >>> from pvibr.animation.mixer import Still, revision_of
-    >>> revision_of(Still(Pose([[0.0, 0.0, 0.0]])))
-    (None,)
-    """
+    """Return what changes when poses of sources at the same time may have."""
     return tuple(getattr(source, 'revision', None) for source in sources)

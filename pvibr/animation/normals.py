@@ -7,25 +7,7 @@ import pyvista as pv
 
 
 def point_normals(mesh):
-    """Return the normals of a mesh's points, without changing their number.
-
-    Parameters
-    ----------
-    mesh : pyvista.PolyData
-        The mesh.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, 3)
-        Its active normals; else those that its polygons have on average, zero where none is.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.animation.normals import point_normals
-    >>> point_normals(pv.Plane()).max(0).tolist()
-    [0.0, 0.0, 1.0]
-    """
+    """Return the normals of a mesh's points, without changing their number."""
     normals = mesh.point_data.active_normals
     if normals is not None:
         return normals
@@ -38,28 +20,7 @@ def point_normals(mesh):
 
 
 def normals_at(mesh, points):
-    """Return the normals that a mesh's polygons give its points elsewhere.
-
-    Parameters
-    ----------
-    mesh : pyvista.PolyData
-        The mesh.
-    points : array_like, shape (v, 3)
-        Where its points are.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, 3)
-        Unit normals; zero where no polygon is.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.animation.normals import normals_at
-    >>> plane = pv.Plane()
-    >>> normals_at(plane, plane.points[:, [1, 2, 0]])[0].tolist()
-    [0.0, 1.0, 0.0]
-    """
+    """Return the normals that a mesh's polygons give its points elsewhere."""
     shape = pv.PolyData(np.asarray(points, dtype=np.float64))
     shape.SetVerts(None)
     shape.SetPolys(mesh.GetPolys())

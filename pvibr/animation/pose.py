@@ -82,18 +82,7 @@ class Pose:
         return self.translation.shape[:-2]
 
     def __getitem__(self, index):
-        """Return the poses at an index of the leading axes.
-
-        Parameters
-        ----------
-        index : int, slice or array of int
-            Index into the first leading axis.
-
-        Returns
-        -------
-        Pose
-            Those poses.
-        """
+        """Return the poses at an index of the leading axes."""
         if not self.shape:
             msg = 'this is one pose, not several: it cannot be indexed.'
             raise IndexError(msg)
@@ -192,32 +181,7 @@ class Pose:
 
 
 def as_matrices(matrices, name):
-    """Return affine matrices as float64.
-
-    Parameters
-    ----------
-    matrices : array_like, shape (..., n, 4, 4)
-        Affine matrices.
-    name : str
-        Their name in an error.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., n, 4, 4), float64
-        The matrices.
-
-    Raises
-    ------
-    ValueError
-        If the shape is another, a value is not finite or a last row is not (0, 0, 0, 1).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.animation.pose import as_matrices
-    >>> as_matrices([np.eye(4)], 'rest').shape
-    (1, 4, 4)
-    """
+    """Return affine matrices as float64."""
     matrices = np.asarray(matrices, dtype=np.float64)
     if matrices.ndim < 3 or matrices.shape[-2:] != (4, 4):
         msg = f'{name} must be (..., n, 4, 4), not of shape {matrices.shape}.'

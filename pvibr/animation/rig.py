@@ -187,30 +187,7 @@ class Rig:
 
 
 class Rigged:
-    """Poses of a source after the steps of a rig, see :meth:`Rig.on`.
-
-    Parameters
-    ----------
-    rig : Rig
-        What is done.
-    source : Pose or object
-        One pose, or anything with ``sample(times)``.
-    targets : dict or callable, optional
-        Targets, or what returns them at a time in seconds.
-
-    Raises
-    ------
-    TypeError
-        If the source has no poses.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr import KeepLimits, Rig, Skeleton
-    >>> joint = Skeleton([-1], [np.eye(4)])
-    >>> Rig(joint, [KeepLimits()]).on(joint.rest).sample(0.0).n_joints
-    1
-    """
+    """Poses of a source after the steps of a rig, see :meth:`Rig.on`."""
 
     def __init__(self, rig, source, targets=None):
         source = Still(source) if isinstance(source, Pose) else source
@@ -225,18 +202,7 @@ class Rigged:
         return revision_of(self.source)
 
     def sample(self, times):
-        """Return the poses at times.
-
-        Parameters
-        ----------
-        times : array_like, shape (...)
-            Seconds.
-
-        Returns
-        -------
-        Pose
-            Of shape ``times.shape``.
-        """
+        """Return the poses at times."""
         times = np.asarray(times, dtype=np.float64)
         poses = self.source.sample(times)
         rotation, translation = poses.rotation.copy(), poses.translation.copy()
@@ -252,31 +218,7 @@ class Rigged:
 
 
 def as_point(point, name):
-    """Return one point.
-
-    Parameters
-    ----------
-    point : array_like, shape (3,)
-        A point.
-    name : str
-        Its name in the error.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3,), float64
-        The point.
-
-    Raises
-    ------
-    ValueError
-        If it is not three finite numbers.
-
-    Examples
-    --------
-    >>> from pvibr.animation.rig import as_point
-    >>> as_point([1, 2, 3], 'target').tolist()
-    [1.0, 2.0, 3.0]
-    """
+    """Return one point."""
     values = np.asarray(point, dtype=np.float64)
     if values.shape != (3,) or not np.isfinite(values).all():
         msg = f'{name} is {point}; it must be three finite numbers.'
@@ -285,31 +227,7 @@ def as_point(point, name):
 
 
 def placed(skeleton, pose, joint):
-    """Return the matrix of one joint, for which only those above it are looked at.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The joints.
-    pose : Pose
-        One pose.
-    joint : int
-        The joint, or -1 for the figure itself.
-
-    Returns
-    -------
-    numpy.ndarray, shape (4, 4), float64
-        ``figure_from_joint``.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr import Pose, Skeleton
-    >>> from pvibr.animation.rig import placed
-    >>> pair = Skeleton([-1, 0], Pose([[0, 0, 1.0], [0, 0, 1.0]]))
-    >>> placed(pair, pair.rest, 1)[:3, 3].tolist()
-    [0.0, 0.0, 2.0]
-    """
+    """Return the matrix of one joint, for which only those above it are looked at."""
     path = []
     while joint >= 0:
         path.append(joint)

@@ -216,25 +216,7 @@ class Skeleton:
 
 
 def ancestors(parents):
-    """Return where to find the ancestors of joints 1, 2, 4, 8, ... steps up.
-
-    Parameters
-    ----------
-    parents : numpy.ndarray of int, shape (n,)
-        Parent of each joint, -1 for a root; without a cycle.
-
-    Returns
-    -------
-    list of numpy.ndarray of int, shape (n + 1,)
-        Rows, which :func:`chained` takes: row 0 is the space of the figure, row i + 1 joint i.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.animation.skeleton import ancestors
-    >>> [row.tolist() for row in ancestors(np.array([-1, 0, 1]))]
-    [[0, 0, 1, 2], [0, 0, 0, 1]]
-    """
+    """Return where to find the ancestors of joints 1, 2, 4, 8, ... steps up."""
     jumps = []
     jump = np.concatenate([[0], parents + 1])
     while jump.any():
@@ -244,59 +226,14 @@ def ancestors(parents):
 
 
 def chained(matrices, jumps):
-    """Return products of matrices from the roots down, in as many steps as levels have digits.
-
-    Parameters
-    ----------
-    matrices : numpy.ndarray, shape (..., n + 1, 4, 4), float64
-        The identity, then each joint's ``parent_from_joint``.
-    jumps : list of numpy.ndarray of int, shape (n + 1,)
-        From :func:`ancestors`.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., n + 1, 4, 4), float64
-        The identity, then each joint's ``figure_from_joint``.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.animation.skeleton import ancestors, chained
-    >>> twice = np.stack([np.eye(4), 2 * np.eye(4), 2 * np.eye(4)])
-    >>> chained(twice, ancestors(np.array([-1, 0])))[2, 0, 0]
-    np.float64(4.0)
-    """
+    """Return products of matrices from the roots down, in as many steps as levels have digits."""
     for jump in jumps:
         matrices = matrices.take(jump, -3) @ matrices
     return matrices
 
 
 def whole_numbers(values, name):
-    """Return a row of whole numbers.
-
-    Parameters
-    ----------
-    values : array_like of int, shape (n,)
-        The numbers.
-    name : str
-        Their name in an error.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), int64
-        A copy of them.
-
-    Raises
-    ------
-    ValueError
-        If they are of another shape or type.
-
-    Examples
-    --------
-    >>> from pvibr.animation.skeleton import whole_numbers
-    >>> whole_numbers([-1, 0], 'parents')
-    array([-1,  0])
-    """
+    """Return a row of whole numbers."""
     values = np.asarray(values)
     if values.ndim != 1 or (len(values) and values.dtype.kind not in 'iu'):
         msg = f'{name} must be whole numbers (n,), not {values.dtype} of shape {values.shape}.'

@@ -21,33 +21,7 @@ _DERIVED = ('Normals', 'Tangents')
 
 
 def surface_of(points, faces, normals=None):
-    """Return arrays as a mesh.
-
-    Parameters
-    ----------
-    points : array_like, shape (v, 3)
-        Vertices; their type is kept if it is a type of floats.
-    faces : array_like of int
-        Triangles (f, 3), or polygons one after another, each with its length first.
-    normals : array_like, shape (v, 3), optional
-        Normals of the vertices.
-
-    Returns
-    -------
-    pyvista.PolyData
-        The mesh.
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit or a face has a point that does not exist.
-
-    Examples
-    --------
-    >>> from pvibr.animation.sources import surface_of
-    >>> surface_of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).n_cells
-    1
-    """
+    """Return arrays as a mesh."""
     points = np.asarray(points)
     points = points if points.dtype.kind == 'f' else points.astype(np.float64)
     faces = np.asarray(faces)
@@ -72,42 +46,7 @@ def surface_of(points, faces, normals=None):
 
 
 def skeleton_and_skin(joints, weights, parents, rest, inverse_bind=None, names=None):
-    """Return a skeleton and a skin that hangs on all its joints.
-
-    Parameters
-    ----------
-    joints : array_like of int, shape (v, k), or None
-        Joints of each vertex; ``None`` if ``weights`` has a column per joint.
-    weights : array_like, shape (v, k) or (v, n), or None
-        Their weights.
-    parents : array_like of int, shape (n,), or None
-        Parents of the joints.
-    rest : Pose or array_like, shape (n, 4, 4), or None
-        Pose at rest.
-    inverse_bind : array_like, shape (n, 4, 4), optional
-        ``joint_from_mesh`` at rest.
-    names : sequence of str, optional
-        Names of the joints.
-
-    Returns
-    -------
-    skeleton : Skeleton or None
-        The joints, if any.
-    skin : Skin or None
-        The skin, if there are weights.
-
-    Raises
-    ------
-    ValueError
-        If one of what belongs together is missing.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.animation.sources import skeleton_and_skin
-    >>> skeleton_and_skin([[0]], [[1.0]], [-1], [np.eye(4)])
-    (Skeleton(1 joints, 1 levels), Skin(1 joints, 1 vertices, 1 weights each))
-    """
+    """Return a skeleton and a skin that hangs on all its joints."""
     if (parents is None) != (rest is None):
         msg = 'parents and rest make a skeleton together: give both or neither.'
         raise ValueError(msg)
@@ -130,33 +69,7 @@ def skeleton_and_skin(joints, weights, parents, rest, inverse_bind=None, names=N
 
 
 def heaviest(weights, n):
-    """Return the joints that pull at each vertex, from weights of all joints.
-
-    Parameters
-    ----------
-    weights : array_like, shape (v, n)
-        A column per joint; mostly zeros.
-    n : int
-        Number of joints.
-
-    Returns
-    -------
-    joints : numpy.ndarray, shape (v, k), int
-        Joints, as many as the vertex with the most has.
-    weights : numpy.ndarray, shape (v, k), float64
-        Their weights.
-
-    Raises
-    ------
-    ValueError
-        If the shape does not fit or a vertex has more than eight joints.
-
-    Examples
-    --------
-    >>> from pvibr.animation.sources import heaviest
-    >>> [part.tolist() for part in heaviest([[0, 0.5, 0, 0.5], [1, 0, 0, 0]], 4)]
-    [[[3, 1], [0, 3]], [[0.5, 0.5], [1.0, 0.0]]]
-    """
+    """Return the joints that pull at each vertex, from weights of all joints."""
     weights = np.asarray(weights, dtype=np.float64)
     if weights.ndim != 2 or weights.shape[1] != n:
         msg = f'weights without joints must be (v, {n}), not of shape {weights.shape}.'
@@ -171,41 +84,7 @@ def heaviest(weights, n):
 
 
 def series_of(meshes, times=None):
-    """Return the surfaces of a series and their times.
-
-    Parameters
-    ----------
-    meshes : sequence of pyvista.DataSet, pyvista.MultiBlock, path, paths or reader
-        One mesh per time, or where they are read from.
-    times : array_like, shape (f,), optional
-        Times in seconds; default those of the file.
-
-    Returns
-    -------
-    surfaces : list of pyvista.PolyData
-        One surface per time.
-    times : array_like or None
-        Their times, if anything says them.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If a file is read that holds no series, or a block is empty or several meshes.
-
-    Warns
-    -----
-    pvibr.PvibrWarning
-        Of data that differ from mesh to mesh, since those of the first are shown.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.animation.sources import series_of
-    >>> len(series_of([pv.Cube(), pv.Cube()])[0])
-    2
-    """
+    """Return the surfaces of a series and their times."""
     if isinstance(meshes, (str, PathLike)):
         meshes = pv.get_reader(_existing(meshes))
     if hasattr(meshes, 'set_active_time_value'):
@@ -223,32 +102,7 @@ def series_of(meshes, times=None):
 
 
 def scene_of(scene):
-    """Return the bodies and the skeleton of a scene.
-
-    Parameters
-    ----------
-    scene : trimesh.Scene
-        Meshes and the graph of their nodes.
-
-    Returns
-    -------
-    bodies : list of Body
-        One per node with a mesh.
-    skeleton : Skeleton
-        One joint per node.
-
-    Raises
-    ------
-    ValueError
-        If a node's matrix shears or is singular.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> from pvibr.animation.sources import scene_of
-    >>> len(scene_of(trimesh.Scene({'box': trimesh.creation.box()}))[0])
-    1
-    """
+    """Return the bodies and the skeleton of a scene."""
     edges = {child: (parent, data) for parent, child, data in scene.graph.to_edgelist()}
     names = [scene.graph.base_frame, *(n for n in scene.graph.nodes if n in edges)]
     number = {node: i for i, node in enumerate(names)}

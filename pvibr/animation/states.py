@@ -1,9 +1,4 @@
-"""States of a figure - standing, running, falling - and the way from one to another.
-
-What is shown is a function of the time: orders are kept with the time that they were given at,
-and played from the first on when a time is asked for. So the same orders give the same movement
-at any frame rate, and time may go back.
-"""
+"""States of a figure - standing, running, falling - and the way from one to another."""
 
 from __future__ import annotations
 
@@ -17,23 +12,7 @@ from pvibr.animation.pose import Pose
 
 
 class Visit(NamedTuple):
-    """One stay in a state.
-
-    Parameters
-    ----------
-    name : str
-        The state.
-    begin : float
-        When the way to it begins, in seconds.
-    fade : float
-        Seconds that the way takes.
-
-    Examples
-    --------
-    >>> from pvibr.animation.states import Visit
-    >>> Visit('run', 2.0, 0.3).name
-    'run'
-    """
+    """One stay in a state."""
 
     name: str
     begin: float

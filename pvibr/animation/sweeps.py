@@ -1,9 +1,4 @@
-"""Inverse kinematics joint by joint: cyclic coordinate descent, and FABRIK.
-
-Both turn one joint after another, so numbers are plain floats: on three of them Python is ten
-times faster than numpy. Both cut each joint's rotation to its limit as soon as it is found, and
-place its children by their offsets: limits and lengths of bones hold whatever a sweep does.
-"""
+"""Inverse kinematics joint by joint: cyclic coordinate descent, and FABRIK."""
 
 from __future__ import annotations
 
@@ -13,39 +8,7 @@ _NONE = (1.0, 0.0, 0.0, 0.0)
 
 
 class Sweeps:
-    """A chain in plain floats, and what it shall reach.
-
-    Parameters
-    ----------
-    chain : Chain
-        The joints.
-    rotations : numpy.ndarray, shape (n, 4)
-        Where to start, inside of the limits.
-    effectors : sequence of int, length k
-        Joints whose origins shall reach.
-    targets : numpy.ndarray, shape (k, 3)
-        Where to, in the figure's space.
-    weights : sequence of float, length k
-        What each counts where not all can be reached.
-
-    Attributes
-    ----------
-    rotations : list of tuple
-        Rotations now, one quaternion (w, x, y, z) per joint, inside of the limits.
-    origins : list of tuple
-        Origins of the joints now, in the figure's space.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.animation.chain import Chain
-    >>> from pvibr.animation.sweeps import Sweeps
-    >>> arm = Chain([-1, 0], [[0, 0, 0], [1, 0, 0]])
-    >>> sweeps = Sweeps(arm, np.eye(4)[[0, 0]], [1], np.array([[0.0, 2.0, 0.0]]), [1.0])
-    >>> sweeps.ccd()
-    >>> sweeps.origins[1]
-    (0.0, 1.0, 0.0)
-    """
+    """A chain in plain floats, and what it shall reach."""
 
     def __init__(self, chain, rotations, effectors, targets, weights):
         self.parents = chain.parents.tolist()
@@ -72,13 +35,7 @@ class Sweeps:
         self._place()
 
     def errors(self):
-        """Return how far each effector is from its target.
-
-        Returns
-        -------
-        list of float
-            Distances in the figure's unit.
-        """
+        """Return how far each effector is from its target."""
         return [math.dist(self.origins[effector], goal) for effector, goal, _ in self.goals]
 
     def ccd(self):
@@ -107,9 +64,8 @@ class Sweeps:
     def fabrik(self):
         """Lead the joints from the targets back to the root, then turn each to its place there.
 
-        Aristidou and Lasenby (2011), "FABRIK: a fast, iterative solver for the inverse
-        kinematics problem". Where branches meet, the joint goes to the weighted mean of where
-        each wants it.
+        Aristidou and Lasenby (2011), "FABRIK: a fast, iterative solver for the inverse kinematics
+        problem". Where branches meet, the joint goes to the weighted mean of where each wants it.
         """
         wanted = self._led_back()
         for joint, parent in enumerate(self.parents):
@@ -177,10 +133,7 @@ class Sweeps:
 
 
 def _best(pairs, pin):
-    """Return the turn that brings vectors nearest to others; about a pin, if there is one.
-
-    Of one pair this is the shortest turn: (|u||v| + u.v, u x v), which weighs and adds up.
-    """
+    """Return the turn that brings vectors nearest to others; about a pin, if there is one."""
     total, most = (0.0, 0.0, 0.0, 0.0), 0.0
     for u, v, weight in pairs:
         if pin is not None:

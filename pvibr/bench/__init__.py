@@ -24,32 +24,7 @@ BENCHES = {
 
 
 def main(name, *, out=Path('out'), quick=False) -> list:
-    """Measure, print a table, and write it as JSON with a plot beside it.
-
-    Parameters
-    ----------
-    name : str
-        What is measured: one of ``BENCHES``.
-    out : pathlib.Path
-        Folder for ``bench_NAME.json`` and ``bench_NAME.png``.
-    quick : bool
-        A few points only, to see that it runs; the bars are not meant for them.
-
-    Returns
-    -------
-    list of pvibr.bench.rows.Row
-        What was measured.
-
-    Raises
-    ------
-    ValueError
-        If there is no such bench.
-
-    Examples
-    --------
-    >>> from pvibr.bench import main
-    >>> main('instances', quick=True)  # doctest: +SKIP
-    """
+    """Measure, print a table, and write it as JSON with a plot beside it."""
     if name not in BENCHES:
         msg = f'name is {name!r}; it must be one of {", ".join(BENCHES)}.'
         raise ValueError(msg)

@@ -11,25 +11,7 @@ from pvibr.bench.runs import run
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    counts : tuple of int
-        Billboards.
-    slow : int
-        Of those that blend and those of VTK, at most.
-    quadrics : int
-        Cylinders, and ellipsoids.
-    sprite_sizes : tuple of int
-        Of cut-outs on the screen, px.
-    plant_pixels, plant_views : int
-        Sides and number of the pictures on which errors of plants are measured.
-    plants, copies : int
-        Plants of a frame; of billboards so many times more.
-    """
+    """How much is measured."""
 
     size: tuple[int, int] = (1280, 720)
     counts: tuple[int, ...] = (1_000, 10_000, 100_000, 1_000_000)
@@ -49,20 +31,7 @@ QUICK = Settings(
 
 
 def measure(out, *, quick=False) -> list:
-    """Run every part, print and write the table and the plot, and return the rows.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder.
-    quick : bool
-        Whether only a few points are measured.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Run every part, print and write the table and the plot, and return the rows."""
     parts = {
         'sprites': sprites.measure, 'spheres': spheres.measure, 'quadrics': quadrics.measure,
         'plants': plants.measure,
@@ -71,15 +40,7 @@ def measure(out, *, quick=False) -> list:
 
 
 def plot(results, path):
-    """Draw times by count, coverage by size, and time against error of the levels of a plant.
-
-    Parameters
-    ----------
-    results : Results
-        With its points.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Draw times by count, coverage by size, and time against error of the levels of a plant."""
     figure, (times, balls, cover, plant) = several_axes((20, 4.8), 1, 4)
     for way, curve in results.points['sprites'].items():
         times.plot(*zip(*curve, strict=True), 'o-', label=way)

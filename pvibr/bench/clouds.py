@@ -31,23 +31,7 @@ _HERE = np.eye(4)[None], np.zeros(1, int)
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured.
-
-    Attributes
-    ----------
-    meshes : int or None
-        How many meshes; None is all.
-    epsilons : tuple of float
-        Bounds, shares of the diagonal; the first is compared with k-means.
-    counts : tuple of float
-        Planes of k-means, over those of the first bound.
-    views : int
-        From all around.
-    triangles : int
-        Of the mesh that is timed.
-    size : int
-        Texels along a side of the texture.
-    """
+    """How much is measured."""
 
     meshes: int | None = None
     epsilons: tuple[float, ...] = (0.02, 0.01, 0.04, 0.08)
@@ -61,20 +45,7 @@ QUICK = Settings(1, (0.04,), (1.0,), 2, 5_000, 256)
 
 
 def measure(out, *, quick=False) -> list:
-    """Run every part, print and write the table and the plot, and return the rows.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder.
-    quick : bool
-        Whether only a few points are measured.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Run every part, print and write the table and the plot, and return the rows."""
     parts = {'time': _timed, 'error': _errors}
     return run('clouds', parts, QUICK if quick else Settings(), plot_clouds, out, quick=quick)
 
@@ -134,27 +105,7 @@ def _rows(name, found):
 
 
 def planes_at(curve, error) -> float:
-    """Return how many planes a curve needs for an error, by lines between its points.
-
-    Parameters
-    ----------
-    curve : list of dict
-        With ``'planes'`` and ``'flip'``.
-    error : float
-        FLIP.
-
-    Returns
-    -------
-    float
-        The largest count of the curve where it is never reached, the smallest where even that
-        is better: then more, or fewer, are needed.
-
-    Examples
-    --------
-    >>> from pvibr.bench.clouds import planes_at
-    >>> planes_at([{'planes': 10, 'flip': 0.2}, {'planes': 20, 'flip': 0.1}], 0.15)
-    15.0
-    """
+    """Return how many planes a curve needs for an error, by lines between its points."""
     curve = sorted(curve, key=lambda point: point['planes'])
     planes = np.array([point['planes'] for point in curve], float)
     flips = np.minimum.accumulate([point['flip'] for point in curve])

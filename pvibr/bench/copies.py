@@ -13,15 +13,7 @@ _COPY = 'uniform sampler2D color; void main() { gl_FragData[0] = texture(color, 
 
 
 class Stand:
-    """What an effect sees of a frame and of its picture.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        A window whose context is current.
-    array : numpy.ndarray, shape (h, w, 4), uint8
-        The picture.
-    """
+    """What an effect sees of a frame and of its picture."""
 
     def __init__(self, window, array):
         self.window = window
@@ -37,23 +29,11 @@ class Stand:
         self._fused = Fused(window)
 
     def apply(self, point):
-        """Draw a program at once.
-
-        Parameters
-        ----------
-        point : pvibr.gl.fused.Pointwise
-            The program.
-        """
+        """Draw a program at once."""
         self._fused.draw(self, [point])
 
     def ground(self, blend):
-        """Return what is blended with, as for the last effect of a frame.
-
-        Parameters
-        ----------
-        blend : str
-            See :meth:`pvibr.gl.picture.Picture.ground`.
-        """
+        """Return what is blended with, as for the last effect of a frame."""
         return self._ground
 
     def release(self):
@@ -65,22 +45,7 @@ class Stand:
 
 
 def in_copies(stand, jobs, rounds) -> dict:
-    """Time jobs and a copy of the picture, in turns.
-
-    Parameters
-    ----------
-    stand : Stand
-        With the picture.
-    jobs : dict of str to callable
-        What is timed.
-    rounds : int
-        How often; the least of each counts.
-
-    Returns
-    -------
-    dict
-        ``copy_ms``, and each job as a multiple of the copy.
-    """
+    """Time jobs and a copy of the picture, in turns."""
     quad = Quad(stand.window, _COPY, 'copy')
 
     def copy():

@@ -21,15 +21,7 @@ SHARE = 0.3
 
 
 def measure(settings, results):
-    """Add the rows of the crowd and of the bake.
-
-    Parameters
-    ----------
-    settings : Settings
-        How much is measured.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of the crowd and of the bake."""
     _bake(results)
     mesh, points, cameras = _scene(settings.crowd)
     own = _drawn(mesh, points, cameras, settings.size, results)

@@ -18,23 +18,7 @@ from pvibr.bench.runs import run
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured.
-
-    Attributes
-    ----------
-    screen : tuple of 2 int
-        Pixels of what is timed.
-    rounds : int
-        How often; the least counts.
-    lens : tuple of 2 int
-        Pixels of the pictures through a lens.
-    radii : tuple of float
-        Of the lens, world units.
-    samples : tuple of int
-        Looks around each pixel.
-    lenses : int
-        Pictures of the lens's reference.
-    """
+    """How much is measured."""
 
     screen: tuple[int, int] = (1280, 720)
     rounds: int = 9
@@ -48,20 +32,7 @@ QUICK = Settings((320, 180), 1, (160, 120), (0.1,), (16,), 16)
 
 
 def measure(out, *, quick=False) -> list:
-    """Run every part, print and write the table and the plot, and return the rows.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder.
-    quick : bool
-        Whether only a few points are measured.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Run every part, print and write the table and the plot, and return the rows."""
     parts = {
         'bloom': _bloom, 'screen': _screen, 'outline': _outline, 'depth of field': _lens,
         'together': _together,

@@ -29,22 +29,7 @@ SETTINGS: tuple[dict[str, Any], ...] = (
 
 
 def bloom_times(size=(1280, 720), rounds=15, **settings) -> dict:
-    """Time a bloom, one that finds nothing bright, and a copy of the picture, in turns.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Width and height in pixels.
-    rounds : int
-        How often; the least of each counts.
-    **settings
-        Of the bloom.
-
-    Returns
-    -------
-    dict
-        ``copy_ms``, and ``bloom`` and ``dark``, as multiples of the copy.
-    """
+    """Time a bloom, one that finds nothing bright, and a copy of the picture, in turns."""
     with hidden_window() as (window, _):
         stand = Stand(window, _squares(size))
         blooms = {'bloom': Bloom(**settings), 'dark': Bloom(**(settings | {'threshold': 2.0}))}
@@ -55,22 +40,7 @@ def bloom_times(size=(1280, 720), rounds=15, **settings) -> dict:
 
 
 def bloom_stages(size=(1280, 720), rounds=15, **settings) -> dict:
-    """Time the stages of a bloom.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Width and height in pixels.
-    rounds : int
-        How often; the least of each counts.
-    **settings
-        Of the bloom.
-
-    Returns
-    -------
-    dict
-        Stage to time as a multiple of a full-screen copy.
-    """
+    """Time the stages of a bloom."""
     with hidden_window() as (window, _):
         stand, bloom = Stand(window, _squares(size)), Bloom(**settings)
         bloom.render(stand, stand)
@@ -91,23 +61,7 @@ def bloom_stages(size=(1280, 720), rounds=15, **settings) -> dict:
 
 
 def bloom_errors(size=(1280, 720), rounds=5, settings=SETTINGS) -> list[dict]:
-    """Compare the widest blur alone with the Gaussian of its width, and time the bloom.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Width and height in pixels.
-    rounds : int
-        How often each is timed; the least counts.
-    settings : sequence of dict
-        Of blooms.
-
-    Returns
-    -------
-    list of dict
-        ``name``, ``sigma`` (pixels), ``error`` (mean, of 255) on a picture whose spectrum falls as
-        those of photographs do, and ``copies``, the time over that of a full-screen copy.
-    """
+    """Compare the widest blur alone with the Gaussian of its width, and time the bloom."""
     picture = natural(size)
     found = []
     with hidden_window() as (window, _):
@@ -133,38 +87,14 @@ _BLUR_ALONE = {'threshold': 0.0, 'operator': 'keep', 'spread': 1.0, 'debug': 'bl
 
 
 def width_of(bloom) -> float:
-    """Return the standard deviation of a bloom's widest blur in pixels.
-
-    Parameters
-    ----------
-    bloom : pvibr.Bloom
-        That has drawn a picture.
-
-    Returns
-    -------
-    float
-        Of the squares of pixels before, the blurs, and the way between texels after.
-    """
+    """Return the standard deviation of a bloom's widest blur in pixels."""
     side = bloom.reduction // 2
     squares, between = (side**2 - 1) / 12, bloom.reduction**2 / 6
     return float(np.sqrt((side * bloom._blur.sigma) ** 2 + squares + between))
 
 
 def natural(size, seed=0):
-    """Return a picture whose spectrum falls with frequency as those of photographs do.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Width and height in pixels.
-    seed : int
-        Of the noise that it is made of.
-
-    Returns
-    -------
-    numpy.ndarray, shape (height, width, 4), float32
-        Greys from 0.05 to 1, opaque.
-    """
+    """Return a picture whose spectrum falls with frequency as those of photographs do."""
     width, height = size
     frequency = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width))
     frequency[0, 0] = np.inf

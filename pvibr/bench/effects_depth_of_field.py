@@ -13,18 +13,7 @@ from pvibr.maths.kernels import vogel_disk
 
 
 def stage(size=(640, 480)):
-    """Return a plotter that shows five spheres in a row away from the camera, over a floor.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-
-    Returns
-    -------
-    pyvista.Plotter
-        Off screen, drawn once.
-    """
+    """Return a plotter that shows five spheres in a row away from the camera, over a floor."""
     pl: Any = pv.Plotter(off_screen=True, window_size=size)
     pl.disable_anti_aliasing()
     pl.set_background('#405060')
@@ -49,18 +38,7 @@ def stage(size=(640, 480)):
 
 
 def shot(pl):
-    """Return one new frame.
-
-    Parameters
-    ----------
-    pl : pyvista.Plotter
-        Shown.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w, 3), float64
-        0 to 255.
-    """
+    """Return one new frame."""
     pl.render_window.Render()
     return np.asarray(pl.screenshot(return_img=True), float)
 
@@ -70,20 +48,6 @@ def accumulated(pl, radius, focus, lenses=256):
 
     The accumulation buffer of Haeberli and Akeley, SIGGRAPH 1990: the camera is moved within the
     lens, and its picture shifted so that the plane in focus stays where it is.
-
-    Parameters
-    ----------
-    pl : pyvista.Plotter
-        Shown, in perspective; its camera is put back.
-    radius, focus : float
-        Of the lens, and distance of the plane in focus, world units.
-    lenses : int
-        Pictures.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w, 3), float64
-        0 to 255.
     """
     camera = pl.camera
     eye, focal, span = (
@@ -111,48 +75,13 @@ def accumulated(pl, radius, focus, lenses=256):
 
 
 def psnr(picture, reference) -> float:
-    """Return the peak signal to noise ratio.
-
-    Parameters
-    ----------
-    picture, reference : numpy.ndarray
-        Of one shape, 0 to 255.
-
-    Returns
-    -------
-    float
-        Decibels.
-
-    Examples
-    --------
-    >>> from pvibr.bench.effects_depth_of_field import psnr
-    >>> round(psnr([0.0], [255.0]), 1)
-    0.0
-    """
+    """Return the peak signal to noise ratio."""
     error = np.mean((np.asarray(picture) - reference) ** 2)
     return float(10 * np.log10(255**2 / error))
 
 
 def measure(size=(640, 480), radii=(0.1, 0.2), samples=(16, 48, 128), lenses=256) -> list[dict]:
-    """Return run time and error of settings, against the mean of pinhole pictures.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    radii : sequence of float
-        Of the lens, world units.
-    samples : sequence of int
-        Looks around each pixel.
-    lenses : int
-        Pictures of the reference.
-
-    Returns
-    -------
-    list of dict
-        ``radius``, ``samples``, ``ms`` (of the effect alone, the best of five), ``psnr`` and
-        ``psnr_off`` (dB).
-    """
+    """Return run time and error of settings, against the mean of pinhole pictures."""
     pl = stage(size)
     focus = float(np.linalg.norm(np.subtract(pl.camera.focal_point, pl.camera.position)))
     off, rows = shot(pl), []

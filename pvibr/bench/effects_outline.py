@@ -29,22 +29,7 @@ _FINE = 8  # places along a side of a pixel
 
 
 def contour(mesh, camera, size) -> np.ndarray:
-    """Return places on the silhouette of a mesh, by its triangles projected in float64.
-
-    Parameters
-    ----------
-    mesh : pyvista.PolyData
-        In front of the camera.
-    camera : pyvista.Camera
-        Where from.
-    size : tuple of 2 int
-        Pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 2)
-        Pixels from the upper left corner, known to an eighth.
-    """
+    """Return places on the silhouette of a mesh, by its triangles projected in float64."""
     from PIL import Image, ImageDraw
 
     uv, _ = as_camera(camera, size).project(np.asarray(mesh.points, float))
@@ -60,22 +45,7 @@ def contour(mesh, camera, size) -> np.ndarray:
 
 
 def inner(mesh, camera, size) -> np.ndarray:
-    """Return places along the polylines that :func:`pvibr.outline` gives, inner ones included.
-
-    Parameters
-    ----------
-    mesh : pyvista.PolyData
-        In front of the camera.
-    camera : pyvista.Camera
-        Where from.
-    size : tuple of 2 int
-        Pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 2)
-        Pixels from the upper left corner, at most 0.3 apart.
-    """
+    """Return places along the polylines that :func:`pvibr.outline` gives, inner ones included."""
     found, places = outline(mesh, camera, size=size), []
     uv, _ = as_camera(camera, size).project(np.asarray(found.points, float))
     xy = np.array([0, size[1]]) + uv * size * [1, -1]
@@ -90,22 +60,7 @@ def inner(mesh, camera, size) -> np.ndarray:
 
 
 def agreement(drawn, places, within=1.0) -> tuple[float, float]:
-    """Return precision and recall of pixels.
-
-    Parameters
-    ----------
-    drawn : numpy.ndarray, shape (h, w), bool
-        Pixels that have a line.
-    places : numpy.ndarray, shape (n, 2)
-        Where lines ought to be, pixels from the upper left corner.
-    within : float, optional
-        How many pixels off still count.
-
-    Returns
-    -------
-    tuple of 2 float
-        The share of pixels at such a place, and of places at such a pixel.
-    """
+    """Return precision and recall of pixels."""
     from scipy.spatial import cKDTree
 
     pixels = np.argwhere(drawn)[:, ::-1] + 0.5
@@ -114,13 +69,7 @@ def agreement(drawn, places, within=1.0) -> tuple[float, float]:
 
 
 def silhouettes(size=(1280, 720)) -> list[Row]:
-    """Return precision and recall of lines of the default width, half covered pixels and more.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    """
+    """Return precision and recall of lines of the default width, half covered pixels and more."""
     rows = []
     for name, mesh in MESHES.items():
         pl: Any = pv.Plotter(off_screen=True, window_size=size)
@@ -179,22 +128,7 @@ KINDS: dict[str, dict[str, Any]] = {
 
 
 def settings(size=(1280, 720), repeats=9) -> list[dict]:
-    """Return what kinds of lines cost of a frame, and how far they are from the silhouettes.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    repeats : int
-        Frames of each, in turns; the fastest counts.
-
-    Returns
-    -------
-    list of dict
-        ``name``, ``ms``, ``copies`` (of the full screen, in the same time) and ``error``: 1 less
-        the harmonic mean of precision and recall, half a line's width and half a pixel off at
-        most, for all silhouettes of a torus.
-    """
+    """Return what kinds of lines cost of a frame, and how far they are from the silhouettes."""
     pl: Any = pv.Plotter(off_screen=True, window_size=size)
     pl.disable_anti_aliasing()
     pl.set_background('white')

@@ -18,20 +18,7 @@ from pvibr.maths.tones import CURVES
 
 
 def screen_times(size=(1280, 720), rounds=9) -> dict:
-    """Time every curve and billboard and a copy of the picture, in turns.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Width and height in pixels.
-    rounds : int
-        How often; the least of each counts.
-
-    Returns
-    -------
-    dict
-        ``copy_ms``, and each effect as a multiple of the copy.
-    """
+    """Time every curve and billboard and a copy of the picture, in turns."""
     with hidden_window() as (window, renderer):
         array = np.random.default_rng(0).integers(0, 256, (size[1], size[0], 4), np.uint8)
         stand, frame, effects = Stand(window, array), Frame.of(renderer), _effects(size)

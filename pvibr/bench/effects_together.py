@@ -29,20 +29,7 @@ FIVE = ('Glow', 'Bloom', 'ToneMapping', 'Outline', 'Vignette')
 
 
 def scene(size) -> tuple[Any, dict[str, Effect]]:
-    """Return a plotter with every image effect, all of them off.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-
-    Returns
-    -------
-    pyvista.Plotter
-        Off screen, drawn once.
-    dict of str to pvibr.Effect
-        Name to effect.
-    """
+    """Return a plotter with every image effect, all of them off."""
     pl: Any = pv.Plotter(off_screen=True, window_size=size)
     pl.disable_anti_aliasing()
     torus = pv.ParametricTorus(ringradius=0.5, crosssectionradius=0.2)
@@ -64,34 +51,13 @@ def scene(size) -> tuple[Any, dict[str, Effect]]:
 
 
 def choose(effects, names):
-    """Put some effects on and the others off.
-
-    Parameters
-    ----------
-    effects : dict of str to pvibr.Effect
-        From `scene`.
-    names : collection of str
-        Those that are on.
-    """
+    """Put some effects on and the others off."""
     for name, effect in effects.items():
         effect.enabled = name in names
 
 
 def together(size=(1280, 720), rounds=9) -> list[Row]:
-    """Return what effects add to a frame: the sum of each alone, and all.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    rounds : int
-        Frames of each, in turns; the fastest counts.
-
-    Returns
-    -------
-    list of Row
-        In ms, and the ratio.
-    """
+    """Return what effects add to a frame: the sum of each alone, and all."""
     pl, effects = scene(size)
     sets = {'none': (), **{name: (name,) for name in effects}, 'all': tuple(effects)}
     best = dict.fromkeys(sets, np.inf)
@@ -109,20 +75,7 @@ def together(size=(1280, 720), rounds=9) -> list[Row]:
 
 
 def stages(size=(1280, 720), rounds=5) -> dict[str, float]:
-    """Return what the programs of all effects cost in one frame of all of them.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    rounds : int
-        Frames; the fastest of each program counts.
-
-    Returns
-    -------
-    dict of str to float
-        Program to ms, those of one name together.
-    """
+    """Return what the programs of all effects cost in one frame of all of them."""
     pl, effects = scene(size)
     choose(effects, effects)
     pl.render_window.Render()
@@ -204,20 +157,7 @@ class _Clock:
 
 
 def python(rounds=100, size=(32, 18)) -> list[Row]:
-    """Return the time of the main thread that five effects take of a frame, less GL's share.
-
-    Parameters
-    ----------
-    rounds : int
-        Frames; the median counts.
-    size : tuple of 2 int
-        Pixels.
-
-    Returns
-    -------
-    list of Row
-        In ms.
-    """
+    """Return the time of the main thread that five effects take of a frame, less GL's share."""
     clock, found = _Clock(), []
     with _replaced(*clock.of_python()):
         pl, effects = scene(size)

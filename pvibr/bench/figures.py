@@ -11,37 +11,7 @@ from pvibr.bench.runs import run
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured.
-
-    Attributes
-    ----------
-    screen : tuple of 2 int
-        Pixels of what is timed.
-    rounds : int
-        How often; the least counts.
-    small : tuple of 2 int
-        Vertices along and around the figures that are compared with float64.
-    offsets : tuple of float
-        Of their coordinates.
-    times : int
-        Of each clip.
-    models : int or None
-        Real models; None is all.
-    figures : tuple of tuple of 2 int
-        Vertices around and along the figures that are timed, the largest last.
-    joints : int
-        Of these.
-    face : tuple of 2 int
-        Vertices around and along what has morph targets.
-    targets : int
-        How many.
-    chains : int
-        That reach.
-    crowd : int
-        Figures of the crowd.
-    crowd_part : int
-        How many of them are compared with posed meshes.
-    """
+    """How much is measured."""
 
     screen: tuple[int, int] = (1280, 720)
     rounds: int = 20
@@ -65,20 +35,7 @@ QUICK = Settings(
 
 
 def measure(out, *, quick=False) -> list:
-    """Run every part, print and write the table and the plot, and return the rows.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder.
-    quick : bool
-        Whether only a few points are measured.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Run every part, print and write the table and the plot, and return the rows."""
     parts = {
         'posed on the GPU': figures_errors.posed,
         'models': figures_errors.models,

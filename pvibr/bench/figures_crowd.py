@@ -23,16 +23,7 @@ VIEW_ANGLE = 30.0
 
 
 def measure(settings, results):
-    """Add the rows of the crowd.
-
-    Parameters
-    ----------
-    settings : Settings
-        ``screen``, its size in pixels; ``crowd``, how many figures; ``crowd_part``, how many of
-        them are compared with posed meshes.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of the crowd."""
     figure, places, times = _scene(settings.crowd)
     camera = _camera(places)
     own = _own(figure, places, times, camera, settings, results)

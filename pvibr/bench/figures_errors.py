@@ -23,20 +23,7 @@ CLIPS = 3
 
 @contextlib.contextmanager
 def shown(figure, **settings):
-    """Show a figure in a small window.
-
-    Parameters
-    ----------
-    figure : Figure
-        What is shown.
-    **settings
-        Of ``add_figure``.
-
-    Yields
-    ------
-    FigureActor
-        What poses it, in its plotter.
-    """
+    """Show a figure in a small window."""
     plotter = pv.Plotter(off_screen=True, window_size=[64, 64])
     try:
         actor = plotter.ibr.add_figure(figure, **settings)
@@ -47,20 +34,7 @@ def shown(figure, **settings):
 
 
 def gpu_errors(actor) -> tuple:
-    """Return how far the posed vertices on the GPU are from the float64 reference.
-
-    Parameters
-    ----------
-    actor : FigureActor
-        That was drawn in its pose of now.
-
-    Returns
-    -------
-    position : float
-        The largest distance, over the largest side of the figure.
-    degrees : float
-        The largest angle between normals.
-    """
+    """Return how far the posed vertices on the GPU are from the float64 reference."""
     pose, figure = actor.pose, actor.figure
     truth = [figure.posed(i, pose, actor.skinning, actor.bulge) for i in range(len(figure.bodies))]
     size = size_of([points for points, _ in truth])
@@ -90,15 +64,7 @@ def _degrees(normals, expected):
 
 
 def posed(settings, results):
-    """Add the rows of what the GPU poses, against float64: skins, morph targets and key frames.
-
-    Parameters
-    ----------
-    settings : Settings
-        Sizes, offsets and times.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of what the GPU poses, against float64: skins, morph targets and key frames."""
     rings, around = settings.small
     n = rings * around
     for offset in settings.offsets:
@@ -142,15 +108,7 @@ def _add(results, name, worst):
 
 
 def models(settings, results):
-    """Add the rows of real models: the GPU against float64, and that against vtkGLTFReader.
-
-    Parameters
-    ----------
-    settings : Settings
-        How many models, and times of each clip.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of real models: the GPU against float64, and that against vtkGLTFReader."""
     paths = model_files()[: settings.models]
     if not paths:
         results.points['models'] = 'not measured: there is no ../shared/data'
@@ -172,33 +130,14 @@ def model_files() -> list:
 
 
 def quiet_read(path):
-    """Return a figure, without warnings of what only its looks lack.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Of glTF.
-
-    Returns
-    -------
-    Figure
-        Y is up, as in the file.
-    """
+    """Return a figure, without warnings of what only its looks lack."""
     with warnings.catch_warnings():
         warnings.simplefilter('ignore', PvibrWarning)
         return read_gltf(path)
 
 
 def twists(settings, results):
-    """Add the rows of a twisted tube: how much of its cross-section is left where it is least.
-
-    Parameters
-    ----------
-    settings : Settings
-        Not used.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of a twisted tube: how much of its cross-section is left where it is least."""
     for degrees in (90, 150):
         for how, bar in (('dual', 0.95), ('linear', None)):
             left = cross_section(degrees, how)
@@ -207,26 +146,7 @@ def twists(settings, results):
 
 
 def cross_section(degrees, how) -> float:
-    """Return how much of the cross-section of a tube is left after a twist, in the middle.
-
-    Parameters
-    ----------
-    degrees : float
-        Between its ends.
-    how : {'linear', 'dual'}
-        How joints are blended.
-
-    Returns
-    -------
-    float
-        Its area over that at rest, where it is least.
-
-    Examples
-    --------
-    >>> from pvibr.bench.figures_errors import cross_section
-    >>> round(cross_section(90, 'linear'), 2), round(cross_section(90, 'dual'), 2)
-    (0.5, 1.0)
-    """
+    """Return how much of the cross-section of a tube is left after a twist, in the middle."""
     figure = figures_models.tube(41, 32, 2)
     body = figure.bodies[0]
     share = np.clip(body.points[:, 2] / figures_models.LENGTH, 0, 1)

@@ -23,34 +23,7 @@ DATA = Path(pvibr.__file__).parents[2] / 'shared' / 'data'
 
 
 def tube(rings, around, joints, *, offset=0.0, morphs=None, look=None, every=1) -> Figure:
-    """Return a tube along z on a chain of joints that sways and twists, with four weights each.
-
-    Parameters
-    ----------
-    rings, around : int
-        Vertices along it and around it.
-    joints : int
-        In the chain.
-    offset : float
-        Added to all coordinates.
-    morphs : Morphs, optional
-        Of ``rings * around`` vertices.
-    look : dict, optional
-        Keywords of ``add_mesh``.
-    every : int
-        Of how many triangles one is kept; all vertices are.
-
-    Returns
-    -------
-    Figure
-        With a clip of :data:`SECONDS` seconds.
-
-    Examples
-    --------
-    >>> from pvibr.bench.figures_models import tube
-    >>> tube(20, 10, 4)
-    Figure(1 bodies, 4 joints, clips: 'sway')
-    """
+    """Return a tube along z on a chain of joints that sways and twists, with four weights each."""
     points, faces = _grid(rings, around)
     bone = LENGTH / joints
     rest = np.zeros((joints, 3))
@@ -67,18 +40,7 @@ def tube(rings, around, joints, *, offset=0.0, morphs=None, look=None, every=1) 
 
 
 def swaying(joints) -> Clip:
-    """Return a clip in which a chain bends by a right angle in all, and twists.
-
-    Parameters
-    ----------
-    joints : int
-        In the chain.
-
-    Returns
-    -------
-    Clip
-        Of :data:`SECONDS` seconds, the same at its end.
-    """
+    """Return a clip in which a chain bends by a right angle in all, and twists."""
     bend = np.pi / 2 / joints
     turns = from_axis_angle([[1.0, 0, 0.4]] * 3, [-bend, bend, -bend])
     times = np.array([0, SECONDS / 2, SECONDS])
@@ -86,44 +48,14 @@ def swaying(joints) -> Clip:
 
 
 def targets(n, points, seed=0) -> Morphs:
-    """Return morph targets that move every vertex, with normals.
-
-    Parameters
-    ----------
-    n : int
-        How many.
-    points : int
-        Vertices.
-    seed : int
-        Of the random differences.
-
-    Returns
-    -------
-    Morphs
-        All of weight 0.
-    """
+    """Return morph targets that move every vertex, with normals."""
     rng = np.random.default_rng(seed)
     moves = [0.02 * rng.normal(size=(points, 3)).astype(np.float32) for _ in range(n)]
     return Morphs(moves, normals=moves)
 
 
 def swelling(rings, around, *, offset=0.0, frames=5) -> Figure:
-    """Return a tube of key frames that swells and shears.
-
-    Parameters
-    ----------
-    rings, around : int
-        Vertices along it and around it.
-    offset : float
-        Added to all coordinates.
-    frames : int
-        Key frames, one every half a second.
-
-    Returns
-    -------
-    Figure
-        With a clip of its own length.
-    """
+    """Return a tube of key frames that swells and shears."""
     points, faces = _grid(rings, around)
     shapes = []
     for share in np.linspace(0, 1, frames):

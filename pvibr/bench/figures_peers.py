@@ -9,29 +9,7 @@ from pvibr import _vtk
 
 
 def reader_error(path, figure, times, clips) -> float:
-    """Return how far a figure's float64 points are from those of VTK's reader.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Of glTF.
-    figure : Figure
-        What was read of it.
-    times : int
-        Of each clip, from its begin to its end.
-    clips : int
-        How many are compared: of more, the first, the last and some between.
-
-    Returns
-    -------
-    float
-        The largest difference of a coordinate, over the size of the model at that time.
-
-    Raises
-    ------
-    ValueError
-        If VTK finds another number of triangles.
-    """
+    """Return how far a figure's float64 points are from those of VTK's reader."""
     # On its second update vtkGLTFReader writes all primitives of a mesh into the block of the
     # first (BuildMultiBlockDatasetFromMesh never counts blockId up): it must be a new one then.
     renew = len({body.node for body in figure.bodies}) < len(figure.bodies)
@@ -61,22 +39,7 @@ def _spread(n, most):
 
 
 def gltf_reader(path, number=0, clips=0):
-    """Return VTK's reader with one of the clips enabled.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Of glTF.
-    number : int
-        Which clip.
-    clips : int
-        How many there are.
-
-    Returns
-    -------
-    vtkGLTFReader
-        That deforms.
-    """
+    """Return VTK's reader with one of the clips enabled."""
     reader = _vtk.vtkGLTFReader()
     reader.SetFileName(str(path))
     reader.ApplyDeformationsToGeometryOn()
@@ -90,39 +53,13 @@ def gltf_reader(path, number=0, clips=0):
 
 
 def meshes_at(reader, time) -> list:
-    """Return what VTK's reader has at a time.
-
-    Parameters
-    ----------
-    reader : vtkGLTFReader
-        That deforms.
-    time : float
-        Seconds.
-
-    Returns
-    -------
-    list of pyvista.PolyData
-        One per primitive.
-    """
+    """Return what VTK's reader has at a time."""
     reader.UpdateTimeStep(float(time))
     return list(_leaves(reader.GetOutputDataObject(0)))
 
 
 def corners_at(reader, time) -> list:
-    """Return the corners of the triangles that VTK's reader has at a time.
-
-    Parameters
-    ----------
-    reader : vtkGLTFReader
-        That deforms.
-    time : float
-        Seconds.
-
-    Returns
-    -------
-    list of numpy.ndarray, shape (t, 3, 3), float64
-        One per primitive.
-    """
+    """Return the corners of the triangles that VTK's reader has at a time."""
     meshes = meshes_at(reader, time)
     return [np.array(mesh.points, np.float64)[mesh.regular_faces] for mesh in meshes]
 
@@ -137,42 +74,13 @@ def _leaves(blocks):
 
 
 def size_of(parts) -> float:
-    """Return the largest side of a box around points.
-
-    Parameters
-    ----------
-    parts : list of numpy.ndarray, shape (..., 3)
-        Points.
-
-    Returns
-    -------
-    float
-        In their unit.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.bench.figures_peers import size_of
-    >>> size_of([np.zeros((1, 3)), np.ones((2, 2, 3))])
-    1.0
-    """
+    """Return the largest side of a box around points."""
     points = np.concatenate([part.reshape(-1, 3) for part in parts])
     return float(np.ptp(points, axis=0).max())
 
 
 class NumpySkinning:
-    """Linear blending as it is written in numpy: float32, over all vertices at once.
-
-    Parameters
-    ----------
-    body : Body
-        With a skin.
-
-    Attributes
-    ----------
-    mesh : pyvista.PolyData
-        What is posed, with its normals.
-    """
+    """Linear blending as it is written in numpy: float32, over all vertices at once."""
 
     def __init__(self, body):
         self.skin = body.skin
@@ -185,13 +93,7 @@ class NumpySkinning:
         self.mesh.point_data.active_normals_name = 'Normals'
 
     def pose(self, world):
-        """Move the mesh.
-
-        Parameters
-        ----------
-        world : numpy.ndarray, shape (n, 4, 4)
-            ``figure_from_joint``.
-        """
+        """Move the mesh."""
         palette = self.skin.matrices(world).astype(np.float32)[:, :3].reshape(-1, 12)
         blend = (self.weights @ palette[self.skin.joints]).reshape(-1, 3, 4)
         points = np.einsum('vij,vj->vi', blend[..., :3], self.points) + blend[..., 3]

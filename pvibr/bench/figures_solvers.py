@@ -21,15 +21,7 @@ METHODS = ('damped', 'ccd', 'fabrik')
 
 
 def reaching(settings, results):
-    """Add the rows of chains of thirty joints with limits that reach for points they can reach.
-
-    Parameters
-    ----------
-    settings : Settings
-        How many chains.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of chains of thirty joints with limits that reach for points they can reach."""
     for method in METHODS:
         found = reach_times(method, settings.chains)
         results.points.setdefault('reaching', {})[method] = found
@@ -45,27 +37,7 @@ def reaching(settings, results):
 
 
 def reach_times(method, chains) -> dict:
-    """Solve for the tips of some random chains of bones of one length, and of limits of all kinds.
-
-    Parameters
-    ----------
-    method : str
-        Of :func:`pvibr.animation.kinematics.solve`.
-    chains : int
-        How many.
-
-    Returns
-    -------
-    dict of str to list of float
-        For each chain ``error`` over its reach, ``ms``, the least of three, and ``excess`` of the
-        limits in radians.
-
-    Examples
-    --------
-    >>> from pvibr.bench.figures_solvers import reach_times
-    >>> reach_times('damped', 1)['error'][0] <= 1e-3
-    True
-    """
+    """Solve random chains with equal bones and all kinds of limits for their tips."""
     found: dict[str, list[float]] = {'error': [], 'ms': [], 'excess': []}
     tip = JOINTS - 1
     for seed in range(chains):
@@ -82,20 +54,7 @@ def reach_times(method, chains) -> dict:
 
 
 def limited_chain(rng) -> tuple:
-    """Return a chain of hinges and cones, bent at rest, and a point that it can reach.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        What it is drawn from.
-
-    Returns
-    -------
-    chain : Chain
-        Of :data:`JOINTS` joints, 1 long.
-    target : numpy.ndarray, shape (3,)
-        Where its tip is in a random pose within the limits.
-    """
+    """Return a chain of hinges and cones, bent at rest, and a point that it can reach."""
     offsets = np.zeros((JOINTS, 3))
     offsets[1:, 2] = 1 / (JOINTS - 1)
     limits = {joint: _limit(rng) for joint in range(JOINTS)}
@@ -113,15 +72,7 @@ def _limit(rng):
 
 
 def correcting(settings, results):
-    """Add the rows of pose space deformation: weights at the key poses, shapes there, and far off.
-
-    Parameters
-    ----------
-    settings : Settings
-        Not used.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of pose space deformation: weights and shapes at key poses and far away."""
     found = sculpted_errors()
     results.rows += [
         Row('pose space: weights at key poses, error', found['weights'], '', 1e-6),
@@ -131,20 +82,7 @@ def correcting(settings, results):
 
 
 def sculpted_errors() -> dict:
-    """Sculpt a bending tube at some poses and look whether the shapes come back.
-
-    Returns
-    -------
-    dict of str to float
-        ``weights``, how far they are from 1 at their keys and 0 at others; ``shapes``, the largest
-        distance over the size of the tube; ``far``, the largest weight in poses beyond the radii.
-
-    Examples
-    --------
-    >>> from pvibr.bench.figures_solvers import sculpted_errors
-    >>> max(sculpted_errors().values()) < 1e-6
-    True
-    """
+    """Sculpt a bending tube at some poses and look whether the shapes come back."""
     plain = tube(40, 24, 3)
     rest = plain.skeleton.rest
     joint = 1

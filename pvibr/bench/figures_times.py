@@ -20,15 +20,7 @@ _FEW = 100  # one triangle of so many, where drawing shall not count
 
 
 def poses(settings, results):
-    """Add the rows of a new pose and its frame; the bars are those of the largest figure.
-
-    Parameters
-    ----------
-    settings : Settings
-        Figures, joints, pixels and rounds.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of a new pose and its frame; the bars are those of the largest figure."""
     sizes = settings.joints, settings.screen, settings.rounds
     for around, rings in settings.figures:
         share = pose_times(rings, around, *sizes)
@@ -54,42 +46,14 @@ def poses(settings, results):
 
 
 def pose_times(rings, around, joints, screen, rounds) -> dict:
-    """Time posing and upload alone: of all vertices, where few triangles are drawn.
-
-    Parameters
-    ----------
-    rings, around, joints : int
-        Of the tube.
-    screen : tuple of 2 int
-        Pixels.
-    rounds : int
-        How often; the least counts.
-
-    Returns
-    -------
-    dict of str to float
-        By way, ms that a frame of a new pose takes longer than one in which nothing changed.
-    """
+    """Time posing and upload alone: of all vertices, where few triangles are drawn."""
     figure = figures_models.tube(rings, around, joints, look=LOOK, every=_FEW)
     found = _in_turns(figure, screen, rounds)
     return {way: moved - still for way, (moved, still) in found.items()}
 
 
 def reference_time(rings, around, joints, rounds) -> float:
-    """Time the float64 reference.
-
-    Parameters
-    ----------
-    rings, around, joints : int
-        Of the tube.
-    rounds : int
-        How often; the least counts.
-
-    Returns
-    -------
-    float
-        Milliseconds of a new pose, without any upload.
-    """
+    """Time the float64 reference."""
     figure = figures_models.tube(rings, around, joints)
     pose, least = figure.sample(0.4), np.inf
     for _ in range(rounds):
@@ -100,22 +64,7 @@ def reference_time(rings, around, joints, rounds) -> float:
 
 
 def frame_times(rings, around, joints, screen, rounds) -> dict:
-    """Time frames of a new pose.
-
-    Parameters
-    ----------
-    rings, around, joints : int
-        Of the tube.
-    screen : tuple of 2 int
-        Pixels.
-    rounds : int
-        How often; the least counts.
-
-    Returns
-    -------
-    dict of str to float
-        By way, ms.
-    """
+    """Time frames of a new pose."""
     figure = figures_models.tube(rings, around, joints, look=LOOK)
     return {way: moved for way, (moved, _) in _in_turns(figure, screen, rounds).items()}
 
@@ -186,15 +135,7 @@ def _add(stage, mesh):
 
 
 def morphs(settings, results):
-    """Add the rows of morph targets: frames with some active over frames with none.
-
-    Parameters
-    ----------
-    settings : Settings
-        Vertices, targets, pixels and rounds.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of morph targets: frames with some active over frames with none."""
     (around, rings), count = settings.face, settings.targets
     found = morph_times(around, rings, count, settings.screen, settings.rounds)
     name = f'{count} morph targets on {around * rings:,} vertices'
@@ -206,24 +147,7 @@ def morphs(settings, results):
 
 
 def morph_times(around, rings, count, screen, rounds) -> dict:
-    """Time frames of a mesh with morph targets, in turns: none of any weight, and four of them.
-
-    Parameters
-    ----------
-    around, rings : int
-        Vertices around and along the mesh.
-    count : int
-        Targets.
-    screen : tuple of 2 int
-        Pixels.
-    rounds : int
-        How often; the least counts.
-
-    Returns
-    -------
-    dict
-        ``none``, a frame in which nothing changes, and ``active``, one with new weights; ms.
-    """
+    """Time frames of a mesh with morph targets, in turns: none of any weight, and four of them."""
     n = around * rings
     shapes = figures_models.targets(count, n)
     figure = figures_models.tube(rings, around, 2, morphs=shapes, look=LOOK)

@@ -21,21 +21,7 @@ TURN, STEP = 0.25, 0.2
 
 @dataclass
 class Settings:
-    """How much is measured.
-
-    Attributes
-    ----------
-    size : tuple of 2 int
-        Of the window, pixels.
-    actors, many : int
-        Of the orbit and fly-by, and of the hierarchy.
-    cells, few_cells, crowd_cells : int
-        Triangles of each, about: on the paths, of single ones, in the hierarchy.
-    frames : int
-        That are timed.
-    errors : tuple of float
-        `max_error` of the orbit's points.
-    """
+    """How much is measured."""
 
     size: tuple = (1280, 720)
     actors: int = 200
@@ -51,20 +37,7 @@ QUICK = Settings((160, 90), 8, 40, 2000, 500, 500, 10, (1.0,))
 
 
 def measure(out, *, quick=False) -> list:
-    """Measure everything, and write the table and the plot.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder.
-    quick : bool, optional
-        A few points only.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Measure everything, and write the table and the plot."""
     parts = {
         'orbit and fly-by': _paths, 'outlines': _outlines, 'nailboards': _nailboards,
         'hierarchy': _hierarchy,
@@ -73,13 +46,7 @@ def measure(out, *, quick=False) -> list:
 
 
 def knot(cells) -> pv.PolyData:
-    """Return a knot of about so many triangles, with normals.
-
-    Parameters
-    ----------
-    cells : int
-        Triangles.
-    """
+    """Return a knot of about so many triangles, with normals."""
     t = np.linspace(0, 2 * np.pi, max(cells // 48, 12))
     ring = 2 + np.cos(3 * t)
     line = np.c_[ring * np.cos(2 * t), ring * np.sin(2 * t), np.sin(3 * t)]
@@ -87,29 +54,13 @@ def knot(cells) -> pv.PolyData:
 
 
 def torus(cells) -> pv.PolyData:
-    """Return a torus of about so many triangles, with normals.
-
-    Parameters
-    ----------
-    cells : int
-        Triangles.
-    """
+    """Return a torus of about so many triangles, with normals."""
     side = int(np.sqrt(cells / 4)) + 1
     return pv.ParametricTorus(u_res=2 * side, v_res=side).compute_normals()
 
 
 def scatter(count, cells, spacing, seed=0) -> list:
-    """Return actors on a square, turned at random, about 2 units large.
-
-    Parameters
-    ----------
-    count, cells : int
-        How many, and triangles of each.
-    spacing : float
-        World units from one to the next.
-    seed : int, optional
-        Of the random numbers.
-    """
+    """Return actors on a square, turned at random, about 2 units large."""
     rng = np.random.default_rng(seed)
     meshes, columns = (knot(cells), torus(cells)), int(np.ceil(np.sqrt(count)))
     found = []
@@ -125,34 +76,14 @@ def scatter(count, cells, spacing, seed=0) -> list:
 
 
 def orbit(frames, radius, turn=TURN) -> list:
-    """Return cameras around the origin.
-
-    Parameters
-    ----------
-    frames : int
-        How many.
-    radius : float
-        World units.
-    turn : float, optional
-        Degrees from one to the next.
-    """
+    """Return cameras around the origin."""
     angles = np.radians(turn * np.arange(frames))
     eyes = np.stack([np.cos(angles), np.sin(angles), np.full(frames, 0.5)], 1) * radius
     return [(eye, (0, 0, 0), (0, 0, 1)) for eye in eyes.tolist()]
 
 
 def fly_by(frames, radius, step=STEP) -> list:
-    """Return cameras that go past the origin, looking ahead and down.
-
-    Parameters
-    ----------
-    frames : int
-        How many.
-    radius : float
-        World units from the origin.
-    step : float, optional
-        World units from one to the next.
-    """
+    """Return cameras that go past the origin, looking ahead and down."""
     eyes = np.array([0.3, -1.0, 0.5]) * radius + np.arange(frames)[:, None] * [0, step, 0]
     return [
         (e, np.add(e, (-0.3 * radius, radius, -0.5 * radius)), (0, 0, 1)) for e in eyes.tolist()
@@ -185,11 +116,7 @@ def _paths(settings, results):
 
 
 def _timed(stage, impostor, cameras, every=10) -> dict:
-    """Return mean milliseconds of frames, each so many with one of meshes between them.
-
-    Seconds of the wall and of the processor: the first are those of whoever looks, the others do
-    not know what else the machine does meanwhile.
-    """
+    """Return mean milliseconds of frames, each so many with one of meshes between them."""
     for enabled in (False, True):
         impostor.enabled = enabled
         stage.look(cameras[0])
@@ -226,20 +153,7 @@ def _tell(results, name, count, found, bar):
 
 
 def displaced(mesh, card) -> np.ndarray:
-    """Return how far wrong pixels are from where they would be right, pixels.
-
-    Parameters
-    ----------
-    mesh : numpy.ndarray, shape (k * h, k * w), bool
-        What is covered, in k samples along a side of a pixel.
-    card : numpy.ndarray, shape (h, w), bool
-        What is covered, in pixels.
-
-    Returns
-    -------
-    numpy.ndarray
-        One distance for each pixel that is wrong in its middle.
-    """
+    """Return how far wrong pixels are from where they would be right, pixels."""
     k = len(mesh) // len(card)
     middle = slice(k // 2, None, k), slice(k // 2, None, k)
     away = np.where(mesh, distance_transform_edt(mesh), distance_transform_edt(~mesh))
@@ -348,15 +262,7 @@ def _meshes(told):
 
 
 def plot(results, path):
-    """Draw time against error: the orbit at the left, outlines at the right.
-
-    Parameters
-    ----------
-    results : Results
-        With its points.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Draw time against error: the orbit at the left, outlines at the right."""
     figure, (cost, error) = two_axes((11, 4.5))
     points = results.points['orbit']
     cost.plot([p['ms'] for p in points.values()], list(points), 'o-', label='impostors')

@@ -11,33 +11,7 @@ from pvibr.bench.runs import run
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    trees : int
-        On the walk.
-    cameras : int
-        Places of the walk where the error is measured.
-    part : int
-        Full meshes drawn there.
-    steps : int
-        Frames of the short walk on which popping is looked for.
-    meshes : int or None
-        Single meshes; None is all.
-    sizes : tuple of int
-        Diameters of the single meshes on the screen, px.
-    errors : tuple of float
-        ``max_error`` of the single meshes, px.
-    directions : int
-        Views of each single mesh.
-    crowd : int
-        Instances of the crowd.
-    extremes : int
-        Offsets and scales, of two each.
-    """
+    """How much is measured."""
 
     size: tuple[int, int] = (1280, 720)
     trees: int = 10_000
@@ -59,20 +33,7 @@ QUICK = Settings(
 
 
 def measure(out, *, quick=False) -> list:
-    """Run every part, print and write the table and the plot, and return the rows.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder.
-    quick : bool
-        Whether only a few points are measured.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Run every part, print and write the table and the plot, and return the rows."""
     parts = {
         'walk': walk.measure,
         'single meshes': single.measure,

@@ -23,21 +23,7 @@ _EVERY = 8  # frames of which one is drawn in full as well, to be compared
 
 @dataclass
 class Settings:
-    """How much is measured.
-
-    Attributes
-    ----------
-    size : tuple of 2 int
-        Of the window, pixels.
-    actors : int
-        Of the scene.
-    cells : int
-        Triangles of each, about.
-    frames : int
-        That are timed.
-    errors : tuple of float
-        `max_error` of the plot's points.
-    """
+    """How much is measured."""
 
     size: tuple = (1280, 720)
     actors: int = 80
@@ -50,56 +36,25 @@ QUICK = Settings((160, 90), 8, 1000, 16, (1.0,))
 
 
 def measure(out, *, quick=False) -> list:
-    """Measure everything, and write the table and the plot.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder.
-    quick : bool, optional
-        A few points only.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Measure everything, and write the table and the plot."""
     parts = {'pan': _pan, 'track': _track, 'depth of field': _depth_of_field}
     return run('layers', parts, QUICK if quick else Settings(), plot, out, quick=quick)
 
 
 def pan(frames) -> list:
-    """Return cameras that turn about the vertical, where they stand.
-
-    Parameters
-    ----------
-    frames : int
-        How many.
-    """
+    """Return cameras that turn about the vertical, where they stand."""
     angles = np.radians(TURN * (np.arange(frames) - frames / 2))
     return [((0, -40, 6), (40 * np.sin(a), 40 * np.cos(a) - 40, 2), (0, 0, 1)) for a in angles]
 
 
 def track(frames) -> list:
-    """Return cameras that go sideways.
-
-    Parameters
-    ----------
-    frames : int
-        How many.
-    """
+    """Return cameras that go sideways."""
     steps = STEP * (np.arange(frames) - frames / 2)
     return [((x, -40, 6), (x, 0, 2), (0, 0, 1)) for x in steps.tolist()]
 
 
 def scene(settings) -> list:
-    """Return ground and heavy actors on it, near and far.
-
-    Parameters
-    ----------
-    settings : Settings
-        How many.
-    """
+    """Return ground and heavy actors on it, near and far."""
     actors = scatter(settings.actors, settings.cells, 4.0)
     for actor in actors:
         actor.position = np.add(actor.position, (0.0, 0.0, 1.0))
@@ -201,15 +156,7 @@ def _depth_of_field(settings, results):
 
 
 def plot(results, path):
-    """Draw time against error, of both kinds of warps.
-
-    Parameters
-    ----------
-    results : Results
-        With its points.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Draw time against error, of both kinds of warps."""
     figure, both = two_axes((12, 5))
     for axes, name in zip(both, ('pan', 'track'), strict=True):
         full = []

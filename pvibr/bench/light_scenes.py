@@ -23,19 +23,7 @@ AWAY = np.array([1.0, -0.7, 0.3])
 
 @dataclass(frozen=True, eq=False)
 class LightScene:
-    """Meshes, lights and a camera.
-
-    Parameters
-    ----------
-    name : str
-        As in tables.
-    meshes : list of pyvista.PolyData
-        Triangles without data, world coordinates, z up; the floor first where there is one.
-    lights : dict of str to pyvista.Light
-        'directional', 'spot' and 'point'; one is shown at a time.
-    camera : tuple
-        Eye, focus and up.
-    """
+    """Meshes, lights and a camera."""
 
     name: str
     meshes: list
@@ -55,22 +43,7 @@ class LightScene:
         return float(np.linalg.norm(self.bounds[1::2] - self.bounds[::2]))
 
     def stage(self, light, window, *, smooth=False) -> Stage:
-        """Return a window that shows it by one light, in white before black.
-
-        Parameters
-        ----------
-        light : str
-            Which of `lights`.
-        window : tuple of 2 int
-            Width and height, pixels.
-        smooth : bool, optional
-            Interpolated normals instead of those of the triangles.
-
-        Returns
-        -------
-        pvibr.offscreen.Stage
-            With the camera in place; to be closed.
-        """
+        """Return a window that shows it by one light, in white before black."""
         stage = Stage(window, view_angle=view_angle(window), background='black')
         stage.plotter.remove_all_lights()
         stage.plotter.add_light(self.lights[light].copy())
@@ -84,13 +57,7 @@ class LightScene:
 
 
 class VtkShadows:
-    """VTK's own shadow pass, switched as an effect is.
-
-    Parameters
-    ----------
-    plotter : pyvista.Plotter
-        Its active renderer.
-    """
+    """VTK's own shadow pass, switched as an effect is."""
 
     def __init__(self, plotter):
         self._plotter, self._enabled = plotter, False
@@ -108,22 +75,7 @@ class VtkShadows:
 
 
 def measured_lit(stage, effect, least=0.02):
-    """Return the share of light that is drawn: with an effect over without it.
-
-    Parameters
-    ----------
-    stage : pvibr.offscreen.Stage
-        Of a :class:`LightScene`.
-    effect : object
-        With an attribute `enabled`: pvibr's effects, :class:`VtkShadows`.
-    least : float, optional
-        Light without shadows that is enough to tell; colours have 255 steps.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w)
-        NaN where there is too little light to tell.
-    """
+    """Return the share of light that is drawn: with an effect over without it."""
     effect.enabled = False
     plain = stage.picture().mean(-1)
     effect.enabled = True
@@ -133,53 +85,14 @@ def measured_lit(stage, effect, least=0.02):
 
 
 def view_angle(window) -> float:
-    """Return the vertical view angle that shows the same along the shorter side of any window.
-
-    Parameters
-    ----------
-    window : tuple of 2 int
-        Width and height.
-
-    Returns
-    -------
-    float
-        Degrees.
-
-    Examples
-    --------
-    >>> from pvibr.bench.light_scenes import view_angle
-    >>> view_angle((1280, 720)), view_angle((400, 1200))
-    (30.0, 77.6)
-    """
+    """Return the vertical view angle that shows the same along the shorter side of any window."""
     width, height = window
     tangent = np.tan(np.radians(VIEW_ANGLE / 2)) * max(1.0, height / width)
     return float(np.degrees(2 * np.arctan(tangent)))
 
 
 def place(scene, offset=0.0, scale=1.0) -> LightScene:
-    """Return a scene made larger and moved as a whole.
-
-    Parameters
-    ----------
-    scene : LightScene
-        Around the origin.
-    offset : float, optional
-        How far, in sizes of what it becomes.
-    scale : float, optional
-        How much larger.
-
-    Returns
-    -------
-    LightScene
-        It looks the same.
-
-    Examples
-    --------
-    >>> from pvibr.bench.light_scenes import SCENES, place
-    >>> far = place(SCENES['spheres'](), offset=1e6, scale=1e-9)
-    >>> f'{far.size:.1e}', f'{far.camera[1][0]:.1e}'
-    ('1.8e-08', '1.4e-02')
-    """
+    """Return a scene made larger and moved as a whole."""
     shift = AWAY / np.linalg.norm(AWAY) * offset * scene.size * scale
 
     def moved(points):

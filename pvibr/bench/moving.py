@@ -20,21 +20,7 @@ _STEP = 3
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    trees : int
-        In the forest.
-    places : int
-        On the trail, where it is dragged.
-    frames : int
-        Of each drag.
-    limits : tuple of float
-        Values of ``moving_ms``; 0 is full quality.
-    """
+    """How much is measured."""
 
     size: tuple[int, int] = (1280, 720)
     trees: int = 10_000
@@ -47,33 +33,12 @@ QUICK = Settings(size=(320, 180), trees=200, places=2, frames=6)
 
 
 def measure(out, *, quick=False) -> list:
-    """Drag, print and write the table and the plot, and return the rows.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder.
-    quick : bool
-        Whether only a few points are measured.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Drag, print and write the table and the plot, and return the rows."""
     return run('moving', {'drags': _drags}, QUICK if quick else Settings(), plot, out, quick=quick)
 
 
 def plot(results, path):
-    """Draw the time of each frame, one axis a place.
-
-    Parameters
-    ----------
-    results : Results
-        With its points.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Draw the time of each frame, one axis a place."""
     drags = results.points['drags']
     figure, all_axes = several_axes((4 * len(drags), 4), 1, len(drags), sharey=True, squeeze=False)
     for place, axes in zip(drags, all_axes[0], strict=True):

@@ -18,25 +18,7 @@ LOD_DISTANCE, LOD_REDUCTION = 3.0, 0.9
 
 
 def glyph_actors(meshes, poses, index, *, lod=False) -> list:
-    """Return actors that draw instances by ``vtkGlyph3DMapper``.
-
-    Parameters
-    ----------
-    meshes : list of list of Part
-        Parts by mesh.
-    poses : numpy.ndarray, shape (n, 4, 4)
-        World from model, with uniform scale.
-    index : numpy.ndarray, shape (n,)
-        Which mesh.
-    lod : bool
-        Whether VTK culls and draws a lighter mesh where it is far.
-
-    Returns
-    -------
-    list of vtkActor
-        One for each part of each mesh. The mapper shows no colours of vertices; so each has the
-        mean colour of its part.
-    """
+    """Return actors that draw instances by ``vtkGlyph3DMapper``."""
     actors = []
     for k, parts in enumerate(meshes):
         if (index == k).any():
@@ -77,33 +59,7 @@ def _glyphs(part, points, lod):
 
 
 def glyph_seconds(scene, cameras, size, *, lod=False, part=PART, seed=0) -> float:
-    """Return VTK's seconds a frame for all instances of a landscape, extrapolated linearly.
-
-    Parameters
-    ----------
-    scene : pvibr.scenes.landscape.Landscape
-        Ground and trees.
-    cameras : sequence of tuple
-        Where it is measured; the median is taken.
-    size : tuple of 2 int
-        Pixels.
-    lod : bool
-        Whether with culling and levels.
-    part : int
-        Instances that are measured, drawn by lot.
-    seed : int
-        Of the lot.
-
-    Returns
-    -------
-    float
-        Seconds.
-
-    Notes
-    -----
-    With levels each part is drawn in a window of its own and the times are added: VTK 9.7
-    prints errors where two such mappers share a window.
-    """
+    """Return VTK's seconds a frame for all instances of a landscape, extrapolated linearly."""
     ids = np.random.default_rng(seed).permutation(len(scene.index))[:part]
     actors = glyph_actors(scene.parts(), scene.matrices[ids], scene.index[ids], lod=lod)
     groups = [[a] for a in actors] if lod else [actors]

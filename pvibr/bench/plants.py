@@ -17,15 +17,7 @@ _TREE = 40_000  # triangles
 
 
 def measure(settings, results):
-    """Measure every level of a tree.
-
-    Parameters
-    ----------
-    settings : pvibr.bench.billboards.Settings
-        How much.
-    results : Results
-        Takes rows and points.
-    """
+    """Measure every level of a tree."""
     start = time.perf_counter()
     levels = plant_levels(tree_parts('broadleaf', triangles=_TREE))
     results.rows.append(Row('levels of a tree: made', time.perf_counter() - start, 's'))

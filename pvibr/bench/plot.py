@@ -4,30 +4,12 @@ from __future__ import annotations
 
 
 def two_axes(size, **options):
-    """Return a figure that needs no screen, and its two axes.
-
-    Parameters
-    ----------
-    size : tuple of 2 float
-        Inches.
-    **options
-        Of matplotlib's ``subplots``.
-    """
+    """Return a figure that needs no screen, and its two axes."""
     return several_axes(size, 1, 2, **options)
 
 
 def several_axes(size, rows, columns, **options):
-    """Return a figure that needs no screen, and its axes.
-
-    Parameters
-    ----------
-    size : tuple of 2 float
-        Inches.
-    rows, columns : int
-        Of axes.
-    **options
-        Of matplotlib's ``subplots``.
-    """
+    """Return a figure that needs no screen, and its axes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -37,33 +19,13 @@ def several_axes(size, rows, columns, **options):
 
 
 def save(figure, name, results, path):
-    """Write a figure with the bench and the driver above it.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        What is written.
-    name : str
-        Of the bench.
-    results : Results
-        With the driver.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Write a figure with the bench and the driver above it."""
     figure.suptitle(f'pvibr bench {name}: {results.driver}')
     figure.savefig(path, dpi=110)
 
 
 def plot(results, path):
-    """Draw what was measured: the walk at the left, single meshes at the right.
-
-    Parameters
-    ----------
-    results : Results
-        With its points.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Draw what was measured: the walk at the left, single meshes at the right."""
     figure, (walk, single) = two_axes((12, 5))
     _walk(walk, results.points)
     _single(single, results.points.get('single', {}))
@@ -99,15 +61,7 @@ def _single(axes, meshes):
 
 
 def plot_shadows(results, path):
-    """Draw what shadows add to a frame against their error: hard ones left, soft ones right.
-
-    Parameters
-    ----------
-    results : Results
-        With its points.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Draw what shadows add to a frame against their error: hard ones left, soft ones right."""
     figure, (hard, soft) = two_axes((13, 5.5))
     points = results.points['plot']
     _curves(hard, points['hard'], 0.2)
@@ -133,15 +87,7 @@ def _curves(axes, curves, bar):
 
 
 def plot_effects(results, path):
-    """Draw what image effects cost, and for each with settings its time against its error.
-
-    Parameters
-    ----------
-    results : Results
-        With its points.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Draw what image effects cost, and for each with settings its time against its error."""
     figure, axes = several_axes((14, 9), 2, 2)
     (cost, bloom), (outline, lens) = axes
     points = results.points
@@ -174,15 +120,7 @@ def _labelled(axes, points):
 
 
 def plot_figures(results, path):
-    """Draw what a new pose costs by vertices, and the time of reaching against its error.
-
-    Parameters
-    ----------
-    results : Results
-        With its points.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Draw what a new pose costs by vertices, and the time of reaching against its error."""
     figure, (poses, reaching) = two_axes((13, 5.5))
     points = results.points['poses']
     for way in (name for name in points[0] if name != 'vertices'):
@@ -201,15 +139,7 @@ def plot_figures(results, path):
 
 
 def plot_clouds(results, path):
-    """Draw the error of billboard clouds by planes, and by bytes beside quadric decimation.
-
-    Parameters
-    ----------
-    results : Results
-        With its points.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Draw the error of billboard clouds by planes, and by bytes beside quadric decimation."""
     meshes = results.points['meshes']
     figure, rows = several_axes((4 * len(meshes), 8), 2, len(meshes), squeeze=False)
     for name, planes, size in zip(meshes, *rows, strict=True):

@@ -14,15 +14,7 @@ SIZE = (320, 180)
 
 
 def measure(settings, results):
-    """Add the rows of precision: mean differences to the picture at the origin.
-
-    Parameters
-    ----------
-    settings : Settings
-        How many offsets and scales.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of precision: mean differences to the picture at the origin."""
     truth = _picture(0.0, 1.0)
     for offset in OFFSETS[: settings.extremes]:
         _add(results, f'at {offset:g} of its size', _picture(offset, 1.0), truth)

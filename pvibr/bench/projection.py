@@ -27,19 +27,7 @@ BAR, PSNR_BAR = 0.3, 35.0
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured.
-
-    Parameters
-    ----------
-    scenes : tuple of str
-        Of :data:`pvibr.bench.light_scenes.SCENES`.
-    windows : tuple
-        Width and height of each, pixels.
-    offsets : tuple of float
-        In sizes of the scene.
-    resolutions : tuple of int
-        Of the depth view, texels.
-    """
+    """How much is measured."""
 
     scenes: tuple = ('spheres', 'terrain', 'tree', 'airplane', 'statue')
     windows: tuple = WINDOWS
@@ -51,20 +39,7 @@ QUICK = Settings(('spheres',), ((400, 225),), (0.0,), (512, 1024))
 
 
 def measure(out, *, quick=False) -> list:
-    """Run every part, print and write the table and the plot, and return the rows.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder.
-    quick : bool
-        Whether only a few points are measured.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Run every part, print and write the table and the plot, and return the rows."""
     parts = {
         'leaks and holes': _painted,
         'own camera': _own,
@@ -76,20 +51,7 @@ def measure(out, *, quick=False) -> list:
 
 
 def camera_of(scene, lens=()) -> Pinhole:
-    """Return a camera where a scene's spot light is, which sees what it lights.
-
-    Parameters
-    ----------
-    scene : pvibr.bench.light_scenes.LightScene
-        Any.
-    lens : tuple of float, optional
-        Its distortion.
-
-    Returns
-    -------
-    Pinhole
-        Of :data:`SIZE`.
-    """
+    """Return a camera where a scene's spot light is, which sees what it lights."""
     spot = scene.lights['spot']
     focus = 0.5 * SIZE[0] / np.tan(np.radians(spot.cone_angle))
     return _looking(spot.position, spot.focal_point, focus, lens)
@@ -236,15 +198,7 @@ def _resolution(settings, results):
 
 
 def _plot(results, path):
-    """Draw leaks and holes against the time that a frame takes longer.
-
-    Parameters
-    ----------
-    results : Results
-        With its points.
-    path : pathlib.Path
-        PNG file.
-    """
+    """Draw leaks and holes against the time that a frame takes longer."""
     figure, both = two_axes((10, 5), sharey=True)
     for axes, kind in zip(both, ('leak', 'hole'), strict=True):
         for name, points in results.points.items():

@@ -17,15 +17,7 @@ _SOME = 100  # of the pictures that are compared with rays
 
 
 def measure(settings, results):
-    """Measure times and errors.
-
-    Parameters
-    ----------
-    settings : pvibr.bench.billboards.Settings
-        How much.
-    results : Results
-        Takes rows and points.
-    """
+    """Measure times and errors."""
     kinds = {
         'cylinders': (_bars, _cylinders, {'tube filter': _tubes, 'glyph mapper': _glyphs}),
         'ellipsoids': (_eggs, _ellipsoids, {'vtkTensorGlyph': _tensors}),

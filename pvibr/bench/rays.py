@@ -23,21 +23,7 @@ _GRAZING = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What is seen through the centre of each pixel, top row first.
-
-    Parameters
-    ----------
-    hit : numpy.ndarray
-        (h, w) bool.
-    points : numpy.ndarray
-        (h, w, 3) float64, world units; NaN where nothing is hit.
-    normals : numpy.ndarray
-        (h, w, 3) float64; of the triangles, of unit length, toward the eye.
-    mesh : numpy.ndarray
-        (h, w) int; which of the meshes, -1 for none.
-    footprint : numpy.ndarray
-        (h, w) float64; how far neighbouring pixels are apart on the surface, world units.
-    """
+    """What is seen through the centre of each pixel, top row first."""
 
     hit: np.ndarray
     points: np.ndarray
@@ -46,43 +32,13 @@ class Surface:
     footprint: np.ndarray
 
     def facing(self, light):
-        """Return the cosine between normals and the direction to a light's middle.
-
-        Parameters
-        ----------
-        light : vtkLight
-            Directional or positional.
-
-        Returns
-        -------
-        numpy.ndarray, shape (h, w)
-            At or below 0 where the surface is turned away: it is dark whatever casts shadows.
-        """
+        """Return the cosine between normals and the direction to a light's middle."""
         toward, _ = _toward(light, self.points)
         return np.einsum('...i,...i', self.normals, toward)
 
 
 class Rays:
-    """Meshes to cast rays at.
-
-    Vertices are shifted to the middle of all and scaled to 1 in float64 before embree takes them
-    as float32, so that far and tiny scenes are met as well as any. Hits are put on the plane of
-    their triangle in float64.
-
-    Parameters
-    ----------
-    meshes : sequence of pyvista.PolyData
-        World coordinates; other cells than triangles and strips are split or left out.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.bench.rays import Rays
-    >>> rays = Rays([pv.Plane(), pv.Sphere(radius=0.2, center=(0, 0, 0.5))])
-    >>> light = pv.Light(position=(0, 0, 9), light_type='scene light')
-    >>> rays.lit([[0.0, 0, 0], [0.4, 0, 0]], [0, 0, 1], light).tolist()
-    [0.0, 1.0]
-    """
+    """Meshes to cast rays at."""
 
     def __init__(self, meshes):
         from embreex.mesh_construction import TriangleMesh
@@ -107,18 +63,7 @@ class Rays:
         TriangleMesh(self._scene, np.ascontiguousarray(triangles, np.float32))
 
     def surface(self, frame) -> Surface:
-        """Return what a camera sees.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            Camera and size, perspective or parallel.
-
-        Returns
-        -------
-        Surface
-            Of ``frame.size``.
-        """
+        """Return what a camera sees."""
         width, height = frame.size
         origins, ways = _pixel_rays(frame)
         origins, ways = (np.ascontiguousarray(a.reshape(-1, 3)) for a in (origins, ways))
@@ -143,28 +88,7 @@ class Rays:
         )
 
     def lit(self, points, normals, light, *, extent=0.0, samples=256):
-        """Return the share of a light that points see.
-
-        Parameters
-        ----------
-        points : array_like, shape (..., 3)
-            On the meshes; world units. NaN is left alone.
-        normals : array_like, shape (..., 3)
-            Geometric, of the side that is seen.
-        light : vtkLight
-            Directional or positional. The cone of a spot is not looked at: outside of it there
-            is no light to be shadowed.
-        extent : float, optional
-            Radius of a positional light, world units, as a disc that faces each point; or
-            angular diameter of a directional one, degrees.
-        samples : int, optional
-            Shadow rays per point for a light that has an extent: a sunflower's spiral.
-
-        Returns
-        -------
-        numpy.ndarray, shape (...), float64
-            0 to 1; 0 where the surface is turned away, NaN where points are.
-        """
+        """Return the share of a light that points see."""
         points = np.asarray(points, np.float64)
         normals = np.broadcast_to(np.asarray(normals, np.float64), points.shape)
         shape, found = points.shape[:-1], np.zeros(points.shape[:-1]).ravel()
@@ -221,29 +145,7 @@ class Rays:
 
 
 def edge_band(lit, surface=None, width=1):
-    """Return the pixels beside an edge of light and dark, or of a surface.
-
-    Parameters
-    ----------
-    lit : numpy.ndarray, shape (h, w)
-        Lit fraction by rays.
-    surface : Surface, optional
-        Where it jumps, which of the two a pixel shows is not for shadows to decide.
-    width : int, optional
-        Pixels on each side.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w), bool
-        Pixels with another state among the eight around them (for a width of 1).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.bench.rays import edge_band
-    >>> edge_band(np.array([[0.0, 0, 0, 1, 1, 1]])).astype(int).tolist()
-    [[0, 0, 1, 1, 0, 0]]
-    """
+    """Return the pixels beside an edge of light and dark, or of a surface."""
     state = np.where(np.isnan(lit), -1.0, lit > 0.5)
     around = {'footprint': _AROUND, 'mode': 'nearest'}
     band = ndimage.maximum_filter(state, **around) != ndimage.minimum_filter(state, **around)
@@ -253,59 +155,13 @@ def edge_band(lit, surface=None, width=1):
 
 
 def wrong(drawn, true, *leave_out):
-    """Return the share of pixels whose light is on the wrong side of a half.
-
-    Parameters
-    ----------
-    drawn : numpy.ndarray, shape (h, w)
-        Lit fraction; NaN where it is not known.
-    true : numpy.ndarray, shape (h, w)
-        By rays.
-    *leave_out : numpy.ndarray, shape (h, w), bool
-        Pixels that do not count: the band, what is turned away.
-
-    Returns
-    -------
-    float
-        Pixels that differ by more than 0.5 over pixels that count; NaN where none counts.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.bench.rays import wrong
-    >>> wrong(np.array([0, 1, 1, np.nan]), np.array([0, 0, 1, 1]))  # 1 of 3
-    0.333
-    """
+    """Return the share of pixels whose light is on the wrong side of a half."""
     counts = _known(drawn, true, leave_out)
     return float((np.abs(drawn - true)[counts] > 0.5).mean()) if counts.any() else float('nan')
 
 
 def strengths(drawn, true, *leave_out):
-    """Return how much light is drawn in full shadow and in full light.
-
-    Parameters
-    ----------
-    drawn : numpy.ndarray, shape (h, w)
-        Lit fraction; NaN where it is not known.
-    true : numpy.ndarray, shape (h, w)
-        By rays.
-    *leave_out : numpy.ndarray, shape (h, w), bool
-        Pixels that do not count: a band as wide as a filter, what is turned away.
-
-    Returns
-    -------
-    dark : float
-        Mean of `drawn` where `true` is 0; NaN where that is nowhere.
-    light : float
-        Mean of `drawn` where `true` is 1; NaN where that is nowhere.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.bench.rays import strengths
-    >>> strengths(np.array([0.2, 0.0, 1.0, np.nan]), np.array([0.0, 0.0, 1.0, 1.0]))
-    (0.1, 1.0)
-    """
+    """Return how much light is drawn in full shadow and in full light."""
     counts = _known(drawn, true, leave_out)
     found = (drawn[counts & (true == value)] for value in (0, 1))
     dark, light = (float(a.mean()) if len(a) else float('nan') for a in found)

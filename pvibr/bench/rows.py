@@ -10,27 +10,7 @@ from rich.table import Table
 
 @dataclass(frozen=True)
 class Row:
-    """One number and its bar.
-
-    Parameters
-    ----------
-    name : str
-        What was measured.
-    value : float
-        The number.
-    unit : str, optional
-        Of the number and the bar.
-    bar : float, optional
-        What it must reach; None where it is only told.
-    at_least : bool, optional
-        Whether more is better.
-
-    Examples
-    --------
-    >>> from pvibr.bench.rows import Row
-    >>> Row('bake', 2.5, 's', bar=3).ok, Row('faster', 150, 'x', bar=200, at_least=True).ok
-    (True, False)
-    """
+    """One number and its bar."""
 
     name: str
     value: float
@@ -56,19 +36,7 @@ class Row:
 
 @dataclass
 class Results:
-    """All rows of a bench, the settings that they were measured with, and the points of a plot.
-
-    Parameters
-    ----------
-    driver : str
-        What drew.
-    settings : dict
-        Sizes and counts.
-    rows : list of Row
-        In the order in which they were measured.
-    points : dict
-        What the plot shows, by curve.
-    """
+    """All rows of a bench, the settings that they were measured with, and the points of a plot."""
 
     driver: str
     settings: dict

@@ -11,28 +11,7 @@ from pvibr.offscreen import Stage
 
 
 def run(name, parts, settings, draw, out, *, quick=False) -> list:
-    """Run every part, print and write the table and the plot, and return the rows.
-
-    Parameters
-    ----------
-    name : str
-        Of the bench, as in ``bench_NAME.json``.
-    parts : dict of str to callable
-        By name, each taking settings and results.
-    settings : object
-        How much is measured; its attributes are written, too.
-    draw : callable
-        Takes results and a path, and writes a plot there.
-    out : pathlib.Path
-        Folder.
-    quick : bool, optional
-        Whether only a few points are measured; this is written, too.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Run every part, print and write the table and the plot, and return the rows."""
     with Stage((64, 64)) as stage:
         results = Results(stage.driver(), {'quick': quick, **vars(settings)})
     console = Console(stderr=True)

@@ -20,15 +20,7 @@ _CASCADES = 4
 
 
 def measure(settings, results):
-    """Add the number of dark pixels where all is lit, and the width of gaps.
-
-    Parameters
-    ----------
-    settings : pvibr.bench.shadows.Settings
-        Which angles.
-    results : Results
-        Taken further.
-    """
+    """Add the number of dark pixels where all is lit, and the width of gaps."""
     low, high = settings.angles[0], settings.angles[-1]
     for method in METHODS:
         setting = {'method': method}
@@ -73,17 +65,7 @@ def _grazing(angle) -> np.ndarray:
 
 
 def acne(kind, setting, angle) -> int:
-    """Return the dark pixels on a plane that is wholly lit.
-
-    Parameters
-    ----------
-    kind : {'directional', 'spot'}
-        Of the light.
-    setting : dict
-        Of :class:`pvibr.Shadows`.
-    angle : float
-        Between light and normal, degrees.
-    """
+    """Return the dark pixels on a plane that is wholly lit."""
     plane = _triangles(pv.Plane(i_size=10, j_size=10, i_resolution=60, j_resolution=60))
     toward = _grazing(angle)
     lamp = _lamp(kind, toward, 20.0)
@@ -95,15 +77,7 @@ def acne(kind, setting, angle) -> int:
 
 
 def acne_on_ball(kind, setting) -> int:
-    """Return the dark pixels on a ball's triangles that light grazes, and that rays find lit.
-
-    Parameters
-    ----------
-    kind : {'directional', 'spot'}
-        Of the light.
-    setting : dict
-        Of :class:`pvibr.Shadows`.
-    """
+    """Return the dark pixels on a ball's triangles that light grazes, and that rays find lit."""
     ball = _triangles(pv.Sphere(radius=2.0, theta_resolution=100, phi_resolution=102))
     lamp = _lamp(kind, _grazing(60.0), 12.0)
     lamp.intensity = 5.0
@@ -117,17 +91,7 @@ def acne_on_ball(kind, setting) -> int:
 
 
 def gap(thick, kind, setting) -> float:
-    """Return the widest light between a wall's foot and its shadow, in texels.
-
-    Parameters
-    ----------
-    thick : float
-        Of the wall, which is 4 long and 2 high; 0 is a sheet.
-    kind : {'directional', 'spot'}
-        Of the light, 45 degrees above the floor.
-    setting : dict
-        Of :class:`pvibr.Shadows`.
-    """
+    """Return the widest light between a wall's foot and its shadow, in texels."""
     floor = _triangles(pv.Plane(i_size=12, j_size=12))
     wall = pv.Box((-2, 2, -thick, 0, 0, 2)) if thick else pv.Plane(
         center=(0, 0, 1), direction=(0, 1, 0), i_size=2, j_size=4

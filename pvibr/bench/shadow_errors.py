@@ -30,23 +30,7 @@ VTK = 'VTK'
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What a window shows by one light, and what rays say about it.
-
-    Parameters
-    ----------
-    stage : pvibr.offscreen.Stage
-        Without shadows.
-    surface : pvibr.bench.rays.Surface
-        What is seen.
-    lit : numpy.ndarray, shape (h, w)
-        Share of the light that reaches it.
-    away : numpy.ndarray, shape (h, w), bool
-        What is turned away from the light, or shows nothing.
-    rays : pvibr.bench.rays.Rays
-        Of the scene.
-    light : pyvista.Light
-        The one that shines.
-    """
+    """What a window shows by one light, and what rays say about it."""
 
     stage: Stage
     surface: Surface
@@ -61,19 +45,7 @@ class Sight:
         return edge_band(self.lit, self.surface)
 
     def unsure(self, asked) -> np.ndarray:
-        """Return where the reference is not sure, for a light without size.
-
-        Parameters
-        ----------
-        asked : numpy.ndarray, shape (h, w), bool
-            Pixels to look at.
-
-        Returns
-        -------
-        numpy.ndarray, shape (h, w), bool
-            Those where rays from beside the point, as near as embree's float32 tells points
-            apart, see something else.
-        """
+        """Return where the reference is not sure, for a light without size."""
         rng = np.random.default_rng(1)
         points, normals, lit = (a[asked] for a in (self.surface.points, self.surface.normals,
                                                    self.lit))  # fmt: skip
@@ -99,28 +71,7 @@ class Sight:
 
 @contextmanager
 def sight(scene, rays, light, window, *, extent=0.0, clipping=None) -> Iterator[Sight]:
-    """Show a scene by one light.
-
-    Parameters
-    ----------
-    scene : pvibr.bench.light_scenes.LightScene
-        With the light.
-    rays : pvibr.bench.rays.Rays
-        Of its meshes.
-    light : str
-        Which.
-    window : tuple of 2 int
-        Pixels.
-    extent : float, optional
-        Of the light, see :meth:`pvibr.bench.rays.Rays.lit`.
-    clipping : tuple of 2 float, optional
-        Near and far of the camera.
-
-    Yields
-    ------
-    Sight
-        Its stage closes afterwards.
-    """
+    """Show a scene by one light."""
     with scene.stage(light, window) as stage:
         if clipping:
             stage.plotter.camera.clipping_range = clipping
@@ -132,20 +83,7 @@ def sight(scene, rays, light, window, *, extent=0.0, clipping=None) -> Iterator[
 
 @contextmanager
 def shown(stage, setting):
-    """Add shadows for a while.
-
-    Parameters
-    ----------
-    stage : pvibr.offscreen.Stage
-        Where.
-    setting : dict or str
-        Of :class:`pvibr.Shadows`, or :data:`VTK` for its own pass.
-
-    Yields
-    ------
-    object
-        With an attribute `enabled`.
-    """
+    """Add shadows for a while."""
     if setting == VTK:
         effect = VtkShadows(stage.plotter)
         yield effect
@@ -157,36 +95,13 @@ def shown(stage, setting):
 
 
 def drawn(found, setting, least=0.02) -> np.ndarray:
-    """Return the share of light that is drawn.
-
-    Parameters
-    ----------
-    found : Sight
-        What is shown.
-    setting : dict or str
-        As :func:`shown` takes it.
-    least : float, optional
-        Light that is enough to tell.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w)
-        NaN where there is too little light to tell.
-    """
+    """Return the share of light that is drawn."""
     with shown(found.stage, setting) as effect:
         return measured_lit(found.stage, effect, least)
 
 
 def wrong_share(found, setting) -> float:
-    """Return the percentage of pixels in the wrong light, outside a band of one pixel.
-
-    Parameters
-    ----------
-    found : Sight
-        What is shown, by a light without size.
-    setting : dict or str
-        As :func:`shown` takes it.
-    """
+    """Return the percentage of pixels in the wrong light, outside a band of one pixel."""
     return _share(found, drawn(found, setting))
 
 
@@ -204,15 +119,7 @@ def _errors(found, setting) -> tuple[float, float, float]:
 
 
 def measure(settings, results):
-    """Add the worst of each scene, and VTK's pass for comparison.
-
-    Parameters
-    ----------
-    settings : pvibr.bench.shadows.Settings
-        Scenes, windows and lights.
-    results : Results
-        Taken further.
-    """
+    """Add the worst of each scene, and VTK's pass for comparison."""
     every: dict = {}
     for name in settings.scenes:
         scene = SCENES[name]()
@@ -243,15 +150,7 @@ def measure(settings, results):
 
 
 def measure_extremes(settings, results):
-    """Add wrong pixels far from the origin, for odd lights and for far planes.
-
-    Parameters
-    ----------
-    settings : pvibr.bench.shadows.Settings
-        Which scene, and how far.
-    results : Results
-        Taken further.
-    """
+    """Add wrong pixels far from the origin, for odd lights and for far planes."""
     scene = SCENES[settings.extreme]()
     window = settings.windows[min(1, len(settings.windows) - 1)]
     cases: list = [

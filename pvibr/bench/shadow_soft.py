@@ -17,15 +17,7 @@ _LEAST = 0.1  # light that is enough to tell shares of it
 
 
 def measure(settings, results):
-    """Add the error of each soft method, of hard shadows, and of the reference itself.
-
-    Parameters
-    ----------
-    settings : pvibr.bench.shadows.Settings
-        Scenes, window and blurs.
-    results : Results
-        Taken further.
-    """
+    """Add the error of each soft method, of hard shadows, and of the reference itself."""
     every: dict = {}
     for name in settings.soft:
         scene = SCENES[name]()
@@ -61,32 +53,11 @@ def _tried(settings) -> dict:
 
 
 def sized(setting, extent):
-    """Return a setting with the size of a light, as pcss takes it.
-
-    Parameters
-    ----------
-    setting : dict or str
-        Of :class:`pvibr.Shadows`, or VTK's pass.
-    extent : float
-        Radius or angle; the one that a light does not have is not looked at.
-
-    Returns
-    -------
-    dict or str
-        The same where it has no such settings.
-    """
+    """Return a setting with the size of a light, as pcss takes it."""
     return setting if setting == VTK else setting | {'angle': extent, 'radius': extent}
 
 
 def error(found, lit) -> float:
-    """Return the mean absolute error of the share of light.
-
-    Parameters
-    ----------
-    found : pvibr.bench.shadow_errors.Sight
-        What rays say.
-    lit : numpy.ndarray, shape (h, w)
-        What is drawn; NaN where that is not known.
-    """
+    """Return the mean absolute error of the share of light."""
     known = np.isfinite(lit) & np.isfinite(found.lit) & ~found.away
     return float(np.abs(lit - found.lit)[known].mean())

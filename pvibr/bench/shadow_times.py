@@ -41,15 +41,7 @@ SOFT: dict = {
 
 
 def measure(settings, results):
-    """Add times over those of VTK's pass, draws of lights' views, and outlines.
-
-    Parameters
-    ----------
-    settings : pvibr.bench.shadows.Settings
-        Scene, repeats and frames.
-    results : Results
-        Taken further.
-    """
+    """Add times over those of VTK's pass, draws of lights' views, and outlines."""
     scene = SCENES[settings.timed]()
     choices = {'hard': {'method': 'hard'}, 'pcf': {}, 'volume': {'method': 'volume'}, VTK: VTK}
     for light in ('spot', 'directional'):
@@ -79,27 +71,7 @@ def measure(settings, results):
 
 
 def extra_ms(scene, light, choices, settings, moves=('camera', 'light')) -> dict:
-    """Return what shadows add to a frame while the camera or the light moves.
-
-    Parameters
-    ----------
-    scene : pvibr.bench.light_scenes.LightScene
-        What is drawn.
-    light : str
-        Which of its lights.
-    choices : dict
-        By name, what :func:`pvibr.bench.shadow_errors.shown` takes.
-    settings : pvibr.bench.shadows.Settings
-        Repeats and frames.
-    moves : tuple of str, optional
-        What moves, one after the other.
-
-    Returns
-    -------
-    dict
-        By name, by ``'camera'`` or ``'light'``, by ``'wall'`` or ``'cpu'``: milliseconds of the
-        median frame over those without shadows. Repeats of all choices take turns.
-    """
+    """Return what shadows add to a frame while the camera or the light moves."""
     found: dict = {name: {what: [] for what in moves} for name in (None, *choices)}
     with scene.stage(light, settings.screen) as stage:
         for _ in range(settings.repeats):
@@ -178,15 +150,7 @@ def _outlines(settings, results):
 
 
 def measure_plot(settings, results):
-    """Add the points of the plot: error and time of every method by its settings.
-
-    Parameters
-    ----------
-    settings : pvibr.bench.shadows.Settings
-        Which scene.
-    results : Results
-        Taken further.
-    """
+    """Add the points of the plot: error and time of every method by its settings."""
     scene = SCENES[settings.plotted]()
     rays = Rays(scene.meshes)
     hard, soft = (

@@ -12,41 +12,7 @@ from pvibr.bench.runs import run
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured.
-
-    Parameters
-    ----------
-    scenes : tuple of str
-        Of :data:`pvibr.bench.light_scenes.SCENES`.
-    windows : tuple of tuple of 2 int
-        Pixels.
-    lights : tuple of str
-        Of each scene.
-    moved : tuple of float
-        How far away from the origin, in sizes of the scene.
-    extreme : str
-        The scene for that, for odd lights and for far planes.
-    angles : tuple of float
-        Between light and normal, degrees, where acne is looked for.
-    soft : tuple of str
-        Scenes lit by lights of a size.
-    blurs : tuple of float
-        Texels, of which the moments take what fits best.
-    small : tuple of 2 int
-        Window where 256 rays are cast for each pixel.
-    screen : tuple of 2 int
-        Window where frames are timed.
-    timed : str
-        The scene whose frames are timed.
-    repeats, frames : int
-        How often, and how many frames each time.
-    plotted : str
-        The scene of the plot, lit by its spot.
-    points : int
-        Of each of its curves, at most.
-    triangles : int
-        Of the mesh whose outline is found.
-    """
+    """How much is measured."""
 
     scenes: tuple[str, ...] = tuple(SCENES)
     windows: tuple[tuple[int, int], ...] = WINDOWS
@@ -75,20 +41,7 @@ QUICK = Settings(
 
 
 def measure(out, *, quick=False) -> list:
-    """Run every part, print and write the table and the plot, and return the rows.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        Folder.
-    quick : bool
-        Whether only a few points are measured.
-
-    Returns
-    -------
-    list of Row
-        What was measured.
-    """
+    """Run every part, print and write the table and the plot, and return the rows."""
     parts = {
         'wrong pixels': shadow_errors.measure,
         'extremes': shadow_errors.measure_extremes,

@@ -1,9 +1,4 @@
-"""Single meshes, small on the screen: whichever level is drawn must not be worse than the mesh.
-
-Each is seen as in a window of 1280 x 720: what is cut out of it is drawn, by a camera as far away
-as there. A camera of the same angle in a window of the cut's size would be at 4 to 8 radii of the
-mesh, from where it is never so small on a screen.
-"""
+"""Single meshes, small on the screen: whichever level is drawn must not be worse than the mesh."""
 
 from __future__ import annotations
 
@@ -33,15 +28,7 @@ FLOOR = 1e-4
 
 
 def measure(settings, results):
-    """Add the rows of single meshes: FLIP against the mesh's own, displacement of outlines.
-
-    Parameters
-    ----------
-    settings : Settings
-        How much is measured.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of single meshes: FLIP against the mesh's own, displacement of outlines."""
     results.points['single'] = {}
     for name, make in list(MESHES.items())[: settings.meshes]:
         found = _Mesh(name, make(), settings).measure()
@@ -51,11 +38,7 @@ def measure(settings, results):
 
 
 def _moved_rows(results):
-    """Add for each max_error, and for the mesh itself, the outline farthest beyond its bar.
-
-    Where the mesh itself, drawn once per pixel, is farther from the truth than a bar (thin things
-    break up between samples), no level of detail can be asked for more: the bar is the mesh's.
-    """
+    """Add for each max_error, and for the mesh itself, the outline farthest beyond its bar."""
     worst: dict[str, tuple[float, float, float, str]] = {}
     for name, found in results.points['single'].items():
         for size, by_error in found.items():

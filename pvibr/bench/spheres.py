@@ -17,15 +17,7 @@ _SPHERES = 300  # of the picture that is compared with rays
 
 
 def measure(settings, results):
-    """Measure times and the error.
-
-    Parameters
-    ----------
-    settings : pvibr.bench.billboards.Settings
-        How much.
-    results : Results
-        Takes rows and points.
-    """
+    """Measure times and the error."""
     curves: dict = {}
     for count in settings.counts:
         points = np.random.default_rng(0).uniform(-1, 1, (count, 3)).astype(np.float32)
@@ -73,17 +65,7 @@ _WAYS = {
 
 
 def least_ms(put, things, size) -> float:
-    """Return the least milliseconds of a frame while the camera moves.
-
-    Parameters
-    ----------
-    put : callable
-        Adds things to a plotter.
-    things : object
-        Its second argument.
-    size : tuple of 2 int
-        Pixels.
-    """
+    """Return the least milliseconds of a frame while the camera moves."""
     pl = plotter(size)
     put(pl, things)
     found = []
@@ -95,42 +77,20 @@ def least_ms(put, things, size) -> float:
 
 
 def plotter(size, **kwargs):
-    """Return an empty plotter that smooths nothing.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    **kwargs
-        Of the plotter.
-    """
+    """Return an empty plotter that smooths nothing."""
     pl = pv.Plotter(off_screen=True, window_size=list(size), **kwargs)
     pl.disable_anti_aliasing()
     return pl
 
 
 def look(pl, eye):
-    """Look at the origin.
-
-    Parameters
-    ----------
-    pl : pyvista.Plotter
-        Its camera is moved.
-    eye : tuple of 3 float
-        From where.
-    """
+    """Look at the origin."""
     pl.camera.position, pl.camera.focal_point, pl.camera.up = eye, (0, 0, 0), (0, 0, 1)
     pl.renderer.ResetCameraClippingRange()
 
 
 def ray_error(size) -> float:
-    """Return the largest difference of a picture of spheres from rays, of 255.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    """
+    """Return the largest difference of a picture of spheres from rays, of 255."""
     rng = np.random.default_rng(0)
     centers, radii = rng.uniform(-1, 1, (_SPHERES, 3)), rng.uniform(0.03, 0.2, _SPHERES)
 
@@ -141,19 +101,7 @@ def ray_error(size) -> float:
 
 
 def picture_error(size, put, meet, *things) -> float:
-    """Return the largest difference of a picture from rays in double precision, of 255.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Pixels.
-    put : callable
-        Adds things to a plotter, with looks as keywords.
-    meet : callable
-        Of `pvibr.maths.quadric_rays`.
-    *things : numpy.ndarray
-        What it needs.
-    """
+    """Return the largest difference of a picture from rays in double precision, of 255."""
     pl = plotter(size, lighting='none')
     pl.set_background('black')
     pl.add_light(pv.Light(light_type='headlight'))

@@ -16,13 +16,7 @@ _VIEWS = 4
 
 
 def disc(side=64) -> np.ndarray:
-    """Return a soft disc, white, shape (side, side, 4) uint8.
-
-    Parameters
-    ----------
-    side : int
-        Pixels.
-    """
+    """Return a soft disc, white, shape (side, side, 4) uint8."""
     y, x = np.mgrid[:side, :side] - (side - 1) / 2
     image = np.full((side, side, 4), 255, np.uint8)
     image[..., 3] = np.rint(255 * np.clip(4 - 8 * np.hypot(x, y) / side, 0, 1))
@@ -30,17 +24,7 @@ def disc(side=64) -> np.ndarray:
 
 
 def foliage(side=256, leaves=300, seed=0) -> np.ndarray:
-    """Return small leaves with gaps, shape (side, side, 4) uint8.
-
-    Parameters
-    ----------
-    side : int
-        Pixels.
-    leaves : int
-        How many.
-    seed : int
-        Of their places.
-    """
+    """Return small leaves with gaps, shape (side, side, 4) uint8."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[:side, :side]
     alpha = np.zeros((side, side))
@@ -54,15 +38,7 @@ def foliage(side=256, leaves=300, seed=0) -> np.ndarray:
 
 
 def measure(settings, results):
-    """Measure both.
-
-    Parameters
-    ----------
-    settings : pvibr.bench.billboards.Settings
-        How much.
-    results : Results
-        Takes rows and points.
-    """
+    """Measure both."""
     curves: dict = {}
     for count in settings.counts:
         found = _times(count, settings.size, settings.slow)
@@ -118,13 +94,7 @@ def _ms(put, size) -> float:
 
 
 def frame_ms(pl) -> float:
-    """Return how long a frame takes, ms.
-
-    Parameters
-    ----------
-    pl : pyvista.Plotter
-        With a window.
-    """
+    """Return how long a frame takes, ms."""
     window: Any = pl.render_window
     start = time.perf_counter()
     window.Render()

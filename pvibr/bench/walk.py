@@ -18,15 +18,7 @@ STEP = 0.4 / 750
 
 
 def measure(settings, results):
-    """Add the rows of the walk.
-
-    Parameters
-    ----------
-    settings : Settings
-        How much is measured.
-    results : Results
-        Taken further.
-    """
+    """Add the rows of the walk."""
     scene = landscape(settings.trees)
     with Stage(settings.size, scene.terrain, scene.view_angle, lights=scene.lights()) as stage:
         stage.bounds = scene.terrain.bounds

@@ -19,13 +19,7 @@ class _Behind(FullScreen):
     _hidden: tuple | None = None
 
     def needed(self, frame) -> bool | str:
-        """Tell whether it can be seen.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether it can be seen."""
         others = self.pipeline.effects if self.pipeline is not None else ()
         for other in others:
             if other is not self and isinstance(other, _Behind) and other._hidden:
@@ -35,13 +29,7 @@ class _Behind(FullScreen):
         return super().needed(frame)
 
     def prepare(self, frame):
-        """Take the background away, so that what shows through can be told from the scene.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Take the background away, so that what shows through can be told from the scene."""
         self.finish(frame)
         renderer = frame.renderer
         gradient, textured = renderer.GetGradientBackground(), renderer.GetTexturedBackground()
@@ -53,13 +41,7 @@ class _Behind(FullScreen):
         renderer.SetTexturedBackground(False)
 
     def finish(self, frame):
-        """Put the background back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Put the background back."""
         if self._hidden is not None:
             low, gradient, textured = self._hidden
             self._hidden = None
@@ -151,13 +133,7 @@ class Sky(_Behind):
         return 'behind', 'gradient' if self._image is None else 'panorama', 'sky'
 
     def needed(self, frame) -> bool | str:
-        """Tell whether it can be seen.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether it can be seen."""
         if not np.any(self.up):
             return 'up is (0, 0, 0): give a direction'
         if self._image is not None and self._image.missing:
@@ -165,13 +141,7 @@ class Sky(_Behind):
         return super().needed(frame) if self.opacity > 0 else 'opacity is 0'
 
     def bake_into(self, scene):
-        """Hand it to a scene without pvibr.
-
-        Parameters
-        ----------
-        scene : pvibr.baked_scene.BakedScene
-            Takes a dome around everything.
-        """
+        """Hand it to a scene without pvibr."""
         scene.dome(lambda directions: self.colors(directions, scene.frame))
 
     def colors(self, directions, frame) -> np.ndarray:

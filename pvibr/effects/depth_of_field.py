@@ -156,38 +156,18 @@ class DepthOfField(Effect):
         return near, far
 
     def needed(self, frame) -> bool | str:
-        """Tell whether anything may be out of focus.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether anything may be out of focus."""
         if self.radius == 0:
             return 'radius is 0'
         sharp = max(map(abs, self.circles(frame))) <= 0.5 and not self.debug
         return 'nothing is out of focus by half a pixel' if sharp else True
 
     def reach(self, frame) -> float:
-        """Return the radius of the largest circle of confusion, and of its tiles, in pixels.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            What is drawn.
-        """
+        """Return the radius of the largest circle of confusion, and of its tiles, in pixels."""
         return self.limit * frame.whole[1] + 4 * _TILE
 
     def render(self, frame, picture):
-        """Draw the picture as the lens sees it.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        picture : pvibr.gl.picture.Picture
-            Colour and depth.
-        """
+        """Draw the picture as the lens sees it."""
         self._allocate(frame.window, picture.size)
         near, far = (c / 2 for c in self.circles(frame))
         most = max(self.limit * frame.whole[1] / 2, 0.5)

@@ -115,13 +115,7 @@ class Glow(Shine):
         self._strengths = tuple(np.broadcast_to(values, count).tolist())
 
     def needed(self, frame):
-        """Tell whether a frame needs it.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether a frame needs it."""
         self._lit = self._shining(frame.renderer)
         if not self._lit:
             return 'none of its actors is in the subplot, visible and of any strength'
@@ -147,13 +141,7 @@ class Glow(Shine):
         )
 
     def prepare(self, frame):
-        """Draw the actors alone, while the textures of other effects are bound.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Draw the actors alone, while the textures of other effects are bound."""
         if self._is_part(frame):
             return
         if self._gpu is not None and self._gpu.key != (frame.renderer, frame.size):
@@ -213,13 +201,7 @@ class Afterglow(Glow):
     _past: Any = None
 
     def needed(self, frame):
-        """Tell whether a frame needs it.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether a frame needs it."""
         # Trails outlast what made them.
         self._lit = self._shining(frame.renderer)
         return self.intensity > 0 or 'intensity is 0'

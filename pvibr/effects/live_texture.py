@@ -139,13 +139,7 @@ class LiveTexture(Effect):
     # -- the life of an effect ----------------------------------------------------------------
 
     def prepare(self, frame):
-        """Draw it where it is stale.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Draw it where it is stale."""
         self._allocate(frame)
         seen = self._worn_in(frame)
         key = self._base_key(frame), tuple(live._base_key(frame) for live in seen)
@@ -355,13 +349,7 @@ class Mirror(LiveTexture):
     _flipped = True
 
     def needed(self, frame) -> bool | str:
-        """Tell whether the camera is before it.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether the camera is before it."""
         if frame.parallel:
             return 'the projection is parallel'
         normal = np.cross(self.right, self.up)

@@ -97,13 +97,7 @@ class Outline(Effect):
         self._actors = chosen
 
     def attach(self, pipeline):
-        """Take a place in a pipeline.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added; it has the chosen actors.
-        """
+        """Take a place in a pipeline."""
         _check_here(self._actors, pipeline)
         super().attach(pipeline)
 
@@ -117,13 +111,7 @@ class Outline(Effect):
         return self._asks_surfaces and (self._actors is None or self.hidden == 'absent')
 
     def needed(self, frame) -> bool | str:
-        """Tell whether there are lines to draw.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether there are lines to draw."""
         if not self.opacity:
             return 'opacity is 0'
         if self._actors == []:
@@ -131,15 +119,7 @@ class Outline(Effect):
         return self._asks_surfaces or self.luminance or 'no kind of edge'
 
     def render(self, frame, picture):
-        """Find edges and draw lines.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that is drawn.
-        picture : pvibr.gl.picture.Picture
-            Its pixels.
-        """
+        """Find edges and draw lines."""
         width = self.width * frame.scale
         reach = math.ceil(width / 2)
         edges = self._edges(frame, picture, reach)
@@ -157,13 +137,7 @@ class Outline(Effect):
             self._tiles.draw(self._sparse('lines'), {'reach': reach, **look}, textures, 'over')
 
     def bake_into(self, scene):
-        """Hand its lines to a scene without pvibr.
-
-        Parameters
-        ----------
-        scene : pvibr.baked_scene.BakedScene
-            Takes lines in space.
-        """
+        """Hand its lines to a scene without pvibr."""
         if self.ids or self.depth or self.normal:
             scene.lines(
                 self._actors, color=self.color, width=self.width, opacity=self.opacity,

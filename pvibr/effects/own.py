@@ -126,13 +126,7 @@ class ImageEffect(Effect):
             raise ValueError(msg)
 
     def needed(self, frame) -> bool | str:
-        """Tell whether the picture changes.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether the picture changes."""
         if self._quad is None or self._built != (frame.window, self.source):
             self._read()
         for name, image in self._images.items():
@@ -141,15 +135,7 @@ class ImageEffect(Effect):
         return self.intensity > 0 or 'intensity is 0'
 
     def render(self, frame, picture):
-        """Draw what the function returns.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        picture : pvibr.gl.picture.Picture
-            Its pixels.
-        """
+        """Draw what the function returns."""
         quad = self._build(frame.window)
         textures = {'ibr_color': picture.color, 'ibr_depth': picture.depth}
         textures |= {n: i.texture(frame.window, frame.time) for n, i in self._images.items()}

@@ -196,13 +196,7 @@ class _Projection(Effect):
     number = 0
 
     def attach(self, pipeline):
-        """Take a place in a pipeline.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-        """
+        """Take a place in a pipeline."""
         taken = {e.number for e in pipeline.effects if isinstance(e, _Projection)}
         self.number = next(n for n in range(len(taken) + 1) if n not in taken)
         super().attach(pipeline)
@@ -249,13 +243,7 @@ class _Projection(Effect):
         return self._slides[view].pictures.size
 
     def needed(self, frame) -> bool | str:
-        """Tell whether anything of the pictures is to be seen.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether anything of the pictures is to be seen."""
         if self.opacity == 0 and self.dim == 1:
             return 'opacity is 0'
         if any(live.shown is None for live in self.lives):
@@ -263,13 +251,7 @@ class _Projection(Effect):
         return True
 
     def prepare(self, frame):
-        """Draw depth where it is stale, show the pictures of this time, tell the receivers.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Draw depth where it is stale, show the pictures of this time, tell the receivers."""
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
             self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
         things = [t for t in self.pipeline.things if t.enabled]
@@ -353,13 +335,7 @@ class _Projection(Effect):
         return uniforms
 
     def finish(self, frame):
-        """Give the texture units back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Give the texture units back."""
         for slide in self._slides:
             for texture in slide_textures(slide).values():
                 texture.deactivate()
@@ -489,13 +465,7 @@ class _Projection(Effect):
         return found
 
     def bake_into(self, scene):
-        """Hand its pictures to a scene without pvibr.
-
-        Parameters
-        ----------
-        scene : pvibr.baked_scene.BakedScene
-            Takes colours for surfaces.
-        """
+        """Hand its pictures to a scene without pvibr."""
 
         def draped(samples, surfaces, side):
             side = 0 if self.facing > 90 else side
@@ -656,13 +626,7 @@ class Projectors(_Projection):
 
 
 def slide_textures(slide) -> dict:
-    """Return the textures of a picture by name: itself, and what its camera sees of depth.
-
-    Parameters
-    ----------
-    slide : object
-        As a projector has them.
-    """
+    """Return the textures of a picture by name: itself, and what its camera sees of depth."""
     depth = None if slide.depth is None or slide.view is None else slide.depth.texture
     found = {'picture': slide.texture, 'depth': depth}
     return {name: texture for name, texture in found.items() if texture is not None}

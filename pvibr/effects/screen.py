@@ -47,13 +47,7 @@ class Vignette(FullScreen):
     color = Param(_BLACK, 'What the picture turns to.', range='[0, 1]')
 
     def needed(self, frame) -> bool | str:
-        """Tell whether it darkens anything.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether it darkens anything."""
         return self.intensity > 0 or 'intensity is 0'
 
     def _uniforms(self, frame, size):
@@ -117,13 +111,7 @@ class Flash(FullScreen):
         return float(self.intensity * np.exp(-(time - self.at) / self.duration))
 
     def needed(self, frame) -> bool | str:
-        """Tell whether it can be seen.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether it can be seen."""
         return self.cover(frame.time) > _UNSEEN or 'no flash at this time'
 
     def _uniforms(self, frame, size):
@@ -161,13 +149,7 @@ class NightVision(FullScreen):
     color = Param((0.35, 1.0, 0.45), 'The light of the tube.', range='[0, 1]')
 
     def needed(self, frame) -> bool | str:
-        """Tell whether the picture changes.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether the picture changes."""
         return self.intensity > 0 or 'intensity is 0'
 
     def _uniforms(self, frame, size):
@@ -222,13 +204,7 @@ class Iris(FullScreen):
         return 'disk' if self._shape is None else 'shape', 'iris'
 
     def needed(self, frame) -> bool | str:
-        """Tell whether it covers anything.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether it covers anything."""
         return self.opening < 1 or 'opening is 1'
 
     def _uniforms(self, frame, size):

@@ -150,26 +150,14 @@ class Shadows(Effect):
     # -- the life of an effect ----------------------------------------------------------------
 
     def needed(self, frame) -> bool | str:
-        """Tell whether any light casts shadows.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether any light casts shadows."""
         self._seen = tuple(lights_of(frame.renderer))
         if any(light.kind != 'headlight' for light in self._seen):
             return True
         return 'no light casts shadows: headlights cast none, add a scene light'
 
     def prepare(self, frame):
-        """Draw the lights' depth where it is stale, and hand it to what receives.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Draw the lights' depth where it is stale, and hand it to what receives."""
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
             self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
         self._surfaces.update(self._things())
@@ -325,13 +313,7 @@ class Shadows(Effect):
         return ((self.radius or view.far / 50) * scale).tolist()
 
     def finish(self, frame):
-        """Give the texture units back.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        """
+        """Give the texture units back."""
         for maps in self._lights:
             for texture in maps.textures().values():
                 texture.deactivate()
@@ -350,18 +332,7 @@ class Shadows(Effect):
             self._feature = None
 
     def attach(self, pipeline):
-        """Take a place in a pipeline that has no shadows yet.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-
-        Raises
-        ------
-        ValueError
-            Where there is another: the same light would be taken away twice.
-        """
+        """Take a place in a pipeline that has no shadows yet."""
         if any(isinstance(effect, Shadows) for effect in pipeline.effects):
             msg = 'Shadows are in this subplot already: change their settings, or remove them'
             raise ValueError(msg)
@@ -383,13 +354,7 @@ class Shadows(Effect):
         self._lights, self._drawer, self._volumes, self._last = [], None, None, None
 
     def bake_into(self, scene):
-        """Hand shadows to a scene without pvibr.
-
-        Parameters
-        ----------
-        scene : pvibr.baked_scene.BakedScene
-            Takes light away from surfaces.
-        """
+        """Hand shadows to a scene without pvibr."""
         scene.shadow(self.casts, self.receives, self._extent if self.method == 'pcss' else None)
 
     def _extent(self, light, reach):

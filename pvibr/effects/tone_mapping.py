@@ -84,25 +84,11 @@ class ToneMapping(Effect):
         return self.exposure + auto
 
     def needed(self, frame) -> bool | str:
-        """Tell whether anything is mapped.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame about to be drawn.
-        """
+        """Tell whether anything is mapped."""
         return self.intensity > 0 or 'intensity is 0'
 
     def render(self, frame, picture):
-        """Measure the picture where that is wanted, and map it.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that was drawn.
-        picture : pvibr.gl.picture.Picture
-            Its pixels.
-        """
+        """Measure the picture where that is wanted, and map it."""
         stops = self.expose(frame, picture)
         uniforms = {
             'stops': stops,

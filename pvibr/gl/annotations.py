@@ -6,16 +6,7 @@ _FLAT = ('vtkActor2D', 'vtkContextActor', 'vtkLegendScaleActor')
 
 
 class Annotations:
-    """The flat props of a renderer, out of its list while a frame is drawn.
-
-    They leave the list and nothing else: hiding them would change them, and VTK then sets
-    their text anew, which costs more than most frames.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        Whose props they are.
-    """
+    """The flat props of a renderer, out of its list while a frame is drawn."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -36,13 +27,7 @@ class Annotations:
             props.AddItem(prop)
 
     def draw(self, origin, size):
-        """Draw them over what the window holds.
-
-        Parameters
-        ----------
-        origin, size : tuple of 2 int
-            The subplot's place in the window, in pixels.
-        """
+        """Draw them over what the window holds."""
         renderer = self.renderer
         state = renderer.GetRenderWindow().GetState()
         state.Push()

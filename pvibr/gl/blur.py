@@ -24,26 +24,7 @@ CHAINS = tuple(_PASSES)
 
 
 def halving_taps(kernel):
-    """Return the bilinear taps of a Gaussian that halves an image along one axis.
-
-    Parameters
-    ----------
-    kernel : int
-        Texels of the smaller image that it spans; odd.
-
-    Returns
-    -------
-    places : numpy.ndarray, shape (kernel,), float64
-        Texels of the larger image from the middle of the smaller one's texel.
-    weights : numpy.ndarray, shape (kernel,), float64
-        With the sum 1.
-
-    Examples
-    --------
-    >>> from pvibr.gl.blur import halving_taps
-    >>> halving_taps(1)
-    (array([0.]), array([1.]))
-    """
+    """Return the bilinear taps of a Gaussian that halves an image along one axis."""
     texels = np.arange(2 * kernel) - kernel + 0.5
     weights = np.exp(-0.5 * (texels * 3 / kernel) ** 2).reshape(-1, 2)
     pairs = weights.sum(axis=1)
@@ -52,35 +33,13 @@ def halving_taps(kernel):
 
 
 def halves(size, times=1) -> tuple[int, int]:
-    """Return a size halved, rounded up so that nothing is lost.
-
-    Parameters
-    ----------
-    size : tuple of 2 int
-        Width and height.
-    times : int
-        How often.
-
-    Returns
-    -------
-    tuple of 2 int
-        At least 1 each.
-    """
+    """Return a size halved, rounded up so that nothing is lost."""
     return -(-size[0] // 2**times), -(-size[1] // 2**times)
 
 
 @contextmanager
 def filtered(texture):
-    """Have a texture, whoever made it, sampled linearly within.
-
-    Not for longer: where a picture is read pixel by pixel, neighbours of weight zero that are no
-    numbers would spread.
-
-    Parameters
-    ----------
-    texture : pvibr.gl.Texture
-        Of colours.
-    """
+    """Have a texture, whoever made it, sampled linearly within."""
     to = texture.object
     if to.GetMagnificationFilter() == to.GetMinificationFilter() == to.Linear:
         yield
@@ -97,17 +56,7 @@ def filtered(texture):
 
 @dataclass(frozen=True)
 class Light:
-    """Light to be drawn on pictures.
-
-    Parameters
-    ----------
-    image : pvibr.gl.Texture
-        Filtered linearly.
-    scale : int
-        Pixels of the picture that it was made of to a texel.
-    box : tuple of 4 int
-        Left, bottom, right and top of where it reaches, in pixels of that picture.
-    """
+    """Light to be drawn on pictures."""
 
     image: Any
     scale: int
@@ -115,27 +64,7 @@ class Light:
 
 
 class Blur:
-    """Blurs an image: its result is of half the size, and as bright in sum.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds it.
-    extent : tuple of 2 float
-        Width and height of what is blurred, in texels; the last ones may be there in part.
-    levels : int
-        How often it is halved; each doubles the width of the widest part.
-    kernel : int
-        See :func:`halving_taps`; not for a chain of tents.
-    chain : {'gaussian', 'tent'}
-        How each level is made.
-
-    Attributes
-    ----------
-    source : Target
-        Of that size, rounded up: a place to draw the image, and, in its second texture, a number
-        above 0 wherever there is light.
-    """
+    """Blurs an image: its result is of half the size, and as bright in sum."""
 
     def __init__(self, window, extent, levels, kernel, chain='gaussian'):
         self.key = extent, levels, kernel, chain
@@ -170,13 +99,7 @@ class Blur:
         return down * (last - 1) + up * (last - 2) + 3
 
     def lit(self):
-        """Find the light in `source`, where it was drawn: waits for the GPU.
-
-        Returns
-        -------
-        tuple of 4 int or None
-            Left, bottom, right and top of it, in texels; None where there is none.
-        """
+        """Find the light in `source`, where it was drawn: waits for the GPU."""
         lit = self.source.colors[1].download()[..., 0]
         rows = lit.any(axis=1).nonzero()[0]
         if not rows.size:
@@ -185,21 +108,7 @@ class Blur:
         return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
     def draw(self, image, spread):
-        """Blur.
-
-        Parameters
-        ----------
-        image : pvibr.gl.Texture
-            Of the size that it was made for, filtered linearly.
-        spread : float
-            From 0, the narrowest blur alone, to 1, the widest alone: the share of all wider
-            levels in each.
-
-        Returns
-        -------
-        pvibr.gl.Texture
-            Half the size.
-        """
+        """Blur."""
         halve = self._halve_by_axes if self._chain == 'gaussian' else self._halve_at_once
         up = _PASSES[self._chain][1]
         width, height = self.key[0]
@@ -223,24 +132,7 @@ class Blur:
         level.small.draw(self._quads['down13'], {'extent': extent}, {'image': image})
 
     def blend(self, picture, light, *, intensity=1.0, screen=False, alone=False, tile=None):
-        """Apply light to a picture.
-
-        Parameters
-        ----------
-        picture : pvibr.gl.picture.Picture
-            What it shines on.
-        light : Light
-            Of it, or of the picture that it is a tile of.
-        intensity : float
-            What the light is multiplied by.
-        screen : bool
-            Light fills what is left to white, else it is added.
-        alone : bool
-            The light without the picture.
-        tile : tuple of float and pair of float, optional
-            How many times larger the picture is than what the light was made of, and the left
-            lower corner of the picture in pixels of its own; the light's own picture unless given.
-        """
+        """Apply light to a picture."""
         scale, corner = tile or (1, (0, 0))
         texels = [light.scale * scale * n for n in light.image.size]
         uniforms = {
@@ -267,11 +159,7 @@ class _Level:
 
 
 def _target(window, size, formats=_FORMAT):
-    """Return a target that goes on beyond its edges as in a mirror.
-
-    So does a picture blurred and then halved; the edge alone, halved and repeated, would have
-    more weight the smaller the image is.
-    """
+    """Return a target that goes on beyond its edges as in a mirror."""
     target = Target(window, size[0], size[1], formats)
     image = target.colors[0].object
     image.SetWrapS(image.MirroredRepeat)

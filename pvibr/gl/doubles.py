@@ -13,31 +13,13 @@ _ASSIGNED = re.compile(r'\bgl_Position\b[.\w]*\s*[-+*/]?=(?!=)|#define vertexMC\
 
 
 class Doubles:
-    """Actors in place of others where only depth is wanted.
-
-    Software drivers run the whole fragment shader where there is no colour to write, lights and
-    shadows included. Points and cells are those of the original; VTK shares their buffers.
-    """
+    """Actors in place of others where only depth is wanted."""
 
     def __init__(self):
         self._made: dict = {}
 
     def of(self, actor, faces='both'):
-        """Return what draws an actor's depth: its double, or itself where none draws the same.
-
-        Parameters
-        ----------
-        actor : vtkActor
-            With a mapper.
-        faces : {'both', 'back'}
-            Which sides of its polygons are drawn.
-
-        Returns
-        -------
-        vtkActor
-            Surfaces of polygons have doubles, unless they are translucent or have a vertex shader
-            of somebody's own.
-        """
+        """Return what draws an actor's depth: its double, or itself where none draws the same."""
         data = _plain_surface(actor)
         if data is None:
             return actor
@@ -60,15 +42,7 @@ class Doubles:
         return double
 
     def keep(self, actors, window):
-        """Forget the doubles of all other actors.
-
-        Parameters
-        ----------
-        actors : iterable of vtkActor
-            Those that are still there.
-        window : vtkOpenGLRenderWindow
-            Whose context is current.
-        """
+        """Forget the doubles of all other actors."""
         wanted = {actor.GetAddressAsString('') for actor in actors}
         for key in self._made.keys() - wanted:
             _, double = self._made.pop(key)
@@ -76,13 +50,7 @@ class Doubles:
             double.ReleaseGraphicsResources(window)
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive.
-
-        Parameters
-        ----------
-        window : vtkOpenGLRenderWindow
-            Whose context is current.
-        """
+        """Free the GPU's memory; the context must be alive."""
         self.keep((), window)
 
 
@@ -104,13 +72,7 @@ def _plain_surface(actor):
 
 
 def is_cut_out(actor) -> bool:
-    """Tell whether a texture may leave out parts: VTK draws those with holes as if opaque.
-
-    Parameters
-    ----------
-    actor : vtkActor
-        Any.
-    """
+    """Tell whether a texture may leave out parts: VTK draws those with holes as if opaque."""
     textures = [actor.GetTexture(), actor.GetProperty().GetTexture('albedoTex')]
     images = [t.GetInput() for t in textures if t is not None]
     return any(i is not None and i.GetNumberOfScalarComponents() in (2, 4) for i in images)

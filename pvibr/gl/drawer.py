@@ -14,14 +14,7 @@ _ZERO, _ONE, _SOURCE_COLOR = 0, 1, 0x0300
 
 
 class Drawer:
-    """Draws chosen props of a renderer from any view into whatever target is bound.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        In a window whose context is current; its lights are used, since VTK builds a prop's
-        shader anew where the lights differ.
-    """
+    """Draws chosen props of a renderer from any view into whatever target is bound."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -34,20 +27,7 @@ class Drawer:
         self._lights = -1  # when the renderer's were taken over
 
     def look(self, view, rect, *, clear=True, within=None):
-        """Take a view, and a part of the target to draw it in.
-
-        Parameters
-        ----------
-        view : pvibr.maths.views.View
-            Where from, and the projection.
-        rect : tuple of 4 int
-            Left, bottom, width, height in pixels of the target.
-        clear : bool
-            Clear depth to the far plane.
-        within : tuple of 4 int, optional
-            Left, bottom, width, height outside of which nothing is cleared or drawn; `rect`
-            unless given.
-        """
+        """Take a view, and a part of the target to draw it in."""
         state = self.window.GetState()
         state.vtkglViewport(*rect)
         state.vtkglScissor(*(within or rect))
@@ -85,27 +65,11 @@ class Drawer:
         self.inner.UpdateLights()
 
     def draw_depth(self, actors, *, faces='both'):
-        """Draw the depth of the opaque actors that are visible, and nothing else for certain.
-
-        Parameters
-        ----------
-        actors : iterable of vtkActor
-            Of the renderer.
-        faces : {'both', 'back'}
-            Which sides of polygons are drawn.
-        """
+        """Draw the depth of the opaque actors that are visible, and nothing else for certain."""
         self.draw([self.doubles.of(actor, faces) for actor in actors])
 
     def draw(self, actors, *, translucent=False):
-        """Draw actors that are visible.
-
-        Parameters
-        ----------
-        actors : iterable of vtkActor
-            Of the renderer.
-        translucent : bool
-            Draw what of them is translucent, else what is opaque.
-        """
+        """Draw actors that are visible."""
         for actor in actors:
             if translucent:
                 actor.RenderTranslucentPolygonalGeometry(self.inner)
@@ -113,13 +77,7 @@ class Drawer:
                 actor.RenderOpaqueGeometry(self.inner)
 
     def fill(self, color):
-        """Clear colours of the part that :meth:`look` took.
-
-        Parameters
-        ----------
-        color : tuple of 4 float
-            Red, green, blue, alpha.
-        """
+        """Clear colours of the part that :meth:`look` took."""
         state = self.window.GetState()
         state.vtkglColorMask(True, True, True, True)
         state.vtkglClearColor(*color)
@@ -127,18 +85,7 @@ class Drawer:
 
     @contextmanager
     def blending(self, mode):
-        """Have what is drawn multiply what is there, or leave the least of both.
-
-        Parameters
-        ----------
-        mode : {'multiply', 'least'}
-            Depth is tested and not written meanwhile.
-
-        Yields
-        ------
-        None
-            Everything is put back afterwards.
-        """
+        """Have what is drawn multiply what is there, or leave the least of both."""
         state = self.window.GetState()
         state.vtkglDepthMask(False)
         state.SetEnumState(_BLEND, True)

@@ -16,73 +16,20 @@ _SECTION = re.compile(r'^//@([\w.]+)\s*$', re.M)
 
 
 def sections(text) -> dict[str, str]:
-    r"""Split a shader file into its entry points.
-
-    Parameters
-    ----------
-    text : str
-        GLSL in which a line ``//@name`` starts an entry point; what precedes the first is
-        commentary.
-
-    Returns
-    -------
-    dict of str to str
-        Name to text.
-
-    Examples
-    --------
-    >>> from pvibr.gl.feature import sections
-    >>> sections('about\n//@vertex.declare\nuniform int n;\n')
-    {'vertex.declare': 'uniform int n;\n'}
-    """
+    r"""Split a shader file into its entry points."""
     names = _SECTION.findall(text)
     return dict(zip(names, (t.lstrip('\n') for t in _SECTION.split(text)[2::2]), strict=True))
 
 
 def declared_samplers(samplers) -> str:
-    """Return the text that declares samplers, for the tag ``VTK::CustomUniforms::Dec``.
-
-    VTK declares whatever is set by ``SetUniformi`` as int. Under another name that does no harm,
-    and the number set is still the sampler's unit.
-
-    Parameters
-    ----------
-    samplers : dict of str to str
-        Name to type, such as ``'sampler2D'``.
-
-    Returns
-    -------
-    str
-        GLSL, with the tag.
-
-    Examples
-    --------
-    >>> from pvibr.gl.feature import declared_samplers
-    >>> print(declared_samplers({'map': 'sampler2D'}), end='')
-    #define map map_unit
-    //VTK::CustomUniforms::Dec
-    #undef map
-    uniform sampler2D map;
-    """
+    """Return the text that declares samplers, for the tag ``VTK::CustomUniforms::Dec``."""
     hidden = ''.join(f'#define {name} {name}_unit\n' for name in samplers)
     shown = ''.join(f'#undef {name}\nuniform {kind} {name};\n' for name, kind in samplers.items())
     return f'{hidden}//VTK::CustomUniforms::Dec\n{shown}'
 
 
 class Feature:
-    """Shader text for an actor by tag and stage; several features share an actor.
-
-    A feature that comes to an actor later stands inside the texts that are there already: in the
-    place of VTK's tag, which each text keeps.
-
-    Parameters
-    ----------
-    name : str
-        Its mark in the generated source, a valid identifier.
-    vertex, fragment : dict of str to str, optional
-        Tag without slashes (``'VTK::Color::Impl'``) to text; text that does not hold the tag
-        itself replaces VTK's own, and then it must be the actor's last feature at that tag.
-    """
+    """Shader text for an actor by tag and stage; several features share an actor."""
 
     def __init__(self, name, vertex=None, fragment=None):
         self.name = name
@@ -94,26 +41,14 @@ class Feature:
         return f'// pvibr:{self.name}\n'
 
     def attach(self, actor):
-        """Put the text on an actor; every text carries the mark.
-
-        Parameters
-        ----------
-        actor : vtkActor
-            The actor; a feature is put on it once.
-        """
+        """Put the text on an actor; every text carries the mark."""
         for shader, stage, tag, text in self._texts(actor):
             present = replacements(shader).get((stage, tag), tag)
             if self.mark not in present:
                 _replace(shader, stage, tag, present.replace(tag, self._marked(text), 1))
 
     def detach(self, actor):
-        """Take the text off an actor, leaving that of others as it was.
-
-        Parameters
-        ----------
-        actor : vtkActor
-            The actor; nothing happens where the feature is not on it.
-        """
+        """Take the text off an actor, leaving that of others as it was."""
         for shader, stage, tag, text in self._texts(actor):
             present = replacements(shader).get((stage, tag), '')
             before, _, after = self._marked(text).partition(tag)
@@ -131,13 +66,7 @@ class Feature:
         return f'{self.mark}{text}{end}// end of pvibr:{self.name}\n'
 
     def landed(self, program) -> bool:
-        """Return whether every text is in the source of a program.
-
-        Parameters
-        ----------
-        program : vtkShaderProgram
-            The program that drew the actor.
-        """
+        """Return whether every text is in the source of a program."""
         sources = {
             'Vertex': program.GetVertexShader().GetSource(),
             'Fragment': program.GetFragmentShader().GetSource(),
@@ -146,18 +75,7 @@ class Feature:
 
 
 def replacements(shader) -> dict:
-    """Return the texts on a shader property that come before VTK's own.
-
-    Parameters
-    ----------
-    shader : vtkShaderProperty
-        Of an actor.
-
-    Returns
-    -------
-    dict
-        ``(stage, tag)`` to text.
-    """
+    """Return the texts on a shader property that come before VTK's own."""
     found = {}
     tag, text = _vtk.reference(''), _vtk.reference('')
     first, every = _vtk.reference(False), _vtk.reference(False)

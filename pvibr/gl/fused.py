@@ -35,23 +35,7 @@ _SCISSOR_TEST = 0x0C11  # GL enum
 
 
 class Pointwise(NamedTuple):
-    """A program that changes every pixel by itself.
-
-    Attributes
-    ----------
-    name : str
-        What errors call it.
-    text : str
-        GLSL with ``main``: it has ``uv``, reads the sampler ``color`` as ``texture(color, uv)``
-        alone, or not at all, and writes ``gl_FragData[0]`` or discards.
-    uniforms, textures : dict
-        See :meth:`pvibr.gl.Quad.draw`; without ``color``.
-    blend : {'', 'over', 'add', 'screen'}
-        How what it writes is blended with the picture, see :meth:`pvibr.gl.Quad.draw`; it is the
-        new colour unless given.
-    box : tuple of 4 int, optional
-        Left, bottom, right and top, in pixels, of all that what is blended changes.
-    """
+    """A program that changes every pixel by itself."""
 
     name: str
     text: str
@@ -62,28 +46,14 @@ class Pointwise(NamedTuple):
 
 
 class Fused:
-    """Draws such programs, one after the other, in as few passes as there can be.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds them.
-    """
+    """Draws such programs, one after the other, in as few passes as there can be."""
 
     def __init__(self, window):
         self.window = window
         self._programs: dict[Any, Quad] = {}
 
     def draw(self, picture, points):
-        """Draw programs on a picture.
-
-        Parameters
-        ----------
-        picture : pvibr.gl.picture.Picture
-            What they change.
-        points : list of Pointwise
-            In their order.
-        """
+        """Draw programs on a picture."""
         most: list[Pointwise] = []
         for point in points:
             if sum(len(p.textures) for p in [*most, point]) > _MOST_TEXTURES and most:
@@ -144,25 +114,7 @@ def _cut(picture, box):
 
 
 def fuse(points) -> str:
-    """Return the text of one program that does what several do one after the other.
-
-    Parameters
-    ----------
-    points : list of Pointwise
-        In their order.
-
-    Returns
-    -------
-    str
-        GLSL; uniforms of the k-th have ``_k`` behind their names.
-
-    Examples
-    --------
-    >>> from pvibr.gl.fused import Pointwise, fuse
-    >>> half = 'uniform float f; void main() { gl_FragData[0] = f * texture(color, uv); }'
-    >>> 'ibr_found = f_1 * ibr_color' in fuse([Pointwise('half', half, {}, {})] * 2)
-    True
-    """
+    """Return the text of one program that does what several do one after the other."""
     texts, steps = [], []
     for k, point in enumerate(points):
         text = _COLOR.sub('', _COMMENT.sub('', point.text))

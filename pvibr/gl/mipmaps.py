@@ -12,17 +12,7 @@ _COLOR, _LINEAR, _READ, _DRAW = 0x4000, 0x2601, 0x8CA8, 0x8CA9  # GL enums
 
 
 class MipTexture(Texture):
-    """A texture of 8 bits that is sampled smoothly however small it is seen.
-
-    A ``vtkTextureObject`` makes no levels by itself; a ``vtkTexture`` of an image does.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds it.
-    repeat : bool, optional
-        Whether it goes on beyond its left and right edge.
-    """
+    """A texture of 8 bits that is sampled smoothly however small it is seen."""
 
     def __init__(self, window, *, repeat=False):
         super().__init__(window, filter='linear')
@@ -37,18 +27,7 @@ class MipTexture(Texture):
         self._levels: list = []
 
     def upload(self, array) -> MipTexture:
-        """Put an array on the GPU, and its levels.
-
-        Parameters
-        ----------
-        array : numpy.ndarray, shape (height, width, 3 or 4), uint8
-            Row 0 is v = 0.
-
-        Returns
-        -------
-        MipTexture
-            Itself.
-        """
+        """Put an array on the GPU, and its levels."""
         height, width, channels = array.shape
         self._forget_levels()
         image = _vtk.vtkImageData()
@@ -64,30 +43,14 @@ class MipTexture(Texture):
         return self
 
     def take(self, source, *, turned=False):
-        """Copy what was drawn, scaled to this size, and make the levels of it.
-
-        Parameters
-        ----------
-        source : pvibr.gl.Target
-            Its first colours.
-        turned : bool, optional
-            Left and right change places.
-        """
+        """Copy what was drawn, scaled to this size, and make the levels of it."""
         self._levels = self._levels or self._made_levels()
         copy(source, self._levels[0], turned=turned)
         for large, small in zip(self._levels, self._levels[1:], strict=False):
             copy(large, small)
 
     def put_level(self, k, array):
-        """Put an array in the place of a smaller level.
-
-        Parameters
-        ----------
-        k : int
-            Which; 0 is the texture itself.
-        array : numpy.ndarray, shape (height >> k, width >> k, 4), uint8
-            Row 0 is v = 0.
-        """
+        """Put an array in the place of a smaller level."""
         self._levels = self._levels or self._made_levels()
         height, width = array.shape[:2]
         texture = Texture(self.window).upload(array)
@@ -131,15 +94,7 @@ class _Level:
 
 
 def copy(source: Target | _Level, target: Target | _Level, *, turned=False):
-    """Copy colours; of a larger picture as many pixels are mixed as make a texel.
-
-    Parameters
-    ----------
-    source, target : pvibr.gl.Target
-        Of any sizes; their first colours.
-    turned : bool, optional
-        Left and right change places.
-    """
+    """Copy colours; of a larger picture as many pixels are mixed as make a texel."""
     state = source.window.GetState()
     state.Push()
     state.PushFramebufferBindings()

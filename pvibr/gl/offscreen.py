@@ -11,18 +11,7 @@ from pvibr import _vtk
 
 @contextmanager
 def hidden_window(width=64, height=64):
-    """Yield a small off-screen window with a live context, finalized afterwards.
-
-    Parameters
-    ----------
-    width, height : int
-        Pixels.
-
-    Yields
-    ------
-    tuple
-        The ``vtkRenderWindow`` and its one ``vtkRenderer``.
-    """
+    """Yield a small off-screen window with a live context, finalized afterwards."""
     renderer = _vtk.vtkOpenGLRenderer()  # first: it loads VTK's OpenGL, which the window needs
     window = _vtk.vtkRenderWindow()
     window.SetOffScreenRendering(1)
@@ -39,18 +28,7 @@ def hidden_window(width=64, height=64):
 
 
 def read_rgba(window) -> np.ndarray:
-    """Return the picture of a window that was just rendered.
-
-    Parameters
-    ----------
-    window : vtkRenderWindow
-        With alpha bit planes.
-
-    Returns
-    -------
-    numpy.ndarray, shape (height, width, 4), uint8
-        Colours times coverage where the background is transparent black; bottom row first.
-    """
+    """Return the picture of a window that was just rendered."""
     width, height = window.GetSize()
     pixels = _vtk.vtkUnsignedCharArray()
     window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 0, pixels)

@@ -38,34 +38,13 @@ _MOST_LINES = 8  # of a driver's log in a message
 
 
 def shader_source(module_file, stem=None) -> str:
-    """Return the text of the shader that lies beside a module.
-
-    Parameters
-    ----------
-    module_file : str
-        ``__file__`` of the module.
-    stem : str, optional
-        Name of the shader without ``.glsl``; default the module's own.
-
-    Returns
-    -------
-    str
-        GLSL text.
-    """
+    """Return the text of the shader that lies beside a module."""
     path = Path(module_file)
     return path.with_name(f'{stem or path.stem}.glsl').read_text(encoding='utf-8')
 
 
 def set_uniforms(program, uniforms):
-    """Set uniforms of a program by the type of each value.
-
-    Parameters
-    ----------
-    program : vtkShaderProgram
-        The program, ready.
-    uniforms : dict
-        Name to int, float, a sequence of 2 to 4 floats, or what :func:`uniform_matrix` gives.
-    """
+    """Set uniforms of a program by the type of each value."""
     for name, value in uniforms.items():
         kind = type(value)
         if kind is float:  # most are of these kinds; dozens are set in a frame
@@ -84,18 +63,7 @@ def set_uniforms(program, uniforms):
 
 
 def uniform_matrix(rows):
-    """Return a matrix as :func:`set_uniforms` takes it.
-
-    Parameters
-    ----------
-    rows : array_like, shape (3, 3) or (4, 4)
-        For column vectors: ``matrix * v`` in GLSL.
-
-    Returns
-    -------
-    vtkMatrix3x3 or vtkMatrix4x4
-        Transposed, since VTK hands its rows to GL as columns.
-    """
+    """Return a matrix as :func:`set_uniforms` takes it."""
     matrix = _vtk.vtkMatrix3x3() if len(rows) == 3 else _vtk.vtkMatrix4x4()
     matrix.DeepCopy(np.asarray(rows, float).T.ravel().tolist())
     return matrix
@@ -116,24 +84,7 @@ def _log(fragment):
 
 
 class Quad:
-    """A fragment shader drawn over the whole of whatever target is bound.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds the program.
-    fragment : str
-        GLSL with ``main``; it reads ``uv`` (0 to 1) and writes ``gl_FragData[i]``.
-    name : str
-        What errors call it.
-    geometry : str, optional
-        GLSL that turns each of its two triangles into others; then there is no ``uv``.
-
-    Raises
-    ------
-    ShaderError
-        Where the driver does not compile it; the message has the driver's log.
-    """
+    """A fragment shader drawn over the whole of whatever target is bound."""
 
     def __init__(self, window, fragment, name='quad', geometry=''):
         self.window, self.name = window, name
@@ -156,19 +107,7 @@ class Quad:
             raise ShaderError(msg, log)
 
     def draw(self, uniforms=None, textures=None, blend=None):
-        """Draw once; depth test and culling are off meanwhile.
-
-        Parameters
-        ----------
-        uniforms : dict, optional
-            See :func:`set_uniforms`.
-        textures : dict, optional
-            Sampler name to :class:`pvibr.gl.Texture`.
-        blend : {'over', 'add', 'screen'}, optional
-            Cover what is there by alpha, add to it, or fill what is left of it to white; in place
-            of it unless given.
-            Coverage (alpha) fills what is left to 1.
-        """
+        """Draw once; depth test and culling are off meanwhile."""
         self._state.Push()
         try:
             self.draw_alone(uniforms or {}, textures or {}, blend)
@@ -176,15 +115,7 @@ class Quad:
             self._state.Pop()
 
     def draw_alone(self, uniforms, textures, blend=None):
-        """Draw, and leave the states that it needs behind: the caller puts them back.
-
-        Parameters
-        ----------
-        uniforms, textures : dict
-            See `draw`.
-        blend : str, optional
-            See `draw`.
-        """
+        """Draw, and leave the states that it needs behind: the caller puts them back."""
         state = self._state
         for flag in (_DEPTH_TEST, _CULL_FACE, _STENCIL_TEST):
             state.SetEnumState(flag, False)

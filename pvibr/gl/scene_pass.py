@@ -17,21 +17,7 @@ _DEPTH_FORMATS = {0x81A5: 'Fixed16', 0x81A6: 'Fixed24', 0x81A7: 'Fixed32', 0x8CA
 
 
 class ScenePass:
-    """Where one frame's scene goes: asked for before VTK draws it, taken back afterwards.
-
-    VTK draws into whatever framebuffer is bound; none of its places for passes is used, so
-    whatever is in the renderer's own goes on working.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds the textures.
-
-    Attributes
-    ----------
-    high_range : bool
-        Whether the frame's colours are floats.
-    """
+    """Where one frame's scene goes: asked for before VTK draws it, taken back afterwards."""
 
     def __init__(self, window):
         self.window = window
@@ -54,16 +40,7 @@ class ScenePass:
         return sum(owner.nbytes for owner in (self._floats, self._surfaces) if owner is not None)
 
     def begin(self, frame, high_range):
-        """Take the frame that VTK is about to draw.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame.
-        high_range : bool
-            Whether it is drawn into floats of 32 bits, without multisampling: rounded, they are
-            what the window would have, to the bit.
-        """
+        """Take the frame that VTK is about to draw."""
         self.high_range = False
         if high_range:
             size = _extent(frame)
@@ -77,18 +54,7 @@ class ScenePass:
             self._floats.object.ActivateDrawBuffer(0)
 
     def attach_surfaces(self, frame) -> Texture:
-        """Have opaque props write a second colour, until the last of them is drawn.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            The frame that has begun.
-
-        Returns
-        -------
-        Texture
-            Floats of 32 bits, their alpha 0 where nothing was written; row 0 is the window's.
-        """
+        """Have opaque props write a second colour, until the last of them is drawn."""
         if self._surfaces is None or self._surfaces.size != _extent(frame):
             if self._surfaces is not None:
                 self._surfaces.release()
@@ -173,24 +139,12 @@ class _Marker:
 
 
 def hidden_name(name) -> str:
-    """Return a name by which a prop is left out of shadows, buffers, bakes and layers.
-
-    Parameters
-    ----------
-    name : str
-        What it is.
-    """
+    """Return a name by which a prop is left out of shadows, buffers, bakes and layers."""
     return _MARK + name
 
 
 def is_marker(prop) -> bool:
-    """Tell whether a prop of a renderer is no part of its scene: what calls back, and marks.
-
-    Parameters
-    ----------
-    prop : vtkProp
-        Any.
-    """
+    """Tell whether a prop of a renderer is no part of its scene: what calls back, and marks."""
     return prop.GetObjectName().startswith(_MARK)
 
 
@@ -206,22 +160,7 @@ def _no_area():
 
 
 def like_window(window, size, format) -> Target:
-    """Return a target with a depth buffer of the window's own format.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds it.
-    size : tuple of 2 int
-        Pixels.
-    format : str
-        Of colours.
-
-    Returns
-    -------
-    Target
-        Depth can be copied between it and the window.
-    """
+    """Return a target with a depth buffer of the window's own format."""
     target = Target(window, size[0], size[1], (format,))
     depth = Texture(window)
     theirs = window.GetRenderFramebuffer().GetDepthAttachmentAsTextureObject()

@@ -17,22 +17,7 @@ _DARK = 'void main() { gl_FragData[0] = vec4(min(uv.x, 0.0)); }\n'
 
 
 class StencilTarget:
-    """Depth, a stencil of 8 bits and masks, four to a texture, that are made of counts.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds it.
-    width, height : int
-        Pixels.
-    masks : int
-        How many.
-
-    Attributes
-    ----------
-    size : tuple of 2 int
-        Width and height in pixels.
-    """
+    """Depth, a stencil of 8 bits and masks, four to a texture, that are made of counts."""
 
     def __init__(self, window, width, height, masks):
         self.window, self.masks = window, masks
@@ -80,13 +65,7 @@ class StencilTarget:
 
     @contextmanager
     def counting(self, mask):
-        """Count what is drawn within, then darken a mask where the count is not zero.
-
-        Parameters
-        ----------
-        mask : int
-            Which.
-        """
+        """Count what is drawn within, then darken a mask where the count is not zero."""
         state = self.window.GetState()
         with self._targets[mask // 4].drawing():
             state.vtkglStencilMask(0xFF)
@@ -111,14 +90,7 @@ class StencilTarget:
         self._dark.helper.Render()
 
     def count(self, *, behind):
-        """Say which surfaces count from now on: those turned to the eye as 1, others as -1.
-
-        Parameters
-        ----------
-        behind : bool
-            Those that are not before the depth that was drawn, with the signs turned; there they
-            reach beyond the far plane. Else those before it.
-        """
+        """Say which surfaces count from now on: those turned to the eye as 1, others as -1."""
         state = self.window.GetState()
         state.SetEnumState(_DEPTH_CLAMP, behind)
         for face, change in ((_FRONT, _FEWER if behind else _MORE),

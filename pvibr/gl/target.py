@@ -10,22 +10,7 @@ from pvibr.gl.texture import Texture
 
 
 class Target:
-    """Colour textures and a depth buffer that are drawn into together.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds it.
-    width, height : int
-        Pixels.
-    formats : sequence of str
-        One format per colour attachment, see :meth:`pvibr.gl.Texture.allocate`; none draws depth
-        alone.
-    depth : bool or Texture
-        Whether there is a depth buffer (float32), or that of another target, to be tested by.
-    filter : str
-        How the colour textures are sampled afterwards.
-    """
+    """Colour textures and a depth buffer that are drawn into together."""
 
     def __init__(self, window, width, height, formats=('rgba8',), *, depth=False, filter='linear'):
         self.window = window
@@ -46,13 +31,7 @@ class Target:
             self._check()
 
     def add_depth(self, depth):
-        """Give it a depth buffer, released with it.
-
-        Parameters
-        ----------
-        depth : Texture
-            Of the same size.
-        """
+        """Give it a depth buffer, released with it."""
         self.depth = depth
         with self._bound():
             self.object.AddDepthAttachment(depth.object)
@@ -90,29 +69,11 @@ class Target:
             state.PopFramebufferBindings()
 
     def drawing(self, clear=None) -> _Drawing:
-        """Draw into it; framebuffer, viewport and every other GL state come back afterwards.
-
-        Parameters
-        ----------
-        clear : tuple of 4 float, optional
-            Clear all colours to this, and the depth to the far plane.
-        """
+        """Draw into it; framebuffer, viewport and every other GL state come back afterwards."""
         return _Drawing(self, clear)
 
     def draw(self, quad, uniforms=None, textures=None, *, blend=None, clear=None):
-        """Draw a full-screen program into it, as within `drawing`.
-
-        Parameters
-        ----------
-        quad : pvibr.gl.Quad
-            The program.
-        uniforms, textures : dict, optional
-            See :meth:`pvibr.gl.Quad.draw`.
-        blend : str, optional
-            See there.
-        clear : tuple of 4 float, optional
-            See `drawing`.
-        """
+        """Draw a full-screen program into it, as within `drawing`."""
         with _Drawing(self, clear):
             quad.draw_alone(uniforms or {}, textures or {}, blend)
 

@@ -29,51 +29,19 @@ _BYTES = {
 
 
 def texture_limit(window) -> int:
-    """Return the widest 2D texture that the driver of a window takes, in texels.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        A window whose context exists.
-
-    Returns
-    -------
-    int
-        The limit of width and height.
-    """
+    """Return the widest 2D texture that the driver of a window takes, in texels."""
     return int(_vtk.vtkTextureObject.GetMaximumTextureSize(window))
 
 
 def texture_units(window) -> int:
-    """Return how many textures a fragment shader may sample.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        A window whose context is current.
-
-    Returns
-    -------
-    int
-        16 or more.
-    """
+    """Return how many textures a fragment shader may sample."""
     found = [0]
     window.GetState().vtkglGetIntegerv(_FRAGMENT_UNITS, found)
     return max(found[0], 16)
 
 
 class Texture:
-    """A 2D texture: made from an array or empty, sampled by a unit, released with its window.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds the texture.
-    filter : {'nearest', 'linear'}
-        How it is sampled.
-    repeat : bool
-        Repeat outside [0, 1] instead of clamping to the edge.
-    """
+    """A 2D texture: made from an array or empty, sampled by a unit, released with its window."""
 
     def __init__(self, window, *, filter='nearest', repeat=False):
         self.window = window
@@ -88,23 +56,7 @@ class Texture:
         self.nbytes = 0
 
     def upload(self, array) -> Texture:
-        """Put an array of shape (height, width[, channels]) on the GPU, replacing what was there.
-
-        Parameters
-        ----------
-        array : numpy.ndarray
-            uint8 or uint16 (read as 0 to 1) or float32, C order; row 0 is v = 0.
-
-        Returns
-        -------
-        Texture
-            Itself.
-
-        Raises
-        ------
-        ValueError
-            Where a side is zero or above the driver's limit, or the type is another one.
-        """
+        """Upload an array of shape (height, width[, channels]), replacing the content."""
         array = np.ascontiguousarray(array)
         height, width = array.shape[:2]
         channels = array.shape[2] if array.ndim == 3 else 1
@@ -123,20 +75,7 @@ class Texture:
         return self
 
     def allocate(self, width, height, format='rgba8') -> Texture:
-        """Make an empty texture to draw into.
-
-        Parameters
-        ----------
-        width, height : int
-            Texels.
-        format : {'rgba8', 'rgba16f', 'rgba32f', 'rg32f', 'r32f', 'r8', 'depth32f'}
-            How a texel is kept.
-
-        Returns
-        -------
-        Texture
-            Itself.
-        """
+        """Make an empty texture to draw into."""
         if format == 'depth32f':
             made = self.object.AllocateDepth(width, height, self.object.Float32)
         else:
@@ -161,13 +100,7 @@ class Texture:
         return self.object.GetVTKDataType() == _vtk.VTK_FLOAT
 
     def compare(self) -> Texture:
-        """Have a depth texture compared by the sampler, filtered: a ``sampler2DShadow``.
-
-        Returns
-        -------
-        Texture
-            Itself; 1 where the reference is at most what the texel holds.
-        """
+        """Have a depth texture compared by the sampler, filtered: a ``sampler2DShadow``."""
         to = self.object
         to.SetDepthTextureCompare(True)
         to.SetDepthTextureCompareFunction(to.Lequal)

@@ -14,16 +14,7 @@ _TEXTS = sections(shader_source(__file__))
 
 
 class Tiles:
-    """Which tiles of a target programs are drawn over, told by another texture.
-
-    A branch around most of a program does not make it cheap everywhere: some drivers, llvmpipe
-    among them, take every pixel through it. What is not drawn costs nothing anywhere.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds it.
-    """
+    """Which tiles of a target programs are drawn over, told by another texture."""
 
     def __init__(self, window):
         self.window = window
@@ -38,17 +29,7 @@ class Tiles:
         return sum(t.nbytes for t in (self._squares, self._tiles) if t is not None)
 
     def find(self, found, size, reach):
-        """Choose the tiles near to something.
-
-        Parameters
-        ----------
-        found : Texture
-            0 where there is nothing.
-        size : tuple of 2 int
-            Pixels of what is drawn; a texel of `found` is a square of one or more of them.
-        reach : int
-            Pixels from something that still count.
-        """
+        """Choose the tiles near to something."""
         counts = tuple(-(-n // SIDE) for n in size)
         side = next(n for n in range(1, max(counts) + 1) if _tiles(counts, n) <= _MOST)
         self._squares = sized(self._squares, self.window, counts)
@@ -65,29 +46,11 @@ class Tiles:
         target.draw(self._quads[name], uniforms, textures)
 
     def program(self, fragment, name) -> Quad:
-        """Return a program to be drawn over tiles.
-
-        Parameters
-        ----------
-        fragment : str
-            GLSL with ``main``; it has no ``uv``.
-        name : str
-            What errors call it.
-        """
+        """Return a program to be drawn over tiles."""
         return Quad(self.window, fragment, name, geometry=_TEXTS['geometry'])
 
     def draw(self, quad, uniforms, textures, blend=None):
-        """Draw a program over the tiles that `find` chose.
-
-        Parameters
-        ----------
-        quad : Quad
-            From `program`.
-        uniforms, textures : dict
-            See :meth:`pvibr.gl.Quad.draw`.
-        blend : str, optional
-            See there.
-        """
+        """Draw a program over the tiles that `find` chose."""
         tiles = {'tiles': self._tiles.colors[0]}
         quad.draw({'extent': self._extent, **uniforms}, {**textures, **tiles}, blend)
 
@@ -110,17 +73,7 @@ def _tiles(counts, side):
 
 
 def sized(target, window, size) -> Target:
-    """Return a target of 8 bits of a size: the given one where it has it.
-
-    Parameters
-    ----------
-    target : Target or None
-        Released where it is of another size.
-    window : vtkOpenGLRenderWindow
-        The window whose context holds it.
-    size : tuple of 2 int
-        Texels.
-    """
+    """Return a target of 8 bits of a size: the given one where it has it."""
     if target is not None and (target.width, target.height) == tuple(size):
         return target
     if target is not None:

@@ -29,37 +29,7 @@ GRASS, DRY, ROCK = np.array([[128, 150, 78], [178, 172, 108], [158, 150, 136]])
 
 @dataclass(frozen=True)
 class Landscape:
-    """Ground, trees and a way through.
-
-    Parameters
-    ----------
-    terrain : pyvista.PolyData
-        The ground: triangles with normals and colours ``'color_rgb'``; metres, z up.
-    kinds : tuple of str
-        Names of the kinds of trees.
-    meshes : list of pyvista.MultiBlock
-        One tree per kind, as :func:`pvibr.scenes.trees.tree` grows it.
-    index : numpy.ndarray, shape (n,), int64
-        Which of `meshes` each tree is.
-    matrices : numpy.ndarray, shape (n, 4, 4), float64
-        ``world_from_model`` of each tree.
-    trail : scipy.interpolate.CubicSpline
-        Where the walk goes, (x, y) from 0 to 1.
-    heights : numpy.ndarray, shape (m, m)
-        Height of the ground over a square grid, x fastest.
-    size : float
-        Side of the ground in metres; its centre is at the origin.
-    view_angle : float, optional
-        The vertical view angle meant for the walk, degrees.
-
-    Examples
-    --------
-    >>> from pvibr.scenes.landscape import landscape
-    >>> scene = landscape(200)
-    >>> eye, focus, up = scene.path(5)[0]
-    >>> bool(2 <= eye[2] - scene.height_at(eye[:2]) <= 12)
-    True
-    """
+    """Ground, trees and a way through."""
 
     terrain: pv.PolyData
     kinds: tuple[str, ...]
@@ -72,26 +42,11 @@ class Landscape:
     view_angle: float = 50.0
 
     def parts(self):
-        """Return the trees with their looks.
-
-        Returns
-        -------
-        list of list of pvibr.actors.parts.Part
-            Per kind, bark and leaves; what ``add_instances`` takes as meshes.
-        """
+        """Return the trees with their looks."""
         return [dress(mesh, kind) for mesh, kind in zip(self.meshes, self.kinds, strict=True)]
 
     def lights(self):
-        """Return new lights for one plotter: the sun, and the sky.
-
-        Light from all of the sky is about what comes from where the camera is: so shades are not
-        black, and two lights suffice where PyVista's plotters have five.
-
-        Returns
-        -------
-        list of pyvista.Light
-            For ``Plotter.add_light``; the plotter made with ``lighting='none'``.
-        """
+        """Return new lights for one plotter: the sun, and the sky."""
         (sun, bright), (sky, dim) = SUNLIGHT, SKYLIGHT
         return [
             pv.Light(position=SUN, color=sun, intensity=bright, light_type='scene light'),
@@ -99,42 +54,11 @@ class Landscape:
         ]
 
     def height_at(self, places):
-        """Return the height of the ground.
-
-        Parameters
-        ----------
-        places : array_like, shape (..., 2)
-            Points (x, y), metres.
-
-        Returns
-        -------
-        numpy.ndarray, shape (...), float64
-            Metres; beyond the ground the height of its edge.
-        """
+        """Return the height of the ground."""
         return _height(self.heights, self.size, np.asarray(places, dtype=np.float64))
 
     def path(self, frames, start=0.0, stop=1.0):
-        """Return the cameras of a walk along the trail.
-
-        Parameters
-        ----------
-        frames : int
-            How many.
-        start, stop : float, optional
-            The share of the trail that is walked, within 0 and 1: a short one gives the small
-            steps of a walk, where popping would be seen.
-
-        Returns
-        -------
-        list of tuple
-            (eye, focus, up) of each frame, each an (x, y, z) tuple in metres: what PyVista takes
-            as ``camera_position``.
-
-        Raises
-        ------
-        ValueError
-            If there are no frames or the share is not within 0 and 1.
-        """
+        """Return the cameras of a walk along the trail."""
         if frames < 1 or not 0 <= start <= stop <= 1:
             msg = (
                 f'frames is {frames}, start {start}, stop {stop}; '
@@ -154,36 +78,7 @@ class Landscape:
 
 
 def landscape(n=10_000, seed=0, size=None, triangles=50_000):
-    """Make a landscape.
-
-    Parameters
-    ----------
-    n : int, optional
-        How many trees.
-    seed : int, optional
-        Another seed is another landscape.
-    size : float, optional
-        Side of the ground in metres; by default 11 for each tree along a side, 1100 for 10 000.
-    triangles : int, optional
-        Of each tree.
-
-    Returns
-    -------
-    Landscape
-        Ground, trees, cameras; the same for the same arguments.
-
-    Raises
-    ------
-    ValueError
-        If `n` is not positive or the trees do not fit on the ground.
-
-    Examples
-    --------
-    >>> from pvibr.scenes.landscape import landscape
-    >>> scene = landscape(500, seed=1)
-    >>> scene.matrices.shape, sorted(set(scene.index.tolist()))
-    ((500, 4, 4), [0, 1, 2])
-    """
+    """Make a landscape."""
     if n < 1:
         msg = f'n is {n}; it must be at least 1 tree.'
         raise ValueError(msg)

@@ -1,9 +1,4 @@
-"""Trees grown from a seed: tubes for bark, cut-out cards for leaves.
-
-Branches grow level by level, all branches of a level at once: each starts somewhere along a
-branch of the level below and is a short curve that wanders and bends towards the light. What
-makes an oak, a spruce or a poplar is only how many, how long and how steep.
-"""
+"""Trees grown from a seed: tubes for bark, cut-out cards for leaves."""
 
 from __future__ import annotations
 
@@ -22,29 +17,7 @@ LEAF_PIXELS = 64
 
 @dataclass(frozen=True)
 class Level:
-    """How the branches of one level grow; lengths are fractions of the parent's length.
-
-    Parameters
-    ----------
-    count : int
-        Children of each branch below.
-    span : tuple of float
-        Where along the parent the first and the last start.
-    length : tuple of float
-        At the start and at the end of the span.
-    angle : tuple of float
-        Degrees away from the parent, likewise.
-    lift : float
-        How much they bend up on their way; negative droops.
-    wander : float
-        How crooked they are.
-    points : int
-        Along the curve.
-    sides : int
-        Of the tube.
-    flat : bool, optional
-        Grow to left and right only, as a spruce's side twigs do.
-    """
+    """How the branches of one level grow; lengths are fractions of the parent's length."""
 
     count: int
     span: tuple[float, float]
@@ -59,25 +32,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Kind:
-    """What makes a kind of tree.
-
-    Parameters
-    ----------
-    height : float
-        Metres, unless the caller says otherwise.
-    trunk : float
-        Length of the trunk, in heights.
-    girth : float
-        Radius of the trunk at the ground, in heights.
-    levels : tuple of Level
-        The branches, from the trunk outwards.
-    leaf : tuple of float
-        Width and height of a card in metres, on a tree of this height.
-    bark : tuple of int
-        Its colour.
-    leaves : tuple of tuple of int
-        Their colours in the shade and in the light.
-    """
+    """What makes a kind of tree."""
 
     height: float
     trunk: float
@@ -131,40 +86,7 @@ KINDS = {
 
 
 def tree(kind='broadleaf', seed=0, triangles=50_000, height=None):
-    """Grow a tree.
-
-    Parameters
-    ----------
-    kind : {'broadleaf', 'conifer', 'poplar'}, optional
-        An oak-like, a spruce-like or a columnar tree.
-    seed : int, optional
-        Another seed is another tree of the kind.
-    triangles : int, optional
-        How many triangles bark and leaves have together (one more where this is odd). Leaves
-        are as many as it takes.
-    height : float, optional
-        Metres; by default the kind's own, 14 to 22.
-
-    Returns
-    -------
-    pyvista.MultiBlock
-        ``'bark'`` and ``'leaves'``, triangles with point normals and colours
-        ``'color_rgb'`` (uint8). Leaves have texture coordinates for :func:`leaf_texture`; their
-        normals point out of the crown, so that it is lit as a whole. The foot is at the origin,
-        up is z.
-
-    Raises
-    ------
-    ValueError
-        If the kind is unknown, the height is not positive or the triangles do not suffice for
-        the bark.
-
-    Examples
-    --------
-    >>> from pvibr.scenes.trees import tree
-    >>> sum(block.n_cells for block in tree('conifer', seed=3))
-    50000
-    """
+    """Grow a tree."""
     form = _kind(kind)
     height = form.height if height is None else height
     if not (np.isfinite(height) and height > 0):
@@ -184,30 +106,7 @@ def tree(kind='broadleaf', seed=0, triangles=50_000, height=None):
 
 
 def leaf_texture(kind='broadleaf'):
-    """Return the picture of a spray of leaves, cut out by its alpha.
-
-    Parameters
-    ----------
-    kind : {'broadleaf', 'conifer', 'poplar'}, optional
-        As in :func:`tree`.
-
-    Returns
-    -------
-    pyvista.Texture
-        RGBA, 64 x 64. Its colour is a light grey, to be multiplied by the leaves' own colours;
-        it is the same beyond the edge of the leaves, so that filtering darkens no edge.
-
-    Raises
-    ------
-    ValueError
-        If the kind is unknown.
-
-    Examples
-    --------
-    >>> from pvibr.scenes.trees import leaf_texture
-    >>> leaf_texture('poplar').to_array().shape
-    (64, 64, 4)
-    """
+    """Return the picture of a spray of leaves, cut out by its alpha."""
     _kind(kind)
     draw = _needles if kind == 'conifer' else _blades
     alpha, light = draw(round_leaves=kind == 'poplar')
@@ -223,54 +122,12 @@ def leaf_texture(kind='broadleaf'):
 
 
 def tree_parts(kind='broadleaf', seed=0, triangles=50_000, height=None):
-    """Grow a tree and give it its looks.
-
-    Parameters
-    ----------
-    kind : {'broadleaf', 'conifer', 'poplar'}, optional
-        The kind.
-    seed : int, optional
-        Another seed is another tree of the kind.
-    triangles : int, optional
-        Of bark and leaves together.
-    height : float, optional
-        Metres; by default the kind's own.
-
-    Returns
-    -------
-    list of pvibr.actors.parts.Part
-        Bark and leaves, the leaves cut out at an alpha of one half.
-
-    Examples
-    --------
-    >>> from pvibr.scenes.trees import tree_parts
-    >>> [part.alpha_cutoff for part in tree_parts('poplar')]
-    [None, 0.5]
-    """
+    """Grow a tree and give it its looks."""
     return dress(tree(kind, seed, triangles, height), kind)
 
 
 def dress(blocks, kind):
-    """Give a grown tree its looks.
-
-    Parameters
-    ----------
-    blocks : pyvista.MultiBlock
-        What :func:`tree` returned.
-    kind : {'broadleaf', 'conifer', 'poplar'}
-        The kind that it was grown as.
-
-    Returns
-    -------
-    list of pvibr.actors.parts.Part
-        As :func:`tree_parts` returns them.
-
-    Examples
-    --------
-    >>> from pvibr.scenes.trees import dress, tree
-    >>> len(dress(tree('conifer'), 'conifer'))
-    2
-    """
+    """Give a grown tree its looks."""
     look = {'scalars': COLORS, 'rgb': True}
     parts = as_parts(blocks['bark'], **look)
     parts += as_parts(blocks['leaves'], texture=leaf_texture(kind), alpha_cutoff=0.5, **look)

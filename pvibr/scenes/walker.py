@@ -43,26 +43,8 @@ _NAMES = list(_JOINTS)
 def walker(triangles=5000) -> Figure:
     """Return a person 1.8 m tall, who looks along y, with the clips 'Walk' and 'Wave'.
 
-    Parameters
-    ----------
-    triangles : int
-        About how many.
-
-    Returns
-    -------
-    Figure
-        Standing at the origin; shirt and sleeves are white, for colours that multiply.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 300 triangles.
-
-    Examples
-    --------
-    >>> from pvibr.scenes.walker import walker
-    >>> walker(2000)
-    Figure(1 bodies, 11 joints, clips: 'Walk', 'Wave')
+    Examples -------- >>> from pvibr.scenes.walker import walker >>> walker(2000) Figure(1 bodies,
+    11 joints, clips: 'Walk', 'Wave')
     """
     if triangles < 300:
         msg = f'triangles = {triangles}: must be 300 or more'

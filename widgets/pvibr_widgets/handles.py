@@ -20,28 +20,7 @@ _MOST = 200  # pixels: what VTK takes for a tolerance
 
 
 class Handles(Overlay):
-    """Handles of one thing in a scene; made by the functions of this package.
-
-    They follow the thing, go with it or with the plotter, and are drawn over the picture.
-
-    Parameters
-    ----------
-    stage : pvibr_widgets.handles_stage.Stage
-        Where they are.
-    names : sequence of str
-        What they are called.
-    callback : callable, optional
-        Called with the thing after each change by a handle.
-    size : float
-        Of a handle, pixels.
-
-    Raises
-    ------
-    TypeError
-        Where the callback cannot be called.
-    ValueError
-        Where the size is not allowed.
-    """
+    """Handles of one thing in a scene; made by the functions of this package."""
 
     def __init__(self, stage, names, *, callback=None, size=28):
         if not 4 <= size <= _MOST:
@@ -64,10 +43,7 @@ class Handles(Overlay):
         return []
 
     def _bound(self, name) -> tuple | None:
-        """Return what a handle stays on, None where it is free.
-
-        That is ('plane' or 'line', a point, a unit vector), or ('sphere', middle, a point on it).
-        """
+        """Return what a handle stays on, None where it is free."""
         return None
 
     def _put(self, name, point):
@@ -90,35 +66,11 @@ class Handles(Overlay):
         return next((n for n, grip in self._grips.items() if grip is current), None)
 
     def focus(self, name):
-        """Give a handle the keys, as Tab does.
-
-        Parameters
-        ----------
-        name : str
-            Of the handle.
-
-        Raises
-        ------
-        KeyError
-            Where there is no such handle.
-        """
+        """Give a handle the keys, as Tab does."""
         self._stage.ring.take(self._grips[name])
 
     def move(self, name, pixel):
-        """Move a handle as the mouse does.
-
-        Parameters
-        ----------
-        name : str
-            Of the handle.
-        pixel : array_like, shape (2,)
-            Where to, from the lower left corner of the window.
-
-        Raises
-        ------
-        KeyError
-            Where there is no such handle.
-        """
+        """Move a handle as the mouse does."""
         place = self._places[name]
         pointer = Pointer(self._stage.frame(), pixel)
         kind, *bound = self._bound(name) or ('facing', place)
@@ -131,20 +83,7 @@ class Handles(Overlay):
             self._try(name, goal)
 
     def push(self, name, factor):
-        """Move a handle away from the eye, or nearer.
-
-        Parameters
-        ----------
-        name : str
-            Of the handle.
-        factor : float
-            What its distance is multiplied by; on a sphere, its far side above 1, else its near.
-
-        Raises
-        ------
-        KeyError
-            Where there is no such handle.
-        """
+        """Move a handle away from the eye, or nearer."""
         place, frame = self._places[name], self._stage.frame()
         pointer = Pointer(frame, to_pixels(frame, [place])[0] + frame.origin)
         kind, *bound = self._bound(name) or ('facing',)
@@ -208,19 +147,7 @@ class Handles(Overlay):
 
 
 class Grip(Control):
-    """One handle.
-
-    Parameters
-    ----------
-    owner : Handles
-        Told where to move it.
-    stage : pvibr_widgets.handles_stage.Stage
-        Where it is.
-    name : str
-        Which one it is.
-    tolerance : float
-        How far from its middle it is touched, pixels.
-    """
+    """One handle."""
 
     def __init__(self, owner, stage, name, tolerance):
         self._owner, self._stage, self._name = owner, stage, name
@@ -234,13 +161,7 @@ class Grip(Control):
         return self.touch.usable
 
     def place(self, point):
-        """Have it where it belongs.
-
-        Parameters
-        ----------
-        point : array_like, shape (3,) or None
-            World units; None where it is off.
-        """
+        """Have it where it belongs."""
         self.touch.switch(point is not None)
         if point is None:
             self._stage.ring.lose(self)
@@ -248,25 +169,11 @@ class Grip(Control):
             self.touch.place(point)
 
     def focus(self, on):
-        """Show whether it has the keys.
-
-        Parameters
-        ----------
-        on : bool
-            Whether.
-        """
+        """Show whether it has the keys."""
         self._stage.draw()
 
     def press(self, key, fine) -> bool:
-        """Move it by a key.
-
-        Parameters
-        ----------
-        key : str
-            An arrow, or page up and page down for away and nearer.
-        fine : bool
-            By one pixel.
-        """
+        """Move it by a key."""
         if key in _ARROWS:
             step = _FINE if fine else _STEP
             at = np.array(self._owner.pixels[self._name])

@@ -76,17 +76,7 @@ def pick_focus(pl, lens, *, callback=None):
 
 
 class FocusPick(Overlay):
-    """What sets the plane in focus; see :func:`pick_focus`.
-
-    Parameters
-    ----------
-    stage : pvibr_widgets.handles_stage.Stage
-        Where it is.
-    lens : pvibr.DepthOfField
-        Whose distance is set.
-    callback : callable, optional
-        Called with the lens after each change.
-    """
+    """What sets the plane in focus; see :func:`pick_focus`."""
 
     def __init__(self, stage, lens, callback=None):
         super().__init__(stage, callback)
@@ -102,18 +92,7 @@ class FocusPick(Overlay):
         self._follow()
 
     def pick(self, pixel) -> bool:
-        """Have what is seen at a pixel in focus.
-
-        Parameters
-        ----------
-        pixel : array_like, shape (2,)
-            From the lower left corner of the window.
-
-        Returns
-        -------
-        bool
-            Whether anything is there; nothing is changed otherwise.
-        """
+        """Have what is seen at a pixel in focus."""
         away = self._depth_at(pixel)
         if away is None:
             return False
@@ -168,20 +147,7 @@ class FocusPick(Overlay):
     # -- by keys ----------------------------------------------------------------------------------
 
     def press(self, key, fine) -> bool:
-        """Move the place that is picked, or the plane, or end.
-
-        Parameters
-        ----------
-        key : str
-            An arrow, page up, page down or Escape.
-        fine : bool
-            By one pixel.
-
-        Returns
-        -------
-        bool
-            Whether it did anything with it.
-        """
+        """Move the place that is picked, or the plane, or end."""
         frame = self._stage.frame()
         if key == 'Escape':
             self.remove()

@@ -1,7 +1,4 @@
-"""Which control in a window has the keys: Tab goes from one to the next, Escape lets go.
-
-Where Tab belongs to Qt or a browser, full stop and comma go to the next and previous.
-"""
+"""Which control in a window has the keys: Tab goes from one to the next, Escape lets go."""
 
 from __future__ import annotations
 
@@ -18,57 +15,19 @@ class Control:
         return True
 
     def focus(self, on):
-        """Show whether it has the keys.
-
-        Parameters
-        ----------
-        on : bool
-            Whether.
-        """
+        """Show whether it has the keys."""
 
     def press(self, key, fine) -> bool:
-        """Take a key while it has the keys.
-
-        Parameters
-        ----------
-        key : str
-            As X11 names it.
-        fine : bool
-            Whether Shift is held.
-
-        Returns
-        -------
-        bool
-            Whether it did anything with it.
-        """
+        """Take a key while it has the keys."""
         return False
 
     def overhear(self, key) -> bool:
-        """Take a key that nothing else wants.
-
-        Parameters
-        ----------
-        key : str
-            As X11 names it.
-
-        Returns
-        -------
-        bool
-            Whether it did anything with it.
-        """
+        """Take a key that nothing else wants."""
         return False
 
 
 class OwnersControl(Control):
-    """The keys of something that is one control as a whole.
-
-    Parameters
-    ----------
-    owner : object
-        With ``enabled``, ``press(key, fine)`` and its stage.
-    hears : str
-        The key that it takes, too, where nothing else wants it.
-    """
+    """The keys of something that is one control as a whole."""
 
     def __init__(self, owner, hears):
         self._owner, self._hears = owner, hears
@@ -79,75 +38,20 @@ class OwnersControl(Control):
         return self._owner.enabled
 
     def focus(self, on):
-        """Draw its owner anew, which shows whether it has the keys.
-
-        Parameters
-        ----------
-        on : bool
-            Whether.
-        """
+        """Draw its owner anew, which shows whether it has the keys."""
         self._owner._stage.draw()
 
     def press(self, key, fine) -> bool:
-        """Hand a key on.
-
-        Parameters
-        ----------
-        key : str
-            As X11 names it.
-        fine : bool
-            Whether Shift is held.
-
-        Returns
-        -------
-        bool
-            Whether it did anything with it.
-        """
+        """Hand a key on."""
         return self._owner.press(key, fine)
 
     def overhear(self, key) -> bool:
-        """Hand on the one key that it always hears.
-
-        Parameters
-        ----------
-        key : str
-            As X11 names it.
-
-        Returns
-        -------
-        bool
-            Whether it did anything with it.
-        """
+        """Hand on the one key that it always hears."""
         return key == self._hears and self.usable and self._owner.press(key, False)
 
 
 class Ring:
-    """The controls of a window, one after the other.
-
-    Parameters
-    ----------
-    interactor : vtkRenderWindowInteractor
-        The window's.
-
-    Attributes
-    ----------
-    current : Control or None
-        What has the keys.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> pl = pv.Plotter(off_screen=True)
-    >>> ring, control = Ring(pl.iren.interactor), Control()
-    >>> ring.add(control)
-    >>> pl.show(auto_close=False)
-    >>> pl.iren.interactor.SetKeySym('Tab')
-    >>> _ = pl.iren.interactor.KeyPressEvent()
-    >>> ring.current is control
-    True
-    >>> ring.drop(control)
-    >>> pl.close()
-    """
+    """The controls of a window, one after the other."""
 
     def __init__(self, interactor):
         self._interactor = interactor
@@ -156,25 +60,13 @@ class Ring:
         self.current: Control | None = None
 
     def add(self, control):
-        """Put a control behind the others.
-
-        Parameters
-        ----------
-        control : Control
-            Not in it.
-        """
+        """Put a control behind the others."""
         self._controls.append(control)
         if self._tag is None:
             self._tag = self._interactor.AddObserver('KeyPressEvent', self._on_key, _FIRST)
 
     def drop(self, control):
-        """Take a control out.
-
-        Parameters
-        ----------
-        control : Control
-            In it.
-        """
+        """Take a control out."""
         self.lose(control)
         self._controls.remove(control)
         if not self._controls and self._tag is not None:
@@ -182,24 +74,12 @@ class Ring:
             self._tag = None
 
     def lose(self, control):
-        """Take the keys from a control that is off, and tells so itself.
-
-        Parameters
-        ----------
-        control : Control
-            In it.
-        """
+        """Take the keys from a control that is off, and tells so itself."""
         if self.current is control:
             self.current = None
 
     def take(self, control):
-        """Give the keys to a control.
-
-        Parameters
-        ----------
-        control : Control or None
-            In it; None for none.
-        """
+        """Give the keys to a control."""
         old, self.current = self.current, control
         if old is control:
             return
@@ -215,20 +95,7 @@ class Ring:
             command.AbortFlagOn()
 
     def hear(self, key, fine=False) -> bool:
-        """Take a key.
-
-        Parameters
-        ----------
-        key : str
-            As X11 names it.
-        fine : bool, optional
-            Whether Shift is held.
-
-        Returns
-        -------
-        bool
-            Whether anything was done with it.
-        """
+        """Take a key."""
         if key in (*_NEXT, *_PREVIOUS):
             return self._step(-1 if key in _PREVIOUS or (key == 'Tab' and fine) else 1)
         current = self.current

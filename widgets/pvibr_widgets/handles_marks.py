@@ -23,26 +23,7 @@ _WIDTH = 2  # pixels of a line, with as many around it
 
 
 class Marks:
-    """What handles look like.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-        The subplot's.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import pyvista as pv
-    >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
-    >>> marks = Marks(pl.renderer)
-    >>> marks.draw_marks([(np.array([32.0, 24.0]), 'circle', (255, 0, 0), 20)])
-    >>> pl.show(auto_close=False)
-    >>> pl.screenshot()[24, 32].tolist()
-    [255, 0, 0]
-    >>> marks.remove()
-    >>> pl.close()
-    """
+    """What handles look like."""
 
     def __init__(self, renderer):
         self._renderer = renderer
@@ -57,15 +38,7 @@ class Marks:
         renderer.AddViewProp(self._text)
 
     def draw_lines(self, frame, groups):
-        """Have lines drawn.
-
-        Parameters
-        ----------
-        frame : pvibr.frame.Frame
-            Whose camera looks.
-        groups : sequence of tuple
-            Segments, shape (n, 2, 3), world units, and their colour, three of 0 to 255.
-        """
+        """Have lines drawn."""
         pixels = [lines_to_pixels(frame, segments) for segments, _ in groups]
         self._under.actor.GetProperty().SetLineWidth(3 * _WIDTH * frame.scale)
         self._lines.actor.GetProperty().SetLineWidth(_WIDTH * frame.scale)
@@ -77,13 +50,7 @@ class Marks:
         self._lines.show(flat.reshape(-1, 2), rows, lines=cells)
 
     def draw_marks(self, marks):
-        """Have marks drawn.
-
-        Parameters
-        ----------
-        marks : sequence of tuple
-            Place in pixels of the subplot, name of the shape, colour, and size in pixels.
-        """
+        """Have marks drawn."""
         polygons = []
         for place, shape, color, size in marks:
             for radius, paint in ((size / 2, DARK), (size / 2 - 3, color)):
@@ -91,28 +58,14 @@ class Marks:
         self.draw_polygons(polygons)
 
     def draw_polygons(self, polygons):
-        """Have polygons drawn, in place of marks.
-
-        Parameters
-        ----------
-        polygons : sequence of tuple
-            Corners, shape (n, 2), in pixels of the subplot, and colour; convex.
-        """
+        """Have polygons drawn, in place of marks."""
         ends = np.cumsum([0, *(len(corners) for corners, _ in polygons)])
         cells = [np.arange(a, b) for a, b in itertools.pairwise(ends)]
         corners = np.concatenate([np.zeros((0, 2)), *(c for c, _ in polygons)])
         self._marks.show(corners, [color for _, color in polygons], faces=cells)
 
     def say(self, text, place=None):
-        """Have a word drawn beside a place.
-
-        Parameters
-        ----------
-        text : str
-            Empty for none.
-        place : array_like, shape (2,), optional
-            Pixels of the subplot.
-        """
+        """Have a word drawn beside a place."""
         self._text.SetInput(f' {text} ' if text else '')
         if place is not None:
             self._text.SetPosition(*(float(x) for x in place))
@@ -130,11 +83,7 @@ class Marks:
 
 
 class _Flat:
-    """An actor of polygons and lines in pixels of the subplot.
-
-    It is visible even where there are none: the pipeline takes what is visible when a frame begins
-    out of its picture, before it is known what will be drawn here.
-    """
+    """An actor of polygons and lines in pixels of the subplot."""
 
     def __init__(self, renderer):
         self._mapper = _vtk.vtkPolyDataMapper2D()

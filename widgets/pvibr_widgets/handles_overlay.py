@@ -23,27 +23,7 @@ BAR, SCENE = 0.4, 0.3
 
 
 class Overlay:
-    """Controls drawn over a subplot.
-
-    Parameters
-    ----------
-    stage : pvibr_widgets.handles_stage.Stage
-        Where they are.
-    callback : callable, optional
-        Called with the thing after each change by the user.
-
-    Attributes
-    ----------
-    thing : object
-        What they control.
-    callbacks : list of callable
-        Called with the thing after each change by the user.
-
-    Raises
-    ------
-    TypeError
-        Where the callback cannot be called.
-    """
+    """Controls drawn over a subplot."""
 
     thing: Any = None
 
@@ -134,24 +114,7 @@ class Overlay:
 
 
 class Touch:
-    """A place that takes the mouse: VTK's widget for handles, which has no look of its own.
-
-    It is off at first.
-
-    Parameters
-    ----------
-    stage : pvibr_widgets.handles_stage.Stage
-        Where it is.
-    tolerance : float
-        How far from its middle it is touched, pixels.
-    begin, drag, end : callable
-        Called without arguments; held weakly, as methods of who holds this.
-    area : callable, optional
-        A method that tells whether a pixel of the window is in the area where it takes the mouse,
-        in place of `place`.
-    priority : float, optional
-        Of those under one pixel, who has the highest takes the mouse.
-    """
+    """A place that takes the mouse: VTK's widget for handles, which has no look of its own."""
 
     def __init__(self, stage, tolerance, begin, drag, end, *, area=None, priority=_PLACE):
         self._stage, self._press = stage, None
@@ -189,35 +152,17 @@ class Touch:
         return bool(self._widget.GetEnabled() and self._widget.GetProcessEvents())
 
     def switch(self, on):
-        """Have it in the window or not.
-
-        Parameters
-        ----------
-        on : bool
-            Which.
-        """
+        """Have it in the window or not."""
         if bool(self._widget.GetEnabled()) != bool(on):
             with self._stage.still():
                 self._widget.SetEnabled(bool(on))
 
     def reach(self, on):
-        """Have it take the mouse or not.
-
-        Parameters
-        ----------
-        on : bool
-            Which.
-        """
+        """Have it take the mouse or not."""
         self._widget.SetProcessEvents(bool(on))
 
     def place(self, point):
-        """Have it somewhere.
-
-        Parameters
-        ----------
-        point : array_like, shape (3,)
-            World units.
-        """
+        """Have it somewhere."""
         self._rep.SetWorldPosition([float(x) for x in point])
         self._rep.BuildRepresentation()  # it is touched where it was built
 
@@ -232,18 +177,7 @@ class Touch:
 
 
 def weakly(method):
-    """Return an observer that keeps nobody alive.
-
-    Parameters
-    ----------
-    method : callable
-        A bound method that takes no arguments.
-
-    Returns
-    -------
-    callable
-        Takes anything.
-    """
+    """Return an observer that keeps nobody alive."""
     found = weakref.WeakMethod(method)
 
     def call(*_):

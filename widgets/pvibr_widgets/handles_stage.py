@@ -19,45 +19,7 @@ _NEAREST = 1e-9  # of w: what is nearer to the eye's own plane is behind it
 
 
 class Stage:
-    """A subplot that handles are put into.
-
-    Parameters
-    ----------
-    plotter : pyvista.BasePlotter or vtkRenderer
-        With an interactor.
-    renderer : vtkRenderer, optional
-        One of the plotter's; by default that of the active subplot.
-
-    Attributes
-    ----------
-    plotter : pyvista.BasePlotter or vtkRenderer
-        What was given.
-    ibr : pvibr.component.IBRComponent
-        The plotter's.
-    renderer : vtkRenderer
-        The subplot's.
-    interactor : vtkRenderWindowInteractor
-        The window's.
-    ring : Ring
-        Which control of the window has the keys.
-
-    Raises
-    ------
-    TypeError
-        Where it is neither.
-    ValueError
-        Where it has no interactor.
-    ClosedError
-        Where the plotter is closed.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
-    >>> Stage(pl).frame().size
-    (64, 48)
-    >>> pl.close()
-    """
+    """A subplot that handles are put into."""
 
     def __init__(self, plotter, renderer=None):
         is_renderer = hasattr(plotter, 'IsA') and plotter.IsA('vtkRenderer')
@@ -79,25 +41,7 @@ class Stage:
 
     @classmethod
     def of(cls, plotter, effect):
-        """Return the subplot that an effect is in.
-
-        Parameters
-        ----------
-        plotter : pyvista.BasePlotter or vtkRenderer
-            With an interactor.
-        effect : pvibr.Effect
-            In one of its subplots.
-
-        Returns
-        -------
-        Stage
-            That subplot.
-
-        Raises
-        ------
-        ValueError
-            Where it is in none of them.
-        """
+        """Return the subplot that an effect is in."""
         active = cls(plotter)
         renderer = None if effect.pipeline is None else effect.pipeline.renderer
         window = active.renderer.GetRenderWindow()
@@ -111,13 +55,7 @@ class Stage:
         return Frame.of(self.renderer)
 
     def draw(self, *, by_widget=False):
-        """Show what was changed.
-
-        Parameters
-        ----------
-        by_widget : bool
-            Whether VTK's widget asks its interactor for a frame when this event is over.
-        """
+        """Show what was changed."""
         asked = by_widget and bool(self.interactor.GetEnabled())
         if asked and not has_page(self.plotter):
             return
@@ -138,28 +76,7 @@ class Stage:
 
 
 def to_pixels(frame, points):
-    """Return where points are drawn.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        Whose camera looks.
-    points : array_like, shape (n, 3)
-        World units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 2)
-        Pixels from the lower left corner of the subplot; NaN behind the eye.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
-    >>> to_pixels(Stage(pl).frame(), [pl.camera.focal_point]).tolist()
-    [[32.0, 24.0]]
-    >>> pl.close()
-    """
+    """Return where points are drawn."""
     clip = _clip(frame, points)
     shown = clip[:, 3] > _NEAREST * max(frame.far, 1e-300) if not frame.parallel else True
     with np.errstate(divide='ignore', invalid='ignore'):
@@ -168,20 +85,7 @@ def to_pixels(frame, points):
 
 
 def lines_to_pixels(frame, segments):
-    """Return where lines are drawn, without what is nearer than the near plane.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        Whose camera looks.
-    segments : array_like, shape (n, 2, 3)
-        World units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (m, 2, 2)
-        Pixels from the lower left corner of the subplot; those that are seen.
-    """
+    """Return where lines are drawn, without what is nearer than the near plane."""
     segments = np.asarray(segments, float).reshape(-1, 2, 3)
     ends = _clip(frame, segments.reshape(-1, 3)).reshape(-1, 2, 4)
     if not frame.parallel:
@@ -209,29 +113,7 @@ def _clip(frame, points):
 
 
 class Pointer:
-    """A pixel, as the ray that it is in the scene.
-
-    Parameters
-    ----------
-    frame : pvibr.frame.Frame
-        Whose camera looks.
-    pixel : array_like, shape (2,)
-        From the lower left corner of the window.
-
-    Attributes
-    ----------
-    origin, direction : numpy.ndarray, shape (3,)
-        World units, unit vector.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
-    >>> pl.camera_position = [(0, 0, 4), (0, 0, 0), (0, 1, 0)]
-    >>> Pointer(Stage(pl).frame(), (32, 24)).facing((1, 0, 1)).tolist()
-    [0.0, 0.0, 1.0]
-    >>> pl.close()
-    """
+    """A pixel, as the ray that it is in the scene."""
 
     def __init__(self, frame, pixel):
         x, y = 2 * (np.asarray(pixel, float) - frame.origin) / frame.size - 1
@@ -245,34 +127,12 @@ class Pointer:
         self.origin = eye + turn @ np.array([*near[:2], 0.0]) if frame.parallel else eye
 
     def facing(self, point):
-        """Return where it meets the plane through a point that is parallel to the picture.
-
-        Parameters
-        ----------
-        point : array_like, shape (3,)
-            World units.
-
-        Returns
-        -------
-        numpy.ndarray, shape (3,)
-            World units.
-        """
+        """Return where it meets the plane through a point that is parallel to the picture."""
         away = (np.asarray(point, float) - self.origin) @ self.ahead
         return self.origin + self.direction * away / (self.direction @ self.ahead)
 
     def on_plane(self, point, normal):
-        """Return where it meets a plane, or the nearest to that where the plane is seen edge-on.
-
-        Parameters
-        ----------
-        point, normal : array_like, shape (3,)
-            World units, unit vector.
-
-        Returns
-        -------
-        numpy.ndarray, shape (3,)
-            World units.
-        """
+        """Return where the ray meets a plane, or the closest point if they are parallel."""
         point, normal = np.asarray(point, float), np.asarray(normal, float)
         slope = self.direction @ normal
         if abs(slope) > _EDGE_ON:
@@ -283,18 +143,7 @@ class Pointer:
         return hit - normal * ((hit - point) @ normal)
 
     def on_line(self, point, direction):
-        """Return the point of a line that is nearest to it.
-
-        Parameters
-        ----------
-        point, direction : array_like, shape (3,)
-            World units, unit vector.
-
-        Returns
-        -------
-        numpy.ndarray or None, shape (3,)
-            World units; None where one looks along the line.
-        """
+        """Return the point of a line that is nearest to it."""
         point, direction = np.asarray(point, float), np.asarray(direction, float)
         cosine = self.direction @ direction
         if 1 - cosine**2 < _EDGE_ON**2:
@@ -304,22 +153,7 @@ class Pointer:
         return point + along * direction
 
     def on_sphere(self, center, place, *, far=None):
-        """Return where it meets the sphere around a point, or its rim where it misses it.
-
-        Parameters
-        ----------
-        center : array_like, shape (3,)
-            World units.
-        place : array_like, shape (3,)
-            On the sphere, and on the side of it that is meant.
-        far : bool, optional
-            Whether the far side is meant; by default that of the place.
-
-        Returns
-        -------
-        numpy.ndarray, shape (3,)
-            World units.
-        """
+        """Return where it meets the sphere around a point, or its rim where it misses it."""
         center = np.asarray(center, float)
         arm = np.asarray(place, float) - center
         radius = float(np.linalg.norm(arm))

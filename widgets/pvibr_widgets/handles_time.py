@@ -73,19 +73,7 @@ def time_bar(pl, start, stop, *, speed=1.0, loop=True, callback=None):
 
 
 class TimeBar(Overlay):
-    """What shows and sets the time; see :func:`time_bar`.
-
-    Parameters
-    ----------
-    stage : pvibr_widgets.handles_stage.Stage
-        Where it is.
-    start, stop, speed : float
-        Seconds, and seconds in a second.
-    loop : bool
-        Whether it begins again at the end.
-    callback : callable, optional
-        Called with the time after each change by the bar.
-    """
+    """What shows and sets the time; see :func:`time_bar`."""
 
     def __init__(self, stage, start, stop, speed, loop, callback=None):
         super().__init__(stage, callback)
@@ -134,31 +122,12 @@ class TimeBar(Overlay):
         self.pause() if self.playing else self.play()
 
     def set(self, time):
-        """Show a moment, as the bar does.
-
-        Parameters
-        ----------
-        time : float
-            Seconds; the nearest that the bar has.
-        """
+        """Show a moment, as the bar does."""
         self._stage.ibr.time = float(np.clip(time, self.start, self.stop))
         self._tell()
 
     def press(self, key, fine) -> bool:
-        """Take a key.
-
-        Parameters
-        ----------
-        key : str
-            An arrow, page up or down, Home, End, or space.
-        fine : bool
-            By a thousandth of the bar.
-
-        Returns
-        -------
-        bool
-            Whether it did anything with it.
-        """
+        """Take a key."""
         span = (self.stop - self.start) * (_FINE if fine else _STEP)
         if key == 'space':
             self.toggle()

@@ -18,28 +18,7 @@ _MOST_OPEN = 3  # groups that show their rows at once
 
 
 class Group:
-    """An effect or a thing, with a row for each of its settings.
-
-    Parameters
-    ----------
-    key : str
-        Its subplot's number.
-    name : str
-        What the state calls it.
-    thing : pvibr.Effect
-        In a pipeline.
-    place : str
-        Words before its name, where there are several subplots.
-    presets : Presets
-        Named sets of settings.
-    is_open : bool
-        Whether its rows are shown.
-
-    Attributes
-    ----------
-    rows : list of Row
-        In the order of declaration.
-    """
+    """An effect or a thing, with a row for each of its settings."""
 
     def __init__(self, key, name, thing, place, presets, is_open=True):
         self.key, self.name, self.thing, self._presets = key, name, thing, presets
@@ -64,13 +43,7 @@ class Group:
         return '' if said == 'enabled is False' else said
 
     def switch(self, on):
-        """Put it on or off.
-
-        Parameters
-        ----------
-        on : bool
-            Which.
-        """
+        """Put it on or off."""
         self.thing.enabled = bool(on)
 
     def remove(self):
@@ -84,33 +57,15 @@ class Group:
         return self._presets.names(self.thing)
 
     def apply(self, preset):
-        """Give it a set of settings.
-
-        Parameters
-        ----------
-        preset : str
-            One of `presets`.
-        """
+        """Give it a set of settings."""
         self._presets.apply(self.thing, preset)
 
     def keep(self, preset):
-        """Keep its settings as a set of the user's own.
-
-        Parameters
-        ----------
-        preset : str
-            A new name.
-        """
+        """Keep its settings as a set of the user's own."""
         self._presets.keep(self.thing, preset)
 
     def forget(self, preset):
-        """Remove a set that the user kept.
-
-        Parameters
-        ----------
-        preset : str
-            Its name.
-        """
+        """Remove a set that the user kept."""
         self._presets.forget(self.thing, preset)
 
 

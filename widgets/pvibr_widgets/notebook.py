@@ -64,24 +64,7 @@ def notebook_panel(plotter, *, picture=False, presets=None):
 
 
 class Panel(W.VBox):
-    """A control panel made of ipywidgets.
-
-    Parameters
-    ----------
-    model : pvibr_widgets.model.Model
-        What is shown.
-    picture : bool, optional
-        Whether the picture is shown too.
-
-    Attributes
-    ----------
-    model : pvibr_widgets.model.Model
-        The same.
-    rows : list of RowView
-        One for each setting of the plotter itself.
-    groups : list of GroupBox
-        One for each effect and thing.
-    """
+    """A control panel made of ipywidgets."""
 
     def __init__(self, model, *, picture=False):
         self.model = model
@@ -156,18 +139,7 @@ class Panel(W.VBox):
         self.model.message = 'select and copy'
 
     def group(self, name):
-        """Return a group by what the state calls it.
-
-        Parameters
-        ----------
-        name : str
-            Such as ``'Bloom'``.
-
-        Returns
-        -------
-        GroupBox
-            The first of that name.
-        """
+        """Return a group by what the state calls it."""
         return next(box for box in self.groups if box.group.name == name)
 
     def _changed(self, rebuilt):
@@ -188,12 +160,7 @@ class Panel(W.VBox):
 
 
 class _Home:
-    """Does things where the plotter was made: messages of pages may come in other threads.
-
-    A window draws in one thread only. JupyterLab has the messages of widgets answered beside the
-    cells, in a thread of their own; so they wait here until the kernel's loop has time, and all
-    that came until then is drawn once.
-    """
+    """Does things where the plotter was made: messages of pages may come in other threads."""
 
     def __init__(self, model):
         self._model, self._thread = model, threading.get_ident()
@@ -225,22 +192,7 @@ class _Home:
 
 
 class GroupBox(W.VBox):
-    """An effect or a thing: its switch, its presets, its rows.
-
-    Parameters
-    ----------
-    home : object
-        Its ``do`` does things.
-    group : pvibr_widgets.model.Group
-        What is shown.
-
-    Attributes
-    ----------
-    group : pvibr_widgets.model.Group
-        The same.
-    rows : list of RowView
-        One for each setting.
-    """
+    """An effect or a thing: its switch, its presets, its rows."""
 
     def __init__(self, home, group):
         self.group = group
@@ -285,28 +237,11 @@ class GroupBox(W.VBox):
         self._body.layout.display = None if is_open else 'none'
 
     def row(self, name):
-        """Return the view of a setting.
-
-        Parameters
-        ----------
-        name : str
-            The setting's.
-
-        Returns
-        -------
-        RowView
-            Its label and controls.
-        """
+        """Return the view of a setting."""
         return next(view for view in self.rows if view.row.name == name)
 
     def update_rows(self, helps):
-        """Show what is.
-
-        Parameters
-        ----------
-        helps : bool
-            Whether explanations are shown.
-        """
+        """Show what is."""
         self.enabled.value = self.group.enabled
         _say(self._why, _ERROR, self.group.why)
         try:
@@ -321,23 +256,7 @@ class GroupBox(W.VBox):
 
 
 class RowView(W.VBox):
-    """A setting: its label, control, tick, and what is said of it.
-
-    Parameters
-    ----------
-    home : object
-        Its ``do`` does things.
-    row : pvibr_widgets.rows.Row
-        What is shown.
-
-    Attributes
-    ----------
-    row : pvibr_widgets.rows.Row
-        The same.
-    controls : dict
-        ``slider``, ``text``, ``switch``, ``choice``, ``color``, ``derived``, ``reset``: those that
-        it has.
-    """
+    """A setting: its label, control, tick, and what is said of it."""
 
     def __init__(self, home, row):
         self.row = row
@@ -391,13 +310,7 @@ class RowView(W.VBox):
         return key, control
 
     def update_value(self, helps):
-        """Show what is.
-
-        Parameters
-        ----------
-        helps : bool
-            Whether the explanation is shown.
-        """
+        """Show what is."""
         row = self.row
         shown = {'text': row.text, 'switch': bool(row.value), 'derived': row.derived}
         if row.kind in ('choice', 'color'):

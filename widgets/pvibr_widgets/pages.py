@@ -122,26 +122,7 @@ def menu_item(plotter, *, presets=None):
 
 
 class PagePanel:
-    """A control panel in a page; it shows a variable of the server's state.
-
-    Parameters
-    ----------
-    model : pvibr_widgets.model.Model
-        What is shown.
-    server : trame.Server
-        The page's.
-    update : callable, optional
-        Sends a picture to the page.
-
-    Attributes
-    ----------
-    model : pvibr_widgets.model.Model
-        The same.
-    element : trame element
-        What is in the page.
-    name : str
-        Of the variable.
-    """
+    """A control panel in a page; it shows a variable of the server's state."""
 
     def __init__(self, model, server, update=None):
         self.model, self._server, self._update = model, server, update
@@ -178,35 +159,13 @@ class PagePanel:
         }
 
     def state_text(self) -> str:
-        """Return all settings as the text of a file.
-
-        Returns
-        -------
-        str
-            JSON, as ``pl.ibr.save_state`` writes it.
-        """
+        """Return all settings as the text of a file."""
         return to_text('state', self.model.ibr.state())
 
     # -- what pages ask for -----------------------------------------------------------------------
 
     def act(self, action, *args) -> str:
-        """Do what a control of a page asks for.
-
-        The picture is drawn a moment later, once for all that was asked for until then.
-
-        Parameters
-        ----------
-        action : str
-            What.
-        *args
-            The group's id, the setting's name, and the value, as far as it needs them. What is
-            not understood is said in the page and does nothing.
-
-        Returns
-        -------
-        str
-            The setting's value as text, empty where it is about none.
-        """
+        """Do what a control of a page asks for."""
         target, rest = self._target_of(action, args)
         if target is None:  # gone meanwhile, or nothing that this page has
             return ''
@@ -231,13 +190,7 @@ class PagePanel:
         return (row if action in _ROW_ACTIONS else None), args[2:]
 
     def show_help(self, helps):
-        """Show or hide what settings mean.
-
-        Parameters
-        ----------
-        helps : bool
-            Which.
-        """
+        """Show or hide what settings mean."""
         self._helps = helps
 
     def show_code(self):
@@ -245,13 +198,7 @@ class PagePanel:
         self._code = self.model.code()
 
     def load(self, text):
-        """Set all settings to those in the text of a file.
-
-        Parameters
-        ----------
-        text : str
-            As `state_text` returns it.
-        """
+        """Set all settings to those in the text of a file."""
         self.model.ibr.load_state_text(text)
 
     def reset_all(self):

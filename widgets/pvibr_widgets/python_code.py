@@ -11,33 +11,7 @@ _WIDTH = 88
 
 
 def code_of(contents, own=None, place_of=None) -> str:
-    """Return Python that gives a plotter ``pl`` the same effects and settings.
-
-    What was made of settings and plain values alone is added by it. What was made of data (a mesh,
-    images, actors) must be there: its settings are set.
-
-    Parameters
-    ----------
-    contents : dict
-        Subplot to name to effect, as ``pl.ibr.contents``.
-    own : dict, optional
-        Settings of ``pl.ibr`` itself.
-    place_of : callable, optional
-        Takes a subplot's number; returns its row and column, or its index. Without it there is one
-        subplot.
-
-    Returns
-    -------
-    str
-        Lines to paste where ``pl`` is a plotter.
-
-    Examples
-    --------
-    >>> print(code_of({'0': {'Bloom': pvibr.Bloom(threshold=0.5)}}))
-    import pvibr
-    <BLANKLINE>
-    pl.ibr.add(pvibr.Bloom(threshold=0.5))
-    """
+    """Return Python that gives a plotter ``pl`` the same effects and settings."""
     lines, settings = [], {}
     for key, named in contents.items():
         calls = {name: _call_of(thing) for name, thing in named.items()}

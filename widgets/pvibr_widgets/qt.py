@@ -61,24 +61,7 @@ def qt_dock(plotter, window=None, *, side='right', presets=None):
 
 
 class Dock(QtWidgets.QDockWidget):
-    """A dock with a control panel.
-
-    Parameters
-    ----------
-    model : pvibr_widgets.model.Model
-        What is shown.
-    window : QMainWindow
-        Whose dock it is.
-
-    Attributes
-    ----------
-    model : pvibr_widgets.model.Model
-        The same.
-    rows : list of RowView
-        One for each setting of the plotter itself.
-    groups : list of GroupBox
-        One for each effect and thing.
-    """
+    """A dock with a control panel."""
 
     def __init__(self, model, window):
         super().__init__('pvibr', window)
@@ -155,22 +138,7 @@ class Dock(QtWidgets.QDockWidget):
 
 
 class GroupBox(QtWidgets.QFrame):
-    """An effect or a thing: its switch, its presets, its rows.
-
-    Parameters
-    ----------
-    model : pvibr_widgets.model.Model
-        What does things.
-    group : pvibr_widgets.model.Group
-        What is shown.
-
-    Attributes
-    ----------
-    group : pvibr_widgets.model.Group
-        The same.
-    rows : list of RowView
-        One for each setting.
-    """
+    """An effect or a thing: its switch, its presets, its rows."""
 
     def __init__(self, model, group):
         super().__init__()
@@ -232,13 +200,7 @@ class GroupBox(QtWidgets.QFrame):
         return row
 
     def update_rows(self, helps):
-        """Show what is.
-
-        Parameters
-        ----------
-        helps : bool
-            Whether explanations are shown.
-        """
+        """Show what is."""
         self.enabled.setChecked(self.group.enabled)
         _say(self._why, self.group.why)
         names, text = self._names(), self.preset.currentText()
@@ -257,24 +219,7 @@ class GroupBox(QtWidgets.QFrame):
 
 
 class RowView(QtWidgets.QWidget):
-    """A setting: its label, control, tick, and what is said of it.
-
-    Parameters
-    ----------
-    model : pvibr_widgets.model.Model
-        What does things.
-    row : pvibr_widgets.rows.Row
-        What is shown.
-    title : str
-        Of its group.
-
-    Attributes
-    ----------
-    row : pvibr_widgets.rows.Row
-        The same.
-    controls : dict
-        ``slider``, ``text``, ``switch``, ``choice``, ``derived``, ``reset``: those that it has.
-    """
+    """A setting: its label, control, tick, and what is said of it."""
 
     def __init__(self, model, row, title):
         super().__init__()
@@ -364,33 +309,14 @@ class RowView(QtWidgets.QWidget):
         palette.show()
 
     def eventFilter(self, control, event):
-        """Leave wheels to the page, unless the control has the focus.
-
-        Parameters
-        ----------
-        control : QWidget
-            One of its own.
-        event : QEvent
-            What comes to it.
-
-        Returns
-        -------
-        bool
-            Whether the control does not see it.
-        """
+        """Leave wheels to the page, unless the control has the focus."""
         if event.type() == QtCore.QEvent.Type.Wheel and not control.hasFocus():
             event.ignore()
             return True
         return super().eventFilter(control, event)
 
     def update_value(self, helps):
-        """Show what is.
-
-        Parameters
-        ----------
-        helps : bool
-            Whether the explanation is shown.
-        """
+        """Show what is."""
         row, get = self.row, self.controls.get
         for control in self.controls.values():
             control.blockSignals(True)

@@ -8,34 +8,7 @@ from pvibr_widgets.scales import scale_of
 
 
 class Row:
-    """One setting of a thing.
-
-    Whatever is given that is not allowed changes nothing, and is in `error` until something
-    allowed is given.
-
-    Parameters
-    ----------
-    thing : pvibr.Effect
-        Whose setting.
-    param : pvibr.Param
-        The setting.
-    size : float
-        Size of the scene, world units: the end of a slider where its range has none.
-
-    Examples
-    --------
-    >>> import pvibr
-    >>> bloom = pvibr.Bloom()
-    >>> row = Row(bloom, pvibr.Bloom.spread)
-    >>> row.kind, row.label, row.text
-    ('number', 'spread', '0.5')
-    >>> row.write('many')
-    False
-    >>> row.error
-    "Bloom.spread = 'many': must be a float in [0, 1]"
-    >>> row.move(row.scale.last), bloom.spread
-    (True, 1.0)
-    """
+    """One setting of a thing."""
 
     def __init__(self, thing, param, size=1.0):
         self.thing, self.param, self.name = thing, param, param.name
@@ -114,18 +87,7 @@ class Row:
     # -- what users do --------------------------------------------------------------------------
 
     def set(self, value) -> bool:
-        """Set it.
-
-        Parameters
-        ----------
-        value : object
-            What was given.
-
-        Returns
-        -------
-        bool
-            Whether it is allowed; else nothing changes, and `error` says why.
-        """
+        """Set it."""
         try:
             setattr(self.thing, self.name, value)
         except (TypeError, ValueError) as error:
@@ -135,18 +97,7 @@ class Row:
         return True
 
     def write(self, text) -> bool:
-        """Set it to what a text says.
-
-        Parameters
-        ----------
-        text : str
-            A number, numbers between commas, or any text, as the setting has it.
-
-        Returns
-        -------
-        bool
-            As :meth:`set`.
-        """
+        """Set it to what a text says."""
         return self.set(self._parsed(text.strip()))
 
     def _parsed(self, text):
@@ -158,70 +109,26 @@ class Row:
             return text  # which the setting refuses, with its own words
 
     def move(self, stop) -> bool:
-        """Set it to what a stop of its slider stands for.
-
-        Parameters
-        ----------
-        stop : int
-            From 0 to ``scale.last``.
-
-        Returns
-        -------
-        bool
-            As :meth:`set`.
-        """
+        """Set it to what a stop of its slider stands for."""
         # Where the slider stands already nothing was moved: a finer value stays what it is.
         if not self.derived and stop == self.stop:
             return self.set(self.value)
         return self.set(self.scale.at(stop))
 
     def choose(self, index) -> bool:
-        """Set it to one of its choices.
-
-        Parameters
-        ----------
-        index : int
-            Which of `choices`.
-
-        Returns
-        -------
-        bool
-            As :meth:`set`.
-        """
+        """Set it to one of its choices."""
         if not 0 <= index < len(self.choices):
             return self.set(index)  # which is none of them
         return self.set(self.param.choices[index])
 
     def paint(self, color) -> bool:
-        """Set it to a colour.
-
-        Parameters
-        ----------
-        color : str
-            As ``#rrggbb``.
-
-        Returns
-        -------
-        bool
-            As :meth:`set`.
-        """
+        """Set it to a colour."""
         if not self.derived and color == self.color:
             return self.set(self.value)
         return self.set(from_hex(color))
 
     def derive(self, derived) -> bool:
-        """Let it be derived from the scene, or not.
-
-        Parameters
-        ----------
-        derived : bool
-            Else it becomes what its control shows.
-
-        Returns
-        -------
-        bool
-            As :meth:`set`.
-        """
+        """Let it be derived from the scene, or not."""
         if derived == self.derived:
             return True
         return self.set(None if derived else self._shown())
@@ -236,13 +143,7 @@ class Row:
         return self.param.default or empty.get(self.kind, (0.0, 0.0, 0.0, 1.0))
 
     def reset(self) -> bool:
-        """Set it to its default.
-
-        Returns
-        -------
-        bool
-            As :meth:`set`.
-        """
+        """Set it to its default."""
         return self.set(self.param.default)
 
 
@@ -258,23 +159,7 @@ def _kind_of(param) -> str:
 
 
 def text_of(value) -> str:
-    """Return a value as people write it.
-
-    Parameters
-    ----------
-    value : bool, int, float, str or tuple of float
-        A setting's value.
-
-    Returns
-    -------
-    str
-        The shortest text that means the same.
-
-    Examples
-    --------
-    >>> text_of((0.5, 2.0)), text_of(1e-7), text_of('add'), text_of(2048)
-    ('0.5, 2', '1e-07', 'add', '2048')
-    """
+    """Return a value as people write it."""
     if isinstance(value, tuple):
         return ', '.join(map(text_of, value))
     if isinstance(value, float):
@@ -283,39 +168,12 @@ def text_of(value) -> str:
 
 
 def to_hex(color) -> str:
-    """Return a colour as ``#rrggbb``.
-
-    Parameters
-    ----------
-    color : tuple of float
-        Red, green, blue from 0 to 1.
-
-    Returns
-    -------
-    str
-        Rounded to 255ths.
-
-    Examples
-    --------
-    >>> to_hex((1.0, 0.5, 0.0)), from_hex('#ff8000')
-    ('#ff8000', (1.0, 0.50196, 0.0))
-    """
+    """Return a colour as ``#rrggbb``."""
     return '#' + ''.join(f'{round(255 * c):02x}' for c in color)
 
 
 def from_hex(text) -> tuple[float, float, float] | str:
-    """Return the colour that ``#rrggbb`` means.
-
-    Parameters
-    ----------
-    text : str
-        Of six hexadecimal digits.
-
-    Returns
-    -------
-    tuple of float or str
-        Red, green, blue from 0 to 1; the text itself where it is no such colour.
-    """
+    """Return the colour that ``#rrggbb`` means."""
     digits = text.removeprefix('#')
     try:
         red, green, blue = bytes.fromhex(digits)

@@ -21,23 +21,7 @@ _FAR = 50  # a larger ratio of ends, or of an end to the default, is shown in de
 
 @dataclass(frozen=True)
 class Scale:
-    """The ends of a slider, and what lies between them.
-
-    Parameters
-    ----------
-    low, high : float
-        Its ends.
-    log : bool, optional
-        Whether equal steps are equal ratios.
-    whole : bool, optional
-        Whether it has whole numbers only.
-
-    Examples
-    --------
-    >>> decades = Scale(0.01, 100, log=True)
-    >>> decades.at(100), decades.stop(10.0)
-    (1.0, 150)
-    """
+    """The ends of a slider, and what lies between them."""
 
     low: float
     high: float
@@ -64,51 +48,18 @@ class Scale:
         return len(self.numbers) - 1
 
     def at(self, stop) -> float:
-        """Return the number at a stop.
-
-        Parameters
-        ----------
-        stop : int
-            From 0 to `last`; what is beyond is taken for the end.
-
-        Returns
-        -------
-        float or int
-            The number.
-        """
+        """Return the number at a stop."""
         return self.numbers[min(max(round(stop), 0), self.last)]
 
     def stop(self, number) -> int:
-        """Return the stop that is nearest to a number.
-
-        Parameters
-        ----------
-        number : float
-            What is beyond an end is at that end.
-
-        Returns
-        -------
-        int
-            From 0 to `last`.
-        """
+        """Return the stop that is nearest to a number."""
         after = bisect.bisect_left(self.numbers, number)
         if after == 0 or after > self.last:
             return min(after, self.last)
         return after - (number - self.numbers[after - 1] < self.numbers[after] - number)
 
     def holding(self, number) -> Scale:
-        """Return this scale, grown where a number is beyond its ends.
-
-        Parameters
-        ----------
-        number : float
-            What it must reach.
-
-        Returns
-        -------
-        Scale
-            The same where it does.
-        """
+        """Return this scale, grown where a number is beyond its ends."""
         if self.low <= number <= self.high:
             return self
         low, high = min(self.low, number), max(self.high, number)
@@ -116,29 +67,7 @@ class Scale:
 
 
 def scale_of(param, size=1.0) -> Scale:
-    """Return the scale of a setting that is a number.
-
-    Parameters
-    ----------
-    param : pvibr.Param
-        Its range is kept; where that has no end, the slider has one by the default or, where there
-        is none, by how far numbers of its unit usually go.
-    size : float, optional
-        Size of the scene, world units.
-
-    Returns
-    -------
-    Scale
-        Every number on it is allowed.
-
-    Examples
-    --------
-    >>> from pvibr import Param
-    >>> scale_of(Param(1.0, 'Error.', range='(0, inf)', unit='px'))
-    Scale(low=0.1, high=10.0, log=True, whole=False)
-    >>> scale_of(Param(0.5, 'Share.', range='[0, 1]'))
-    Scale(low=0.0, high=1.0, log=False, whole=False)
-    """
+    """Return the scale of a setting that is a number."""
     interval, whole = param.range or Interval('(-inf, inf)'), param.kind is int
     default = abs(param.default or 0.0)
     reach = REACH.get(param.unit, 1.0) * (size if param.unit == 'world' else 1.0)
