@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pyvista as pv
 
-from pvibr.clouds import billboard_cloud
+from pvibr.billboard_clouds.cloud import billboard_cloud
 from pvibr.scenes.trees import tree_parts
 
 TRIANGLES = 50_000

@@ -12,7 +12,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.scenes.landscape import landscape
-from pvibr.sun import sun_direction, sun_position
+from pvibr.shadows.sun import sun_direction, sun_position
 
 COUNT = 400
 TRIANGLES = 29_000

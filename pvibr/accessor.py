@@ -31,14 +31,14 @@ class IBRAccessor:
         Parameters
         ----------
         **kwargs
-            See :func:`pvibr.actors.bake.bake`.
+            See :func:`pvibr.instances.bake.bake`.
 
         Returns
         -------
         pvibr.Atlas
             It can be saved, loaded and looked at.
         """
-        from pvibr.actors.bake import bake
+        from pvibr.instances.levels import bake
 
         return bake(self._mesh, **kwargs)
 
@@ -48,7 +48,7 @@ class IBRAccessor:
         Parameters
         ----------
         **kwargs
-            See :func:`pvibr.clouds.billboard_cloud`; ``epsilon`` is the bound, a share of the
+            See ``billboard_cloud``: ``epsilon`` is the bound, a share of the
             diagonal of the bounding box, ``planes`` a number of planes instead.
 
         Returns
@@ -56,6 +56,6 @@ class IBRAccessor:
         pvibr.BillboardCloud
             A mesh with textures that any viewer shows, and how good it is.
         """
-        from pvibr.clouds import billboard_cloud
+        from pvibr.billboard_clouds.cloud import billboard_cloud
 
         return billboard_cloud(self._mesh, **kwargs)

@@ -9,16 +9,16 @@ from typing import Any
 
 import pyvista as pv
 
-from pvibr import state_files
-from pvibr.clock import Clock
-from pvibr.errors import ClosedError
-from pvibr.large import Shots
-from pvibr.movies import Film, frame_times, write_movie
-from pvibr.params import Param, params_of
+from pvibr.capture.adaptive_quality import Pace
+from pvibr.capture.clock import Clock
+from pvibr.capture.movies import Film, frame_times, write_movie
+from pvibr.capture.tiled_screenshot import Shots
+from pvibr.core import state_files
+from pvibr.core.errors import ClosedError
+from pvibr.core.params import Param, params_of
+from pvibr.core.report import Report
+from pvibr.export.web_report import Page, Watch, WebReport, warn_missing, web_report
 from pvibr.pipeline import Pipeline
-from pvibr.quality import Pace
-from pvibr.report import Report
-from pvibr.web_report import Page, Watch, WebReport, warn_missing, web_report
 
 _attached: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
 
@@ -226,7 +226,7 @@ class IBRComponent:
         ClosedError
             Where the plotter is closed.
         """
-        from pvibr.actors.instances import Instances
+        from pvibr.instances.instances import Instances
 
         self._check_open()
         kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
@@ -294,9 +294,9 @@ class IBRComponent:
         (0.0, 0.0, 1.0)
         >>> pl.close()
         """
-        from pvibr.actors.crowd import Crowd
-        from pvibr.actors.figure_actor import FigureActor
-        from pvibr.animation.given import as_figure
+        from pvibr.figures.animated_actor import FigureActor
+        from pvibr.figures.as_figure import as_figure
+        from pvibr.figures.crowd import Crowd
 
         self._check_open()
         figure = as_figure(figure)
@@ -347,7 +347,7 @@ class IBRComponent:
         0.5
         >>> pl.close()
         """
-        from pvibr.actors.impostor import Impostor
+        from pvibr.impostors.impostor import Impostor
 
         self._check_open()
         made = Impostor(actors, name=name, **settings)
@@ -391,7 +391,7 @@ class IBRComponent:
         (2.0, 0.0)
         >>> pl.close()
         """
-        from pvibr.actors.layers import Layers
+        from pvibr.image_layers.image_layers import Layers
 
         self._check_open()
         made = Layers(groups, name=name, **settings)
@@ -448,7 +448,7 @@ class IBRComponent:
         2
         >>> pl.close()
         """
-        from pvibr.actors.billboards import Billboards
+        from pvibr.billboards.billboards import Billboards
 
         self._check_open()
         made = Billboards(points, image, name=name, **kwargs)
@@ -502,7 +502,7 @@ class IBRComponent:
         2
         >>> pl.close()
         """
-        from pvibr.actors.spheres import Spheres
+        from pvibr.quadrics.spheres import Spheres
 
         self._check_open()
         made = Spheres(centers, radius, name=name, **kwargs)
@@ -556,7 +556,7 @@ class IBRComponent:
         1
         >>> pl.close()
         """
-        from pvibr.actors.cylinders import Cylinders
+        from pvibr.quadrics.cylinders import Cylinders
 
         self._check_open()
         made = Cylinders(points_a, points_b, radius, name=name, **kwargs)
@@ -612,7 +612,7 @@ class IBRComponent:
         2
         >>> pl.close()
         """
-        from pvibr.actors.ellipsoids import Ellipsoids
+        from pvibr.quadrics.ellipsoids import Ellipsoids
 
         self._check_open()
         made = Ellipsoids(centers, radii, orientations, name=name, **kwargs)
@@ -819,7 +819,7 @@ class IBRComponent:
         self._check_open()
         image = self._shots.take(scale, size, transparent_background)
         if filename is not None:
-            from pvibr.montage import save
+            from pvibr.capture.montage import save
 
             save(filename, image)
         return image if return_img else None
@@ -924,7 +924,7 @@ class IBRComponent:
 
         Returns
         -------
-        pvibr.inspection.Inspection or None
+        pvibr.inspection.inspection.Inspection or None
             Its settings can be changed; ``remove()`` ends it. None where it is not shown.
 
         Raises
@@ -944,7 +944,7 @@ class IBRComponent:
         True
         >>> pl.close()
         """
-        from pvibr.inspection import Inspection
+        from pvibr.inspection.inspection import Inspection
 
         found = [e for e in self.pipeline.effects if isinstance(e, Inspection)]
         if on is not None and not isinstance(on, bool):
@@ -962,7 +962,7 @@ class IBRComponent:
 
         Returns
         -------
-        pvibr.report.Report
+        pvibr.core.report.Report
             Printed, a table; ``as_dict()`` for programs.
         """
         return self.pipeline.report()
@@ -978,7 +978,7 @@ class IBRComponent:
 
         Returns
         -------
-        pvibr.web_report.WebReport
+        pvibr.export.web_report.WebReport
             Printed, a table; ``as_dict()`` for programs.
 
         Raises
@@ -1049,7 +1049,7 @@ class IBRComponent:
         >>> plain.close()
         >>> pl.close()
         """
-        from pvibr.baked import baked
+        from pvibr.export.plain_plotter import baked
 
         self._check_open()
         self._show(None, False)
@@ -1093,7 +1093,7 @@ class IBRComponent:
         balls.glb
         >>> pl.close()
         """
-        from pvibr.baked_glb import checked_path, write_glb
+        from pvibr.export.glb import checked_path, write_glb
 
         path = checked_path(path)
         number = self._number_of(self._plotter.renderer)
@@ -1129,7 +1129,7 @@ class IBRComponent:
         Cameras of such pages have a view angle of 30 degrees, and perspective: one that has not
         is moved to where its focal point is seen as large.
         """
-        from pvibr.baked_html import checked_path, write_html
+        from pvibr.export.html import checked_path, write_html
 
         path = checked_path(path)
         plain = self.baked(**options)
@@ -1383,7 +1383,8 @@ def attach(renderer, draw=None) -> IBRComponent:
 
     Examples
     --------
-    >>> from pvibr import _vtk, attach
+    >>> from pvibr import attach
+    >>> from pvibr.core import _vtk
     >>> window = _vtk.vtkRenderWindow()
     >>> renderer = _vtk.vtkRenderer()
     >>> window.AddRenderer(renderer)

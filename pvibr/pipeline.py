@@ -8,16 +8,16 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any
 
-from pvibr.buffers import Buffers, Tap
-from pvibr.effect import Effect
+from pvibr.core.effect import Effect
+from pvibr.core.errors import ClosedError, PvibrWarning
+from pvibr.core.frame import Frame
+from pvibr.core.report import Report, Row
 from pvibr.effects import ORDER
-from pvibr.errors import ClosedError, PvibrWarning
-from pvibr.frame import Frame
 from pvibr.gl.annotations import Annotations
 from pvibr.gl.fused import Fused
 from pvibr.gl.picture import Picture
 from pvibr.gl.scene_pass import ScenePass
-from pvibr.report import Report, Row
+from pvibr.scene.buffers import Buffers, Tap
 
 
 class Pipeline:

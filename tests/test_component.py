@@ -12,12 +12,12 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr import _vtk
 from pvibr.component import IBRComponent
-from pvibr.effect import Effect
-from pvibr.errors import ClosedError, PvibrWarning
+from pvibr.core import _vtk
+from pvibr.core.effect import Effect
+from pvibr.core.errors import ClosedError, PvibrWarning
+from pvibr.core.params import Param
 from pvibr.gl import Texture
-from pvibr.params import Param
 
 
 class Fade(Effect):

@@ -42,8 +42,8 @@ def run(path):
 def pictures(monkeypatch, tmp_path):
     """Collect the picture of every plotter as it closes; measure less, and share nothing."""
     found = []
-    monkeypatch.setattr('pvibr.actors.measure.SIZES', (8, 32))
-    monkeypatch.setattr('pvibr.actors.phases.VIEWS', 6)
+    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
+    monkeypatch.setattr('pvibr.figures.pose_atlas.VIEWS', 6)
     monkeypatch.setenv('PVIBR_CACHE', str(tmp_path))
     monkeypatch.setattr(pv, 'OFF_SCREEN', True)
     monkeypatch.setattr(

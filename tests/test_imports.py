@@ -12,51 +12,30 @@ import pytest
 import pvibr
 
 ROOT = Path(pvibr.__file__).parent
-RANKS = {
-    '_vtk': 0,
-    'errors': 0,
-    'files': 0,
-    'maths': 1,
-    'gl': 2,
-    'params': 3,
-    'frame': 3,
-    'effect': 3,
-}
-RANKS |= {
-    'casters': 3,
-    'lights': 3,
-    'depth_view': 3,
-    'moments': 3,
-    'pictures': 3,
-    'visibility': 3,
-    'unwrap': 3,
-}
-RANKS |= {'clouds': 4, 'cloud_files': 4, 'cloud_texture': 4}
-RANKS |= {'scenes': 4, 'animation': 4, 'actors': 4, 'effects': 4, 'report': 5, 'pipeline': 5}
-RANKS |= {'shadow_volume': 3, 'buffers': 3, 'outlines': 3, 'shine': 3, 'full_screen': 3}
-RANKS |= {
-    'state_files': 4,
-    'clock': 5,
-    'quality': 5,
-    'web_report': 5,
-    'baked': 5,
-    'baked_copies': 5,
-    'baked_glb': 5,
-    'baked_html': 5,
-    'baked_paint': 5,
-    'baked_props': 5,
-    'baked_scene': 5,
-    'baked_surfaces': 5,
-    'component': 6,
-    'accessor': 6,
-}  # what is not named here is a command: 7
-RANKS |= {'inspection': 5, 'inspection_marks': 5, 'inspection_tiles': 5}
-RANKS |= {'movies': 5, 'large': 5, 'montage': 3, 'determinism': 0}
+# The floors of the house, highest first: an import goes down, or stays in its room.
+FLOORS = (
+    ('cli',),
+    ('component', 'bench'),
+    ('accessor', 'export', 'figures', 'image_layers', 'inspection', 'quadrics', 'scenes'),
+    ('pipeline', 'billboards', 'billboard_clouds', 'capture', 'impostors'),
+    ('animation.gltf', 'effects', 'instances', 'projection', 'shadows'),
+    ('animation',),
+    ('scene',),
+    ('images', 'meshes'),
+    ('formats', 'gl'),
+    ('core', 'maths'),
+)
+RANKS = {room: -floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 MODULES = sorted(p for p in ROOT.rglob('*.py') if p != ROOT / '__init__.py')
 
 
-def layer(name):
-    return name.split('.')[1] if '.' in name else name
+def room_of(name):
+    """The room of ``pvibr.room.module``; a folder within a room is a room of its own."""
+    parts = name.split('.')
+    inner = '.'.join(parts[1:3])
+    return (
+        inner if inner in RANKS or (ROOT / parts[1] / '/'.join(parts[2:3])).is_dir() else parts[1]
+    )
 
 
 def imported(path):
@@ -65,21 +44,34 @@ def imported(path):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert not node.level, f'{path}: write imports in full'
-            whole = node.module == 'pvibr'
-            yield from ([f'pvibr.{a.name}' for a in node.names] if whole else [node.module])
+            inside = node.module.count('.') < 2 and node.module.split('.')[0] == 'pvibr'
+            whole = [f'{node.module}.{a.name}' for a in node.names] if inside else [node.module]
+            yield from whole
 
 
 @pytest.mark.parametrize('path', MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_imports_go_down_only(path):
-    mine = path.relative_to(ROOT).with_suffix('').parts[0]
+    mine = room_of('.'.join(('pvibr', *path.relative_to(ROOT).with_suffix('').parts)))
+    assert mine in RANKS, f'{path}: say in FLOORS where the room {mine!r} is'
     for name in imported(path):
-        theirs = layer(name)
         if name.split('.')[0] in ('vtk', 'vtkmodules', 'cvista'):
-            assert mine == '_vtk', f'{name}: VTK is imported by pvibr._vtk only'
-        elif name.startswith('pvibr.') and (mine != theirs or mine == 'effects'):
-            # `pvibr.Name` is the lazy door for users; whoever is a command may use it.
-            assert RANKS.get(theirs, 7) <= RANKS.get(mine, 7), f'{path.name} imports {name}'
-            assert not mine == theirs == 'effects', f'{path.name} imports {name}'
+            assert path.stem == '_vtk', f'{name}: VTK is imported by pvibr.core._vtk only'
+        elif name.startswith('pvibr.') and not is_root_name(name):
+            theirs = room_of(name)
+            assert theirs in RANKS, f'{path.name} imports {name} of an unknown room'
+            if mine != theirs:
+                assert RANKS[theirs] < RANKS[mine], f'{path.name} imports {name}'
+            elif mine == 'effects':
+                assert name.split('.')[2] in ('light_spread', 'full_screen', 'ORDER'), name
+
+
+def is_root_name(name):
+    """Whether it is ``pvibr.Name``: the lazy door for users, which commands may use too."""
+    return name.count('.') == 1 and name.split('.')[1] in pvibr.__all__
+
+
+def test_few_files_lie_flat():
+    assert len(list(ROOT.glob('*.py'))) <= 8
 
 
 @pytest.mark.parametrize('name', ['gl', 'maths'])
@@ -113,7 +105,9 @@ def test_component_adds_nothing_heavy_to_plotting():
     )
     assert not [m for m in names if m.startswith(('trimesh', 'imageio', 'scipy', 'rich'))]
     assert not [m for m in names if m.startswith('vtkmodules')]
-    assert not [m for m in names if m.startswith('pvibr.actors')]
+    assert not [
+        m for m in names if m.startswith(('pvibr.instances', 'pvibr.figures', 'pvibr.impostors'))
+    ]
 
 
 def test_a_plotter_and_a_mesh_find_pvibr_by_themselves():

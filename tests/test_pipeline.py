@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import _vtk
-from pvibr.effect import Effect
-from pvibr.errors import ClosedError, PvibrWarning
+from pvibr.core import _vtk
+from pvibr.core.effect import Effect
+from pvibr.core.errors import ClosedError, PvibrWarning
+from pvibr.core.params import Param
 from pvibr.gl import Quad
-from pvibr.params import Param
 from pvibr.pipeline import Pipeline
 
 SIZE = (160, 90)

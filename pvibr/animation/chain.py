@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.animation.columns import matrices
+from pvibr.animation.batched_quaternions import matrices
 from pvibr.animation.limits import Limits
 from pvibr.animation.skeleton import ancestors, chained
 from pvibr.maths import quaternions

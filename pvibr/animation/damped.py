@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pvibr.animation.columns import CROSS, cross, product
+from pvibr.animation.batched_quaternions import CROSS, cross, product
 
 _DAMPING = 0.1, 1e-5  # of the mean square of the Jacobian: per share of reach missing, and least
 _LARGEST_STEP = 0.6  # radians of any joint: beyond, the tangent says little

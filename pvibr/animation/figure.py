@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 import pyvista as pv
 
-from pvibr.animation import export, sources
+from pvibr.animation import sources
 from pvibr.animation.body import Body
 from pvibr.animation.clip import Clip
 from pvibr.animation.frames import Frames
 from pvibr.animation.model import Model
 from pvibr.animation.pose import Pose
+
+# Looked up when a figure is saved: what reads and writes files stands above what they hold.
+_WRITER = 'pvibr.animation.gltf.write'
 
 
 class Figure(Model):
@@ -456,4 +461,5 @@ class Figure(Model):
         ...     file.read_bytes()[:4]
         b'glTF'
         """
-        export.write_glb(self, path)
+        writer = import_module(_WRITER)  # figure data knows no file format
+        writer.write_glb(self, path)

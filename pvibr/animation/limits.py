@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pvibr.animation.columns import cross, product
+from pvibr.animation.batched_quaternions import cross, product
 from pvibr.maths import quaternions
 
 _AT = 1e-9  # radians from a bound that count as on it

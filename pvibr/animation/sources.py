@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-from pvibr.actors.foreign import as_dataset
 from pvibr.animation.body import Body, Skin
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
-from pvibr.errors import PvibrWarning
+from pvibr.core.errors import PvibrWarning
 from pvibr.maths.skinning import MAX_INFLUENCES
+from pvibr.meshes.trimesh_meshes import as_dataset
 
 #: Data that follow from the points, and are computed anew.
 _DERIVED = ('Normals', 'Tangents')

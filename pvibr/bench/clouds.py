@@ -14,13 +14,13 @@ import numpy as np
 import pyvista as pv
 
 import pvibr
-from pvibr.actors.parts import Part, as_parts, dressed
 from pvibr.bench.plot import plot_clouds
 from pvibr.bench.rows import Row
 from pvibr.bench.runs import run
-from pvibr.clouds import billboard_cloud
+from pvibr.billboard_clouds.cloud import billboard_cloud
+from pvibr.capture.offscreen import SAMPLES, Stage, mesh_actors
 from pvibr.maths.image_error import flip, psnr
-from pvibr.offscreen import SAMPLES, Stage, mesh_actors
+from pvibr.meshes.parts import Part, as_parts, dressed
 from pvibr.scenes.trees import tree_parts
 
 _DATA = Path(pvibr.__file__).parents[2] / 'shared' / 'data' / 'meshes'

@@ -8,10 +8,10 @@ import tracemalloc
 import numpy as np
 import pyvista as pv
 
-from pvibr import _vtk
-from pvibr.actors.parts import as_parts
 from pvibr.bench.rows import Row
-from pvibr.offscreen import Stage
+from pvibr.capture.offscreen import Stage
+from pvibr.core import _vtk
+from pvibr.meshes.parts import as_parts
 
 VIEW_ANGLE = 30.0
 #: Frames that are timed.

@@ -10,11 +10,11 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.bench.rows import Row
-from pvibr.effect import Effect
+from pvibr.core.effect import Effect
 from pvibr.effects.outline import Outline
 from pvibr.gl import Quad
 from pvibr.maths.cameras import as_camera
-from pvibr.outlines import outline
+from pvibr.projection.silhouette_lines import outline
 
 # As fine as a silhouette that is known to a part of a pixel asks for.
 MESHES = {

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from pvibr.bench.copies import Stand, in_copies
+from pvibr.core.frame import Frame
 from pvibr.effects.backgrounds import Sky
 from pvibr.effects.own import ImageEffect
 from pvibr.effects.screen import Flash, Iris, NightVision, Picture, Vignette
 from pvibr.effects.tone_mapping import ToneMapping
-from pvibr.frame import Frame
 from pvibr.gl.offscreen import hidden_window
 from pvibr.maths.tones import CURVES
 

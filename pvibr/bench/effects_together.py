@@ -12,7 +12,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.bench.rows import Row
-from pvibr.effect import Effect
+from pvibr.core.effect import Effect
 from pvibr.effects.backgrounds import Sky
 from pvibr.effects.bloom import Bloom
 from pvibr.effects.depth_of_field import DepthOfField

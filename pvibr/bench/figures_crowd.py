@@ -7,8 +7,8 @@ import time
 import numpy as np
 
 from pvibr.bench.rows import Row
+from pvibr.capture.offscreen import SAMPLES, Stage
 from pvibr.maths.image_error import flip, outline_distances
-from pvibr.offscreen import SAMPLES, Stage
 from pvibr.scenes.walker import walker
 
 #: Triangles of a figure.

@@ -9,11 +9,11 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.animation.clip import Clip, Track
-from pvibr.animation.gltf import read_gltf
+from pvibr.animation.gltf.read import read_gltf
 from pvibr.bench import figures_models
 from pvibr.bench.figures_peers import reader_error, size_of
 from pvibr.bench.rows import Row
-from pvibr.errors import PvibrWarning
+from pvibr.core.errors import PvibrWarning
 from pvibr.maths.quaternions import from_axis_angle
 from pvibr.maths.transforms import transform_normals, transform_points
 

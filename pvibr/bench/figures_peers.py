@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 
 
 def reader_error(path, figure, times, clips) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from pvibr.bench import figures_models
 from pvibr.bench.figures_peers import NumpySkinning, gltf_reader, meshes_at
 from pvibr.bench.rows import Row
-from pvibr.offscreen import Stage
+from pvibr.capture.offscreen import Stage
 
 CAMERA = [(16, -16, 5), (0, 0, 3.5), (0, 0, 1)]
 LOOK = {'color': 'tan', 'smooth_shading': True}

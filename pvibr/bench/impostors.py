@@ -12,7 +12,7 @@ from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
 from pvibr.bench.plot import save, two_axes
 from pvibr.bench.rows import Row
 from pvibr.bench.runs import run
-from pvibr.offscreen import Stage
+from pvibr.capture.offscreen import Stage
 
 #: Degrees of the orbit and world units of the fly-by from one frame to the next: a turn in 24 s
 #: at 60 frames a second, and the same pace straight on.

@@ -12,8 +12,8 @@ from pvibr.bench.impostors import scatter
 from pvibr.bench.plot import save, two_axes
 from pvibr.bench.rows import Row
 from pvibr.bench.runs import run
+from pvibr.capture.offscreen import Stage
 from pvibr.maths.image_error import flip
-from pvibr.offscreen import Stage
 
 #: Degrees that the camera turns, and world units that it goes sideways, from one frame to the
 #: next: 6 degrees and 1.2 units a second at 60 frames a second.

@@ -10,7 +10,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.bench import single
-from pvibr.offscreen import Stage
+from pvibr.capture.offscreen import Stage
 from pvibr.scenes.trees import tree
 
 #: Width and height in pixels: square, wide, tall.

@@ -10,9 +10,9 @@ import numpy as np
 from pvibr.bench.plot import save, several_axes
 from pvibr.bench.rows import Row
 from pvibr.bench.runs import run
-from pvibr.demo import scenery
 from pvibr.maths.image_error import flip
 from pvibr.scenes.landscape import landscape
+from pvibr.scenes.scenery import scenery
 
 #: Pixels that the mouse goes from one frame to the next.
 _STEP = 3

@@ -6,9 +6,9 @@ import numpy as np
 import pyvista as pv
 from scipy.spatial.transform import Rotation
 
-from pvibr import _vtk
-from pvibr.actors.parts import dressed
-from pvibr.offscreen import Stage
+from pvibr.capture.offscreen import Stage
+from pvibr.core import _vtk
+from pvibr.meshes.parts import dressed
 
 #: Instances that the peers are measured with; their time is extrapolated to all of them.
 PART = 500

@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 import pyvista as pv
 
-from pvibr.actors.scatter_levels import plant_levels
 from pvibr.bench.rows import Row
 from pvibr.bench.sprites import frame_ms
+from pvibr.instances.foliage_levels import plant_levels
 from pvibr.scenes.trees import tree_parts
 
 _TREE = 40_000  # triangles

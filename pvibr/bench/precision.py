@@ -6,7 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.bench.rows import Row
-from pvibr.offscreen import Stage
+from pvibr.capture.offscreen import Stage
 
 #: Offsets in sizes of the scene, and scales.
 OFFSETS, SCALES = (1e6, 1e9), (1e-9, 1e9)

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 import pyvista as pv
 
-from pvibr import _vtk
 from pvibr.bench.rows import Row
 from pvibr.bench.spheres import least_ms, picture_error
+from pvibr.core import _vtk
 from pvibr.maths.quadric_rays import meet_cylinders, meet_ellipsoids
 
 _SIDES = 12  # of a tube, and of a sphere around

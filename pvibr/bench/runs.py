@@ -7,7 +7,7 @@ import time
 from rich.console import Console
 
 from pvibr.bench.rows import Results
-from pvibr.offscreen import Stage
+from pvibr.capture.offscreen import Stage
 
 
 def run(name, parts, settings, draw, out, *, quick=False) -> list:

@@ -9,7 +9,7 @@ from pvibr.bench.light_scenes import LightScene, measured_lit
 from pvibr.bench.rays import Rays
 from pvibr.bench.rows import Row
 from pvibr.bench.shadow_errors import drawn, shown, sight
-from pvibr.lights import light_views, lights_of
+from pvibr.scene.lights import light_views, lights_of
 
 METHODS = ('hard', 'pcf', 'volume')
 KINDS = ('directional', 'spot')

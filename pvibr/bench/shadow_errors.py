@@ -16,7 +16,7 @@ import pvibr
 from pvibr.bench.light_scenes import SCENES, VtkShadows, measured_lit, place
 from pvibr.bench.rays import Rays, Surface, edge_band, strengths, wrong
 from pvibr.bench.rows import Row
-from pvibr.offscreen import Stage
+from pvibr.capture.offscreen import Stage
 
 #: What is allowed: maps, and volumes, which are exact.
 WRONG = {'hard': 0.2, 'pcf': 0.2, 'volume': 0.0}

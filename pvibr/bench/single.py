@@ -8,11 +8,11 @@ import numpy as np
 import pyvista as pv
 
 import pvibr
-from pvibr.actors.atlas import bounding_sphere
-from pvibr.actors.parts import as_parts
 from pvibr.bench.rows import Row
+from pvibr.capture.offscreen import SAMPLES, Stage, covered, mesh_actors
+from pvibr.instances.atlas import bounding_sphere
 from pvibr.maths.image_error import displacements, flip
-from pvibr.offscreen import SAMPLES, Stage, covered, mesh_actors
+from pvibr.meshes.parts import as_parts
 from pvibr.scenes.trees import dress, tree
 
 #: Vertical angle in degrees and height in pixels of the window that the views are cut from.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
-from pvibr import _vtk
 from pvibr.bench.rows import Row
 from pvibr.bench.sprites import frame_ms
-from pvibr.frame import Frame
+from pvibr.core import _vtk
+from pvibr.core.frame import Frame
 from pvibr.maths.quadric_rays import cast, inner, meet_spheres
 
 _RADIUS = 0.01  # where they fill a cube of side 2

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from pvibr.actors.images import Sheet
 from pvibr.bench.rows import Row
+from pvibr.images.sheet import Sheet
 
 _SIDE = 0.02  # of a billboard, where the points fill a cube of side 2
 _VIEWS = 4

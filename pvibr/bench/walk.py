@@ -6,8 +6,8 @@ import numpy as np
 
 from pvibr.bench.peers import PART, glyph_seconds
 from pvibr.bench.rows import Row
+from pvibr.capture.offscreen import SAMPLES, Stage, in_view, mesh_actors, spheres
 from pvibr.maths.image_error import flip
-from pvibr.offscreen import SAMPLES, Stage, in_view, mesh_actors, spheres
 from pvibr.scenes.landscape import landscape
 
 #: Frames of the whole walk that are timed: at max_error 1, at others, and of VTK's own ways.

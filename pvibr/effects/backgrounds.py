@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.full_screen import FullScreen, FullScreenImage
+from pvibr.core.params import Param
+from pvibr.effects.full_screen import FullScreen, FullScreenImage
 from pvibr.gl import uniform_matrix
+from pvibr.images.projected import Shown
 from pvibr.maths.draping import sample
-from pvibr.params import Param
-from pvibr.pictures import Shown
 
 _BLACK = (0.0, 0.0, 0.0)
 
@@ -62,7 +62,7 @@ class Backdrop(_Behind, FullScreenImage):
     Parameters
     ----------
     image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
-        See :class:`pvibr.pictures.Shown`; its alpha counts.
+        See :class:`pvibr.images.projected.Shown`; its alpha counts.
     **settings
         `opacity`, `fit`, `place`, `fps`, `loop`.
 
@@ -151,7 +151,7 @@ class Sky(_Behind):
         ----------
         directions : numpy.ndarray, shape (n, 3)
             World space, of length 1.
-        frame : pvibr.frame.Frame
+        frame : pvibr.core.frame.Frame
             Its time and what is behind it.
 
         Returns
@@ -176,7 +176,7 @@ class Sky(_Behind):
 
         Parameters
         ----------
-        frame : pvibr.frame.Frame
+        frame : pvibr.core.frame.Frame
             The camera's frame.
 
         Returns

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from pvibr.core.params import Param
+from pvibr.effects.light_spread import Shine
 from pvibr.gl import Quad, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.feature import sections
 from pvibr.maths.tones import to_display, to_light
-from pvibr.params import Param
-from pvibr.shine import Shine
 
 _WAYS = ('subtract', 'keep', 'soft')
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.effect import Effect
+from pvibr.core.effect import Effect
+from pvibr.core.params import Param
 from pvibr.gl import Quad, Target, shader_source
 from pvibr.gl.feature import sections
-from pvibr.params import Param
 
 _STAGES = ('', 'coc', 'near', 'far')
 _TILE = 8  # texels of half size along a side, see depth_of_field.glsl
@@ -98,7 +98,7 @@ class DepthOfField(Effect):
 
         Parameters
         ----------
-        frame : pvibr.frame.Frame
+        frame : pvibr.core.frame.Frame
             Whose camera looks.
 
         Returns
@@ -140,7 +140,7 @@ class DepthOfField(Effect):
 
         Parameters
         ----------
-        frame : pvibr.frame.Frame
+        frame : pvibr.core.frame.Frame
             Whose camera looks.
 
         Returns

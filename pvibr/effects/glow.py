@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.casters import address
+from pvibr.core.params import Param
+from pvibr.effects.light_spread import Shine
 from pvibr.gl import Quad, Target, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, replacements, sections
 from pvibr.maths.views import View, covered
-from pvibr.params import Param
-from pvibr.shine import Shine
+from pvibr.scene.casters import address
 
 _PBR = 3  # VTK_PBR
 _STEP = 16  # pixels: of the largest squares of light, a multiple of all others

@@ -9,7 +9,7 @@
 
 //@surfaces
 // What the two programs share that look at surfaces.
-uniform sampler2D surface;   // normal and number, see pvibr/buffers.py
+uniform sampler2D surface;   // normal and number, see pvibr/scene/buffers.py
 uniform vec2 corner;         // of the picture, in its texels
 uniform sampler2D depth;     // of the surfaces
 uniform sampler2D scene;     // of the scene

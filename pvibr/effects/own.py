@@ -6,12 +6,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-from pvibr.effect import Effect
-from pvibr.errors import ShaderError
+from pvibr.core.effect import Effect
+from pvibr.core.errors import ShaderError
+from pvibr.core.params import Param, params_of
 from pvibr.gl import Quad, shader_source
 from pvibr.gl.feature import sections
-from pvibr.params import Param, params_of
-from pvibr.pictures import Shown
+from pvibr.images.projected import Shown
 
 _TYPES = {bool: 'bool', int: 'int', float: 'float', str: 'int', tuple: 'vec'}
 _RESERVED = ('uv', 'size', 'time', 'scale', 'nothing', 'effect')

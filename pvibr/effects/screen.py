@@ -7,10 +7,10 @@ import math
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from pvibr.full_screen import FullScreen, FullScreenImage
+from pvibr.core.params import Param
+from pvibr.effects.full_screen import FullScreen, FullScreenImage
 from pvibr.gl import Texture
-from pvibr.params import Param
-from pvibr.pictures import as_rgba
+from pvibr.images.projected import as_rgba
 
 _BLACK = (0.0, 0.0, 0.0)
 _MODES = ('over', 'add', 'multiply', 'screen')
@@ -239,7 +239,7 @@ class Picture(FullScreenImage):
     Parameters
     ----------
     image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
-        See :class:`pvibr.pictures.Shown`; its alpha counts.
+        See :class:`pvibr.images.projected.Shown`; its alpha counts.
     **settings
         `mode`, `opacity`, `fit`, `place`, `fps`, `loop`.
 

@@ -6,12 +6,12 @@ from functools import cache
 
 import numpy as np
 
-from pvibr.effect import Effect
+from pvibr.core.effect import Effect
+from pvibr.core.params import Param
 from pvibr.gl import Quad, Target, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
 from pvibr.maths.tones import CURVES, MIDDLE_GREY
-from pvibr.params import Param
 
 #: Side of the target that is measured: 16 looks a texel, and few enough texels to read back.
 _MEASURED = 32
@@ -103,7 +103,7 @@ class ToneMapping(Effect):
 
         Parameters
         ----------
-        frame : pvibr.frame.Frame
+        frame : pvibr.core.frame.Frame
             The frame that was drawn.
         picture : pvibr.gl.picture.Picture
             Its pixels so far.

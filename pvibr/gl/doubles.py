@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 from pvibr.gl.feature import replacements
 
 _SURFACE = 2  # VTK_SURFACE

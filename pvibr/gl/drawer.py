@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 from pvibr.gl.doubles import Doubles
 
 _BLEND, _DEPTH_TEST, _SCISSOR_TEST = 0x0BE2, 0x0B71, 0x0C11  # GL enums

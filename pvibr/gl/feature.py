@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 
 # Interleaved gradient noise: Jimenez, "Next Generation Post Processing in Call of Duty: Advanced
 # Warfare", SIGGRAPH 2014, slide 123. The same picture every time.

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 
 
 @contextmanager

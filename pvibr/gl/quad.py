@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pvibr import _vtk
-from pvibr.errors import ShaderError
+from pvibr.core import _vtk
+from pvibr.core.errors import ShaderError
 from pvibr.gl.texture import SPARE_UNIT
 
 _VERTEX = """//VTK::System::Dec

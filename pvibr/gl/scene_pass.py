@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture
 

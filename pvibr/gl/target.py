@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import Any
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 from pvibr.gl.texture import Texture
 
 

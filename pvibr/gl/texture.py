@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 
 _VTK_TYPES = {'uint8': 'VTK_UNSIGNED_CHAR', 'uint16': 'VTK_UNSIGNED_SHORT', 'float32': 'VTK_FLOAT'}
 # GL's sized formats of a render target: what VTK does not choose by itself from a data type.

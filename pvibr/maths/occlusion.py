@@ -12,7 +12,7 @@ def on_screen(frame, centers, radii):
 
     Parameters
     ----------
-    frame : pvibr.frame.Frame
+    frame : pvibr.core.frame.Frame
         Camera and size.
     centers : numpy.ndarray, shape (n, 3)
         Eye space.
@@ -29,7 +29,7 @@ def on_screen(frame, centers, radii):
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.frame import Frame
+    >>> from pvibr.core.frame import Frame
     >>> from pvibr.maths.occlusion import on_screen
     >>> frame = Frame(
     ...     None, None, (8, 8), (0, 0), np.eye(4), np.diag([1.0, 1, -1, 1]),
@@ -95,7 +95,7 @@ def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
 
     Parameters
     ----------
-    frame : pvibr.frame.Frame
+    frame : pvibr.core.frame.Frame
         Camera and size.
     farthest : numpy.ndarray, shape (h, w)
         The largest depth, 0 near to 1 far, of each square of the screen, row 0 at the bottom.
@@ -116,7 +116,7 @@ def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.frame import Frame
+    >>> from pvibr.core.frame import Frame
     >>> from pvibr.maths.occlusion import behind
     >>> frame = Frame(
     ...     None, None, (8, 8), (0, 0), np.eye(4), np.diag([1.0, 1, -0.2, 1]),

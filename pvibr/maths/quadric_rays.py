@@ -221,7 +221,7 @@ def cast(frame, meet, *things):
 
     Parameters
     ----------
-    frame : pvibr.frame.Frame
+    frame : pvibr.core.frame.Frame
         Camera and size.
     meet : callable
         One of the functions above.
@@ -240,7 +240,7 @@ def cast(frame, meet, *things):
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.frame import Frame
+    >>> from pvibr.core.frame import Frame
     >>> from pvibr.maths.quadric_rays import cast, meet_spheres
     >>> frame = Frame(
     ...     None, None, (3, 3), (0, 0), np.eye(4), np.diag([1.0, 1, -1, 1]),

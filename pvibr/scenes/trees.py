@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista as pv
 
-from pvibr.actors.parts import as_parts
+from pvibr.meshes.parts import as_parts
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 UP = np.array([0.0, 0.0, 1.0])

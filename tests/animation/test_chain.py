@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pvibr.animation import columns
+from pvibr.animation import batched_quaternions as columns
 from pvibr.animation.chain import Chain
 from pvibr.maths import quaternions as quat
 from pvibr.maths.transforms import trs

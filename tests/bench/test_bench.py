@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.actors.parts import as_parts
 from pvibr.bench import main, peers, single
 from pvibr.bench.plot import plot
 from pvibr.bench.rows import Results, Row
-from pvibr.offscreen import Stage, mesh_actors
+from pvibr.capture.offscreen import Stage, mesh_actors
+from pvibr.meshes.parts import as_parts
 
 
 def test_rows_pass_their_bar_or_not():

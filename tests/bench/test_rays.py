@@ -12,7 +12,7 @@ from pvibr.bench.light_scenes import (
     view_angle,
 )
 from pvibr.bench.rays import Rays, edge_band, strengths, wrong
-from pvibr.offscreen import Stage
+from pvibr.capture.offscreen import Stage
 
 FAR = [(0, 1), (1e6, 1), (1e9, 1), (0, 1e-9), (0, 1e9)]
 

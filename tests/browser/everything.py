@@ -113,7 +113,7 @@ EVERYTHING = EFFECTS | THINGS
 
 def lighter():
     """Return what makes bakes take less time, while it is entered."""
-    return mock.patch.multiple('pvibr.actors.phases', VIEWS=6, TILES=(32,))
+    return mock.patch.multiple('pvibr.figures.pose_atlas', VIEWS=6, TILES=(32,))
 
 
 def base(pl):

@@ -8,7 +8,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.bench import effects_depth_of_field as bench
-from pvibr.frame import Frame
+from pvibr.core.frame import Frame
 
 SIZE = (200, 160)
 

@@ -7,9 +7,9 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.effect import Effect
+from pvibr.core.effect import Effect
+from pvibr.core.errors import ClosedError
 from pvibr.effects import ORDER
-from pvibr.errors import ClosedError
 from pvibr.gl import Quad
 
 SIZE = (96, 64)

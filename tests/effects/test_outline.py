@@ -8,9 +8,9 @@ import pyvista as pv
 from scipy.spatial import cKDTree
 
 import pvibr
-from pvibr import buffers
 from pvibr.bench.effects_outline import MESHES, agreement, contour, inner
 from pvibr.gl import scene_pass
+from pvibr.scene import buffers
 
 SIZE = (320, 240)
 RED = (1.0, 0.0, 0.0)

@@ -8,7 +8,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr import ImageEffect, Param
-from pvibr.errors import PvibrWarning
+from pvibr.core.errors import PvibrWarning
 
 SIZE = (96, 64)
 

@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 from pvibr import Bloom, ToneMapping
-from pvibr.effect import Effect
+from pvibr.core.effect import Effect
 from pvibr.gl import Quad
 from pvibr.maths.tones import CURVES, to_display, to_light, tone_map
 

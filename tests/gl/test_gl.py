@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.errors import ShaderError
+from pvibr.core.errors import ShaderError
 from pvibr.gl import Quad, Target, Texture, texture_limit, uniform_matrix
 from pvibr.gl.offscreen import hidden_window, read_rgba
 

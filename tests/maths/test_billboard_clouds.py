@@ -4,9 +4,9 @@ import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pvibr.actors.parts import as_parts
 from pvibr.maths.billboard_clouds import Planes, greedy_planes, kmeans_planes
 from pvibr.maths.packing import largest_scale, shelves
+from pvibr.meshes.parts import as_parts
 
 
 def triangles(mesh):

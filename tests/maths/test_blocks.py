@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pvibr import _vtk
-from pvibr.frame import Frame
+from pvibr.core import _vtk
+from pvibr.core.frame import Frame
 from pvibr.maths.blocks import Blocks, frustum_planes, morton_order
 
 FEW = settings(deadline=None, max_examples=40)

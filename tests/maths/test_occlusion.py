@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pvibr.frame import Frame
+from pvibr.core.frame import Frame
 from pvibr.maths.occlusion import behind, likely_seen, on_screen
 
 SIZE = (96, 64)

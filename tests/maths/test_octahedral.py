@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import pvibr.actors.cards
+import pvibr.instances.cards
 from pvibr.gl import Quad, Target, Texture, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.offscreen import hidden_window
@@ -142,7 +142,7 @@ def test_weights_at_a_view_are_one_of_it(half, n):
 
 def functions():
     """Return the shader's functions without what surrounds them."""
-    text = sections(shader_source(pvibr.actors.cards.__file__))['vertex.declare']
+    text = sections(shader_source(pvibr.instances.cards.__file__))['vertex.declare']
     return text[text.index('vec2 ibr_signs') :]
 
 

@@ -372,7 +372,7 @@ def test_nobody_must_hold_them(hand):
 
 
 def test_a_plain_renderer_has_them_too():
-    from pvibr import _vtk
+    from pvibr.core import _vtk
 
     window, renderer = _vtk.vtkRenderWindow(), _vtk.vtkRenderer()
     window.SetOffScreenRendering(True)

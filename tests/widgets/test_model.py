@@ -10,8 +10,8 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr import _vtk
-from pvibr.errors import PvibrWarning
+from pvibr.core import _vtk
+from pvibr.core.errors import PvibrWarning
 from pvibr_widgets.model import Model
 
 

@@ -7,7 +7,7 @@ import os
 import pytest
 
 import pvibr
-from pvibr.params import params_of
+from pvibr.core.params import params_of
 from pvibr_widgets.presets import SUPPLIED, Presets
 
 

@@ -9,7 +9,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.effect import Effect
+from pvibr.core.effect import Effect
 from pvibr_widgets.model import Model
 
 

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pvibr
-from pvibr.effect import Effect
-from pvibr.params import Param, params_of
+from pvibr.core.effect import Effect
+from pvibr.core.params import Param, params_of
 from pvibr_widgets.rows import Row, from_hex, text_of, to_hex
 
 

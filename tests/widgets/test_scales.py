@@ -10,8 +10,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import pvibr
-from pvibr.effect import Effect
-from pvibr.params import Param, params_of
+from pvibr.core.effect import Effect
+from pvibr.core.params import Param, params_of
 from pvibr_widgets.scales import REACH, STOPS, Scale, scale_of
 
 KINDS = [

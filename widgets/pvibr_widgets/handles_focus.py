@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 from pvibr.effects.depth_of_field import DepthOfField
 from pvibr.gl.scene_pass import hidden_name
 from pvibr_widgets.handles_keys import OwnersControl

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.casters import address
-from pvibr.effects.shadows import Shadows
+from pvibr.scene.casters import address
+from pvibr.shadows.shadows import Shadows
 from pvibr_widgets.handles import Handles
 from pvibr_widgets.handles_stage import Stage
 

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pyvista as pv
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 from pvibr_widgets.handles_stage import lines_to_pixels
 
 #: Around what is drawn, so that it is seen before anything.

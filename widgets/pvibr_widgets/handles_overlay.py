@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from pvibr import _vtk
+from pvibr.core import _vtk
 from pvibr_widgets.handles_marks import Marks
 from pvibr_widgets.handles_stage import Pointer
 

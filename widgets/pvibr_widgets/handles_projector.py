@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.effects.projector import Projector, Projectors
 from pvibr.maths.cameras import Orthographic, Pinhole, as_camera
+from pvibr.projection.projector import Projector, Projectors
 from pvibr_widgets.handles import Handles
 from pvibr_widgets.handles_stage import Stage
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.clock import draw, has_page
+from pvibr.capture.clock import draw, has_page
 from pvibr.component import attach
-from pvibr.frame import Frame
+from pvibr.core.frame import Frame
 from pvibr_widgets.handles_keys import Ring
 
 _rings: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()

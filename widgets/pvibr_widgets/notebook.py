@@ -10,7 +10,7 @@ import threading
 from collections import deque
 from typing import Any
 
-from pvibr.errors import require
+from pvibr.core.errors import require
 from pvibr_widgets.model import Model
 
 W: Any = require('ipywidgets', 'jupyter', 'Panels in notebooks')

@@ -8,8 +8,8 @@ import re
 from importlib import resources
 from typing import Any
 
-from pvibr.errors import require
-from pvibr.state_files import to_text
+from pvibr.core.errors import require
+from pvibr.core.state_files import to_text
 from pvibr_widgets.model import Group, Model
 from pvibr_widgets.rows import Row
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import platformdirs
 
-from pvibr import state_files
-from pvibr.params import params_of
+from pvibr.core import state_files
+from pvibr.core.params import params_of
 
 #: What is not named here has its default.
 SUPPLIED: dict[str, dict[str, dict]] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 
 import pvibr
-from pvibr.params import params_of
+from pvibr.core.params import params_of
 
 _WIDTH = 88
 

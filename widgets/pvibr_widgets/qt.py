@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pvibr.errors import require
+from pvibr.core.errors import require
 from pvibr_widgets.model import Model
 
 QtCore: Any = require('qtpy.QtCore', 'qt', 'Docks in Qt windows')

@@ -7,7 +7,7 @@ import functools
 import math
 from dataclasses import dataclass
 
-from pvibr.params import Interval
+from pvibr.core.params import Interval
 
 #: How far numbers of a unit usually go; those of the world are shares of the scene's size.
 REACH = {

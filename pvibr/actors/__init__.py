@@ -1,1 +1,0 @@
-"""Image-based rendering for PyVista."""

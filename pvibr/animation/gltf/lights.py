@@ -1,0 +1,126 @@
+"""Cameras and lights that come with a glTF file and move with its nodes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.formats.gltf_file import GltfError, GltfFile, follow
+
+
+@dataclass(frozen=True)
+class FigureCamera:
+    """A camera that moves with a joint; it looks along the joint's -z, its y is up."""
+
+    node: int
+    name: str = ''
+    view_angle: float | None = None
+    half_height: float | None = None
+    aspect: float | None = None
+    clipping: tuple[float, float] = (0.01, math.inf)
+
+    def placed(self, world) -> pv.Camera:
+        """Return the camera in a pose."""
+        matrix = np.asarray(world, dtype=np.float64)[self.node]
+        _, up, back = _axes(matrix)
+        camera = pv.Camera()
+        camera.position = tuple(matrix[:3, 3])
+        camera.focal_point = tuple(matrix[:3, 3] - back)
+        camera.up = tuple(up)
+        if self.view_angle is not None:
+            camera.view_angle = self.view_angle
+        if self.half_height is not None:
+            camera.enable_parallel_projection()
+            camera.parallel_scale = self.half_height
+        if math.isfinite(self.clipping[1]):
+            camera.clipping_range = self.clipping
+        return camera
+
+
+@dataclass(frozen=True)
+class FigureLight:
+    """A light that moves with a joint; it shines along the joint's -z."""
+
+    node: int
+    kind: str
+    name: str = ''
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    intensity: float = 1.0
+    range: float | None = None
+    cone: tuple[float, float] = (0.0, 45.0)
+
+    def placed(self, world, exposure=1.0) -> pv.Light:
+        """Return the light in a pose."""
+        matrix = np.asarray(world, dtype=np.float64)[self.node]
+        back = _axes(matrix)[2]
+        directional = self.kind == 'directional'
+        position = back if directional else matrix[:3, 3]
+        light = pv.Light(
+            position=tuple(position),
+            focal_point=tuple(position - back),
+            color=self.color,
+            light_type='scene light',
+            intensity=self.intensity * exposure,
+        )
+        light.positional = not directional
+        if not directional:
+            light.attenuation_values = (0.0, 0.0, 1.0)
+            # VTK: at 90 degrees and above a light shines to all sides.
+            light.cone_angle = self.cone[1] if self.kind == 'spot' else 90.0
+        return light
+
+
+def cameras_of(file: GltfFile, nodes):
+    """Return the cameras at some nodes."""
+    cameras = []
+    for node in nodes:
+        index = file.document.nodes[node].camera
+        if index is not None:
+            camera = follow(file.document.cameras, index, f'nodes[{node}].camera', 'cameras')
+            cameras.append(_camera(camera, node, f'cameras[{index}]'))
+    return cameras
+
+
+def lights_of(file: GltfFile, nodes):
+    """Return the lights at some nodes."""
+    known = file.document.extensions.lights.lights
+    lights = []
+    for node in nodes:
+        at = file.document.nodes[node].extensions.lights
+        if at is not None:
+            place = f'nodes[{node}].extensions.KHR_lights_punctual.light'
+            light = follow(known, at.light, place, 'lights')
+            lights.append(_light(light, node))
+    return lights
+
+
+def _camera(camera, node, place):
+    lens = getattr(camera, camera.type)
+    if lens is None:
+        msg = f'{place} is {camera.type} and says nothing of it.'
+        raise GltfError(msg)
+    clipping = (lens.znear, math.inf if lens.zfar is None else lens.zfar)
+    name = camera.name or ''
+    if camera.type == 'perspective':
+        angle = math.degrees(lens.yfov)
+        return FigureCamera(node, name, angle, None, lens.aspect_ratio, clipping)
+    height = abs(lens.ymag)
+    aspect = abs(lens.xmag) / height if height else None
+    return FigureCamera(node, name, None, height, aspect, clipping)
+
+
+def _light(light, node):
+    inner, outer = light.spot.inner_cone_angle, light.spot.outer_cone_angle
+    cone = (math.degrees(inner), math.degrees(outer))
+    name = light.name or ''
+    return FigureLight(node, light.type, name, light.color, light.intensity, light.range, cone)
+
+
+def _axes(matrix):
+    """Return the directions of a joint's axes, whatever its scale."""
+    axes = matrix[:3, :3].T
+    lengths = np.linalg.norm(axes, axis=1, keepdims=True)
+    return axes / np.where(lengths > 0, lengths, 1.0)

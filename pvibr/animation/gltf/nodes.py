@@ -1,0 +1,230 @@
+"""Nodes, skins and animations of a glTF file as skeleton and clips: each node is a joint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.animation.clip import Clip, Track
+from pvibr.animation.pose import Pose
+from pvibr.animation.skeleton import Skeleton
+from pvibr.formats.gltf_accessors import Accessors
+from pvibr.formats.gltf_file import GltfError, GltfFile, follow, naming
+from pvibr.maths import quaternions
+
+#: How many nodes may hang below each other.
+_DEEPEST = 1024
+#: Bytes that a node costs: its matrices.
+_NODE = 1024
+#: Largest number in the matrix of a node: beyond it float32 and products of matrices overflow.
+_FARTHEST = 1e30
+#: How far the axes of a node's matrix may be from right angles: files round to six digits.
+_SHEAR = 1e-4
+_INTERPOLATIONS = {'STEP': 'step', 'LINEAR': 'linear', 'CUBICSPLINE': 'cubic'}
+_VALUES = {'translation': 'VEC3', 'rotation': 'VEC4', 'scale': 'VEC3', 'weights': 'SCALAR'}
+#: Turns what is y-up into z-up.
+_Z_UP = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
+
+
+def parents_of(file: GltfFile):
+    """Return the parent of each node."""
+    nodes = file.document.nodes
+    file.spend(_NODE * len(nodes), 'nodes')
+    parents = np.full(len(nodes), -1, dtype=np.int64)
+    for i, node in enumerate(nodes):
+        for j, child in enumerate(node.children):
+            place = f'nodes[{i}].children[{j}]'
+            follow(nodes, child, place, 'nodes')
+            if parents[child] >= 0:
+                msg = f'{place} is {child}, which is a child of nodes[{parents[child]}] already.'
+                raise GltfError(msg)
+            parents[child] = i
+    _check_depth(nodes, np.flatnonzero(parents < 0).tolist())
+    return parents
+
+
+def _check_depth(nodes, level):
+    seen = np.zeros(len(nodes), dtype=bool)
+    for _ in range(_DEEPEST):
+        seen[level] = True
+        level = [child for node in level for child in nodes[node].children]
+        if not level:
+            break
+    else:
+        msg = f'nodes[{level[0]}] is more than {_DEEPEST} nodes below its root.'
+        raise GltfError(msg)
+    if not seen.all():  # each has one parent at most, so what no root leads to is a circle
+        msg = f'nodes[{np.flatnonzero(~seen)[0]}] is in or below a circle of children.'
+        raise GltfError(msg)
+
+
+def shown_nodes(file: GltfFile, parents, scene):
+    """Return the nodes of a scene."""
+    document = file.document
+    if scene is None and not document.scenes:
+        roots = np.flatnonzero(parents < 0).tolist()
+    else:
+        roots = _roots(document, parents, _scene_number(document, scene))
+    found, stack = [], roots[::-1]
+    while stack:
+        found.append(node := stack.pop())
+        stack += document.nodes[node].children[::-1]
+    return found
+
+
+def _scene_number(document, scene):
+    if scene is None:
+        number = document.scene or 0
+        follow(document.scenes, number, 'scene', 'scenes')
+        return number
+    names = [value.name for value in document.scenes]
+    if isinstance(scene, str) and scene in names:
+        return names.index(scene)
+    if isinstance(scene, int) and 0 <= scene < len(names):
+        return scene
+    msg = f'scene is {scene!r}; the file has {len(names)} scenes: {names}.'
+    raise ValueError(msg)
+
+
+def _roots(document, parents, number):
+    roots = list(dict.fromkeys(document.scenes[number].nodes))
+    for i, node in enumerate(roots):
+        place = f'scenes[{number}].nodes[{i}]'
+        follow(document.nodes, node, place, 'nodes')
+        if parents[node] >= 0:
+            msg = f'{place} is {node}, which is a child of nodes[{parents[node]}].'
+            raise GltfError(msg)
+    return roots
+
+
+def skeleton_of(file: GltfFile, parents, up):
+    """Return all nodes as joints of the same numbers."""
+    nodes = file.document.nodes
+    translation = np.array([node.translation for node in nodes], np.float64).reshape(-1, 3)
+    rotation = np.array([node.rotation for node in nodes], np.float64).reshape(-1, 4)
+    scale = np.array([node.scale for node in nodes], np.float64).reshape(-1, 3)
+    rotation = rotation[:, [3, 0, 1, 2]]
+    for i, node in enumerate(nodes):
+        if node.matrix is not None:
+            parts = _apart(node.matrix, f'nodes[{i}].matrix')
+            translation[i], rotation[i], scale[i] = parts
+    names = [node.name or f'node{i}' for i, node in enumerate(nodes)]
+    if up == 'z':
+        parents = np.append(np.where(parents < 0, len(nodes), parents), -1)
+        translation = np.vstack([translation, np.zeros(3)])
+        rotation, scale = np.vstack([rotation, _Z_UP]), np.vstack([scale, np.ones(3)])
+        names.append('upright')
+    with naming('nodes'):
+        skeleton = Skeleton(parents, Pose(translation, rotation, scale), names)
+    with np.errstate(all='ignore'):
+        world = skeleton.world(skeleton.rest)
+    far = np.flatnonzero(~(np.abs(world).max((1, 2), initial=0.0) < _FARTHEST))
+    if len(far):
+        msg = f'nodes[{far[0]}] is farther or larger than {_FARTHEST:.0e}.'
+        raise GltfError(msg)
+    return skeleton
+
+
+def _apart(matrix, place):
+    """Return translation, quaternion and scale of a matrix, given column by column."""
+    matrix = np.array(matrix).reshape(4, 4).T
+    linear, lengths = matrix[:3, :3], np.linalg.norm(matrix[:3, :3], axis=0)
+    if not lengths.all() or np.abs(matrix[3] - [0, 0, 0, 1]).max() > _SHEAR:
+        msg = f'{place} is singular or not affine.'
+        raise GltfError(msg)
+    left, _, right = np.linalg.svd(linear / lengths)
+    rotation = left @ right
+    if np.abs(rotation * lengths - linear).max() > _SHEAR * lengths.max():
+        msg = f'{place} shears, which nodes must not.'
+        raise GltfError(msg)
+    sign = np.array([1.0, 1.0, -1.0 if np.linalg.det(rotation) < 0 else 1.0])
+    return matrix[:3, 3], quaternions.from_matrices(rotation * sign), lengths * sign
+
+
+def bind_of(file: GltfFile, accessors: Accessors, index):
+    """Return joints and inverse bind matrices of a skin."""
+    skin, place = file.document.skins[index], f'skins[{index}]'
+    for i, joint in enumerate(skin.joints):
+        follow(file.document.nodes, joint, f'{place}.joints[{i}]', 'nodes')
+    n = len(skin.joints)
+    if skin.inverse_bind_matrices is None:
+        return skin.joints, np.broadcast_to(np.eye(4), (n, 4, 4))
+    place = f'{place}.inverseBindMatrices'
+    values = accessors.floats(skin.inverse_bind_matrices, place, 'MAT4')
+    if len(values) < n:
+        msg = f'{place} has {len(values)} matrices for {n} joints.'
+        raise GltfError(msg)
+    matrices = values[:n].reshape(n, 4, 4).swapaxes(1, 2).astype(np.float64)
+    wrong = np.flatnonzero(np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(1) > _SHEAR)
+    if len(wrong):
+        msg = f'{place}: matrix {wrong[0]} is not affine.'
+        raise GltfError(msg)
+    matrices[:, 3] = [0, 0, 0, 1]
+    return skin.joints, matrices
+
+
+def clips_of(file: GltfFile, accessors: Accessors, targets):
+    """Return the animations as clips."""
+    clips = []
+    for i, animation in enumerate(file.document.animations):
+        tracks = _Tracks(file, accessors, animation, f'animations[{i}]', targets)
+        with naming(f'animations[{i}]'):
+            clips.append(Clip(animation.name or f'animation{i}', tracks.read()))
+    return clips
+
+
+class _Tracks:
+    """The channels of one animation."""
+
+    def __init__(self, file, accessors, animation, place, targets):
+        self._file, self._accessors, self._targets = file, accessors, targets
+        self._animation, self._place = animation, place
+
+    def read(self):
+        driven: set = set()
+        tracks = []
+        for i, channel in enumerate(self._animation.channels):
+            place = f'{self._place}.channels[{i}]'
+            node, path = channel.target.node, channel.target.path
+            if self._skips(channel, place):
+                continue
+            if (node, path) in driven:
+                msg = f'{place} drives the {path} of nodes[{node}], as a channel before it does.'
+                raise GltfError(msg)
+            driven.add((node, path))
+            sampler = follow(
+                self._animation.samplers, channel.sampler, f'{place}.sampler', 'samplers'
+            )
+            with naming(place):
+                where = f'{self._place}.samplers[{channel.sampler}]'
+                tracks.append(self._track(sampler, node, path, where))
+        return tracks
+
+    def _skips(self, channel, place):
+        node, path = channel.target.node, channel.target.path
+        if node is not None:
+            follow(self._file.document.nodes, node, f'{place}.target.node', 'nodes')
+        if path not in _VALUES:
+            self._file.leave_out(f'animation of {path[:40]!r}', f'{place}.target.path')
+            return True
+        # Weights of what is not shown, or has no targets.
+        return node is None or (path == 'weights' and node not in self._targets)
+
+    def _track(self, sampler, node, path, place):
+        times = self._accessors.floats(sampler.input, f'{place}.input', 'SCALAR')[:, 0]
+        output = f'{place}.output'
+        values = self._accessors.floats(sampler.output, output, _VALUES[path])
+        cubic = sampler.interpolation == 'CUBICSPLINE'
+        first, width, bodies = node, values.shape[1], 1
+        if path == 'weights':
+            first, width, bodies = self._targets[node]
+        shape = (len(times), 3, width) if cubic else (len(times), width)
+        if values.size != np.prod(shape):
+            msg = f'{output} has {values.size} numbers; {len(times)} keys need {np.prod(shape)}.'
+            raise GltfError(msg)
+        values = values.reshape(shape)
+        if path == 'rotation':
+            values = values[..., [3, 0, 1, 2]]
+        self._file.spend(8 * values.size * bodies, output)
+        # Each body of a node has columns of its own, and all the same weights.
+        values = np.tile(values, bodies) if bodies > 1 else values
+        return Track(first, path, times, values, _INTERPOLATIONS[sampler.interpolation])

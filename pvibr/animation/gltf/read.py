@@ -1,0 +1,209 @@
+"""Figures from glTF 2.0 files."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+
+from pvibr.animation.body import Body
+from pvibr.animation.figure import Figure
+from pvibr.animation.gltf.lights import cameras_of, lights_of
+from pvibr.animation.gltf.looks import Looks
+from pvibr.animation.gltf.meshes import Primitives
+from pvibr.animation.gltf.nodes import clips_of, parents_of, shown_nodes, skeleton_of
+from pvibr.formats.gltf_accessors import Accessors
+from pvibr.formats.gltf_file import GltfError, GltfFile, follow, naming
+
+#: Extensions that are read. What another one adds is left out, and named in a warning.
+EXTENSIONS = (
+    'KHR_lights_punctual',
+    'KHR_materials_emissive_strength',
+    'KHR_materials_unlit',
+    'KHR_mesh_quantization',
+    'KHR_texture_transform',
+)
+#: Bytes that a body costs, though bodies of the same mesh share its arrays.
+_BODY = 4096
+
+
+def read_gltf(path, *, scene=None, up='y', pbr=False):
+    """Read a figure from a glTF 2.0 file, ``.glb`` or ``.gltf``.
+
+    Each node becomes a joint of the same number, each primitive of triangles that a node of the
+    scene shows becomes a body, each animation a clip.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The file. Files that it names must be in its folder or below.
+    scene : int or str, optional
+        Number or name of the scene; default the one that the file says, else the first.
+    up : {'y', 'z'}
+        Which axis of the figure is up: glTF says y, and coordinates stay as they are in the
+        file. With 'z' one more joint comes last, ``'upright'``, which turns all others by 90
+        degrees about x.
+    pbr : bool, optional
+        Whether looks are physically based, as the file asks, but dark without an environment
+        texture (``plotter.set_environment_texture``): ``pbr``, ``metallic`` and ``roughness`` of
+        ``add_mesh``, and ``pbr_textures`` and ``emissive_factor``, which ``add_figure`` knows.
+
+    Returns
+    -------
+    pvibr.Figure
+        The figure, at rest as the nodes of the file are.
+
+    Raises
+    ------
+    pvibr.GltfError
+        If the file is broken or requires an extension that is not supported; a ``ValueError``
+        whose message names the place.
+    ValueError
+        If ``up`` is another word or there is no such scene.
+    FileNotFoundError
+        If there is no such file.
+
+    Warns
+    -----
+    pvibr.PvibrWarning
+        Once, of all that is in the file and not in the figure.
+
+    Notes
+    -----
+    A mesh without normals is flat, as glTF asks: its triangles share no points. Points that no
+    triangle shows are left out. Looks hold ``alpha_cutoff`` where alpha is a mask, which
+    ``add_mesh`` alone does not know.
+
+    Examples
+    --------
+    >>> import pvibr
+    >>> fox = pvibr.read_gltf('Fox.glb')  # doctest: +SKIP
+    >>> fox.mesh(0.5, 'Walk').plot()  # doctest: +SKIP
+    """
+    if up not in ('y', 'z'):
+        msg = f"up is {up!r}; it must be 'y' or 'z'."
+        raise ValueError(msg)
+    file = GltfFile(path)
+    _check_extensions(file)
+    parents = parents_of(file)
+    nodes = shown_nodes(file, parents, scene)
+    skeleton = skeleton_of(file, parents, up)
+    accessors = Accessors(file)
+    bodies, targets = _Bodies(file, accessors, pbr, skeleton).read(nodes)
+    clips = clips_of(file, accessors, targets)
+    with naming('the figure'):
+        figure = Figure(
+            bodies,
+            skeleton,
+            clips,
+            cameras=cameras_of(file, nodes),
+            lights=lights_of(file, nodes),
+            name=file.path.stem,
+        )
+    file.warn()
+    return figure
+
+
+def _check_extensions(file):
+    document = file.document
+    unknown = [name for name in document.extensions_required if name not in EXTENSIONS]
+    if unknown:
+        msg = (
+            f'extensionsRequired asks for {", ".join(unknown)[:200]}; supported are '
+            f'{", ".join(EXTENSIONS)}.'
+        )
+        raise GltfError(msg)
+    for name in document.extensions_used:
+        if name not in EXTENSIONS:
+            file.leave_out(name[:80], 'extensionsUsed')
+
+
+class _Bodies:
+    """The meshes that nodes show."""
+
+    def __init__(self, file, accessors, pbr, skeleton):
+        self._file = file
+        self._looks = Looks(file, pbr)
+        self._first: dict[int, Body] = {}
+        self._primitives = Primitives(file, accessors, self._looks)
+        self._mirrored = np.linalg.det(skeleton.world(skeleton.rest)[:, :3, :3]) < 0
+
+    def read(self, nodes):
+        """Return the bodies, and for each node with morph targets its columns of weights."""
+        document = self._file.document
+        bodies: list[Body] = []
+        targets: dict[int, tuple[int, int, int]] = {}
+        columns = 0
+        nodes = [number for number in nodes if document.nodes[number].mesh is not None]
+        self._check(nodes)
+        for number in nodes:
+            node = document.nodes[number]
+            mesh = document.meshes[node.mesh]
+            weights = self._weights(node, mesh, number)
+            shown = self._of_node(node, mesh, number, weights)
+            if weights and shown:
+                targets[number] = (columns, len(weights), len(shown))
+                columns += len(weights) * len(shown)
+            bodies += shown
+        return bodies, targets
+
+    def _check(self, nodes):
+        """See that all references are sound, and that there are not absurdly many bodies."""
+        document = self._file.document
+        for number in nodes:
+            node, place = document.nodes[number], f'nodes[{number}]'
+            mesh = follow(document.meshes, node.mesh, f'{place}.mesh', 'meshes')
+            self._file.spend(_BODY * len(mesh.primitives), f'{place}.mesh')
+            if node.skin is not None:
+                follow(document.skins, node.skin, f'{place}.skin', 'skins')
+
+    def _of_node(self, node, mesh, number, weights):
+        bodies = []
+        for i, primitive in enumerate(mesh.primitives):
+            place = f'meshes[{node.mesh}].primitives[{i}]'
+            surface = self._primitives.surface(node.mesh, i)
+            if surface is None:
+                continue
+            skin = None
+            if node.skin is not None:
+                skin = self._primitives.skin(node.mesh, i, node.skin)
+            look = self._looks.look(
+                self._looks.material(primitive.material, f'{place}.material'),
+                place,
+                coordinates=surface.coordinates,
+                colors=surface.colors,
+                mirrored=skin is None and self._mirrored[number],
+            )
+            name = node.name or mesh.name or f'node{number}'
+            name = name if len(mesh.primitives) == 1 else f'{name}.{i}'
+            with naming(place):
+                morphs = _resting(surface.morphs, weights)
+                body = Body(surface.mesh, number, skin, morphs, None, look, name)
+            first = self._first.setdefault(id(surface), body)
+            body.points, body.normals = first.points, first.normals
+            bodies.append(body)
+        return bodies
+
+    def _weights(self, node, mesh, number):
+        """Return the weights that a node's morph targets rest at."""
+        n = len(mesh.primitives[0].targets)
+        for i, primitive in enumerate(mesh.primitives):
+            if len(primitive.targets) != n:
+                place = f'meshes[{node.mesh}].primitives[{i}]'
+                msg = f'{place} has {len(primitive.targets)} targets, the first primitive {n}.'
+                raise GltfError(msg)
+        given = node.weights if node.weights is not None else mesh.weights
+        if given and len(given) != n:
+            msg = f'nodes[{number}] has {len(given)} morph weights for {n} targets.'
+            raise GltfError(msg)
+        self._file.spend(8 * n * len(mesh.primitives), f'nodes[{number}].mesh')
+        return tuple(given) or (0.0,) * n
+
+
+def _resting(morphs, weights):
+    """Return morph targets that rest at some weights and share all arrays."""
+    if morphs is None:
+        return None
+    morphs = copy.copy(morphs)
+    morphs.weights = np.array(weights, dtype=np.float64)
+    return morphs

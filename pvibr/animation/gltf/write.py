@@ -1,0 +1,324 @@
+"""Figures as binary glTF 2.0."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.animation.clip import Clip
+from pvibr.animation.gltf.write_tracks import lasting, one_hot, weights_track
+from pvibr.core.errors import PvibrWarning
+from pvibr.formats.glb_writer import GlbWriter
+from pvibr.maths.tones import to_light
+
+#: A morph target that changes nothing.
+_NOTHING = (np.zeros(0, int), np.zeros((0, 3)))
+_INTERPOLATIONS = {'step': 'STEP', 'linear': 'LINEAR', 'cubic': 'CUBICSPLINE'}
+#: What glTF calls VTK's textures of physically based shading.
+_TEXTURES = {
+    'albedoTex': ('baseColorTexture',),
+    'materialTex': ('metallicRoughnessTexture', 'occlusionTexture'),
+    'emissiveTex': ('emissiveTexture',),
+}
+
+
+def write_glb(figure, path):
+    """Write a figure as binary glTF 2.0."""
+    path = Path(path).expanduser()
+    if path.suffix.lower() != '.glb':
+        msg = f'path is {str(path)!r}; figures are written as .glb.'
+        raise ValueError(msg)
+    glb = _FigureWriter(figure).document()
+    glb.write(path)
+
+
+class _FigureWriter:
+    """The parts of a figure as those of a document."""
+
+    def __init__(self, figure):
+        self._figure = figure
+        self._glb = GlbWriter()
+        self._left_out = {}
+        self._skins = {}
+        self._textures = {}
+        self._hung = set()  # further nodes that hang on a joint
+
+    def document(self):
+        figure = self._figure
+        for name in ('correctives', 'cameras', 'lights'):
+            if getattr(figure, name):
+                self._left_out[name] = None
+        nodes = self._nodes()
+        hosts = [self._host(nodes, body) for body in figure.bodies]
+        clips = figure.clips
+        if not clips and any(body.frames for body in figure.bodies):
+            last = max(body.frames.times[-1] for body in figure.bodies if body.frames)
+            clips = [Clip(figure.name or 'series', [], last)]
+        for clip in clips:
+            self._animation(clip, hosts)
+        self._scene(nodes)
+        if self._left_out:
+            msg = f'left out, since it is not written as glTF: {", ".join(self._left_out)}.'
+            warnings.warn(msg, PvibrWarning, stacklevel=4)
+        return self._glb
+
+    def _nodes(self):
+        """Add a node per joint; their lists of children are filled afterwards."""
+        skeleton = self._figure.skeleton
+        rest = skeleton.rest
+        for i, name in enumerate(skeleton.names):
+            node = {'name': name, 'translation': rest.translation[i].tolist()}
+            node['rotation'] = np.roll(rest.rotation[i], -1).tolist()
+            node['scale'] = rest.scale[i].tolist()
+            self._glb.add('nodes', node)
+        return self._glb.document.setdefault('nodes', [])
+
+    def _host(self, nodes, body):
+        """Return the node that shows a body: its own one, if no other body is shown by that."""
+        mesh = self._mesh(body)
+        if mesh is None:
+            return None
+        host = body.node
+        if host < 0 or 'mesh' in nodes[host]:
+            host = self._glb.add('nodes', {'name': body.name or f'body{len(nodes)}'})
+            if body.node >= 0 and body.skin is None:
+                nodes[body.node].setdefault('children', []).append(host)
+                self._hung.add(host)
+        nodes[host]['mesh'] = mesh
+        if body.skin is not None:
+            nodes[host]['skin'] = self._skin(body.skin)
+        return host
+
+    def _scene(self, nodes):
+        parents = self._figure.skeleton.parents
+        for joint, parent in enumerate(parents):
+            if parent >= 0:
+                nodes[parent].setdefault('children', []).append(joint)
+        more = range(len(parents), len(nodes))
+        roots = [int(i) for i in np.flatnonzero(parents < 0)]
+        roots += [i for i in more if i not in self._hung]
+        scene = {'nodes': roots} if roots else {}
+        if self._figure.name:
+            scene['name'] = self._figure.name
+        self._glb.document['scene'] = self._glb.add('scenes', scene)
+        if not nodes:
+            del self._glb.document['nodes']
+
+    def _skin(self, skin):
+        if skin not in self._skins:
+            matrices = np.swapaxes(skin.inverse_bind, 1, 2).reshape(-1, 16)  # column by column
+            bind = self._glb.accessor(matrices)
+            thing = {'joints': skin.nodes.tolist(), 'inverseBindMatrices': bind}
+            self._skins[skin] = self._glb.add('skins', thing)
+        return self._skins[skin]
+
+    def _mesh(self, body):
+        """Add a body's mesh; None if it has no polygon."""
+        faces = body.mesh.triangulate().regular_faces
+        if not len(faces):
+            self._left_out['bodies without polygons'] = None
+            return None
+        points, normals = _neutral(body)
+        add = self._glb.accessor
+        attributes = {'POSITION': add(points, limits=True)}
+        if normals.any():
+            attributes['NORMAL'] = add(_unit(normals))
+        coordinates = body.mesh.active_texture_coordinates
+        if coordinates is not None:
+            attributes['TEXCOORD_0'] = add(coordinates[:, :2] * [1, -1] + [0, 1])
+        attributes |= self._colors(body)
+        if body.skin is not None:
+            attributes |= self._influences(body.skin)
+        primitive = {'attributes': attributes, 'indices': add(faces.astype(np.uint32).reshape(-1))}
+        primitive['material'] = self._material(body.look)
+        mesh = {'name': body.name} if body.name else {}
+        mesh['primitives'] = [primitive]
+        targets, weights, names = self._targets(body, normals.any())
+        if targets:
+            primitive['targets'] = targets
+            mesh |= {'weights': weights, 'extras': {'targetNames': names}}
+        return self._glb.add('meshes', mesh)
+
+    def _colors(self, body):
+        if body.look.get('scalars') is None:
+            return {}
+        values = body.mesh.point_data.get(body.look['scalars'])
+        if not body.look.get('rgb') or values is None:
+            self._left_out['scalars that are no colours of points'] = None
+            return {}
+        values = np.asarray(values)
+        values = values / 255.0 if values.dtype == np.uint8 else values.astype(float)
+        light = _light(body.look, values[:, :3])
+        return {'COLOR_0': self._glb.accessor(np.hstack([light, values[:, 3:]]))}
+
+    def _influences(self, skin):
+        """Add joints and weights in sets of four."""
+        v, k = skin.joints.shape
+        kind = np.uint8 if len(skin.nodes) <= 256 else np.uint16
+        if len(skin.nodes) > 65536:
+            msg = f'a skin has {len(skin.nodes)} joints; glTF counts them up to 65536.'
+            raise ValueError(msg)
+        joints, weights = np.zeros((v, -k % 4 + k), kind), np.zeros((v, -k % 4 + k))
+        # A joint without weight is to be 0 in glTF.
+        joints[:, :k] = np.where(skin.weights > 0, skin.joints, 0)
+        weights[:, :k] = skin.weights
+        sets = {}
+        for i in range(joints.shape[1] // 4):
+            columns = slice(4 * i, 4 * i + 4)
+            sets[f'JOINTS_{i}'] = self._glb.accessor(np.ascontiguousarray(joints[:, columns]))
+            sets[f'WEIGHTS_{i}'] = self._glb.accessor(weights[:, columns])
+        return sets
+
+    def _targets(self, body, has_normals):
+        """Add morph targets; frames but the first one are the first of them."""
+        what = {'POSITION': 'positions'} | ({'NORMAL': 'normals'} if has_normals else {})
+        targets, weights, names = [], [], []
+        if body.frames is not None:
+            targets = self._frame_targets(body, what)
+            weights = one_hot(body.frames)[0].tolist()
+            names = [f'frame{i + 1}' for i in range(len(targets))]
+        if body.morphs is not None:
+            targets += [self._target(body, what, i) for i in range(len(body.morphs))]
+            weights += body.morphs.weights.tolist()
+            names += body.morphs.names
+            for name in ('tangents', 'colors'):
+                if body.morphs.has(name):
+                    self._left_out[f'{name} of morph targets'] = None
+        return targets, weights, names
+
+    def _frame_targets(self, body, what):
+        frames = body.frames
+        first = dict(zip(what, _neutral(body), strict=False))
+        return [
+            {
+                key: self._delta(slice(None), getattr(frames, name)[i] - first[key])
+                for key, name in what.items()
+            }
+            for i in range(1, len(frames.times))
+        ]
+
+    def _target(self, body, what, i):
+        target = {}
+        for key, name in what.items():
+            if key == 'POSITION' or body.morphs.has(name):
+                where, values = body.morphs.target(name, i) or _NOTHING
+                target[key] = self._delta(where, values, len(body.points))
+        return target
+
+    def _delta(self, where, values, n=0):
+        if isinstance(where, slice):
+            return self._glb.accessor(values, limits=True)
+        rows, place = np.unique(where, return_inverse=True)
+        total = np.zeros((len(rows), values.shape[1]))
+        np.add.at(total, place, values)
+        return self._glb.sparse(rows, total, n)
+
+    def _animation(self, clip, hosts):
+        channels, samplers = [], []
+        for node, path, track in self._channels(lasting(clip), hosts):
+            sampler = {
+                'input': self._glb.accessor(track.times, limits=True),
+                'output': self._glb.accessor(_output(track)),
+                'interpolation': _INTERPOLATIONS[track.interpolation],
+            }
+            samplers.append(sampler)
+            target = {'node': node, 'path': path}
+            channels.append({'sampler': len(samplers) - 1, 'target': target})
+        if channels:
+            animation = {'name': clip.name, 'channels': channels, 'samplers': samplers}
+            self._glb.add('animations', animation)
+        else:
+            self._left_out[f'the empty clip {clip.name!r}'] = None
+
+    def _channels(self, clip, hosts):
+        """Return node, path and track of each channel."""
+        found = {}
+        for track in clip.tracks:
+            if track.path != 'weights':  # of two for the same, the later one holds
+                found[track.node, track.path] = (int(track.node), track.path, track)
+        first = 0
+        for body, host in zip(self._figure.bodies, hosts, strict=True):
+            track = weights_track(clip, first, body)
+            first += body.n_targets
+            if track is not None and host is not None:
+                found[host, 'weights'] = (host, 'weights', track)
+        return list(found.values())
+
+    def _material(self, look):
+        color = _light(look, np.array(pv.Color(look.get('color', 'white')).float_rgb))
+        alpha = float(look.get('opacity', 1.0))
+        reflection: dict[str, Any] = {
+            'baseColorFactor': [*np.clip(color, 0, 1).tolist(), alpha],
+            'metallicFactor': float(look.get('metallic', 0.0)) if look.get('pbr') else 0.0,
+            'roughnessFactor': float(look.get('roughness', 0.5)) if look.get('pbr') else 1.0,
+        }
+        textures = {'baseColorTexture': look.get('texture')}
+        for name, texture in (look.get('pbr_textures') or {}).items():
+            if name not in _TEXTURES:
+                self._left_out[f'textures of the kind {name}'] = None
+            textures |= dict.fromkeys(_TEXTURES.get(name, ()), texture)
+        indices = {
+            name: {'index': self._texture(texture)}
+            for name, texture in textures.items()
+            if texture is not None
+        }
+        own = ('baseColorTexture', 'metallicRoughnessTexture')
+        reflection |= {name: indices.pop(name) for name in own if name in indices}
+        material: dict[str, Any] = {'pbrMetallicRoughness': reflection} | indices
+        if 'emissive_factor' in look:
+            if max(look['emissive_factor']) > 1:
+                self._left_out['light above 1'] = None
+            material['emissiveFactor'] = np.clip(look['emissive_factor'], 0, 1).tolist()
+        if 'alpha_cutoff' in look:
+            material |= {'alphaMode': 'MASK', 'alphaCutoff': float(look['alpha_cutoff'])}
+        elif alpha < 1 or _translucent(look.get('texture')):
+            material['alphaMode'] = 'BLEND'
+        if look.get('culling') not in ('back', True):
+            material['doubleSided'] = True
+        if look.get('lighting') is False:
+            material['extensions'] = {'KHR_materials_unlit': {}}
+            self._glb.document['extensionsUsed'] = ['KHR_materials_unlit']
+        return self._glb.add('materials', material)
+
+    def _texture(self, texture):
+        if id(texture) not in self._textures:
+            from PIL import Image  # what imageio writes pictures with; few figures need it
+
+            stream = io.BytesIO()
+            Image.fromarray(np.asarray(texture.to_array())).save(stream, 'PNG')
+            view = self._glb.view(stream.getvalue())
+            image = self._glb.add('images', {'bufferView': view, 'mimeType': 'image/png'})
+            self._textures[id(texture)] = self._glb.add('textures', {'source': image})
+        return self._textures[id(texture)]
+
+
+def _neutral(body):
+    """Return points and normals that morph targets are added to."""
+    if body.frames is None:
+        return body.points, body.normals
+    shapes = body.frames.positions, body.frames.normals
+    return tuple(np.asarray(shape[0], dtype=np.float64) for shape in shapes)
+
+
+def _translucent(texture):
+    return texture is not None and texture.to_array().shape[-1] in (2, 4)
+
+
+def _unit(vectors):
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+
+
+def _output(track):
+    values = np.roll(track.values, -1, -1) if track.path == 'rotation' else track.values
+    return values.reshape(-1) if track.path == 'weights' else values.reshape(-1, track.width)
+
+
+def _light(look, colors):
+    """Return colours as linear light, which those of physically based looks are."""
+    return colors if look.get('pbr') else to_light(colors)

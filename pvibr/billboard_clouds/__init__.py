@@ -1,0 +1,1 @@
+"""Meshes as a few textured planes."""

@@ -1,0 +1,247 @@
+"""Billboard clouds: a mesh as a few textured rectangles, each vertex displaced within a bound."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.billboard_clouds.texture import arranged, draw
+from pvibr.gl import shader_source
+from pvibr.gl.feature import Feature, sections
+from pvibr.maths.billboard_clouds import Planes, greedy_planes, kmeans_planes
+from pvibr.meshes.parts import as_parts
+
+_APART = 0.01  # of the bound: how far pictures of two sides are from their plane
+_NEAR = 0.25  # of the bound: what is drawn onto a plane beside what belongs there, against gaps
+_BOTH = 0.1  # of the area near a plane that must look each way for it to have two sides
+
+
+@dataclass(frozen=True, eq=False)
+class BillboardCloud:
+    """What a mesh became: rectangles with a texture, and how good they are.
+
+    Attributes
+    ----------
+    mesh : pyvista.PolyData
+        A quadrilateral for each plane, or one for each of its sides where they differ, with
+        texture coordinates, normals and tangents of its points, and the number of its
+        ``'plane'``.
+    texture : pyvista.Texture
+        Colours before light; alpha is 0 or 255.
+    normal_texture : pyvista.Texture
+        Normals in tangent space: red along the tangent, green up, blue out of the plane.
+    planes : pvibr.maths.billboard_clouds.Planes
+        The planes, and the one that each triangle is on.
+    epsilon : float or None
+        How far a vertex might be displaced at most, world units; None where the number of planes
+        was given.
+    displacement : float
+        How far the farthest one is.
+    fill : float
+        Share of the rectangles' texels that are drawn.
+    packing : float
+        Share of the texture that the rectangles take.
+    seconds : float
+        That it took.
+    """
+
+    mesh: pv.PolyData
+    texture: pv.Texture
+    normal_texture: pv.Texture
+    planes: Planes
+    epsilon: float | None
+    displacement: float
+    fill: float
+    packing: float
+    seconds: float
+
+    def __repr__(self):
+        width, height = self.texture.dimensions[:2]
+        bound = '' if self.epsilon is None else f' of {self.epsilon:.4g}'
+        return (
+            f'BillboardCloud: {len(self.planes)} planes for {len(self.planes.owner)} triangles, '
+            f'displaced by {self.displacement:.4g}{bound}; texture {width} x {height}, '
+            f'{self.fill:.0%} of the rectangles drawn, {self.seconds:.1f} s'
+        )
+
+    def add_to(self, plotter, *, lighting=True, **kwargs):
+        """Show it in a plotter: cut out at its edges, and lit by the normals of its texture.
+
+        Parameters
+        ----------
+        plotter : pyvista.Plotter
+            Where to.
+        lighting : bool, optional
+            Light it; else its colours are shown as they are.
+        **kwargs
+            As :meth:`pyvista.Plotter.add_mesh`; with ``pbr=True`` it is VTK that reads the
+            normals.
+
+        Returns
+        -------
+        pyvista.Actor
+            What was added.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> actor = pv.Cube().ibr.billboard_cloud(epsilon=0.02, size=64).add_to(pl)
+        >>> actor.mapper.dataset.n_cells
+        6
+        """
+        if kwargs.get('pbr'):
+            actor = plotter.add_mesh(self.mesh, **({'roughness': 1.0} | kwargs))
+            color = pv.Texture(self.texture.to_array())
+            color.SetUseSRGBColorSpace(True)  # what VTK asks of the colour of such a surface
+            actor.prop.SetBaseColorTexture(color)
+            actor.prop.SetNormalTexture(self.normal_texture)
+            return actor
+        kwargs = {'texture': self.texture, 'lighting': lighting, 'smooth_shading': True} | kwargs
+        actor = plotter.add_mesh(self.mesh, **kwargs)
+        if lighting:
+            actor.prop.SetNormalTexture(self.normal_texture)
+        text = sections(shader_source(__file__))
+        tags = {'VTK::Normal::Impl': 'normal', 'VTK::TCoord::Impl': 'coordinates'}
+        fragment = {tag: text[f'fragment.{name}'] for tag, name in tags.items()}
+        Feature('cloud', fragment=fragment).attach(actor)
+        return actor
+
+    def save(self, path):
+        """Write it for other programs.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that ends in ``.glb``, or in ``.obj``: then ``.mtl``, ``.png`` and
+            ``_normals.png`` are written beside it.
+
+        Returns
+        -------
+        list of pathlib.Path
+            What was written.
+
+        Raises
+        ------
+        ValueError
+            Where the name ends otherwise.
+        OSError
+            Where a file cannot be written; each is whole, or as it was.
+        """
+        from pvibr.billboard_clouds.files import write_glb, write_obj
+
+        path = Path(path).expanduser()
+        writers = {'.glb': write_glb, '.obj': write_obj}
+        if path.suffix.lower() not in writers:
+            msg = f'path is {str(path)!r}; billboard clouds are written as .glb or .obj.'
+            raise ValueError(msg)
+        return writers[path.suffix.lower()](self, path)
+
+
+def billboard_cloud(
+    mesh, *, epsilon=0.02, planes=None, size=1024, supersample=4, seed=0, **looks
+) -> BillboardCloud:
+    """Return a mesh as few textured rectangles that any viewer shows.
+
+    Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification",
+    SIGGRAPH 2003. What lies very near to a plane is drawn onto it even where another plane has it
+    too: that closes gaps between them. More of it would show things twice.
+    """
+    _check(epsilon, planes, size, supersample)
+    start = time.perf_counter()
+    parts = as_parts(mesh, **looks)
+    points, faces = _joined(parts)
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if not diagonal > 0:
+        msg = 'mesh has no size: all of its points are in one place.'
+        raise ValueError(msg)
+    # Near its own origin: far from the world's, little would be left of a small number.
+    origin = points.mean(0)
+    local = points - origin
+    bound = None if planes is not None else epsilon * diagonal
+    apart = _APART * (1e-2 * diagonal if bound is None else bound)
+    found = (
+        kmeans_planes(local, faces, planes, seed=seed)
+        if bound is None
+        else greedy_planes(local, faces, bound - apart)
+    )
+    solid = np.concatenate([np.full(p.mesh.n_cells, p.alpha_cutoff is None) for p in parts])
+    sides, which = _sides(found, local, faces, solid, apart)
+    away = sides.displacements(local, faces).max(1)
+    reach = np.full(len(sides), bound)
+    if bound is None:
+        reach = np.zeros(len(sides))
+        np.maximum.at(reach, sides.owner, away)
+    sheet = arranged(sides, local, faces, int(size))
+    color, normal = draw(parts, origin, sides, sheet, _NEAR * reach, supersample)
+    area = int(sheet.texels.prod(1).sum())
+    found = Planes(found.normals, found.offsets + found.normals @ origin, found.owner)
+    return BillboardCloud(
+        _mesh(sheet, origin, which), pv.Texture(color), pv.Texture(normal), found, bound,
+        float(away.max()), float((color[..., 3] > 0).sum() / area), area / size**2,
+        time.perf_counter() - start,
+    )  # fmt: skip
+
+
+def _check(epsilon, planes, size, supersample):
+    if planes is None and not (np.isreal(epsilon) and 1e-4 <= epsilon <= 1):
+        msg = f'epsilon is {epsilon!r}; it must be a share of the diagonal from 0.0001 to 1.'
+        raise ValueError(msg)
+    if planes is not None and not (np.isreal(planes) and int(planes) == planes >= 1):
+        msg = f'planes is {planes!r}; it must be a whole number from 1, or None.'
+        raise ValueError(msg)
+    if not (np.isreal(size) and int(size) == size and 16 <= size <= 8192):
+        msg = f'size is {size!r}; it must be a whole number from 16 to 8192.'
+        raise ValueError(msg)
+    if supersample not in (1, 2, 4, 8):
+        msg = f'supersample is {supersample!r}; it must be 1, 2, 4 or 8.'
+        raise ValueError(msg)
+
+
+def _joined(parts):
+    """Return points and triangles of all parts, one part after the other."""
+    first = np.cumsum([0, *(part.mesh.n_points for part in parts)])
+    points = np.concatenate([np.asarray(part.mesh.points, float) for part in parts])
+    faces = [np.asarray(p.mesh.regular_faces) + k for p, k in zip(parts, first, strict=False)]
+    return points, np.concatenate(faces)
+
+
+def _sides(planes, points, faces, solid, apart):
+    """Return a plane for each side that is shown, and which of the given ones it is."""
+    a, b, c = points[faces].transpose(1, 0, 2)
+    area = (np.cross(b - a, c - a) * planes.normals[planes.owner]).sum(1)
+    count = len(planes)
+    front, back = (
+        np.bincount(planes.owner, np.maximum(sign * area, 0) * solid, count) for sign in (1, -1)
+    )
+    total = np.maximum(np.bincount(planes.owner, np.abs(area), count), 1e-300)
+    turn = np.where(back > front, -1.0, 1.0)
+    normals, offsets = planes.normals * turn[:, None], planes.offsets * turn
+    two = np.flatnonzero(np.minimum(front, back) > _BOTH * total)
+    offsets[two] += apart
+    second = np.full(count, -1)
+    second[two] = count + np.arange(len(two))
+    behind = (area * turn[planes.owner] < 0) & (second[planes.owner] >= 0)
+    owner = np.where(behind, second[planes.owner], planes.owner)
+    normals = np.concatenate([normals, -normals[two]])
+    offsets = np.concatenate([offsets, 2 * apart - offsets[two]])
+    return Planes(normals, offsets, owner), np.concatenate([np.arange(count), two])
+
+
+def _mesh(sheet, origin, which):
+    points, coordinates = sheet.quads()
+    count = len(points)
+    mesh = pv.PolyData()
+    mesh.points = (points + origin).reshape(-1, 3)
+    mesh.regular_faces = np.arange(4 * count).reshape(-1, 4).astype(int)
+    mesh.active_texture_coordinates = coordinates.reshape(-1, 2).astype(np.float32)
+    mesh.point_data.active_normals = sheet.axes[:, 2].repeat(4, 0).astype(np.float32)
+    mesh.point_data['Tangents'] = sheet.axes[:, 0].repeat(4, 0).astype(np.float32)
+    mesh.GetPointData().SetTangents(mesh.GetPointData().GetArray('Tangents'))
+    mesh.cell_data['plane'] = which
+    mesh.set_active_scalars(None)
+    return mesh

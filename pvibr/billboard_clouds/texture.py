@@ -1,0 +1,232 @@
+"""The pictures on the planes of a billboard cloud: laid out flat, drawn at once, packed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+from scipy import ndimage
+
+from pvibr.core import _vtk
+from pvibr.gl import Target, texture_limit
+from pvibr.gl.offscreen import hidden_window
+from pvibr.instances.bake import unlit_actor
+from pvibr.maths.image_error import box_reduce
+from pvibr.maths.packing import largest_scale
+from pvibr.meshes.decimate import take_arrays
+from pvibr.meshes.parts import Part, dressed
+
+_MARGIN = 2  # texels around each picture that take its colours
+_TURNS = 45  # rectangles are tried at every second degree
+_BLOCK = 1 << 20  # distances looked at together
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """Where the picture of each plane is, in the world and in the texture."""
+
+    axes: np.ndarray
+    low: np.ndarray
+    scale: float
+    texels: np.ndarray
+    corners: np.ndarray
+    side: int
+
+    def quads(self):
+        """Return each image's corners, counter-clockwise, in world and texture space."""
+        unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+        texel = unit * self.texels[:, None]
+        flat = self.low[:, None].repeat(4, 1)
+        flat[..., :2] += texel / self.scale
+        points = np.einsum('kcd,kde->kce', flat, self.axes)
+        return points, (self.corners[:, None] + texel) / self.side
+
+    def flattened(self, points, plane):
+        """Return points as they lie in the texture, in texels, with their height over it."""
+        flat = np.einsum('n...d,ned->n...e', points, self.axes[plane])
+        to = np.column_stack([self.corners, np.zeros(len(self.corners))])
+        shape = (len(plane), *[1] * (flat.ndim - 2), 3)
+        return (flat - self.low[plane].reshape(shape)) * self.scale + to[plane].reshape(shape)
+
+
+def arranged(planes, points, faces, side) -> Sheet:
+    """Return the smallest rectangles around what lies on each plane, packed into a square."""
+    order = np.argsort(planes.owner, kind='stable')
+    starts = np.searchsorted(planes.owner[order], np.arange(len(planes) + 1))
+    axes, low, sizes = [], [], []
+    for k in range(len(planes)):
+        ids = np.unique(faces[order[starts[k] : starts[k + 1]]])
+        own, corner, size = _rectangle(points[ids], planes.normals[k])
+        axes.append(own)
+        low.append([*corner, planes.offsets[k]])
+        sizes.append(size)
+    size, first = np.array(sizes), np.array(low)
+    try:
+        scale, texels, corners = largest_scale(size, side, _MARGIN)
+    except ValueError as error:
+        msg = f'size is {side}; {len(planes)} billboards need more texels. Raise size or epsilon.'
+        raise ValueError(msg) from error
+    first[:, :2] -= (texels / scale - size) / 2
+    return Sheet(np.array(axes), first, scale, texels, corners, side)
+
+
+def _rectangle(points, normal):
+    """Return axes, lower corner and size of a small rectangle around points on a plane."""
+    u = np.cross(np.eye(3)[np.abs(normal).argmin()], normal)
+    u /= np.linalg.norm(u)
+    flat = points @ np.stack([u, np.cross(normal, u)]).T
+    angle = np.arange(_TURNS) * (np.pi / 2 / _TURNS)
+    cos, sin = np.cos(angle), np.sin(angle)
+    wide = flat[:, :1] * cos + flat[:, 1:] * sin
+    high = flat[:, 1:] * cos - flat[:, :1] * sin
+    best = int(np.argmin(np.ptp(wide, axis=0) * np.ptp(high, axis=0)))
+    if np.ptp(wide[:, best]) < np.ptp(high[:, best]):  # shelves like what lies flat
+        wide, high, cos, sin = high, -wide, -sin, cos
+    right = cos[best] * u + sin[best] * np.cross(normal, u)
+    pair = np.stack([wide[:, best], high[:, best]], 1)
+    return np.stack([right, np.cross(normal, right), normal]), pair.min(0), np.ptp(pair, axis=0)
+
+
+def draw(parts, origin, planes, sheet, reach, supersample):
+    """Draw all that is near to each plane onto it."""
+    flat = []
+    first = 0
+    for part in parts:
+        owner = planes.owner[first : first + part.mesh.n_cells]
+        flat.append(_laid_out(part, origin, planes, owner, sheet, reach))
+        first += part.mesh.n_cells
+    color, normal = _drawn(flat, sheet.side, supersample)
+    coverage = color[..., 3]
+    solid = _solid(coverage, sheet)
+    weight = np.maximum(coverage, 1e-6)[..., None]
+    shown = np.dstack([_spread(color[..., :3] / weight, coverage > 0), solid])
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal = np.where(length > 1e-6, normal / np.maximum(length, 1e-6), [0.0, 0.0, 1.0])
+    normal = _spread(normal, coverage > 0) * 0.5 + 0.5
+    return tuple(np.ascontiguousarray(np.rint(255 * a.clip(0, 1))[::-1].astype(np.uint8))
+                 for a in (shown, normal))  # fmt: skip
+
+
+def _laid_out(part, origin, planes, owner, sheet, reach):
+    """Return a part whose triangles lie where they are drawn, some on more than one plane."""
+    mesh = part.mesh
+    points, faces = np.asarray(mesh.points, float) - origin, np.asarray(mesh.regular_faces)
+    face, plane = _pairs(points[faces], planes, owner, sheet, reach)
+    ids = faces[face].ravel()
+    new = pv.PolyData()
+    new.points = sheet.flattened(points[faces[face]], plane).reshape(-1, 3).astype(np.float32)
+    new.regular_faces = np.arange(len(ids)).reshape(-1, 3).astype(int)
+    take_arrays(mesh, new, ids, face)
+    _turn_normals(new, sheet.axes[plane], flat=part.actor.GetProperty().GetInterpolation() == 0)
+    mapper = part.polydata_mapper()
+    mapper.SetInputDataObject(new)
+    return Part(dressed(part, mapper), new, part.alpha_cutoff)
+
+
+def _turn_normals(mesh, axes, *, flat):
+    """Turn the normals of triangles with corners of their own, as the triangles were turned."""
+    for data, of in ((mesh.point_data, axes.repeat(3, 0)), (mesh.cell_data, axes)):
+        if data.active_normals is None:
+            continue
+        if flat:  # then VTK takes those of the triangles, whatever there is
+            del data[data.active_normals_name]
+        else:
+            turned = np.einsum('ned,nd->ne', of, np.asarray(data.active_normals))
+            data.active_normals = turned.astype(np.float32)
+
+
+def _pairs(corners, planes, owner, sheet, reach):
+    """Return triangles and planes: each its own, and all else that lies near within a picture."""
+    found = []
+    block = max(1, _BLOCK // len(planes))
+    for start in range(0, len(corners), block):
+        some = corners[start : start + block]
+        away = np.abs(planes.distances(some)).max(1)
+        mine = owner[start : start + block]
+        face, plane = np.nonzero(away <= reach)
+        texel = sheet.flattened(some[face], plane)[..., :2] - sheet.corners[plane][:, None]
+        inside = ((texel >= 0) & (texel <= sheet.texels[plane][:, None])).all((1, 2))
+        other = inside & (plane != mine[face])
+        found.append((np.concatenate([np.arange(len(some)), face[other]]) + start,
+                      np.concatenate([mine, plane[other]])))  # fmt: skip
+    face, plane = (np.concatenate(a) for a in zip(*found, strict=True))
+    return face, plane
+
+
+def _drawn(parts, side, supersample):
+    """Return colours with coverage and normals, both times coverage; bottom row first."""
+    with hidden_window() as (window, _):
+        while side * supersample > texture_limit(window) and supersample > 1:
+            supersample //= 2
+        wide = side * supersample
+        renderer = _vtk.vtkRenderer()
+        renderer.SetRenderWindow(window)
+        actors = [_actor(part) for part in parts]
+        target = Target(window, wide, wide, ('rgba8', 'rgba8'), depth=True)
+        _look_down(renderer.GetActiveCamera(), parts, side)
+        renderer.UpdateLightsGeometryToFollowCamera()
+        renderer.UpdateLights()
+        state = window.GetState()
+        with target.drawing(clear=(0, 0, 0, 0)):
+            state.SetEnumState(0x0BE2, False)  # GL_BLEND
+            state.SetEnumState(0x0B71, True)  # GL_DEPTH_TEST
+            state.vtkglViewport(0, 0, wide, wide)
+            state.vtkglScissor(0, 0, wide, wide)
+            for actor in actors:
+                actor.RenderOpaqueGeometry(renderer)
+        color, normal = (_reduced(c.download(), supersample) for c in target.colors)
+        for actor in actors:
+            actor.ReleaseGraphicsResources(window)
+        target.release()
+        renderer.SetRenderWindow(None)
+    return color, normal[..., :3] * 2 - color[..., 3:]
+
+
+def _actor(part):
+    actor = unlit_actor(part, closed=False)
+    uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+    uniforms.SetUniformMatrix3x3('ibr_object_from_view', np.eye(3).ravel().tolist())
+    return actor
+
+
+def _look_down(camera, parts, side):
+    high = max(float(np.abs(part.mesh.points[:, 2]).max()) for part in parts) + 1
+    matrix = _vtk.vtkMatrix4x4()
+    matrix.DeepCopy(
+        [2 / side, 0, 0, -1, 0, 2 / side, 0, -1, 0, 0, -1 / high, -1, 0, 0, 0, 1]
+    )  # what is 2 * high away is far
+    camera.ParallelProjectionOn()
+    camera.SetPosition(0, 0, high)
+    camera.SetFocalPoint(0, 0, 0)
+    camera.SetViewUp(0, 1, 0)
+    camera.SetExplicitProjectionTransformMatrix(matrix)
+    camera.UseExplicitProjectionTransformMatrixOn()
+
+
+def _reduced(pixels, factor):
+    """Average squares of samples, some rows at a time; 0 to 1."""
+    step = 64 * factor
+    rows = [box_reduce(pixels[k : k + step], factor) for k in range(0, len(pixels), step)]
+    return np.concatenate(rows) / 255
+
+
+def _solid(coverage, sheet):
+    """Return which texels are drawn: of each picture as many as its parts cover together."""
+    solid = np.zeros(coverage.shape)
+    for (x, y), (w, h) in zip(sheet.corners, sheet.texels, strict=True):
+        own = coverage[y : y + h, x : x + w]
+        count = int(np.ceil(own.sum()))
+        least = max(np.sort(own, axis=None)[-count], 1e-3) if count else 2.0
+        solid[y : y + h, x : x + w] = own >= least
+    return solid
+
+
+def _spread(image, known):
+    """Give all else the nearest colour of what is drawn: filters of any width meet no other."""
+    if not known.any():
+        return image
+    row, column = ndimage.distance_transform_edt(
+        ~known, return_distances=False, return_indices=True
+    )
+    return image[row, column]

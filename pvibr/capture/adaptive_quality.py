@@ -1,0 +1,285 @@
+"""Frames in time: full quality at rest, and while a view moves what a budget allows."""
+
+from __future__ import annotations
+
+import functools
+import math
+from contextlib import contextmanager
+from time import perf_counter
+from typing import Any
+
+from pvibr.capture.clock import draw, filming, is_dragged, ticks
+from pvibr.core.determinism import is_deterministic
+
+#: What quality may be: three dB a step.
+LEVELS = tuple(2 ** (-k / 2) for k in range(9))
+#: Most levels that one frame costs.
+_LEAP = 4
+#: Share of the budget below which a frame is easy, and easy frames after which quality rises.
+_EASY, _PATIENCE = 0.6, 5
+#: Moving frames for which it is known how long a level took; the double after each mistake.
+_MEMORY = 60
+#: Share of the last frame in how long a level takes: one frame may be slow for another reason.
+_WEIGHT = 0.4
+#: How much faster a level must be to be worth less quality.
+_GAIN = 1.25
+#: Seconds after the last moving frame at which the view is at rest.
+SETTLE = 0.2
+_WHEELS = ('Forward', 'Backward', 'Left', 'Right')
+_BUTTONS = ('Left', 'Middle', 'Right')
+
+
+class Budget:
+    """Quality that a time allows, learned from how long frames took."""
+
+    def __init__(self, ms=100.0):
+        self.ms = ms
+        self._forget()
+
+    def _forget(self):
+        self._level = self._frame = self._easy = self._stuck = 0
+        self._raised = False
+        self._memory = _MEMORY
+        self._took: dict[int, tuple[float, int]] = {}
+        self._rests: list[float] = []
+
+    @property
+    def quality(self) -> float:
+        """Of the next moving frame, above 0 to 1."""
+        return LEVELS[self._level] if self.ms else 1.0
+
+    def rested(self, ms):
+        """Take note of a frame at rest, which is one of full quality."""
+        # The faster one of two: what is baked in a frame is no part of the next.
+        self._rests = [*self._rests[-1:], ms]
+        full = min(self._rests)
+        if full <= _EASY * self.ms:
+            self._forget()
+            self._rests = [ms]
+        elif full > self.ms > 0 and len(self._rests) > 1 and not self._level and not self._stuck:
+            self._level = _steps(full / self.ms)
+
+    def moved(self, ms):
+        """Take note of a moving frame, drawn at `quality`."""
+        if not self.ms:
+            return
+        self._frame += 1
+        self._stuck = max(0, self._stuck - 1)
+        before = self._known(self._level)
+        mean = ms if before is None else before + _WEIGHT * (ms - before)
+        self._took[self._level] = mean, self._frame
+        raised, self._raised = self._raised, False
+        self._easy = self._easy + 1 if mean < _EASY * self.ms else 0
+        if min(ms, mean) > self.ms:
+            if raised:  # too early
+                self._memory *= 2
+            self._lower(mean)
+        elif self._easy >= _PATIENCE:
+            self._raise()
+
+    def _lower(self, ms):
+        if self._stuck:
+            return
+        last = len(LEVELS) - 1
+        if self._level < last:
+            self._level = min(self._level + _steps(ms / self.ms), last)
+            return
+        times = {k: self._known(k) for k in self._took}
+        self._level = min(k for k, t in times.items() if t is not None and t <= _GAIN * ms)
+        self._stuck = _MEMORY
+
+    def _raise(self):
+        if not self._level:
+            return
+        finer = self._known(self._level - 1)
+        if finer is None or finer <= self.ms:
+            self._level, self._easy, self._raised = self._level - 1, 0, True
+
+    def _known(self, level):
+        """Return the milliseconds of a level, None where that is unknown or long ago."""
+        ms, frame = self._took.get(level, (0.0, -math.inf))
+        return ms if self._frame - frame < self._memory else None
+
+
+def _steps(ratio) -> int:
+    """Return the levels that are so many times faster, if time goes with quality."""
+    return min(_LEAP, max(1, math.ceil(2 * math.log2(ratio))))
+
+
+class Pace:
+    """Tells moving frames of a window from others, times them, and says how good they must be."""
+
+    def __init__(self, plotter, budget, playing=lambda: False):
+        self._plotter, self._asked_ms, self._playing = plotter, budget, playing
+        self.budget = Budget()
+        self.lowered = False
+        self.why = ''
+        self._quality = 1.0
+        self._moves = self._full = False
+        self._window: Any = None
+        self._tags: list = []
+        self._asked = self._takes = False
+        self._began: float | None = None
+        self._moved = -math.inf
+        self._wheels = False
+        self._samples = 0
+        self._ticks: Any = None
+
+    @property
+    def latest(self) -> float:
+        """Quality of the frame that was drawn last, or is now."""
+        return self._quality
+
+    def quality(self, renderer) -> float:
+        """Return the quality of the frame that a renderer is about to draw."""
+        self._asked = True
+        self._watch(renderer.GetRenderWindow())
+        return self._quality
+
+    @contextmanager
+    def full(self):
+        """Have frames of full quality, moving or not."""
+        before, self._full = self._full, True
+        try:
+            yield
+        finally:
+            self._full = before
+
+    # -- the window's frames ---------------------------------------------------------------------
+
+    def _watch(self, window):
+        if window is self._window:
+            return
+        self.release()
+        self._window = window
+        interactor = window.GetInteractor()
+        calls = [
+            (window, 'StartEvent', self._on_start, 1.0),  # before and after all others
+            (window, 'EndEvent', self._on_end, -1.0),
+        ]
+        if interactor is not None:
+            events = [(f'MouseWheel{w}Event', self._on_wheel) for w in _WHEELS]
+            events += [(f'{b}ButtonPressEvent', self._on_press) for b in _BUTTONS]
+            calls += [(interactor, *event, 1.0) for event in events]
+        self._tags = [(owner, owner.AddObserver(*call)) for owner, *call in calls]
+
+    def release(self):
+        """Watch the window no more. Calling it again is fine."""
+        self._stop()
+        if self._window is not None:
+            self._put_back(self._window)
+        for owner, tag in self._tags:
+            owner.RemoveObserver(tag)
+        if self._takes:
+            self._plotter.__dict__.pop('screenshot', None)
+        self._tags, self._window, self._takes = [], None, False
+        self._quality, self._began, self._moves, self.lowered = 1.0, None, False, False
+
+    def _on_start(self, window, _event):
+        if not self._asked:  # in the last frame: nothing of pvibr is in the window any more
+            self.release()
+            return
+        self._asked = False
+        self.budget.ms = self._asked_ms()
+        self._moves = self._is_moving(window)
+        self._quality = self.budget.quality if self._moves else 1.0
+        if self._quality < 1:
+            # What costs most on a processor, and is seen least while all moves.
+            self._samples = window.GetMultiSamples()
+            window.SetMultiSamples(0)
+        self._began = perf_counter()
+
+    def _on_end(self, window, _event):
+        self._put_back(window)
+        began, self._began = self._began, None
+        if began is None or _is_picking(window):
+            return
+        window.WaitForCompletion()
+        now = perf_counter()
+        self._note(1e3 * (now - began))
+        self.lowered = self._quality < 1
+        if self.lowered:
+            self._moved = now
+            self._watch_screenshots()
+
+    def _put_back(self, window):
+        if self._samples:
+            window.SetMultiSamples(self._samples)
+            self._samples = 0
+
+    def _note(self, ms):
+        quality = self._quality
+        if not self._moves:
+            self.budget.rested(ms)
+            return
+        self.budget.moved(ms)
+        if quality < 1 or ms > self.budget.ms > 0:
+            self.why = f'{quality:.2g} while moving: {ms:.0f} ms, moving_ms is {self.budget.ms:g}'
+
+    # -- what moves ------------------------------------------------------------------------------
+
+    def _is_moving(self, window) -> bool:
+        if self._full or not self.budget.ms or filming(self._plotter) or is_deterministic():
+            return False
+        if _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
+            return False
+        if is_dragged(window):
+            # VTK's styles draw a still picture at the end, and take any timer's tick for a move.
+            self._stop()
+            return True
+        moves = self._wheels or self._playing()
+        lowers = moves and self.budget.quality < 1
+        # No style draws a picture at the end: only where there will be one is less shown.
+        follows = lowers and self._follows()
+        self._wheels = self._wheels and follows
+        return follows if lowers else moves
+
+    def _on_wheel(self, *_):
+        self._wheels = True
+
+    def _on_press(self, *_):
+        self._wheels = False
+
+    def _follows(self) -> bool:
+        """Have a look at the clock until all is at rest; tell whether there is one to look at."""
+        if self._ticks is None:
+            self._ticks = ticks(self._plotter, self._tick)
+        return self._ticks is not None
+
+    def _tick(self):
+        if perf_counter() - self._moved < SETTLE:
+            return
+        self._stop()
+        self._wheels = False
+        if self.lowered:
+            self._draw_full()
+
+    def _stop(self):
+        stopped, self._ticks = self._ticks, None
+        if stopped is not None:
+            stopped.stop()
+
+    def _draw_full(self):
+        with self.full():
+            draw(self._plotter)
+
+    # -- pictures that users ask for -------------------------------------------------------------
+
+    def _watch_screenshots(self):
+        take = getattr(self._plotter, 'screenshot', None)
+        if take is None or self._takes:
+            return
+
+        # They show what was drawn last, and VTK and PyVista have no event for them.
+        @functools.wraps(take)
+        def screenshot(*args, **kwargs):
+            if self.lowered:
+                self._draw_full()
+            return take(*args, **kwargs)
+
+        self._plotter.screenshot = screenshot
+        self._takes = True
+
+
+def _is_picking(window) -> bool:
+    return any(r.GetSelector() is not None for r in window.GetRenderers())

@@ -1,0 +1,57 @@
+"""Pictures side by side with a line of text each, and error maps in colour."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.core.files import replacing
+
+_CAPTION, _PER_WIDTH = 26, 32  # height of a caption: at least, and the picture's width over it
+
+
+def error_colors(error) -> np.ndarray:
+    """Return an error map as colours: black where there is none, through red to pale yellow."""
+    from matplotlib import colormaps
+
+    return colormaps['magma'](np.clip(error, 0, 1))[..., :3]
+
+
+def as_bytes(picture) -> np.ndarray:
+    """Return a picture with values from 0 to 1 as uint8."""
+    return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
+
+
+def save(path, picture):
+    """Write a picture as PNG; its folder is made."""
+    from PIL import Image
+
+    picture = picture if picture.dtype == np.uint8 else as_bytes(picture)
+    with replacing(path) as file:
+        Image.fromarray(picture).save(file)
+
+
+def compose(pictures, columns=3) -> np.ndarray:
+    """Return pictures of the same size side by side, each under its caption."""
+    tiles = [_captioned(picture, text) for picture, text in pictures]
+    rows = [tiles[k : k + columns] for k in range(0, len(tiles), columns)]
+    blank = np.full_like(tiles[0], 255)
+    width = min(columns, len(tiles))
+    return np.concatenate([_beside(row + [blank] * (width - len(row))) for row in rows])
+
+
+def _beside(tiles):
+    gap = np.full((tiles[0].shape[0], 4, 3), 255, np.uint8)
+    parts = [tiles[0]]
+    for tile in tiles[1:]:
+        parts += [gap, tile]
+    return np.concatenate(parts, axis=1)
+
+
+def _captioned(picture, text):
+    from PIL import Image, ImageDraw, ImageFont
+
+    height = max(_CAPTION, picture.shape[1] // _PER_WIDTH)
+    line = Image.new('RGB', (picture.shape[1], height), 'white')
+    font = ImageFont.load_default(size=height * 0.66)
+    ImageDraw.Draw(line).text((4, 3), text, fill='black', font=font)
+    return np.concatenate([np.asarray(line), as_bytes(picture)])

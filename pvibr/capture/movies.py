@@ -1,0 +1,170 @@
+"""Movies: frames at given moments, kept until the movie is whole, so that it can be resumed."""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import shutil
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pvibr.core.errors import require
+from pvibr.core.files import replacing
+
+#: Endings of movies, beside folders of PNG files.
+MOVIES = ('.mp4', '.mov', '.mkv', '.webm', '.avi', '.gif')
+#: What the frames in a folder are of.
+NOTE = 'movie.json'
+#: A disk with fewer bytes than these has no room for what ffmpeg writes at once.
+_FULL = 2**16
+
+
+class Film:
+    """The frames of a movie in a folder, and the movie that is made of them."""
+
+    def __init__(self, path, *, count, fps, marks, resume):
+        self.path, self.count, self.fps = Path(path).expanduser(), count, fps
+        self.ending = self.path.suffix.lower()
+        if self.ending and self.ending not in MOVIES:
+            known = ', '.join(MOVIES)
+            msg = f'path is {str(path)!r}; it must end in one of {known}, or be a folder.'
+            raise ValueError(msg)
+        if self.ending not in ('', '.gif'):
+            require('imageio_ffmpeg', 'movie', 'Movies')
+        hidden = self.path.with_name(f'.{self.path.name}.frames')
+        self.folder = hidden if self.ending else self.path
+        # As JSON would give it back.
+        self._note = json.loads(json.dumps({'count': count, 'fps': fps, **marks}))
+        self._resume = resume and self._is_same()
+
+    def _is_same(self):
+        try:
+            return json.loads((self.folder / NOTE).read_text('utf-8')) == self._note
+        except (OSError, ValueError):
+            return False
+
+    def _file(self, k) -> Path:
+        return self.folder / f'{k:0{len(str(self.count - 1))}d}.png'
+
+    def missing(self) -> list[int]:
+        """Return the frames that are still to be drawn."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        if not self._resume:
+            with replacing(self.folder / NOTE) as file:
+                file.write_text(json.dumps(self._note), 'utf-8')
+            self._resume = True
+            return list(range(self.count))
+        return [k for k in range(self.count) if not self._is_whole(k)]
+
+    def _is_whole(self, k):
+        from PIL import Image
+
+        try:
+            with Image.open(self._file(k)) as picture:
+                picture.load()
+                return list(picture.size) == self._note.get('size', list(picture.size))
+        except (OSError, SyntaxError, ValueError):
+            return False
+
+    def keep(self, k, picture):
+        """Write a frame."""
+        from PIL import Image
+
+        with replacing(self._file(k)) as file:
+            # Fast: it is read once.
+            Image.fromarray(np.ascontiguousarray(picture)).save(file, compress_level=1)
+
+    def finish(self):
+        """Make the movie of its frames, and remove them; a folder of PNG files stays."""
+        if not self.ending:
+            (self.folder / NOTE).unlink()
+            return
+        with replacing(self.path) as file, _writer(file, self.ending, self.fps) as write:
+            for k in range(self.count):
+                write(self._read(k))
+        shutil.rmtree(self.folder)
+
+    def _read(self, k):
+        from PIL import Image
+
+        with Image.open(self._file(k)) as picture:
+            pixels = np.asarray(picture.convert('RGB'))
+        if self.ending == '.gif':
+            return pixels
+        height, width = (n - n % 2 for n in pixels.shape[:2])  # as most codecs want them
+        return pixels[:height, :width]
+
+
+@contextmanager
+def _writer(file, ending, fps):
+    import imageio
+
+    options: dict[str, Any] = {'fps': fps, 'macro_block_size': 2}
+    if ending == '.gif':
+        options = {'duration': 1e3 / fps, 'loop': 0}
+    elif ending == '.webm':
+        # The usual codec is not allowed in it.
+        options |= {'codec': 'libvpx-vp9', 'quality': None}
+        options['output_params'] = ['-crf', '24', '-b:v', '0', '-fflags', '+bitexact']
+    try:
+        with imageio.get_writer(file, **options) as writer:
+            yield writer.append_data
+    except OSError:
+        # ffmpeg is another process: all that is known here is that it went away.
+        if shutil.disk_usage(file.parent).free < _FULL:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from None
+        raise
+
+
+def write_movie(film, draw, *, progress=None):
+    """Draw the frames of a movie that are missing, and make it."""
+    missing = film.missing()
+    try:
+        with _bar(film, len(missing), progress) as step:
+            for k in missing:
+                film.keep(k, draw(k))
+                step()
+        film.finish()
+    except OSError as error:
+        named = str(error) if error.strerror is None or error.filename else error.strerror
+        why = named.partition('\n')[0].rstrip('.')
+        msg = f'{why}. Frames are kept in {film.folder}; the same call goes on from there.'
+        raise OSError(error.errno, msg) from error
+
+
+def _bar(film, missing, wanted):
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    if not (console.is_terminal if wanted is None else wanted):
+        return nullcontext(lambda: None)
+
+    @contextmanager
+    def bar():
+        with Progress(console=console) as shown:
+            done = film.count - missing
+            task = shown.add_task(f'writing {film.path}', total=film.count, completed=done)
+            yield lambda: shown.advance(task)
+
+    return bar()
+
+
+def frame_times(seconds, fps, start, speed) -> np.ndarray:
+    """Return the moment of each frame of a movie."""
+    for name, value, positive in (
+        ('seconds', seconds, True),
+        ('fps', fps, True),
+        ('start', start, False),
+        ('speed', speed, False),
+    ):
+        if not math.isfinite(value) or (positive and value <= 0):
+            allowed = 'a positive number' if positive else 'a finite number'
+            msg = f'{name} = {value!r}: must be {allowed}.'
+            raise ValueError(msg)
+    return start + speed * np.arange(max(1, round(seconds * fps))) / fps

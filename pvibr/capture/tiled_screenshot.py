@@ -1,0 +1,224 @@
+"""Pictures larger than a window, or than what the GPU can draw at once: in tiles that overlap."""
+
+from __future__ import annotations
+
+import math
+from contextlib import contextmanager
+
+import numpy as np
+
+from pvibr.core import _vtk
+from pvibr.core.frame import Frame
+
+#: Pixels around a tile that VTK's own passes look at: edges that are smoothed, EDL.
+_NEIGHBOURS = 8
+#: Effects that work on squares of pixels have the same ones in all tiles that begin at multiples.
+_GRID = 16
+#: Most of a tile's side that is drawn for its neighbours' sake, at either end.
+_MOST = 0.4
+
+
+def spans(whole, tile, margin) -> list[tuple[int, int, int]]:
+    """Return where tiles along one side of a picture begin, and what is kept of them."""
+    grid = _GRID if tile - 2 * margin > 2 * _GRID else 1
+    found, done = [], 0
+    while done < whole:
+        begin = max(0, min((done - margin) // grid * grid, whole - tile))
+        end = whole if begin + tile == whole else begin + tile - margin
+        found.append((begin, done, end))
+        done = end
+    return found
+
+
+def picture(window, scale, effects, *, transparent=False) -> np.ndarray:
+    """Draw a window several times as large, in tiles of the window's size."""
+    size = window.GetActualSize()
+    with _own_cameras(window) as cameras:
+        window.SetTileScale(scale, scale)
+        _look(window, cameras, (0, 0), size, scale)
+        margins = _margins(cameras, effects, size)
+        columns, rows = (spans(n * scale, n, m) for n, m in zip(size, margins, strict=True))
+        whole = np.empty((size[1] * scale, size[0] * scale, 4 if transparent else 3), np.uint8)
+        for bottom, low, high in rows:
+            for left, first, last in columns:
+                _look(window, cameras, (left, bottom), size, scale)
+                window.Render()
+                tile = _pixels(window, size, transparent)
+                kept = tile[low - bottom : high - bottom, first - left : last - left]
+                whole[low:high, first:last] = kept
+    return whole[::-1]
+
+
+def _renderers(window):
+    renderers = window.GetRenderers()
+    return [renderers.GetItemAsObject(i) for i in range(renderers.GetNumberOfItems())]
+
+
+@contextmanager
+def _own_cameras(window):
+    """Give each renderer a camera of its own; yield which one it had. All is put back."""
+    cameras = {r: r.GetActiveCamera() for r in _renderers(window) if r.GetDraw()}
+    viewport, scale = tuple(window.GetTileViewport()), tuple(window.GetTileScale())
+    try:
+        for renderer, camera in cameras.items():
+            own = camera.NewInstance()
+            own.ShallowCopy(camera)
+            renderer.SetActiveCamera(own)
+        yield cameras
+    finally:
+        window.SetTileScale(*scale)
+        window.SetTileViewport(*viewport)
+        for renderer, camera in cameras.items():
+            renderer.SetActiveCamera(camera)
+            renderer.DrawOn()
+
+
+def _look(window, cameras, corner, size, scale):
+    """Aim window and cameras at a tile."""
+    low = np.array(corner) / (np.array(size) * scale)
+    tile = np.concatenate([low, low + 1 / scale])
+    window.SetTileViewport(*tile)
+    for renderer, camera in cameras.items():
+        whole = np.array(renderer.GetViewport()).reshape(2, 2)
+        seen = np.clip(whole, tile[:2], tile[2:])
+        share = (seen[1] - seen[0]) / (whole[1] - whole[0])
+        # What has fewer pixels here than a tile has for its neighbours' sake is drawn in another;
+        # passes of VTK would make textures without pixels for it.
+        least = np.minimum(_NEIGHBOURS / np.array(size), _MOST) / scale
+        least = 0.99 * np.minimum(least, whole[1] - whole[0])
+        renderer.SetDraw(bool((seen[1] - seen[0] > least).all()))
+        if not renderer.GetDraw():
+            continue
+        own = renderer.GetActiveCamera()
+        of = share[0] if camera.GetUseHorizontalViewAngle() else share[1]
+        half = math.tan(math.radians(camera.GetViewAngle()) / 2)
+        own.SetViewAngle(math.degrees(2 * math.atan(half * of)))
+        own.SetParallelScale(camera.GetParallelScale() * share[1])
+        # In halves of what is seen; a center of the user's own is in halves of the whole.
+        shift = (seen.sum(0) - whole.sum(0)) / (seen[1] - seen[0])
+        own.SetWindowCenter(*(np.array(camera.GetWindowCenter()) / share + shift))
+
+
+def _margins(cameras, effects, size):
+    """Return the columns and rows of a tile, at its ends, that are only there for the others."""
+    frames = {renderer: Frame.of(renderer) for renderer in cameras}
+    reaches = [_reach_of_passes(renderer, frame) for renderer, frame in frames.items()]
+    for effect in effects:
+        frame = frames.get(effect.pipeline.renderer)
+        if frame is not None and effect.enabled:
+            reaches.append(effect.reach(frame))
+    return [min(math.ceil(max(reaches)), int(_MOST * n)) for n in size]
+
+
+def _reach_of_passes(renderer, frame):
+    """Return how far, in pixels, the ambient occlusion of VTK looks that a renderer has."""
+    reach, found = _NEIGHBOURS, renderer.GetPass()
+    while found is not None:
+        if found.IsA('vtkSSAOPass'):
+            # Around the nearest of what may be seen.
+            reach += found.GetRadius() * frame.pixel_scale / (1 if frame.parallel else frame.near)
+        found = found.GetDelegatePass() if hasattr(found, 'GetDelegatePass') else None
+    return reach
+
+
+def _pixels(window, size, transparent):
+    """Return what was drawn, shape (h, w, 3 or 4), the lowest row first."""
+    data = _vtk.vtkUnsignedCharArray()
+    # What is shown, as PyVista takes it: VTK averages samples of the other buffer without gamma.
+    area = (0, 0, size[0] - 1, size[1] - 1, 1, data)
+    if transparent:
+        window.GetRGBACharPixelData(*area)
+    else:
+        window.GetPixelData(*area, 0)
+    return _vtk.vtk_to_numpy(data).reshape(size[1], size[0], -1)
+
+
+class Shots:
+    """Pictures of a plotter's window."""
+
+    def __init__(self, plotter, effects, full):
+        self._plotter, self._effects, self._full = plotter, effects, full
+
+    def take(self, scale=None, size=None, transparent=None) -> np.ndarray:
+        """Draw a picture; see :meth:`pvibr.component.IBRComponent.screenshot`."""
+        window = self._window()
+        tile, scale, size = _checked(tuple(window.GetActualSize()), scale, size)
+        if transparent is None:
+            theme = getattr(self._plotter, 'theme', None)
+            transparent = bool(getattr(theme, 'transparent_background', False))
+        with _resized(window, tile), _transparent(window, transparent), self._full():
+            if scale > 1:
+                window.Render()  # light is spread over the whole at the window's own size
+            image = picture(window, scale, self._effects(), transparent=transparent)
+        return np.ascontiguousarray(image[: size[1], : size[0]])
+
+    def _window(self):
+        if getattr(self._plotter, '_first_time', False):
+            self._plotter.screenshot(return_img=False)  # it sets the camera and all else
+        return self._plotter.renderer.GetRenderWindow()
+
+    @contextmanager
+    def cameras_restored(self):
+        """Put the cameras back; yield what they and the window are, as JSON keeps it."""
+        window = self._window()
+        cameras = [renderer.GetActiveCamera() for renderer in _renderers(window)]
+        copies = [camera.NewInstance() for camera in cameras]
+        for camera, copy in zip(cameras, copies, strict=True):
+            copy.DeepCopy(camera)
+        try:
+            yield {
+                'size': list(window.GetActualSize()),
+                'cameras': [
+                    [*c.GetPosition(), *c.GetFocalPoint(), *c.GetViewUp(), c.GetViewAngle(),
+                     c.GetParallelScale()] for c in cameras
+                ],
+            }  # fmt: skip
+        finally:
+            for camera, copy in zip(cameras, copies, strict=True):
+                camera.DeepCopy(copy)
+
+
+def _checked(window, scale, size):
+    """Return the window's size, the scale and the picture's size."""
+    if scale is not None and size is not None:
+        msg = f'scale = {scale!r} and size = {size!r}: give one of them.'
+        raise ValueError(msg)
+    if size is None:
+        scale = 1 if scale is None else scale
+        if not _is_count(scale):
+            msg = f'scale = {scale!r}: must be a positive integer.'
+            raise ValueError(msg)
+        return window, scale, tuple(n * scale for n in window)
+    if np.shape(size) != (2,) or not all(map(_is_count, size)):
+        msg = f'size = {size!r}: must be two positive integers, width and height in pixels.'
+        raise ValueError(msg)
+    scale = max(-(-n // m) for n, m in zip(size, window, strict=True))
+    return tuple(-(-n // scale) for n in size), scale, tuple(size)
+
+
+def _is_count(number):
+    return isinstance(number, int | np.integer) and not isinstance(number, bool) and number > 0
+
+
+@contextmanager
+def _resized(window, size):
+    before = tuple(window.GetActualSize())
+    if size != before:
+        window.SetSize(*size)
+    try:
+        yield
+    finally:
+        if size != before:
+            window.SetSize(*before)
+
+
+@contextmanager
+def _transparent(window, wanted):
+    """Draw with alpha: VTK keeps it only where a window has planes for it."""
+    before = window.GetAlphaBitPlanes()
+    if wanted:
+        window.SetAlphaBitPlanes(1)
+    try:
+        yield
+    finally:
+        window.SetAlphaBitPlanes(before)

@@ -1,0 +1,240 @@
+"""The command line: ``pvibr doctor``, ``demo``, ``view``, ``play``, ``bake``, ``bench``."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, CycloptsError, Parameter
+from cyclopts.types import ExistingFile
+
+import pvibr
+from pvibr.bench import BENCHES
+from pvibr.core.errors import PvibrError
+
+OK, WANTING, FAILED, INTERRUPTED = 0, 1, 2, 130
+
+
+def _positive(type_: type, value: float | None) -> None:
+    if value is not None and not (value > 0 and math.isfinite(value)):
+        msg = 'Must be a positive number.'
+        raise ValueError(msg)
+
+
+def _finite(type_: type, value: float | None) -> None:
+    if value is not None and not math.isfinite(value):
+        msg = 'Must be a finite number.'
+        raise ValueError(msg)
+
+
+def _moving(type_: type, value: float) -> None:
+    if not (value and math.isfinite(value)):
+        msg = 'Must be a finite number other than 0.'
+        raise ValueError(msg)
+
+
+_Positive = Parameter(validator=_positive)
+_Moment = Annotated[float, Parameter(validator=_finite)]
+_Speed = Annotated[float, Parameter(validator=_moving)]
+_Count = Annotated[int, _Positive]
+_Pixels = Annotated[float, _Positive]
+_Folder = Annotated[Path, Parameter(name=['--out', '-o'])]
+_Out = Annotated[Path | None, Parameter(name=['--out', '-o'])]
+
+app = App(
+    name='pvibr',
+    help='Draw scenes that are too heavy for triangles, with an error that you choose.',
+    version=lambda: pvibr.__version__,
+    suppress_keyboard_interrupt=False,
+)
+bench = App(name='bench', help='Measure run time against error, here and now.')
+app.command(bench)
+
+
+@app.command
+def doctor() -> int:
+    """Say what draws here, what is missing, and the command that mends it."""
+    from pvibr.cli.doctor import diagnose
+
+    diagnosis = diagnose()
+    print(diagnosis)
+    return WANTING if diagnosis.problems else OK
+
+
+@app.command
+def demo(
+    *,
+    out: _Folder = Path('out'),
+    count: _Count = 10_000,
+    max_error: _Pixels = 1.0,
+    frames: _Count | None = None,
+    window: bool = False,
+    movie: Path | None = None,
+    size: str = '1280x720',
+) -> None:
+    """Walk through a landscape of trees, drawn by VTK and by pvibr."""
+    pixels = _size(size)
+    from pvibr.cli.demo import main
+
+    _require_gl(window=window)
+    main(
+        out=out,
+        count=count,
+        max_error=max_error,
+        frames=frames,
+        window=window,
+        movie=movie,
+        size=pixels,
+    )
+
+
+@app.command
+def view(
+    mesh: ExistingFile,
+    *,
+    poses: ExistingFile,
+    max_error: _Pixels = 1.0,
+    out: _Out = None,
+    size: str = '1280x720',
+    scalars: str | None = None,
+    cmap: str | None = None,
+    columns: str | None = None,
+    scale: _Pixels = 1.0,
+    window: bool = False,
+) -> None:
+    """Draw a mesh at every pose of a file."""
+    pixels, names = _size(size), _columns(columns)
+    from pvibr.cli.view import main
+
+    _require_gl(window=window)
+    main(
+        mesh,
+        poses,
+        max_error=max_error,
+        out=out,
+        size=pixels,
+        scalars=scalars,
+        cmap=cmap,
+        columns=names,
+        scale=scale,
+        window=window,
+    )
+
+
+@app.command
+def play(
+    file: ExistingFile,
+    *,
+    clip: str | None = None,
+    movie: Path | None = None,
+    frame: _Moment | None = None,
+    out: _Out = None,
+    fps: Annotated[float, _Positive] = 30.0,
+    size: str = '1280x720',
+    speed: _Speed = 1.0,
+    seconds: Annotated[float | None, _Positive] = None,
+    skinning: Literal['linear', 'dual'] = 'linear',
+) -> None:
+    """Play a file that moves: in a window, or as a movie or a picture."""
+    pixels = _size(size)
+    from pvibr.cli.play import main
+
+    _require_gl(window=movie is None and frame is None and out is None)
+    main(
+        file,
+        clip=clip,
+        movie=movie,
+        frame=frame,
+        out=out,
+        fps=fps,
+        size=pixels,
+        speed=speed,
+        seconds=seconds,
+        skinning=skinning,
+    )
+
+
+@app.command
+def bake(mesh: ExistingFile, *, out: _Out = None, sheet: Path | None = None) -> None:
+    """Bake the atlas of a mesh and keep it in a file."""
+    from pvibr.instances.levels import bake
+    from pvibr.meshes.parts import as_parts
+
+    _require_gl()
+    atlas = bake(as_parts(mesh))
+    atlas.save(out or mesh.with_suffix('.atlas.npz'))
+    if sheet is not None:
+        atlas.contact_sheet(sheet)
+
+
+def _bench_command(name):
+    def command(*, out: _Folder = Path('out'), quick: bool = False) -> None:
+        """Measure, and write the table and the plot."""
+        _measure(name, out, quick)
+
+    return command
+
+
+for _name, _help in BENCHES.items():
+    bench.command(_bench_command(_name), name=_name, help=_help)
+
+
+def _measure(name, out, quick):
+    from pvibr.bench import main
+
+    _require_gl()
+    main(name, out=out, quick=quick)
+
+
+def main(tokens: Sequence[str] | None = None) -> int:
+    """Run one command."""
+    try:
+        return _run(sys.argv[1:] if tokens is None else list(tokens))
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except (CycloptsError, PvibrError, ImportError, OSError, ValueError) as error:
+        if os.environ.get('PVIBR_DEBUG'):
+            raise
+        print(f'pvibr: error: {_one_line(error)}', file=sys.stderr)
+        return FAILED
+
+
+def _run(tokens: list[str]) -> int:
+    result = app(tokens, print_error=False, exit_on_error=False, result_action='return_value')
+    return result if isinstance(result, int) else OK
+
+
+def _one_line(error: Exception) -> str:
+    return ' '.join(str(error).split()) or type(error).__name__
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.lower().partition('x')
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        msg = f'--size must be like 1280x720, in pixels, got {text!r}.'
+        raise ValueError(msg)
+    return int(width), int(height)
+
+
+def _columns(text: str | None) -> tuple[str | None, ...] | None:
+    if text is None:
+        return None
+    names = tuple(None if name.strip() == '-' else name.strip() for name in text.split(','))
+    if len(names) != 3 or '' in names:
+        msg = f'--columns must name three columns like gx,gy,- (- stands for zero), got {text!r}.'
+        raise ValueError(msg)
+    return names
+
+
+def _require_gl(*, window: bool = False) -> None:
+    from pvibr.cli.doctor import prefer_egl, require_gl
+
+    if window and sys.platform.startswith('linux') and not os.environ.get('DISPLAY'):
+        msg = '--window needs a display, and the environment variable DISPLAY names none.'
+        raise ValueError(msg)
+    prefer_egl()
+    require_gl()

@@ -1,0 +1,161 @@
+"""``pvibr play``: a file that moves, in a window, as a movie or as one picture."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+from rich.console import Console
+from rich.table import Table
+
+from pvibr.capture.movies import MOVIES
+from pvibr.capture.offscreen import SKY
+from pvibr.figures.as_figure import as_figure
+
+#: Moments of a clip that the camera sees whole.
+MOMENTS = 12
+#: How much more than the figure is seen.
+MARGIN = 1.05
+#: Seconds in which one clip goes over into the next one.
+FADE = 0.3
+
+
+def main(
+    file, *, clip=None, movie=None, frame=None, out=None, fps=30.0, size=(1280, 720), speed=1.0,
+    seconds=None, skinning='linear',
+):  # fmt: skip
+    """Play a file: in a window, or off screen where a movie or a frame is asked for."""
+    _check(movie, frame, out)
+    figure = as_figure(file)
+    clip = _clip_of(figure, clip)
+    console = Console()
+    if figure.clips:
+        console.print(_clips(figure, clip))
+    if movie is None and frame is None and out is None:
+        _show(figure, clip, file, size, speed, skinning)
+        return
+    if movie is not None:
+        size = [n + n % 2 for n in size]  # as most codecs want them
+    plotter, actor = _stage(figure, clip, file, size, skinning, off_screen=True)
+    if movie is not None:
+        actor.play(clip, speed=speed)
+        plotter.ibr.movie(movie, _length(figure, clip, speed, seconds), fps=fps, progress=True)
+    else:
+        movie = out or f'{Path(file).stem}.png'
+        plotter.ibr.time = frame or 0.0
+        Path(movie).parent.mkdir(parents=True, exist_ok=True)
+        plotter.screenshot(movie)
+    plotter.close()
+    console.print(f'wrote {movie}')
+
+
+def _check(movie, frame, out):
+    if movie is not None and (frame is not None or out is not None):
+        msg = '--movie writes a movie, --frame and -o one picture: give one of them.'
+        raise ValueError(msg)
+    if out is not None and Path(out).suffix.lower() != '.png':
+        msg = f'-o is {str(out)!r}; it must end in .png.'
+        raise ValueError(msg)
+    if movie is None:
+        return
+    ending = Path(movie).suffix.lower()
+    if ending not in MOVIES:
+        msg = f'--movie is {str(movie)!r}; it must end in one of {", ".join(MOVIES)}.'
+        raise ValueError(msg)
+
+
+def _clip_of(figure, name):
+    """Return the clip of a name, or of a number where no clip has it for a name."""
+    names = {clip.name for clip in figure.clips}
+    if name is not None and name not in names and name.isdecimal():
+        name = int(name)
+    return figure.clip(name)
+
+
+def _clips(figure, chosen):
+    table = Table('clip', 'seconds', title=f'{figure.name}: {len(figure.clips)} clips')
+    for clip in figure.clips:
+        mark = '*' if clip is chosen else ''
+        table.add_row(f'{clip.name}{mark}', f'{clip.duration:.2f}')
+    return table
+
+
+def _length(figure, clip, speed, seconds):
+    """Return the seconds of a movie: by default once through the clip."""
+    if seconds is not None:
+        return seconds
+    if clip is None or not clip.duration:
+        msg = f'nothing in {figure.name or "the file"} moves: give --seconds, or --frame 0.'
+        raise ValueError(msg)
+    return clip.duration / abs(speed)
+
+
+def _stage(figure, clip, file, size, skinning, *, off_screen):
+    plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), title=str(file))
+    plotter.set_background(SKY)  # type: ignore[arg-type]
+    plotter.enable_anti_aliasing('msaa')
+    actor = plotter.ibr.add_figure(figure, clip=clip, skinning=skinning)
+    stands = Path(file).suffix.lower() in ('.glb', '.gltf')
+    _look(plotter, _box(figure, clip), (0, 1, 0) if stands else (0, 0, 1))
+    return plotter, actor
+
+
+def _box(figure, clip):
+    """Return the corners of all that a clip shows, shape (8, 3)."""
+    duration = 0.0 if clip is None else clip.duration
+    times = np.linspace(0, duration, MOMENTS if duration else 1)
+    bounds = np.array([figure.mesh(t, clip).bounds for t in times]).reshape(-1, 3, 2)
+    ends = np.stack([bounds[..., 0].min(0), bounds[..., 1].max(0)], 1)
+    return np.array(list(product(*ends)))
+
+
+def _look(plotter, corners, up):
+    """See a box from before it, a little from its left and above."""
+    up = np.array(up, float)
+    fore = np.array([0, 0, 1.0]) if up[1] else np.array([0, -1.0, 0])
+    way = fore + 0.6 * np.cross(up, fore) + 0.35 * up
+    way /= np.linalg.norm(way)
+    right = np.cross(up, way) / np.linalg.norm(np.cross(up, way))
+    middle = corners.mean(0)
+    across, above, near = np.stack([right, np.cross(way, right), way]) @ (corners - middle).T
+    width, height = plotter.window_size
+    tangent = np.tan(np.radians(plotter.camera.view_angle) / 2)
+    reach = np.maximum(abs(across) * height / width, abs(above)) * MARGIN / tangent
+    eye = middle + (near + reach).max() * way
+    plotter.camera_position = [tuple(eye), tuple(middle), tuple(up)]
+    plotter.reset_camera_clipping_range()
+
+
+def _show(figure, clip, file, size, speed, skinning):
+    plotter, actor = _stage(figure, clip, file, size, skinning, off_screen=False)
+    actor.play(clip, speed=speed)
+    following = _Keys(plotter, figure, actor, clip, speed)
+    plotter.add_key_event('space', following.pause)
+    if len(figure.clips) > 1:
+        plotter.add_key_event('n', following.next)
+    keys = 'space: pause' + ('   n: next clip' if len(figure.clips) > 1 else '') + '   q: close'
+    plotter.add_text(keys, font_size=8, color='black')
+    plotter.ibr.play()
+    plotter.show()
+
+
+class _Keys:
+    """What keys do in the window."""
+
+    def __init__(self, plotter, figure, actor, clip, speed):
+        self.plotter, self.figure, self.actor = plotter, figure, actor
+        self.clip, self.speed = clip, speed
+
+    def pause(self):
+        ibr = self.plotter.ibr
+        if ibr.playing:
+            ibr.stop()
+        else:
+            ibr.play()
+
+    def next(self):
+        clips = self.figure.clips
+        self.clip = clips[(clips.index(self.clip) + 1) % len(clips)]
+        self.actor.play(self.clip, speed=self.speed, fade=FADE)

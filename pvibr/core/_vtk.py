@@ -1,0 +1,67 @@
+"""The only module that imports VTK: each name is looked up when first asked for."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+
+# Where stock VTK keeps what pvibr uses, the cheap to import first.
+_MODULES = (
+    'util.numpy_support',
+    'util.misc',
+    'vtkCommonCore',
+    'vtkCommonMath',
+    'vtkCommonTransforms',
+    'vtkCommonDataModel',
+    'vtkCommonExecutionModel',
+    'vtkRenderingCore',
+    'vtkRenderingOpenGL2',
+    'vtkRenderingAnnotation',
+    'vtkFiltersCore',
+    'vtkFiltersGeneral',
+    'vtkFiltersGeometry',
+    'vtkFiltersSources',
+    'vtkInteractionStyle',
+    'vtkRenderingLOD',
+    'vtkIOImage',
+    'vtkIOGeometry',
+    'vtkRenderingFreeType',
+    'vtkRenderingVolume',
+    'vtkRenderingVolumeOpenGL2',
+    'vtkInteractionWidgets',
+)
+
+
+def _root() -> str:
+    backend = os.environ.get('PYVISTA_VTK_BACKEND')
+    if backend:
+        return 'vtkmodules' if backend == 'vtk' else backend
+    return 'cvista' if importlib.util.find_spec('cvista') else 'vtkmodules'
+
+
+def _candidates(root):
+    """Yield the modules that may hold a name; some distributions have all names at the root."""
+    if root != 'vtkmodules':
+        yield importlib.import_module(root)
+    for name in _MODULES:
+        try:
+            yield importlib.import_module(f'{root}.{name}')
+        except ModuleNotFoundError:
+            continue  # a distribution may leave modules out
+
+
+def __getattr__(name):
+    if name.startswith('__'):  # Python's own questions are never about VTK
+        msg = f'module {__name__!r} has no attribute {name!r}'
+        raise AttributeError(msg)
+    root = _root()
+    for module in _candidates(root):
+        try:
+            found = getattr(module, name)
+        except AttributeError:
+            continue
+        globals()[name] = found
+        return found
+    msg = f'{root!r} has no {name!r} in the modules that pvibr knows: see pvibr/core/_vtk.py'
+    raise AttributeError(msg)

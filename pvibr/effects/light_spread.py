@@ -1,0 +1,182 @@
+"""Light that spreads over a picture: what bloom and glow share."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pvibr.core import _vtk
+from pvibr.core.effect import Effect
+from pvibr.core.params import Param
+from pvibr.gl.blur import CHAINS, Blur, Light
+from pvibr.gl.scene_pass import is_marker
+from pvibr.scene.casters import address
+
+
+class Shine(Effect):
+    """Light, blurred on ever smaller images, on a picture.
+
+    A screenshot larger than the window is drawn in tiles; their light is that of the last frame,
+    which saw the whole of it. Where the camera, the scene or the time changed since, each tile has
+    no light but its own, and seams may be seen: call ``plotter.render()`` first.
+
+    A subclass has ``_draw_source(frame, picture, target, side)``, which draws the light in
+    squares of `side` pixels, and ``_forget()``, which frees what that takes.
+
+    Parameters
+    ----------
+    **settings
+        Values of the class's settings.
+    """
+
+    intensity = Param(1.0, 'How much of the light is added; 0 adds none.', range='[0, inf)')
+    reduction = Param(
+        8, 'Size of the picture to that of its first blur; less is sharper and slower.',
+        choices=(4, 8, 16),
+    )  # fmt: skip
+    chain = Param(
+        'gaussian', 'How each blur is made: a Gaussian along each axis, or the 13 taps and tents '
+        'of Jimenez (SIGGRAPH 2014), fewer passes of one width.', choices=CHAINS,
+    )  # fmt: skip
+    kernel = Param(5, 'Texels of each Gaussian, odd.', choices=tuple(range(3, 33, 2)), unit='px')
+    levels = Param(
+        None, 'How many blurs, each on an image of half the size; from the picture unless given.',
+        kind=int, range='[1, 10]',
+    )  # fmt: skip
+    spread = Param(0.5, 'Share of the wider blurs, 0 narrow to 1 wide.', range='[0, 1]')
+    blend = Param(
+        'add', 'add light, or screen: it fills what is left to white.', choices=('add', 'screen')
+    )
+    debug = Param('', 'A stage to show in place of the picture.', choices=('', 'bright', 'blur'))
+
+    _blur: Any = None
+    _window: Any = None
+    _light: Light | None = None
+    _seen: tuple = ()
+    _asked = -1, False
+
+    def __init__(self, **settings):
+        self._drawn_at = _vtk.vtkTimeStamp()
+        super().__init__(**settings)
+
+    def needed(self, frame):
+        """Tell whether a frame needs it."""
+        return self.intensity > 0 or 'intensity is 0'
+
+    def render(self, frame, picture):
+        """Draw the picture with its light."""
+        tile = None
+        if self._is_part(frame):
+            left, bottom = frame.tile[:2]
+            tile = frame.scale, (left * frame.whole[0], bottom * frame.whole[1])
+        else:
+            self._light = self._spread_light(frame, picture)
+            self._seen = (frame, *self._marks()) if frame.scale == 1 else ()
+            self._drawn_at.Modified()
+        if self._light is not None:
+            self._blur.blend(
+                picture, self._light, tile=tile,
+                intensity=1.0 if self.debug else self.intensity,
+                screen=self.blend == 'screen', alone=bool(self.debug),
+            )  # fmt: skip
+
+    def _is_part(self, frame):
+        """Tell whether a frame is a tile of a picture whose light is known."""
+        if frame.scale == 1:
+            return False
+        if self._asked[0] != frame.index:  # once: hooks must not differ in what they take it for
+            same = bool(self._seen) and (
+                self._seen[1:] == self._marks() and _sight(self._seen[0]) == _sight(frame)
+            )
+            self._asked = (
+                frame.index,
+                same and not _changed(frame.renderer, self._things, self._drawn_at),
+            )
+        return self._asked[1]
+
+    @property
+    def _things(self):
+        return self.pipeline.things if self.pipeline else ()
+
+    def _marks(self):
+        """Return what changes with the settings and with what things draw."""
+        return self._revision, [thing.stamp() for thing in self._things]
+
+    def _spread_light(self, frame, picture):
+        """Return the light of a picture, None where there is none."""
+        # A tile of a picture that was not drawn whole has no light but its own.
+        side = self.reduction // 2 * frame.scale
+        blur = self._ready(frame, picture.size, side)
+        self._draw_source(frame, picture, blur.source, side)
+        lit = blur.lit()
+        if self.debug == 'bright':
+            return Light(blur.source.colors[0], side, (0, 0, *picture.size))
+        if lit is None:
+            return Light(blur.source.colors[0], side, (0,) * 4) if self.debug else None
+        reach = blur.reach
+        box = [side * b for b in (lit[0] - reach, lit[1] - reach, lit[2] + reach, lit[3] + reach)]
+        return Light(blur.draw(blur.source.colors[0], self.spread), 2 * side, tuple(box))
+
+    def _draw_source(self, frame, picture, target, side):
+        raise NotImplementedError
+
+    def _ready(self, frame, size, side):
+        extent = size[0] / side, size[1] / side
+        key = extent, self._levels(frame.whole[1] / side), self.kernel, self.chain
+        window = frame.window
+        if self._blur is not None and (self._window is not window or self._blur.key != key):
+            self._forget_blur()
+        if self._blur is None:
+            self._blur, self._window = Blur(window, *key), window
+        return self._blur
+
+    def _levels(self, rows):
+        """As many that the last one has about twenty rows, whatever the picture's size."""
+        if self.levels is not None:
+            return self.levels
+        return max(1, 1 + round(math.log2(max(rows / 40, 1))))
+
+    def _forget(self):
+        """Free what `_draw_source` made."""
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        self._forget()
+        self._forget_blur()
+
+    def _forget_blur(self):
+        if self._blur is not None:
+            self._blur.release()
+        self._blur = self._light = None
+        self._seen = ()
+
+    def report(self) -> dict:
+        """Return what it has to tell; see :meth:`pvibr.Effect.report`."""
+        if self._blur is None:
+            return {'bytes': 0}
+        details = {'bytes': self._blur.nbytes}
+        return details if self._light else details | {'skipped': 'there is no light to spread'}
+
+
+def _sight(frame):
+    """Return what a frame of a whole picture and those of its tiles have in common."""
+    left, bottom, right, top = frame.tile
+    across = frame.clip_from_view[0, 0] * (right - left)
+    up = frame.clip_from_view[1, 1] * (top - bottom)
+    return (
+        frame.view_from_world.tobytes(),
+        f'{across:.6g} {up:.6g}',
+        tuple(round(side / frame.scale) for side in frame.whole),
+        frame.time,
+    )
+
+
+def _changed(renderer, things, when) -> bool:
+    """Tell whether anything in a scene changed since, what things choose for a camera left out."""
+    chosen = {address(prop) for t in things for prop in (*t.props, *t.actors())}
+    since = when.GetMTime()
+    return any(light.GetMTime() > since for light in renderer.GetLights()) or any(
+        prop.GetRedrawMTime() > since
+        for prop in renderer.GetViewProps()
+        if prop.IsA('vtkProp3D') and address(prop) not in chosen and not is_marker(prop)
+    )

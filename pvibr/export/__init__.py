@@ -1,0 +1,1 @@
+"""Scenes for browsers and files that know no pvibr."""

@@ -1,0 +1,51 @@
+"""A plotter of plain actors as a page that needs nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pvibr.core.files import replacing
+
+#: What a page of vtk.js has, whatever the plotter's camera has: degrees.
+ANGLE = 30.0
+
+
+def write_html(plotter, path):
+    """Write a page of vtk.js; the plotter's cameras are changed to such as it knows."""
+    component = getattr(plotter, 'trame', None)
+    if component is None:
+        msg = "pages need trame: pip install 'pvibr[jupyter]'"
+        raise ImportError(msg)
+    for camera in {id(r.camera): r.camera for r in plotter.renderers}.values():
+        reframe(camera, ANGLE)
+    for renderer in plotter.renderers:
+        renderer.ResetCameraClippingRange()
+    text = component.export_html(None).getvalue()
+    with replacing(path) as temporary:
+        Path(temporary).write_text(text, encoding='utf-8')
+
+
+def reframe(camera, angle):
+    """Give a camera a view angle; it goes to where what it looks at is as large as before."""
+    position, focus = np.array(camera.position), np.array(camera.focal_point)
+    away = float(np.linalg.norm(position - focus))
+    half = away * np.tan(np.radians(camera.view_angle / 2))
+    if camera.GetParallelProjection():
+        half = camera.parallel_scale
+        camera.parallel_projection = False
+    elif np.isclose(camera.view_angle, angle):
+        return
+    camera.view_angle = angle
+    further = half / np.tan(np.radians(angle / 2))
+    camera.position = tuple(focus + (position - focus) / away * further)
+
+
+def checked_path(path) -> Path:
+    """Return a path that ends in .html."""
+    path = Path(path).expanduser()
+    if path.suffix.lower() not in ('.html', '.htm'):
+        msg = f'path is {str(path)!r}; it must end in .html'
+        raise ValueError(msg)
+    return path

@@ -1,0 +1,174 @@
+"""What of a scene a browser shows that draws it by itself, and who says so."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+import weakref
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pvibr.core import _vtk
+from pvibr.core.errors import PvibrWarning
+
+#: Pictures of these come from where pvibr is; the others hand the scene over as data.
+PICTURES = ('static', 'server', 'none')
+DATA = ('client', 'html', 'trame', 'vtksz', 'wasm', 'gltf')
+_NAME = 'pvibr: told when the scene is read'
+
+
+@dataclass(frozen=True)
+class WebRow:
+    """What becomes of one effect or thing."""
+
+    effect: str
+    state: str
+    what: str
+    subplot: int = 0
+
+
+@dataclass(frozen=True)
+class WebReport:
+    """What of a plotter a browser shows; printed, it is a table."""
+
+    backend: str
+    rows: list[WebRow]
+
+    @property
+    def missing(self) -> list[WebRow]:
+        """What is not shown unless the scene is baked, or not even then."""
+        return [row for row in self.rows if row.state in ('baked', 'lost')]
+
+    def as_dict(self) -> dict:
+        """Return the same as values that JSON keeps."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        many = len({row.subplot for row in self.rows}) > 1
+        cells = [('effect', f'with {self.backend!r}', 'as what, or why not')]
+        for row in self.rows:
+            name = f'{row.subplot}: {row.effect}' if many else row.effect
+            state = 'after baked()' if row.state == 'baked' else row.state
+            cells.append((name, state, row.what))
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        lines = ['  '.join(map(str.ljust, row, widths)).rstrip() for row in cells]
+        return '\n'.join(lines)
+
+
+def web_report(subplots, backend) -> WebReport:
+    """Return what a browser shows."""
+    if backend not in PICTURES + DATA:
+        known = ', '.join(map(repr, PICTURES + DATA))
+        msg = f'backend is {backend!r}; it must be one of {known}'
+        raise ValueError(msg)
+    rows = [
+        _row(effect, number, backend)
+        for number, effects in sorted(subplots.items())
+        for effect in effects
+    ]
+    return WebReport(backend, rows)
+
+
+def _row(effect, subplot, backend):
+    if not effect.enabled:
+        return WebRow(effect.name, 'off', 'enabled is False', subplot)
+    if backend in PICTURES:
+        return WebRow(effect.name, 'shown', 'in pictures that are drawn here', subplot)
+    state, what = effect.web
+    return WebRow(effect.name, state, what, subplot)
+
+
+class Watch:
+    """Tells when a renderer's scene is read as data, by an exporter or for a browser."""
+
+    def __init__(self, renderer, tell):
+        self.renderer = renderer
+        self._source = _vtk.vtkProgrammableSource()
+        self._drawing: set = set()
+        self._source.SetExecuteMethod(_teller(weakref.WeakMethod(tell), self._drawing))
+        mapper = _vtk.vtkPolyDataMapper()
+        mapper.SetInputConnection(self._source.GetOutputPort())
+        mapper.StaticOn()  # who asks for bounds gets those that are there
+        self.prop = _vtk.vtkActor()
+        self.prop.SetMapper(mapper)
+        self.prop.SetObjectName(_NAME)
+        self.prop.UseBoundsOff()
+        self.prop.PickableOff()
+        self._observers: list[int] = []
+
+    def set(self, there):
+        """Watch, or watch no longer."""
+        if there and not self._observers:
+            self.renderer.AddViewProp(self.prop)
+            show = _shows(self.prop, self._source, self._drawing)
+            self._observers = [
+                self.renderer.AddObserver('StartEvent', lambda *_: show(False)),
+                self.renderer.AddObserver('EndEvent', lambda *_: show(True)),
+            ]
+        elif not there and self._observers:
+            self.renderer.RemoveViewProp(self.prop)
+            for observer in self._observers:
+                self.renderer.RemoveObserver(observer)
+            self._observers = []
+
+
+def _teller(tell, drawing):
+    def read():
+        told = tell()
+        # VTK's own shadow passes read what is not visible, too.
+        if told is not None and not drawing:
+            told()
+
+    return read
+
+
+def _shows(prop, source, drawing):
+    def show(there):
+        prop.SetVisibility(there)
+        if there:
+            drawing.clear()
+            source.Modified()  # whoever reads it next has it made anew
+        else:
+            drawing.add(True)
+
+    return show
+
+
+class Page:
+    """A page of trame that shows pictures of a plotter, and can be switched to draw by itself."""
+
+    def __init__(self, viewer):
+        self.viewer = viewer
+
+    @classmethod
+    def of(cls, plotter) -> Page | None:
+        """Return the page of a plotter, None where there is none."""
+        ui = sys.modules.get('trame_pyvista.ui') or sys.modules.get('pyvista.trame.ui')
+        viewers: dict[Any, Any] = getattr(ui, '_VIEWERS', {})
+        viewer: Any = viewers.get(getattr(plotter, '_id_name', None))
+        return None if viewer is None or not hasattr(viewer, 'SERVER_RENDERING') else cls(viewer)
+
+    @property
+    def shows_pictures(self) -> bool:
+        """Whether its pictures are drawn here, for now."""
+        return bool(self.viewer.server.state[self.viewer.SERVER_RENDERING])
+
+    def on_switch(self, tell):
+        """Have something told when it begins or ceases to draw by itself."""
+        tell = weakref.WeakMethod(tell)
+        self.viewer.server.state.change(self.viewer.SERVER_RENDERING)(
+            lambda **_: (told := tell()) is not None and told()
+        )
+
+
+def warn_missing(report):
+    """Say in one warning what a browser will not show."""
+    named = '; '.join(f'{r.effect} ({r.what})' for r in report.missing if r.state == 'lost')
+    baked = ', '.join(r.effect for r in report.missing if r.state == 'baked')
+    parts = ['The scene is handed over as data: what pvibr draws is not in it']
+    if baked:
+        parts.append(f'pl.ibr.baked() returns a plotter that has {baked}')
+    if named:
+        parts.append(f'Lost in any case: {named}')
+    parts.append("With jupyter_backend='server' a page shows everything; see pl.ibr.web_report()")
+    warnings.warn('. '.join(parts) + '.', PvibrWarning, stacklevel=2)

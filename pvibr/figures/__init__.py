@@ -1,0 +1,1 @@
+"""Animated figures and crowds, posed on the GPU."""

@@ -1,0 +1,360 @@
+"""A figure in a scene: its meshes as actors, posed on the GPU."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pvibr.core.errors import PvibrError
+from pvibr.core.params import Param
+from pvibr.figures.bodies import PosedBody, as_bodies, moved_bounds, posed_part
+from pvibr.figures.picking import nearest_hit, stand_in
+from pvibr.figures.player import FigurePlayer
+from pvibr.figures.posing import Posing
+from pvibr.scene.anchor import Anchored, anchor, set_bounds
+from pvibr.scene.picking import pixel_ray
+from pvibr.scene.placing import Placed
+
+#: Texture units that figures leave to VTK and to all else that is drawn.
+_SPARE = 8
+
+
+class FigureActor(FigurePlayer, Anchored, Placed):
+    """A figure that moves: ordinary actors whose vertices are posed on the GPU.
+
+    Parameters
+    ----------
+    figure : pvibr.Figure
+        Meshes, skeleton and clips.
+    name : str, optional
+        What the plotter and reports call it.
+    clip : str, int or Clip, optional
+        What is played from time 0 on; the first one there is by default.
+    pickable : bool
+        Whether it can be picked.
+    theme : pyvista.plotting.themes.Theme, optional
+        Defaults of the looks.
+    skinning : {'linear', 'dual'}
+        How joints are blended.
+    bulge : float
+        Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+    **mesh_kwargs
+        As in :meth:`pyvista.Plotter.add_mesh`, over the looks of the figure's bodies.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where an argument is not allowed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pyvista as pv
+    >>> from pvibr import Body, Figure, Skeleton
+    >>> from pvibr.figures.animated_actor import FigureActor
+    >>> wheel = Figure([Body(pv.Disc(), node=0)], Skeleton([-1], [np.eye(4)]))
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> actor = pl.ibr.add(FigureActor(wheel, color='red'))
+    >>> turned = np.eye(4)
+    >>> turned[2, 3] = 5.0
+    >>> actor.pose = [turned]
+    >>> actor.bounds[4:]
+    (5.0, 5.0)
+    >>> pl.close()
+    """
+
+    web = 'baked', 'meshes, posed as they are now'
+    visibility = Param(True, 'Whether it is drawn at all.')
+
+    #: Frames that are drawn to pick need the pose too.
+    picks = True
+    pickable = True
+    #: How often it was posed.
+    posed = 0
+    _posing: Any = None
+    _visible: bool | None = None
+    _title = 'Figure'
+    _failure: Exception | None = None
+    #: What was shown in the last frame, or when it was added, and its bounds.
+    _framed: tuple = (-1, (1.0, -1.0) * 3)
+
+    def __init__(
+        self, figure, *, name=None, clip=None, pickable=True, theme=None, skinning='linear',
+        bulge=1.0, **mesh_kwargs,
+    ):  # fmt: skip
+        super().__init__(figure, clip, skinning=skinning, bulge=bulge)
+        self.name = name
+        given = {key: value for key, value in mesh_kwargs.items() if value is not None}
+        self._bodies = as_bodies(figure, given, theme)
+        self._posed = [b for b in self._bodies if isinstance(b, PosedBody)]
+        self._anchor = anchor()
+        Placed.__init__(self)
+        self._matrix = self.matrix
+        self.pickable = pickable
+        self._stand_ins = [stand_in(self, b.index, b.actor) for b in self._posed]
+        self._meshes: tuple = (-1, [])
+        self._observers: list[int] = []
+        self._drawn: tuple = ()
+
+    def __setattr__(self, name, value):
+        if name[0] != '_' and not hasattr(type(self), name):
+            msg = f'a figure has no {name!r}: looks are arguments, or set on actors()'
+            raise AttributeError(msg)
+        super().__setattr__(name, value)
+
+    # -- where it is -------------------------------------------------------------------------
+
+    def _moved(self):
+        self._matrix = self.matrix
+        self._show_anew()
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """World bounds of what is shown: x, y and z, low and high."""
+        self._now_shown()
+        return tuple(self._anchor.GetBounds())
+
+    def mesh(self):
+        """Return what is shown as data, in world space.
+
+        Returns
+        -------
+        pyvista.PolyData or pyvista.MultiBlock
+            As :meth:`pvibr.Figure.mesh`, computed in float64.
+        """
+        mesh = self.figure.mesh(pose=self.pose, skinning=self.skinning, bulge=self.bulge)
+        return mesh.transform(self._matrix, inplace=False)
+
+    def _show(self, moment):
+        for body in self._bodies:
+            body.move(self._matrix, moment)
+        set_bounds(self._anchor, moved_bounds(self._matrix, moment.bounds))
+        for actor in self._stand_ins:
+            actor.GetMapper().GetInputAlgorithm().Modified()
+
+    # -- the life of an effect ---------------------------------------------------------------
+
+    def actors(self) -> list:
+        """Return the actors that draw it, one per body, and those that pickers find instead."""
+        return [*self._drawing(), *self._stand_ins]
+
+    def _drawing(self) -> list:
+        return [body.actor for body in self._bodies]
+
+    def depths(self) -> list:
+        """Return actors that draw the depth of what is shown, and maybe nothing else."""
+        return [b.depth_actor() for b in self._bodies if b.actor.GetVisibility()]
+
+    def solids(self) -> list:
+        """Return actors whose mappers have what is shown as meshes, posed when they are asked."""
+        if not self._is_shown():
+            return []
+        instead = {b.index: actor for b, actor in zip(self._posed, self._stand_ins, strict=True)}
+        return [instead.get(i, self._bodies[i].actor) for i in self._seen()]
+
+    def _seen(self) -> list[int]:
+        """Return the numbers of the bodies that are not hidden."""
+        return [i for i, b in enumerate(self._bodies) if b.actor.GetVisibility()]
+
+    def stamp(self) -> tuple:
+        """Return what changes whenever what is drawn does, the camera left out."""
+        return self._changes, self._revision, self._is_shown()
+
+    def _is_shown(self) -> bool:
+        return bool(self.visibility and self._anchor.GetVisibility())
+
+    def attach(self, pipeline):
+        """Put its props into the scene."""
+        self.pipeline = pipeline
+        self._now_shown()
+        self._framed = self._changes, self._anchor.GetBounds()
+        super().attach(pipeline)
+
+    def _put_in(self, renderer):
+        super()._put_in(renderer)
+        # Before the pipeline looks at the frame: props must be where the moment has them.
+        self._observers = [
+            renderer.AddObserver('StartEvent', self._on_start),
+            renderer.AddObserver('EndEvent', self._on_end),
+        ]
+
+    def _on_end(self, _renderer, _event):
+        self._put_stand_ins(self.pickable and self._is_shown())
+
+    def _put_stand_ins(self, there):
+        for actor, body in zip(self._stand_ins, self._posed, strict=True):
+            actor.SetVisibility(bool(there and body.actor.GetVisibility()))
+
+    def _on_start(self, _renderer, _event):
+        self._put_stand_ins(False)
+        try:
+            self._show_whole()
+        except Exception as error:  # noqa: BLE001, RUF100
+            self._failure = error  # an error must not reach VTK's loop: the pipeline tells it
+
+    def _show_whole(self):
+        """Take the pose of now; what was not cut by the camera's planes before, is not now."""
+        self._now_shown()
+        changes, before = self._framed
+        if changes == self._changes:
+            return
+        renderer, now = self.pipeline.renderer, self._anchor.GetBounds()
+        self._framed = self._changes, now
+        if _is_whole(renderer, before) and not _is_whole(renderer, now):
+            renderer.ResetCameraClippingRange()
+
+    def _take_out(self, renderer):
+        for observer in self._observers:
+            renderer.RemoveObserver(observer)
+        super()._take_out(renderer)
+
+    def needed(self, frame) -> bool | str:
+        """Tell whether there is anything to draw."""
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+        shown = self._is_shown()
+        self._set_visible(shown)
+        return shown or 'not visible'
+
+    def rest(self):
+        """Draw nothing: its vertices are nowhere without it."""
+        self._set_visible(False)
+        self._put_stand_ins(False)
+
+    def _set_visible(self, shown):
+        """Show all bodies or none; in between, users may hide some."""
+        if shown != self._visible:
+            self._visible = shown
+            for actor in self._drawing():
+                actor.SetVisibility(shown)
+
+    def prepare(self, frame):
+        """Pose it, where its pose changed, and have its shaders find their vertices."""
+        moment = self._now_shown()
+        for body in self._posed if frame.picking else ():
+            body.actor.SetPickable(bool(self.pickable))
+        if not self._posed:
+            return
+        if self._posing is None or self._posing.how != self.skinning:
+            self._release_posing()
+            moulds = [b.mould for b in self._posed]
+            self._posing = Posing(frame.window, moulds, how=self.skinning)
+        wanted = self._changes, self.skinning, self.bulge
+        if wanted != self._drawn:
+            self._posing.draw([[b.place(moment)] for b in self._posed], bulge=self.bulge)
+            self._drawn = wanted
+            self.posed += 1
+        units = {name: t.activate() for name, t in self._posing.textures.items()}
+        most = frame.window.GetTextureUnitManager().GetNumberOfTextureUnits() - _SPARE
+        if not all(0 <= unit < most for unit in units.values()):
+            self.finish(frame)
+            msg = (
+                'too many figures in one subplot: all of them keep textures bound. Draw figures '
+                'that are alike as a crowd: add_figure(figure, poses=...)'
+            )
+            raise PvibrError(msg)
+        for body, row in zip(self._posed, self._posing.rows, strict=False):
+            body.aim(row, units)
+
+    def finish(self, frame):
+        """Give the texture units back."""
+        for body in self._posed if frame.picking else ():
+            body.actor.PickableOff()  # other pickers look at meshes, which are those at rest
+        if self._posing is not None:
+            for texture in self._posing.textures.values():
+                texture.deactivate()
+
+    def _release_posing(self):
+        if self._posing is not None:
+            self._posing.release()
+        self._posing, self._drawn = None, ()
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        self._release_posing()
+        window = None if self.pipeline is None else self.pipeline.window
+        if window is not None:
+            for body in self._bodies:
+                body.release(window)
+
+    def report(self) -> dict:
+        """Return bytes on the GPU, and what was posed so far."""
+        held = 0 if self._posing is None else self._posing.nbytes
+        vertices = sum(len(b.body.points) for b in self._posed)
+        return {'bytes': held, 'vertices': vertices, 'poses': self.posed}
+
+    def bake_into(self, scene):
+        """Hand its bodies as they are now to a scene without pvibr."""
+        parts = self._posed_parts(self._now_shown().pose)
+        for i in self._seen():
+            scene.part(self, parts[i])
+
+    def _posed_parts(self, pose) -> list:
+        how = self._matrix, pose, self.skinning, self.bulge
+        bodies = enumerate(self._bodies)
+        return [posed_part(self.figure, i, body.part, *how) for i, body in bodies]
+
+    # -- picking -----------------------------------------------------------------------------
+
+    def posed_meshes(self) -> list:
+        """Return what is shown of each body as it is drawn.
+
+        Returns
+        -------
+        list of pyvista.PolyData
+            Triangles, world units; one per body.
+        """
+        moment = self._now_shown()
+        if self._meshes[0] != self._changes:
+            self._meshes = (
+                self._changes,
+                [part.mesh for part in self._posed_parts(moment.pose)],
+            )
+        return self._meshes[1]
+
+    def pick(self, x, y):
+        """Return what of the figure is under a pixel.
+
+        Parameters
+        ----------
+        x, y : float
+            Pixels from the lower left corner of the window.
+
+        Returns
+        -------
+        FigureHit or None
+            ``body``, ``cell``, nearest ``vertex`` and ``point`` on the posed mesh.
+        """
+        if not self.pickable or self.pipeline is None or not self._is_shown():
+            return None
+        meshes = self.posed_meshes()
+        seen = {i: meshes[i] for i in self._seen()}
+        return nearest_hit(seen, *pixel_ray(self.pipeline.renderer, x, y))
+
+    # -- scalar bars -------------------------------------------------------------------------
+
+    def scalar_mapper(self):
+        """Return a mapper with the table of the scalars shown, for a scalar bar; else None."""
+        mappers = [body.part.actor.mapper for body in self._bodies]
+        shown = [m for m in mappers if m.GetScalarVisibility()]
+        tables = [m for m in shown if m.GetColorMode() != 2]
+        return tables[0] if tables else None
+
+    def scalar_title(self) -> str:
+        """Return what a scalar bar calls the scalars."""
+        return self.scalar_mapper().GetArrayName() or ''
+
+
+def _is_whole(renderer, bounds) -> bool:
+    """Tell whether there are bounds, between the camera's planes."""
+    if bounds[0] > bounds[1]:
+        return False
+    camera = renderer.GetActiveCamera()
+    near, far = camera.GetClippingRange()
+    axis = np.array(camera.GetDirectionOfProjection())
+    low, high = np.reshape(bounds, (3, 2)).T
+    middle = axis @ ((low + high) / 2 - camera.GetPosition())
+    half = np.abs(axis) @ (high - low) / 2
+    return bool(near <= middle - half and middle + half <= far)

@@ -1,0 +1,50 @@
+"""What may be given for a figure: files, scenes, series and single meshes."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+import pyvista as pv
+
+from pvibr.animation.body import Body
+from pvibr.animation.figure import Figure
+from pvibr.animation.sources import series_of
+from pvibr.meshes.trimesh_meshes import as_dataset, is_trimesh
+
+
+def as_figure(thing):
+    """Return a figure of whatever can be one."""
+    if isinstance(thing, Figure):
+        return thing
+    if isinstance(thing, (str, PathLike)):
+        return _of_file(thing)
+    if isinstance(thing, (list, tuple, pv.MultiBlock)) or hasattr(thing, 'set_active_time_value'):
+        return Figure.from_series(thing)
+    if is_trimesh(thing, 'Scene'):
+        return Figure.from_scene(thing)
+    return Figure([_as_body(thing)])
+
+
+def _of_file(path):
+    if Path(path).suffix.lower() in ('.glb', '.gltf'):
+        from pvibr.animation.gltf.read import read_gltf
+
+        return read_gltf(path)
+    return Figure.from_series(path)
+
+
+def _as_body(thing):
+    if isinstance(thing, Body):
+        return thing
+    if is_trimesh(thing, 'Trimesh'):
+        mesh, look = as_dataset(thing)
+        return Body(mesh, look=look)
+    if isinstance(thing, pv.DataSet):
+        (surface,), _ = series_of([thing])
+        return Body(surface)
+    msg = (
+        f'figure is a {type(thing).__name__}: must be a pvibr.Figure, a .glb or .gltf file, a '
+        'trimesh.Scene, a mesh, or a list of meshes that are a series'
+    )
+    raise TypeError(msg)

@@ -1,0 +1,313 @@
+"""The bodies of a figure as actors: those that only move, and those that are posed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+from pvibr.figures.posing import SAMPLERS, Mould, Place, posed_feature
+from pvibr.gl.doubles import is_cut_out
+from pvibr.maths.transforms import transform_normals, transform_points
+from pvibr.meshes.parts import Part, as_parts, dressed
+
+#: How far a box is made larger than what is seen to be needed, so that it seldom changes.
+_ROOM = 0.25
+_SURFACE = 2  # VTK_SURFACE
+_KINDS = ('positions', 'normals')
+
+
+class BodyShapes:
+    """The shapes of a body: key frames, then morph targets, then correctives."""
+
+    def __init__(self, figure, index, order):
+        self.figure, self.index, self.order = figure, index, order
+        self.body = figure.bodies[index]
+        frames = self.body.frames
+        self.n_frames = 0 if frames is None else len(frames.times)
+        self._layers = [morphs for morphs, _ in figure.layers(index)]
+
+    @property
+    def n_points(self) -> int:
+        """Vertices that are drawn."""
+        return len(self.order)
+
+    def __len__(self):
+        return self.n_frames + sum(len(morphs) for morphs in self._layers)
+
+    @property
+    def neutral(self) -> tuple:
+        """What shapes are differences from: points and normals, each (v, 3)."""
+        frames = self.body.frames
+        if frames is None:
+            return self.body.points, self.body.normals
+        return np.asarray(frames.positions[0], float), np.asarray(frames.normals[0], float)
+
+    def __getitem__(self, number):
+        if number < self.n_frames:
+            frames = self.body.frames
+            pairs = zip((frames.positions, frames.normals), self.neutral, strict=True)
+            return tuple((values[number] - first)[self.order] for values, first in pairs)
+        number -= self.n_frames
+        for morphs in self._layers:
+            if number < len(morphs):
+                return tuple(self._dense(morphs, what, number) for what in _KINDS)
+            number -= len(morphs)
+        raise IndexError(number)
+
+    def _dense(self, morphs, what, number):
+        target = morphs.target(what, number)
+        if target is None:
+            return None
+        weights = np.zeros(len(morphs))
+        weights[number] = 1.0
+        return morphs.total(what, weights, len(self.body.points))[self.order]
+
+    def active(self, pose):
+        """Return what is added in a pose."""
+        shapes, amounts, frames = [], [], 0
+        if self.n_frames:
+            found, weights = self.body.frames.at(getattr(pose, 'time', 0.0))
+            shown = np.flatnonzero(weights)
+            shapes, amounts, frames = [found[shown]], [weights[shown]], len(shown)
+        first = self.n_frames
+        for morphs, weights in self.figure.layers(self.index, pose):
+            shown = np.flatnonzero(weights)
+            shapes.append(first + shown)
+            amounts.append(weights[shown])
+            first += len(morphs)
+        joined = np.concatenate([np.zeros(0, int), *shapes]), np.concatenate([[], *amounts])
+        return *joined, frames
+
+
+class RigidBody:
+    """A body that moves with its joint as a whole: an ordinary actor."""
+
+    def __init__(self, part, node):
+        self.part, self.actor, self.node = part, part.actor, node
+
+    def depth_actor(self):
+        """Return what draws its depth."""
+        return self.actor
+
+    def release(self, window):
+        """Free what its actor holds on the GPU."""
+        self.actor.ReleaseGraphicsResources(window)
+
+    def move(self, user, moment):
+        """Take the place that a moment gives it."""
+        self.actor.user_matrix = user @ self.local(moment)
+
+    def local(self, moment) -> np.ndarray:
+        """Return the matrix that takes its mesh to the figure, shape (4, 4)."""
+        return _node(moment, self.node)
+
+
+class PosedBody:
+    """A body whose vertices are moved by joints or shapes, on the GPU."""
+
+    def __init__(self, figure, index, part):
+        self.figure, self.index, self.part = figure, index, part
+        self.body = body = figure.bodies[index]
+        if part.mesh.n_points != len(body.points):
+            msg = (
+                f'bodies[{index}] is drawn with {part.mesh.n_points} points and has '
+                f'{len(body.points)}: a look must not split them (split_sharp_edges).'
+            )
+            raise ValueError(msg)
+        # Two points more hold the box; they are where some vertex is, and draw nothing.
+        spare = int(part.mesh.regular_faces[0, 0])
+        order = np.concatenate([np.arange(len(body.points)), [spare, spare]])
+        self.order = order
+        shapes = BodyShapes(figure, index, order)
+        self.mould = self._mould(shapes)
+        self.shapes = self.mould.shapes
+        self.box = np.array([1.0, -1.0] * 3)
+        self.mesh = _with_spares(part.mesh, order, self.mould.points - self.mould.origin)
+        self.actor = self._actor(part)
+        self._double = self._depth_double()
+        self._colors = self._morphed_colors()
+
+    def _mould(self, shapes):
+        order = shapes.order
+        points, normals = (values[order] for values in shapes.neutral)
+        mould = Mould(points, normals, shapes=shapes if len(shapes) else None)
+        skin = self.body.skin
+        if skin is not None:
+            mould.joints, mould.weights = skin.joints[order], skin.weights[order]
+            mould.centers = skin.centers
+        return mould
+
+    def _actor(self, part):
+        mapper = part.polydata_mapper()
+        mapper.SetInputDataObject(self.mesh)
+        # What the shader puts in place of VTK's vertices is neither shifted nor scaled.
+        mapper.SetVBOShiftScaleMethod(mapper.DISABLE_SHIFT_SCALE)
+        actor = dressed(part, mapper)
+        actor.PickableOff()  # a stand-in is picked
+        actor.UseBoundsOff()
+        posed_feature().attach(actor)
+        return actor
+
+    def _depth_double(self):
+        """Return an actor that draws its depth by a shader that does nothing else."""
+        mapper = _vtk.vtkPolyDataMapper()
+        mapper.SetInputDataObject(self.mesh)
+        mapper.ScalarVisibilityOff()
+        mapper.SetVBOShiftScaleMethod(mapper.DISABLE_SHIFT_SCALE)
+        double = pv.Actor()
+        double.SetMapper(mapper)
+        double.GetProperty().LightingOff()
+        posed_feature().attach(double)
+        return double
+
+    def depth_actor(self):
+        """Return what draws its depth alone, where colours do not say where there is any."""
+        actor = self.actor
+        if actor.GetProperty().GetRepresentation() != _SURFACE or is_cut_out(actor):
+            return actor
+        if actor.HasTranslucentPolygonalGeometry() or self.part.alpha_cutoff is not None:
+            return actor
+        ours, theirs = self._double.GetProperty(), actor.GetProperty()
+        ours.SetBackfaceCulling(theirs.GetBackfaceCulling())
+        ours.SetFrontfaceCulling(theirs.GetFrontfaceCulling())
+        return self._double
+
+    def release(self, window):
+        """Free what its actors hold on the GPU."""
+        for actor in (self.actor, self._double):
+            actor.ReleaseGraphicsResources(window)
+
+    def aim(self, row, units):
+        """Tell the shader where its vertices are."""
+        for actor in (self.actor, self._double):
+            uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+            uniforms.SetUniformi('ibr_posed_row', row)
+            for name in SAMPLERS:
+                uniforms.SetUniformi(name, units[name])
+
+    def place(self, moment) -> Place:
+        """Return what makes its pose."""
+        shapes = () if self.shapes is None else self.shapes.active(moment.pose)
+        if self.body.skin is None:
+            return Place(None, self.mould.origin, *shapes)
+        return Place(self.body.skin.matrices(moment.world), moment.origin, *shapes)
+
+    def move(self, user, moment):
+        """Take the place that a moment gives it, and a box that holds it."""
+        self.actor.user_matrix = self._double.user_matrix = user @ self.local(moment)
+
+    def local(self, moment) -> np.ndarray:
+        """Return the matrix from posed vertices to the figure; update the bounding box."""
+        skinned = self.body.skin is not None
+        matrix = np.eye(4)
+        matrix[:3, 3] = moment.origin if skinned else self.mould.origin
+        if not skinned:
+            matrix = _node(moment, self.body.node) @ matrix
+        self._hold(moved_bounds(np.linalg.inv(matrix), moment.bounds))
+        self._color(moment.pose)
+        return matrix
+
+    def _morphed_colors(self):
+        """Return the array of colours that morph targets change, or None."""
+        if not any(morphs.has('colors') for morphs, _ in self.figure.layers(self.index)):
+            return None
+        colors = self.figure.colors(self.index)
+        shown = self.mesh.point_data.get(self.body.look.get('scalars') or '')
+        same = colors is not None and shown is not None and colors.dtype == shown.dtype
+        return shown if same and colors.shape[1:] == shown.shape[1:] else None
+
+    def _color(self, pose):
+        """Show the colours of a pose: few figures have any that change, so not on the GPU."""
+        if self._colors is None:
+            return
+        colors = self.figure.colors(self.index, pose)[self.order]
+        if not np.array_equal(colors, self._colors):
+            self._colors[:] = colors
+            self._colors.VTKObject.Modified()
+            self.mesh.Modified()
+
+    def _hold(self, bounds):
+        """Have the mapper's box hold bounds: VTK draws nothing whose box is out of view."""
+        old = self.box
+        if bounds[0] > bounds[1] or (
+            (_low(old) <= _low(bounds)).all() and (_high(bounds) <= _high(old)).all()
+        ):
+            return
+        if old[0] > old[1]:
+            old = bounds
+        low, high = np.minimum(_low(old), _low(bounds)), np.maximum(_high(old), _high(bounds))
+        room = _ROOM * (high - low).max()
+        self.box = np.stack([low - room, high + room], 1).ravel()
+        self.mesh.points[-2:] = self.box.reshape(3, 2).T
+        self.mesh.GetPoints().Modified()
+        self.mesh.Modified()
+
+
+def as_bodies(figure, looks, theme):
+    """Return the bodies of a figure as actors."""
+    out: list = []
+    for i, body in enumerate(figure.bodies):
+        mesh = body.mesh.copy(deep=False)
+        mesh.point_data['Normals'] = _unit(body.normals)  # as those that are posed
+        mesh.point_data.active_normals_name = 'Normals'
+        part = as_parts(mesh, theme=theme, **(body.look | looks))[0]
+        still = body.skin is None and body.frames is None and not figure.layers(i)
+        out.append(RigidBody(part, body.node) if still else PosedBody(figure, i, part))
+    return out
+
+
+def _unit(vectors):
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+
+
+def _node(moment, node):
+    return np.eye(4) if node < 0 else moment.world[node]
+
+
+def _with_spares(mesh, order, points):
+    """Return a mesh with two points and a cell more, which has no area."""
+    n = len(order) - 2
+    out = pv.PolyData()
+    out.points = points.astype(np.float32)
+    out.regular_faces = np.concatenate([mesh.regular_faces, [[n, n + 1, n + 1]]])
+    for name, values in mesh.point_data.items():
+        out.point_data[name] = np.asarray(values)[order]
+    for name, values in mesh.cell_data.items():
+        out.cell_data[name] = np.concatenate([values, values[:1]])
+    for theirs, ours in ((mesh.point_data, out.point_data), (mesh.cell_data, out.cell_data)):
+        for kind in ('active_normals_name', 'active_texture_coordinates_name'):
+            if getattr(theirs, kind) is not None:
+                setattr(ours, kind, getattr(theirs, kind))
+        ours.active_scalars_name = theirs.active_scalars_name
+    return out
+
+
+def moved_bounds(matrix, bounds):
+    """Return bounds of a box that a matrix moved."""
+    if bounds[0] > bounds[1]:
+        return np.asarray(bounds)
+    low, high = _low(bounds), _high(bounds)
+    center = matrix[:3, :3] @ (low + high) / 2 + matrix[:3, 3]
+    half = np.abs(matrix[:3, :3]) @ (high - low) / 2
+    return np.stack([center - half, center + half], 1).ravel()
+
+
+def _low(bounds):
+    return np.asarray(bounds)[::2]
+
+
+def _high(bounds):
+    return np.asarray(bounds)[1::2]
+
+
+def posed_part(figure, index, part, matrix, pose, skinning, bulge=1.0) -> Part:
+    """Return a body as it is in a pose, as a part in world units."""
+    mesh = part.mesh.copy(deep=False)
+    points, normals = figure.posed(index, pose, skinning, bulge)
+    mesh.SetPoints(pv.vtk_points(transform_points(matrix, points)))
+    mesh.point_data['Normals'] = transform_normals(matrix, normals)
+    return replace(part, mesh=mesh)

@@ -1,0 +1,272 @@
+"""Crowds: many figures that move, each at its own time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.core.effect import Effect
+from pvibr.figures.bodies import as_bodies
+from pvibr.figures.crowd_group import Cast, CrowdKind, Moves
+from pvibr.figures.pose_atlas import make_phases
+from pvibr.instances.instances import Instances
+from pvibr.instances.levels import progress_bar
+from pvibr.maths.transforms import trs
+from pvibr.meshes.poses import as_poses
+
+
+class Crowd(Instances):
+    """A figure drawn many times: near as posed meshes, far as images of the phases of its clips.
+
+    Parameters
+    ----------
+    figure : pvibr.Figure
+        Meshes, skeleton and clips.
+    poses : array_like, shape (n, 3) or (n, 4, 4)
+        Where each one is: points or matrices (world from figure), world units.
+    times : array_like, shape (n,), or float, optional
+        Where in its clip each one is when the plotter's time is 0, in seconds; 0 by default.
+    clips : str, int, Clip, or sequence of them, optional
+        What all play, or each one; the first clip there is by default.
+    speeds : array_like, shape (n,), or float, optional
+        Seconds of the clip in a second; 1 by default.
+    loop : bool or array_like of bool, shape (n,)
+        Whether clips begin again after their end.
+    skinning : {'linear', 'dual'}
+        How joints are blended.
+    max_error : float
+        How far, in pixels, an outline may be from that of the posed mesh.
+    name : str, optional
+        What the plotter and reports call it.
+    scalars : array_like, shape (n,), or str, optional
+        Values per figure, coloured by `cmap`; a name selects an array of the meshes.
+    colors : array_like, shape (n, 3), optional
+        Colours per figure, uint8 or float.
+    blend : {'replace', 'multiply'}
+        What colours of single figures do with the meshes' own.
+    cmap, clim : optional
+        As in ``add_mesh``.
+    pickable : bool
+        Whether it can be picked.
+    cache : bool or path
+        Whether, or where, atlases are kept on disk.
+    progress : bool, optional
+        Whether a long bake shows a progress bar; by default where standard error is a terminal.
+    theme : pyvista.plotting.themes.Theme, optional
+        Defaults of the looks.
+    **mesh_kwargs
+        As in :meth:`pyvista.Plotter.add_mesh`, over the looks of the figure's bodies.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where an argument is not allowed.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> from pvibr import Body, Clip, Figure, Skeleton, Track
+    >>> rise = Clip('rise', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 2]])])
+    >>> joint = [[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]]
+    >>> balloon = Figure([Body(pv.Sphere(), node=0)], Skeleton([-1], joint), [rise])
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> balloons = pl.ibr.add_figure(
+    ...     balloon, [[0, 0, 0], [2, 0, 0]], times=[0.0, 0.5], max_error=8, cache=False
+    ... )
+    >>> round(balloons.mesh(1).center[2], 3)
+    1.0
+    >>> pl.close()
+    """
+
+    def __init__(
+        self, figure, poses, *, times=0.0, clips=None, speeds=1.0, loop=True, skinning='linear',
+        max_error=1.0, name=None, scalars=None, colors=None, blend='replace', cmap=None,
+        clim=None, pickable=True, cache=True, progress=None, theme=None, **mesh_kwargs,
+    ):  # fmt: skip
+        Effect.__init__(self, max_error=max_error)
+        self.name = name
+        self.figure = figure
+        poses = as_poses(poses)
+        count = len(poses)
+        mesh_kwargs |= {'cmap': cmap, 'clim': clim}
+        asked = self._ask(count, scalars, colors, blend, mesh_kwargs)
+        if skinning not in ('linear', 'dual'):
+            msg = f"skinning is {skinning!r}; it must be 'linear' or 'dual'"
+            raise ValueError(msg)
+        moves = Moves(count)
+        self._clips: list = []
+        moves.clip = self._numbers(clips, count)
+        moves.offset = _each('times', times, count)
+        moves.speed = _each('speeds', speeds, count)
+        moves.loop = _each('loop', loop, count, bool)
+        self._cast = Cast(figure, as_bodies(figure, asked, theme), skinning, moves, self._now)
+        self._bake = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
+        self._begin(poses, np.zeros(count, int), self._baked() if count else {}, pickable)
+        self._paint(scalars, colors)
+
+    def _now(self) -> float:
+        return 0.0 if self.pipeline is None else self.pipeline.time
+
+    def _numbers(self, clips, count) -> np.ndarray:
+        """Return the number of each one's clip; those that are new are taken up."""
+        one = clips is None or isinstance(clips, str | int) or hasattr(clips, 'sample')
+        wanted = [self.figure.clip(c) for c in ([clips] if one else clips)]
+        if not one and len(wanted) != count:
+            msg = f'clips has {len(wanted)} entries; it must be one clip or {count} of them'
+            raise ValueError(msg)
+        for clip in wanted:
+            if not any(clip is known for known in self._clips):
+                self._clips.append(clip)
+        place = {id(clip): i for i, clip in enumerate(self._clips)}
+        numbers = np.array([place[id(clip)] for clip in wanted], int)
+        return np.broadcast_to(numbers, (count,)).copy() if one else numbers
+
+    def _baked(self) -> dict:
+        """Bake what the clips show, and take over how they move."""
+        cast, wanted = self._cast, dict(self._bake)
+        with progress_bar(wanted.pop('progress')) as advance:
+            model, cast.motions = make_phases(
+                self.figure, cast.bodies, self._clips, skinning=cast.skinning, advance=advance,
+                **wanted,
+            )  # fmt: skip
+        cast.box = model.atlas.box.T.ravel()
+        return {0: model}
+
+    def _kind(self, *args):
+        return CrowdKind(self._cast, *args)
+
+    # -- what each one plays -----------------------------------------------------------------
+
+    @property
+    def times(self) -> np.ndarray:
+        """Where in its clip each one is when the plotter's time is 0, seconds, shape (n,)."""
+        return self._cast.moves.offset.copy()
+
+    @times.setter
+    def times(self, times):
+        self._cast.moves.offset = _each('times', times, len(self))
+        self._moved()
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """Seconds of the clip in a second, shape (n,)."""
+        return self._cast.moves.speed.copy()
+
+    @speeds.setter
+    def speeds(self, speeds):
+        self._cast.moves.speed = _each('speeds', speeds, len(self))
+        self._moved()
+
+    @property
+    def clips(self) -> list:
+        """The clip that each one plays; None is rest."""
+        return [self._clips[i] for i in self._cast.moves.clip]
+
+    def play(self, clip=None, ids=None, *, speed=1.0, loop=True, start=None):
+        """Play a clip.
+
+        Parameters
+        ----------
+        clip : str, int or Clip, optional
+            Its name, number or itself; the first one there is by default. One that was not
+            played before is baked.
+        ids : array_like of int, optional
+            Which ones; all by default.
+        speed : float or array_like, shape (k,)
+            Seconds of the clip in a second; backward below 0.
+        loop : bool or array_like, shape (k,)
+            Begin again after the end.
+        start : float or array_like, shape (k,), optional
+            When its time is 0, in seconds of ``plotter.ibr.time``; now by default.
+
+        Raises
+        ------
+        IndexError
+            Where an instance does not exist.
+        ValueError
+            Where there is no such clip, or values do not fit.
+        """
+        ids = np.arange(len(self))[slice(None) if ids is None else np.asarray(ids)]
+        ids, known = np.atleast_1d(ids), len(self._clips)
+        speed = _each('speed', speed, len(ids))
+        start = _each('start', self._now() if start is None else start, len(ids))
+        loop = _each('loop', loop, len(ids), bool)
+        moves = self._cast.moves
+        moves.clip[ids] = self._numbers(clip, len(ids))
+        moves.speed[ids], moves.loop[ids] = speed, loop
+        moves.offset[ids] = -speed * start
+        if len(self._clips) > known:
+            self._models = self._baked()
+            self._rebuild(self._poses)
+        self._moved()
+
+    def _moved(self):
+        for kind in self._kinds:
+            kind.moved()
+        self._changes += 1
+
+    def mesh(self, index):
+        """Return one figure as data, as it is now, in world space.
+
+        Parameters
+        ----------
+        index : int
+            Which one.
+
+        Returns
+        -------
+        pyvista.PolyData or pyvista.MultiBlock
+            As :meth:`pvibr.Figure.mesh`, computed in float64.
+        """
+        mesh = self._cast.shown(index, self._now())
+        return mesh.transform(_matrix(self._poses[index]), inplace=False)
+
+    def bake_into(self, scene):
+        """Hand each figure as it is now to a scene without pvibr."""
+        for i in np.flatnonzero(self.visible):
+            color = None if self._colors is None else self._colors[i]
+            for part in self._cast.parts(int(i), self._now(), _matrix(self._poses[i])):
+                scene.part(self, part, color=color, multiply=self._blend == 'multiply')
+
+    # -- the life of an effect ---------------------------------------------------------------
+
+    def stamp(self) -> tuple:
+        """Return what changes whenever what is drawn does, the camera left out."""
+        return *super().stamp(), self._now()
+
+    def prepare(self, frame):
+        """Choose what is drawn, and show all as they are now."""
+        super().prepare(frame)
+        for kind in self._kinds:
+            kind.at(frame.window, self._now())
+            for actor in kind.mesh_actors():
+                actor.SetPickable(bool(self.pickable and frame.picking))
+
+    def finish(self, frame):
+        """Give the texture units back."""
+        super().finish(frame)
+        for kind in self._kinds:
+            kind.finish()
+
+    def report(self) -> dict:
+        """Return bytes, what was drawn, and up to which sizes it is drawn how."""
+        return super().report() | {'bytes': sum(kind.nbytes for kind in self._kinds)}
+
+
+def _matrix(pose) -> np.ndarray:
+    """Return a pose as a matrix, (4, 4)."""
+    return pose if pose.ndim == 2 else trs(pose)[0]
+
+
+def _each(name, values, count, dtype=float) -> np.ndarray:
+    """Return a value for each one."""
+    array = np.asarray(values)
+    good = array.dtype == bool if dtype is bool else array.dtype.kind in 'iuf'
+    if array.shape not in ((), (count,)) or not good or not np.isfinite(array).all():
+        what = 'bool' if dtype is bool else 'finite numbers'
+        msg = (
+            f'{name} has shape {array.shape}, dtype {array.dtype}; it must be {what}, one or '
+            f'({count},)'
+        )
+        raise ValueError(msg)
+    return np.broadcast_to(array.astype(dtype), (count,)).copy()

@@ -1,0 +1,72 @@
+"""What of a figure is under a pixel: a ray against its posed meshes, and VTK's own pickers."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+
+
+@dataclass(frozen=True)
+class FigureHit:
+    """Where a ray met a figure."""
+
+    body: int
+    cell: int
+    vertex: int
+    point: tuple
+    distance: float
+
+
+def nearest_hit(meshes, start, direction):
+    """Return the first triangle that a ray meets."""
+    hits = [_meet(i, mesh, start, direction) for i, mesh in meshes.items()]
+    return min((h for h in hits if h is not None), key=lambda h: h.distance, default=None)
+
+
+def _meet(body, mesh, start, direction):
+    bounds = np.reshape(mesh.bounds, (3, 2))
+    reach = np.linalg.norm(bounds.mean(1) - start) + np.linalg.norm(np.ptp(bounds, axis=1))
+    locator = _vtk.vtkStaticCellLocator()
+    locator.SetDataSet(mesh)
+    locator.BuildLocator()
+    t, sub, cell = _vtk.reference(0.0), _vtk.reference(0), _vtk.reference(0)
+    point, param = [0.0] * 3, [0.0] * 3
+    end = start + reach * direction
+    if not locator.IntersectWithLine(start, end, 0.0, t, point, param, sub, cell):
+        return None
+    corners = mesh.regular_faces[int(cell)]
+    nearest = corners[np.linalg.norm(mesh.points[corners] - point, axis=1).argmin()]
+    distance = float((np.array(point) - start) @ direction)
+    return FigureHit(body, int(cell), int(nearest), tuple(point), distance)
+
+
+def stand_in(owner, number, actor):
+    """Return an invisible actor that pickers find in place of another."""
+    source = _vtk.vtkProgrammableSource()
+    source.SetExecuteMethod(_filler(owner, number, source.GetPolyDataOutput()))
+    mapper = _vtk.vtkPolyDataMapper()
+    mapper.SetInputConnection(source.GetOutputPort())
+    mapper.ScalarVisibilityOff()
+    made = pv.Actor()
+    made.SetMapper(mapper)
+    made.SetProperty(actor.GetProperty())
+    made.UseBoundsOff()
+    made.VisibilityOff()
+    return made
+
+
+def _filler(owner, number, output):
+    # VTK keeps the function, which must not keep the figure: no cycle through C++.
+    owner = weakref.ref(owner)
+
+    def fill():
+        alive = owner()
+        if alive is not None:
+            output.ShallowCopy(alive.posed_meshes()[number])
+
+    return fill

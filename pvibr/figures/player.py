@@ -1,0 +1,249 @@
+"""What a figure shows at a time: clips, drivers, poses and weights set by hand."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pvibr.animation.blending import crossfade
+from pvibr.animation.mixer import Play, Still, revision_of
+from pvibr.animation.pose import Pose
+from pvibr.core.effect import Effect
+from pvibr.core.params import Param
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What a figure shows."""
+
+    pose: Any
+    world: np.ndarray
+    bounds: np.ndarray
+
+    @classmethod
+    def of(cls, figure, pose, skinning):
+        """Return the moment of a pose."""
+        world = figure.world(pose)
+        # Where nothing but joints moves vertices, these say where they are, and are known.
+        still = not any(b.frames or b.morphs for b in figure.bodies) and not figure.correctives
+        bounds = figure.bounds(world if still else pose, skinning)
+        return cls(pose, world, np.asarray(bounds, float))
+
+    @cached_property
+    def origin(self) -> np.ndarray:
+        """What positions on the GPU are relative to, shape (3,)."""
+        return self.bounds.reshape(3, 2).mean(1)
+
+
+class _Fade:
+    """From one source of poses to another one."""
+
+    def __init__(self, before, after, start, seconds):
+        self.before, self.after, self.start, self.seconds = before, after, start, seconds
+
+    @property
+    def revision(self):
+        return revision_of(self.before, self.after)
+
+    def sample(self, time):
+        share = (time - self.start) / self.seconds
+        if share >= 1:
+            return self.after.sample(time)
+        return crossfade(self.before.sample(time), self.after.sample(time), max(share, 0.0))
+
+
+class FigurePlayer(Effect):
+    """A figure in time: what it shows is known, and it is not drawn yet.
+
+    Parameters
+    ----------
+    figure : pvibr.Figure
+        Meshes, skeleton and clips.
+    clip : str, int or Clip, optional
+        What is played from time 0 on; the first one there is by default.
+    **settings
+        Values of the class's settings.
+
+    Raises
+    ------
+    ValueError
+        Where there is no such clip.
+    """
+
+    skinning = Param('linear', 'How joints are blended.', choices=('linear', 'dual'))
+    bulge = Param(
+        1.0, 'Share of dual quaternions: 1 keeps the cross-section of a twist, less of it bulges '
+        'less.', range='[0, 1]',
+    )  # fmt: skip
+
+    figure: Any = None
+    _changes = 0
+    _moment: Any = None
+    _known: tuple = ()
+    _weights: np.ndarray | None = None
+    _fixed: Any = None
+
+    def __init__(self, figure, clip=None, **settings):
+        super().__init__(**settings)
+        self.figure = figure
+        self.driver = Play(figure, clip)
+
+    @property
+    def driver(self):
+        """What gives the pose: anything with ``sample(time)``, or None for a fixed pose.
+
+        Where it has a ``revision`` too, it is asked anew when that changes while time stays.
+        """
+        return self._driver
+
+    @driver.setter
+    def driver(self, driver):
+        if driver is not None and not callable(getattr(driver, 'sample', None)):
+            msg = f'driver = {driver!r}: must have sample(time), which returns a Pose'
+            raise TypeError(msg)
+        if driver is None:
+            self._fixed = self.pose
+        self._driver = driver
+        self._show_anew()
+
+    def play(self, clip=None, *, speed=1.0, loop=True, fade=0.0, start=None):
+        """Play a clip.
+
+        Parameters
+        ----------
+        clip : str, int or Clip, optional
+            Its name, number or itself; the first one there is by default.
+        speed : float
+            Seconds of the clip in a second; backward below 0.
+        loop : bool
+            Begin again after the end.
+        fade : float
+            Seconds in which what was shown before goes over into it.
+        start : float, optional
+            When its time is 0, in seconds of ``plotter.ibr.time``; now by default.
+
+        Raises
+        ------
+        ValueError
+            Where there is no such clip, the speed is not finite or the fade is negative.
+        """
+        speed, fade = float(speed), float(fade)
+        if not np.isfinite(speed):
+            msg = f'speed = {speed}: must be a finite number'
+            raise ValueError(msg)
+        if not 0 <= fade < np.inf:
+            msg = f'fade = {fade}: must be seconds from 0'
+            raise ValueError(msg)
+        now = self._now()
+        start = now if start is None else float(start)
+        played = Play(self.figure, clip, speed, -start * speed, bool(loop))
+        self.driver = _Fade(self._source(), played, now, fade) if fade else played
+
+    def _source(self):
+        """Return what gives the pose, which may be a fixed one."""
+        if self._driver is not None:
+            return self._driver
+        return Still(self._as_pose(self._fixed))
+
+    def _as_pose(self, pose) -> Pose:
+        if isinstance(pose, Pose):
+            return pose
+        return Pose.from_matrices(self.figure.skeleton.local(pose), self.figure.rest.weights)
+
+    def stop(self):
+        """Stay as it is now."""
+        self.driver = None
+
+    def _now(self) -> float:
+        return 0.0 if self.pipeline is None else self.pipeline.time
+
+    @property
+    def pose(self):
+        """What is shown: a Pose, or ``figure_from_joint`` matrices (n, 4, 4); set it to drive it.
+
+        A simulator that knows where its bodies are gives matrices; then nothing else plays.
+        """
+        return self._now_shown().pose
+
+    @pose.setter
+    def pose(self, pose):
+        self.figure.world(pose)
+        if not isinstance(pose, Pose):
+            pose = np.array(pose, np.float64)
+        elif not pose.shape:
+            pose = self._with_weights(pose)
+        shape = pose.shape if isinstance(pose, Pose) else pose.shape[:-3]
+        if shape:
+            msg = f'pose holds {shape} poses; one is shown'
+            raise ValueError(msg)
+        self._driver, self._fixed = None, pose
+        self._show_anew()
+
+    def _with_weights(self, pose):
+        """Return a pose with morph weights: those at rest where it has none."""
+        wanted, found = self.figure.rest.weights, pose.weights
+        if found.shape == wanted.shape:
+            return pose
+        if not found.size:
+            return pose.replaced(weights=wanted)
+        msg = f'the pose has {found.shape[-1]} morph weights, the figure {wanted.shape[-1]}'
+        raise ValueError(msg)
+
+    @property
+    def weights(self):
+        """Morph weights of all bodies, shape (t,); set, they win over clips until None."""
+        return getattr(self.pose, 'weights', self.figure.rest.weights)
+
+    @weights.setter
+    def weights(self, weights):
+        if weights is not None:
+            weights = np.array(weights, np.float64)
+            wanted = self.figure.rest.weights.shape
+            if weights.shape != wanted or not np.isfinite(weights).all():
+                msg = f'weights = {weights!r}: must be finite numbers of shape {wanted}, or None'
+                raise ValueError(msg)
+        self._weights = weights
+        self._show_anew()
+
+    def follow(self):
+        """Take the pose of now, so that bounds are right before it is drawn."""
+        if self.pipeline is not None:
+            with suppress(Exception):
+                self._now_shown()
+
+    def _show_anew(self):
+        self._known = ()
+        self.follow()
+
+    def _now_shown(self) -> Moment:
+        """Return what is shown at the time that it is now."""
+        known = self._asked()
+        if known != self._known:
+            pose = self._sampled(self._now())
+            self._moment = Moment.of(self.figure, pose, self.skinning)
+            self._changes += 1
+            self._show(self._moment)
+            self._known = known
+        return self._moment
+
+    def _asked(self) -> tuple:
+        """Return what the pose and its box depend on, beside what sets them anew."""
+        driver = self._driver
+        if driver is None:
+            return None, self.skinning
+        return self._now(), getattr(driver, 'revision', None), self.skinning
+
+    def _sampled(self, time):
+        pose = self._fixed if self._driver is None else self._driver.sample(time)
+        if isinstance(pose, Pose):
+            pose = self._with_weights(pose)
+        if self._weights is None:
+            return pose
+        return self._as_pose(pose).replaced(weights=self._weights)
+
+    def _show(self, moment):
+        """Take the place of a moment."""

@@ -1,0 +1,300 @@
+"""Atlases of figures that move: views of many phases of their clips."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pvibr.animation.normals import point_normals
+from pvibr.core.errors import PvibrWarning
+from pvibr.figures.bodies import PosedBody
+from pvibr.gl.offscreen import hidden_window
+from pvibr.instances.atlas import Atlas, pyramid
+from pvibr.instances.bake import Baker
+from pvibr.instances.cache import AtlasCache, key_of
+from pvibr.instances.levels import VERSION, Model, look_values
+from pvibr.instances.measure import measure
+from pvibr.instances.mesh_pool import MeshLevel
+from pvibr.maths import octahedral
+from pvibr.maths.transforms import transform_normals, transform_points
+from pvibr.meshes.parts import Part, dressed
+
+#: Views along a side of the grid of each phase, and sides of its tiles: the first one that fits.
+VIEWS = 12
+TILES = (64, 32, 16)
+#: Bytes that all phases may take on the GPU.
+BUDGET = 192 * 2**20
+BINS = 1024  # moments of a clip that the texture knows
+_SAMPLES = 32  # moments of a clip at which its motion is looked at
+_MEASURED = 3  # clips that are measured at most, in one phase each; one alone in two
+_BYTES = 8 * 3 / 2  # of a texel with its smaller levels
+
+
+@dataclass
+class PhaseAtlas(Atlas):
+    """Pictures of several phases: `geometry` and `albedo` have one axis more, the first one."""
+
+    bins: Any = None
+    phased = True
+
+    @property
+    def phases(self) -> int:
+        """How many there are, of all clips."""
+        return len(self.geometry)
+
+    @property
+    def pages(self) -> tuple[int, int]:
+        """Columns and rows of the pages in the texture, a page a phase."""
+        columns = max(1, round((self.phases / 1.5) ** 0.5))
+        return columns, -(-self.phases // columns)
+
+    def phase(self, number) -> Atlas:
+        """Return the atlas of one phase, without an error table."""
+        return Atlas(
+            self.geometry[number], self.albedo[number], self.center, self.radius, self.box,
+            self.views, self.tile,
+        )  # fmt: skip
+
+    def textures(self):
+        """Return geometry and albedo with all levels of detail of all phases, page by page."""
+        columns, rows = self.pages
+        out = []
+        for pictures in (self.geometry, self.albedo):
+            side = pictures.shape[1]
+            texture = np.zeros((rows, side, columns, side * 3 // 2, 4), np.uint8)
+            for i, picture in enumerate(pictures):
+                texture[i // columns, :, i % columns] = pyramid(picture, self.tile)
+            out.append(texture.reshape(rows * side, -1, 4))
+        return out
+
+    def to_arrays(self) -> dict:
+        """Return everything as named arrays, for a file."""
+        return super().to_arrays() | {'bins': self.bins}
+
+    @classmethod
+    def from_arrays(cls, arrays) -> PhaseAtlas:
+        """Make an atlas from named arrays, checking that they fit together."""
+        try:
+            pictures = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
+            bins = np.asarray(arrays['bins'], np.float32)
+            first = Atlas.from_arrays(
+                {**arrays, 'geometry': pictures[0][0], 'albedo': pictures[1][0]}
+            )
+        except (KeyError, IndexError) as error:
+            msg = f'not an atlas of phases: {error}'
+            raise ValueError(msg) from error
+        shape = (len(pictures[0]), *first.geometry.shape)
+        good = bins.ndim == 2 and np.isfinite(bins).all() and 0 <= bins.min() <= bins.max()
+        if any(p.shape != shape for p in pictures) or not good or bins.max() >= shape[0]:
+            msg = f'not an atlas of phases: pictures must be {shape}, bins must be of these phases'
+            raise ValueError(msg)
+        return cls(
+            pictures[0], pictures[1], first.center, first.radius, first.box, first.views,
+            first.tile, errors=first.errors, seconds=first.seconds, bins=bins,
+        )  # fmt: skip
+
+    def contact_sheet(self, path=None, background=1.0, phase=0) -> np.ndarray:
+        """Return all views of a phase side by side as a picture to look at, optionally saved."""
+        return self.phase(phase).contact_sheet(path, background)
+
+
+@dataclass(eq=False)
+class Motion:
+    """A clip, and how far it has got at any time."""
+
+    figure: Any
+    clip: Any
+    times: np.ndarray
+    way: np.ndarray
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return float(self.times[-1])
+
+    def pose(self, share):
+        """Return the pose where a share of the way is gone."""
+        time = np.interp(share * self.way[-1], self.way, self.times)
+        return self.figure.sample(time, self.clip, loop=False)
+
+    def bins(self, phases) -> np.ndarray:
+        """Return which of its phases is shown when."""
+        times = (np.arange(BINS) + 0.5) / BINS * self.duration
+        share = np.interp(times, self.times, self.way) / max(self.way[-1], 1e-300)
+        return np.minimum((share * phases).astype(int), phases - 1)
+
+
+class Sitter:
+    """The meshes of a figure, put in poses on the CPU, about a middle."""
+
+    def __init__(self, figure, bodies, skinning):
+        self.figure, self.bodies, self.skinning = figure, bodies, skinning
+        self.center = np.zeros(3)
+
+    def shapes(self, pose) -> list:
+        """Return points and normals of each body, (v, 3) float64 each."""
+        world = self.figure.world(pose)
+        return [self._shape(i, body, pose, world) for i, body in enumerate(self.bodies)]
+
+    def _shape(self, index, body, pose, world):
+        if isinstance(body, PosedBody):
+            points, normals = self.figure.posed(index, pose, self.skinning)
+        else:
+            matrix = np.eye(4) if body.node < 0 else world[body.node]
+            mesh = body.part.mesh
+            points = transform_points(matrix, mesh.points)
+            normals = transform_normals(matrix, point_normals(mesh))
+        return points - self.center, normals
+
+    def parts(self, pose) -> list[Part]:
+        """Return its parts in a pose."""
+        parts = [_own(body.part) for body in self.bodies]
+        put(parts, self.shapes(pose))
+        return parts
+
+
+def _own(part) -> Part:
+    """Return a part with a mesh of its own."""
+    mesh = part.mesh.copy()  # deep: a shallow one has the same points, which would be moved
+    mapper = part.polydata_mapper()
+    mapper.SetInputDataObject(mesh)
+    return Part(dressed(part, mapper), mesh, part.alpha_cutoff)
+
+
+def put(parts, shapes):
+    """Give parts other points and normals."""
+    for part, (points, normals) in zip(parts, shapes, strict=True):
+        part.mesh.points = points.astype(np.float32)
+        part.mesh.point_data.active_normals = normals.astype(np.float32)
+        part.mesh.Modified()
+
+
+def _reach(sitter, motion):
+    """Return the distance of the farthest point from the middle at any moment."""
+    poses = sitter.figure.sample(motion.times, motion.clip, loop=False)
+    reach = 0.0
+    for i in range(len(motion.times)):
+        for points, _ in sitter.shapes(poses[i]):
+            reach = max(reach, float((points**2).sum(1).max()) ** 0.5)
+    return reach + float(np.diff(motion.way).max(initial=0.0)) / 2
+
+
+def motion_of(sitter, clip):
+    """Look at a clip."""
+    duration = 0.0 if clip is None else clip.duration
+    times = np.linspace(0.0, duration, _SAMPLES + 1 if duration else 1)
+    poses = sitter.figure.sample(times, clip, loop=False)
+    before, steps, corners = None, [0.0], []
+    for i in range(len(times)):
+        points = np.concatenate([p for p, _ in sitter.shapes(poses[i])])
+        corners += [points.min(0), points.max(0)]
+        if before is not None:
+            steps.append(float(np.percentile(np.linalg.norm(points - before, axis=1), 99)))
+        before = points
+    box = np.stack([np.min(corners, 0), np.max(corners, 0)])
+    room = max(steps) / 2  # what moves between the moments
+    return Motion(sitter.figure, clip, times, np.cumsum(steps)), box + np.array([[-room], [room]])
+
+
+def phase_counts(ways, radius, max_error) -> tuple[int, list[int]]:
+    """Return the side of a tile, and how many phases each clip gets."""
+    for tile in TILES:
+        wanted = [max(1, int(np.ceil(w / radius * tile / (4 * max_error)))) for w in ways]
+        room = BUDGET / (_BYTES * (VIEWS * tile) ** 2)
+        share = min(1.0, room / sum(wanted))
+        if share > 0.5:
+            break
+    return tile, [max(1, int(n * share)) for n in wanted]
+
+
+def make_phases(figure, bodies, clips, *, skinning='linear', max_error=1.0, cache=True,
+                advance=None) -> tuple[Model, list[Motion]]:  # fmt: skip
+    """Return the levels of a figure that moves, baked and measured, or taken from the cache."""
+    sitter = Sitter(figure, bodies, skinning)
+    motions, boxes = zip(*[motion_of(sitter, clip) for clip in clips], strict=True)
+    box = np.stack([np.min(boxes, 0)[0], np.max(boxes, 0)[1]])
+    sitter.center = box.mean(0)
+    radius = max(_reach(sitter, motion) for motion in motions) or 1.0
+    tile, counts = phase_counts([m.way[-1] for m in motions], radius, max_error)
+    poses = [m.pose((k + 0.5) / n) for m, n in zip(motions, counts, strict=True) for k in range(n)]
+    levels = [MeshLevel([body.part for body in bodies])]
+    store = None if cache is False else AtlasCache(None if cache is True else cache)
+    key = '' if store is None else _key(sitter, poses, tile, counts)
+    found = None if store is None else store.get(key)
+    if found is not None:
+        try:
+            return Model(levels, PhaseAtlas.from_arrays(found)), list(motions)
+        except ValueError:
+            pass  # of an older layout: baked again below, and replaced
+    try:
+        atlas = _baked(sitter, motions, counts, poses, (box, radius, tile), advance)
+    except RuntimeError as error:
+        msg = (
+            f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
+            'the graphics driver.'
+        )
+        warnings.warn(msg, PvibrWarning, stacklevel=3)
+        return Model(levels, Atlas.blank(box)), list(motions)
+    if store is not None:
+        store.put(key, atlas.to_arrays())
+    return Model(levels, atlas), list(motions)
+
+
+def _key(sitter, poses, tile, counts):
+    values: list = ['phases', VERSION, VIEWS, tile, BINS, counts]
+    for body in sitter.bodies:
+        mesh = body.part.mesh
+        values += [body.part.alpha_cutoff, np.asarray(mesh.regular_faces)]
+        values += look_values(body.part.actor)
+        for data in (mesh.point_data, mesh.cell_data):
+            for name in sorted(data.keys()):
+                values += [name, np.ascontiguousarray(data[name])]
+    for pose in poses:
+        values += [a.astype(np.float32) for shape in sitter.shapes(pose) for a in shape]
+    return key_of(*values)
+
+
+def _baked(sitter, motions, counts, poses, grid, advance):
+    start = time.perf_counter()
+    box, radius, tile = grid
+    parts = sitter.parts(poses[0])
+    pictures, frames = [], octahedral.frame(octahedral.view_directions(VIEWS))
+    with hidden_window() as (window, _):
+        baker = Baker(window, parts, np.zeros(3), radius, (VIEWS, tile, 2))
+        try:
+            for i, pose in enumerate(poses):
+                put(parts, sitter.shapes(pose))
+                pictures.append(baker.pictures(frames))
+                if advance is not None:
+                    advance((i + 1) / len(poses))
+        finally:
+            baker.release()
+    geometry, albedo = (np.stack(p) for p in zip(*pictures, strict=True))
+    firsts = np.cumsum([0, *counts])
+    bins = [m.bins(n) + f for m, n, f in zip(motions, counts, firsts, strict=False)]
+    atlas = PhaseAtlas(
+        geometry, albedo, np.zeros(3), radius, box - sitter.center, VIEWS, tile,
+        bins=np.array(bins, np.float32),
+    )  # fmt: skip
+    atlas.errors = _measured(sitter, motions, counts, atlas)
+    atlas.center, atlas.box = sitter.center, box
+    atlas.seconds = time.perf_counter() - start
+    return atlas
+
+
+def _measured(sitter, motions, counts, atlas):
+    """Return the worst error table of some phases, against meshes halfway between two."""
+    tables = []
+    first = 0
+    some = 2 if len(motions) == 1 else 1
+    for motion, count in list(zip(motions, counts, strict=True))[:_MEASURED]:
+        for k in np.unique(np.linspace(0, count - 1, 2 + some).astype(int)[1:-1]):
+            between = motion.pose((k + 1) / count)
+            model = Model([MeshLevel(sitter.parts(between))], atlas.phase(first + int(k)))
+            tables.append(measure(model))
+        first += count
+    return {name: np.max([t[name] for t in tables], 0) for name in tables[0]}

@@ -1,0 +1,112 @@
+"""Members of a crowd that are near: meshes posed on the GPU, each as its member is now."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from pvibr.figures.bodies import PosedBody
+from pvibr.figures.posing import SAMPLERS, Posing, posed_feature
+from pvibr.instances.mesh_pool import MeshPool, lendable
+
+
+class _Group(list):
+    """Actors that show one member, and the number of their pose."""
+
+    number = 0
+
+
+class PosedPool(MeshPool):
+    """Actors of a figure, lent to the members that need them and posed with them."""
+
+    def __init__(self, level, bodies, skinning):
+        super().__init__(level)
+        self.bodies, self.skinning = bodies, skinning
+        self._posed = [b for b in bodies if isinstance(b, PosedBody)]
+        self._posing: Any = None
+        self._shown: dict = {}
+        self._made_so_far = 0
+
+    def _made(self) -> list:
+        group = _Group(self._actor(body) for body in self.bodies)
+        group.number = self._made_so_far
+        self._made_so_far += 1
+        return group
+
+    def _actor(self, body):
+        actor = lendable(body.part, body.actor.GetMapper())
+        actor.UseBoundsOff()
+        actor.PickableOff()  # pickers look at meshes, which are those at rest
+        if isinstance(body, PosedBody):
+            posed_feature().attach(actor)
+        return actor
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return 0 if self._posing is None else self._posing.nbytes
+
+    def pose(self, window, keys, moments_of, matrix_of):
+        """Pose those that are lent, where any changed, and have their shaders find them."""
+        shown = {self.lent[i].number: (i, key) for i, key in keys.items()}
+        if any(self._shown.get(number) != what for number, what in shown.items()):
+            moments = moments_of(list(keys.values()))
+            self._draw(window, dict(zip(keys, moments, strict=True)), matrix_of)
+            self._shown = shown
+        if self._posing is None or not shown:
+            return
+        units = {name: t.activate() for name, t in self._posing.textures.items()}
+        for group in self.lent.values():
+            self._aim(group, units)
+
+    def _draw(self, window, moments, matrix_of):
+        for i, moment in moments.items():
+            world = matrix_of(i)
+            for body, actor in zip(self.bodies, self.lent[i], strict=True):
+                matrix = world @ body.local(moment)
+                actor.GetUserMatrix().DeepCopy(np.asarray(matrix, float).ravel().tolist())
+        if not self._posed:
+            return
+        if self._posing is None or self._posing.poses < self._made_so_far:
+            self._release_posing()
+            moulds = [b.mould for b in self._posed]
+            room = max(4, 1 << (self._made_so_far - 1).bit_length())
+            self._posing = Posing(window, moulds, poses=room, how=self.skinning)
+        # Places that are not lent are drawn as any other: their texels are not read.
+        some = next(iter(moments.values()))
+        placed = [some] * self._posing.poses
+        for i, moment in moments.items():
+            placed[self.lent[i].number] = moment
+        places = []
+        for body in self._posed:
+            made = {id(moment): body.place(moment) for moment in moments.values()}
+            places.append([made[id(moment)] for moment in placed])
+        self._posing.draw(places)
+
+    def _aim(self, group, units):
+        moved = [a for b, a in zip(self.bodies, group, strict=True) if isinstance(b, PosedBody)]
+        for actor, (first, end) in zip(moved, pairwise(self._posing.rows), strict=True):
+            rows = (end - first) // self._posing.poses
+            uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+            uniforms.SetUniformi('ibr_posed_row', first + group.number * rows)
+            for name in SAMPLERS:
+                uniforms.SetUniformi(name, units[name])
+
+    def finish(self):
+        """Give the texture units back."""
+        if self._posing is not None:
+            for texture in self._posing.textures.values():
+                texture.deactivate()
+
+    def _release_posing(self):
+        if self._posing is not None:
+            self._posing.release()
+        self._posing, self._shown = None, {}
+
+    def release(self, window):
+        """Free the GPU's memory; the context must be alive."""
+        self._release_posing()
+        for body in self.bodies:
+            body.release(window)

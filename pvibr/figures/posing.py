@@ -1,0 +1,243 @@
+"""Posed vertices of meshes on the GPU: a pass that writes them, and vertex shaders that read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from pvibr.figures.shapes import ShapeStore
+from pvibr.gl import Quad, Target, Texture, shader_source, texture_limit
+from pvibr.gl.feature import Feature, declared_samplers, sections
+from pvibr.instances.cards import pack
+from pvibr.maths import skinning
+
+#: Vertices of a row of the textures.
+WIDTH = 1024
+_STATE_WIDTH = 4096
+_TEXELS = {'linear': 3, 'dual': 8}  # of a joint
+
+
+@dataclass(eq=False)
+class Mould:
+    """A mesh at rest, and what deforms it on the GPU."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    joints: np.ndarray | None = None
+    weights: np.ndarray | None = None
+    centers: np.ndarray | None = None
+    shapes: Any = None
+
+    @cached_property
+    def origin(self) -> np.ndarray:
+        """Middle of the points: the GPU's positions at rest are relative to it, shape (3,)."""
+        return (self.points.min(0) + self.points.max(0)) / 2
+
+
+@dataclass(eq=False)
+class Place:
+    """What makes one pose of a mould."""
+
+    matrices: np.ndarray | None = None
+    origin: np.ndarray | None = None
+    shapes: Any = ()
+    amounts: Any = ()
+    frames: int = 0
+
+
+class Posing:
+    """Posed positions and normals of several moulds in two textures, one texel a vertex."""
+
+    def __init__(self, window, moulds, *, poses=1, how='linear'):
+        self.window, self.poses, self.how = window, poses, how
+        heights = [-(-len(m.points) // WIDTH) * poses for m in moulds]
+        #: First row of each mould.
+        self.rows = np.cumsum([0, *heights]).tolist()
+        limit = texture_limit(window)
+        if self.rows[-1] > limit:
+            msg = (
+                f'the figure has {sum(len(m.points) for m in moulds)} vertices in {poses} poses; '
+                f'at most {limit * WIDTH} fit here.'
+            )
+            raise ValueError(msg)
+        self._state = Texture(window)
+        self._casts = [_Cast(window, m, poses, how) for m in moulds]
+        self.target = Target(
+            window, WIDTH, self.rows[-1], ('rgba32f', 'rgba32f'), filter='nearest'
+        )
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return self.target.nbytes + self._state.nbytes + sum(c.nbytes for c in self._casts)
+
+    @property
+    def textures(self) -> dict[str, Texture]:
+        """Positions and normals, by the names of their samplers."""
+        return dict(zip(SAMPLERS, self.target.colors, strict=True))
+
+    def draw(self, places, *, bulge=1.0):
+        """Pose all moulds anew."""
+        self._load([c.numbers(poses) for c, poses in zip(self._casts, places, strict=True)])
+        state = self.window.GetState()
+        with self.target.drawing():
+            for cast, first, end in zip(self._casts, self.rows, self.rows[1:], strict=False):
+                state.vtkglViewport(0, first, WIDTH, end - first)
+                state.vtkglScissor(0, first, WIDTH, end - first)
+                cast.draw(bulge, self._state)
+
+    def _load(self, numbers):
+        """Put what makes the poses on the GPU, in one image: an upload costs its call."""
+        most = max((len(n) for poses in numbers for n in poses), default=0)
+        width = min(max(most, 1), _STATE_WIDTH)
+        blocks: list[np.ndarray] = []
+        for cast, poses in zip(self._casts, numbers, strict=True):
+            rows = max(-(-max(len(n) for n in poses) // width), 1)
+            block = np.zeros((len(poses), rows * width, 4), np.float32)
+            for row, found in zip(block, poses, strict=True):
+                row[: len(found)] = found
+            cast.uniforms |= {
+                'ibr_state_first': sum(len(b) for b in blocks),
+                'ibr_state_rows': rows,
+            }
+            blocks.append(block.reshape(-1, width, 4))
+        state = np.concatenate(blocks)
+        for cast in self._casts:
+            cast.uniforms['ibr_state_sides'] = (width, len(state))
+        self._state.upload(state)
+
+    def download(self, mould, pose=0):
+        """Return what the pass wrote."""
+        cast = self._casts[mould]
+        first = self.rows[mould] + pose * cast.rows
+        texels = [t.download()[first : first + cast.rows] for t in self.target.colors]
+        positions, normals = (t.reshape(-1, 4)[: cast.count, :3] for t in texels)
+        return positions, normals
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        for cast in self._casts:
+            cast.release()
+        self._state.release()
+        self.target.release()
+
+
+class _Cast:
+    """A mould on the GPU."""
+
+    def __init__(self, window, mould, poses, how):
+        self.count, self.how, self.poses = len(mould.points), how, poses
+        self.rows = -(-self.count // WIDTH)
+        self.origin, self.centers = mould.origin, mould.centers
+        self.textures = {
+            'ibr_rest': _table(window, mould.points - self.origin),
+            'ibr_rest_normals': _table(window, mould.normals),
+        }
+        groups = 0
+        if mould.joints is not None:
+            groups = -(-mould.joints.shape[1] // 4)
+            for name, table in zip(('ibr_joints', 'ibr_weights'), _influences(mould), strict=True):
+                self.textures[name] = Texture(window).upload(table)
+        self.store = None if mould.shapes is None else ShapeStore(window, mould.shapes, WIDTH)
+        joints = 0 if mould.centers is None else len(mould.centers) * _TEXELS[how]
+        most = joints + 1 + (0 if self.store is None else len(mould.shapes))
+        self.quad = _quad(window, {
+            'GROUPS': groups, 'DUAL': how == 'dual' and groups > 0,
+            'SHAPES': self.store is not None, 'WRAP': most > _STATE_WIDTH,
+        })  # fmt: skip
+        self.uniforms: dict[str, float | tuple] = {'ibr_poses': float(poses)}
+
+    @property
+    def nbytes(self) -> int:
+        stored = 0 if self.store is None else self.store.nbytes
+        return sum(t.nbytes for t in self.textures.values()) + stored
+
+    def numbers(self, places):
+        """Return what makes each pose, as rows of four: joints, then shapes."""
+        palettes = [self._palette(place) for place in places]
+        self.uniforms['ibr_palette'] = len(palettes[0])
+        shapes = self._shapes(places)
+        return [np.concatenate(pair) for pair in zip(palettes, shapes, strict=True)]
+
+    def _palette(self, place):
+        """Return the joints as rows of four, from rest to posed, each about its origin."""
+        if place.matrices is None:
+            return np.zeros((0, 4))
+        matrices = np.array(place.matrices, np.float64)
+        matrices[:, :3, 3] += matrices[:, :3, :3] @ self.origin - place.origin
+        linear = matrices[:, :3]
+        if self.how == 'linear':
+            return linear.reshape(-1, 4)
+        real, dual, stretch = skinning.dual_parts(matrices, self.centers - self.origin)
+        joints = (stretch, linear, real[:, None], dual[:, None])
+        return np.concatenate(joints, 1).reshape(-1, 4)
+
+    def _shapes(self, places):
+        """Return for each pose its counts and shapes as rows of four; load what is missing."""
+        if self.store is None:
+            return [np.zeros((0, 4))] * len(places)
+        slots = self.store.slots({int(i) for place in places for i in place.shapes})
+        out = []
+        for place in places:
+            rows = np.zeros((1 + len(place.shapes), 4))
+            rows[0, :2] = place.frames, len(place.shapes)
+            rows[1:, 0] = [slots[int(i)] for i in place.shapes]
+            rows[1:, 1] = place.amounts
+            out.append(rows)
+        return out
+
+    def draw(self, bulge, state):
+        textures = self.textures | {'ibr_state': state}
+        if self.store is not None:
+            textures |= self.store.textures
+            self.uniforms['ibr_shape_share'] = self.store.share
+        self.quad.draw(self.uniforms | {'ibr_bulge': float(bulge)}, textures)
+
+    def release(self):
+        for owner in (*self.textures.values(), self.store, self.quad):
+            if owner is not None:
+                owner.release()
+
+
+def _table(window, vectors):
+    aligned = np.zeros((len(vectors), 4), np.float32)  # drivers read texels of four faster
+    aligned[:, :3] = vectors
+    return Texture(window).upload(pack(aligned, WIDTH, 4))
+
+
+def _influences(mould):
+    """Return joints and weights as images, the heaviest first, four a texel, groups stacked."""
+    order = np.argsort(-mould.weights, axis=1, kind='stable')
+    tables = []
+    for values in (mould.joints, mould.weights):
+        ordered = np.take_along_axis(values, order, 1).astype(np.float32)
+        padded = np.pad(ordered, ((0, 0), (0, -ordered.shape[1] % 4)))
+        columns = [padded[:, i : i + 4] for i in range(0, padded.shape[1], 4)]
+        tables.append(np.concatenate([pack(np.ascontiguousarray(c), WIDTH, 4) for c in columns]))
+    return tables
+
+
+def _quad(window, defines):
+    head = ''.join(f'#define {name} {int(value)}\n' for name, value in defines.items())
+    return Quad(window, head + sections(shader_source(__file__))['pose'], 'posing')
+
+
+#: Samplers of the textures that vertex shaders read.
+SAMPLERS = ('ibr_posed', 'ibr_posed_normals')
+
+
+@lru_cache(maxsize=1)
+def posed_feature() -> Feature:
+    """Return the text by which an actor's vertices are those that were posed."""
+    text = sections(shader_source(__file__))
+    declare = declared_samplers(dict.fromkeys(SAMPLERS, 'sampler2D')) + text['vertex.declare']
+    begin = f'#define WIDTH {WIDTH}u\n{text["vertex.begin"]}'
+    vertex = {
+        'VTK::CustomUniforms::Dec': declare,
+        'VTK::CustomBegin::Impl': begin,
+        'VTK::Normal::Impl': text['vertex.normal'],
+    }
+    return Feature('posed', vertex)

@@ -1,0 +1,139 @@
+"""Accessors of a glTF file as arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.formats.gltf_file import GltfError, GltfFile, follow
+
+_TYPES = {5120: '<i1', 5121: '<u1', 5122: '<i2', 5123: '<u2', 5125: '<u4', 5126: '<f4'}
+#: Columns and rows of an element.
+_SHAPES = {
+    'SCALAR': (1, 1),
+    'VEC2': (1, 2),
+    'VEC3': (1, 3),
+    'VEC4': (1, 4),
+    'MAT2': (2, 2),
+    'MAT3': (3, 3),
+    'MAT4': (4, 4),
+}
+
+
+class Accessors:
+    """The arrays of a file, each read once."""
+
+    def __init__(self, file: GltfFile):
+        self._file = file
+        self._raw: dict[int, np.ndarray] = {}
+        self._floats: dict[int, np.ndarray] = {}
+
+    def count(self, index, place) -> int:
+        """Return how many elements an accessor has."""
+        return follow(self._file.document.accessors, index, place, 'accessors').count
+
+    def floats(self, index, place, *types):
+        """Return an accessor as numbers."""
+        self._check_type(index, place, types)
+        if index not in self._floats:
+            accessor = self._file.document.accessors[index]
+            raw = self._elements(index)
+            self._file.spend(8 * raw.size, f'accessors[{index}]')
+            self._floats[index] = _as_floats(raw, accessor.normalized, f'accessors[{index}]')
+        return self._floats[index]
+
+    def integers(self, index, place, *types):
+        """Return an accessor of unsigned integers."""
+        accessor = self._check_type(index, place, types)
+        if accessor.component_type not in (5121, 5123, 5125) or accessor.normalized:
+            msg = f'accessors[{index}], which {place} asks for, must hold unsigned integers.'
+            raise GltfError(msg)
+        raw = self._elements(index)
+        self._file.spend(8 * raw.size, f'accessors[{index}]')
+        return raw.astype(np.int64)
+
+    def _check_type(self, index, place, types):
+        accessor = follow(self._file.document.accessors, index, place, 'accessors')
+        if accessor.type not in types:
+            msg = f'{place} is accessors[{index}] of {accessor.type}; allowed: {", ".join(types)}.'
+            raise GltfError(msg)
+        return accessor
+
+    def _elements(self, index):
+        """Return the elements as they are stored, shape (n, c)."""
+        if index in self._raw:
+            return self._raw[index]
+        accessor, place = self._file.document.accessors[index], f'accessors[{index}]'
+        dtype, shape = np.dtype(_TYPES[accessor.component_type]), _SHAPES[accessor.type]
+        if accessor.buffer_view is not None:
+            stride = follow(
+                self._file.document.buffer_views,
+                accessor.buffer_view,
+                f'{place}.bufferView',
+                'bufferViews',
+            ).byte_stride
+            data = self._file.view(accessor.buffer_view, f'{place}.bufferView')
+            start = accessor.byte_offset
+            elements = _read(data, start, accessor.count, dtype, shape, stride, place)
+        else:
+            self._file.spend(accessor.count * shape[0] * shape[1] * dtype.itemsize, place)
+            elements = np.zeros((accessor.count, shape[0] * shape[1]), dtype)
+        if accessor.sparse is not None:
+            self._file.spend(elements.nbytes, f'{place}.sparse')
+            elements = elements.copy()
+            self._fill_in(elements, accessor.sparse, dtype, shape, f'{place}.sparse')
+        self._raw[index] = elements
+        return elements
+
+    def _fill_in(self, elements, sparse, dtype, shape, place):
+        if sparse.count > len(elements):
+            msg = f'{place}.count is {sparse.count} of {len(elements)} elements.'
+            raise GltfError(msg)
+        where = f'{place}.indices'
+        data = self._file.view(sparse.indices.buffer_view, f'{where}.bufferView')
+        kind = np.dtype(_TYPES[sparse.indices.component_type])
+        start = sparse.indices.byte_offset
+        indices = _read(data, start, sparse.count, kind, (1, 1), None, where)[:, 0]
+        indices = indices.astype(np.int64)
+        if indices[-1] >= len(elements) or (np.diff(indices) <= 0).any():
+            msg = f'{where} must ascend and be below {len(elements)}.'
+            raise GltfError(msg)
+        where = f'{place}.values'
+        data = self._file.view(sparse.values.buffer_view, f'{where}.bufferView')
+        start = sparse.values.byte_offset
+        elements[indices] = _read(data, start, sparse.count, dtype, shape, None, where)
+
+
+def _read(data, start, count, dtype, shape, stride, place):
+    """Return elements of a buffer view, shape (count, c); a view of its bytes if it can be."""
+    columns, rows = shape
+    # Columns of matrices begin at multiples of four bytes.
+    column = rows * dtype.itemsize
+    column = -(-column // 4) * 4 if columns > 1 else column
+    stride = stride or columns * column
+    if stride < columns * column:
+        msg = f'{place}: the byteStride {stride} is less than an element of {columns * column}.'
+        raise GltfError(msg)
+    end = start + (count - 1) * stride + columns * column
+    if end > len(data):
+        msg = f'{place} ends at byte {end} of a bufferView of {len(data)}.'
+        raise GltfError(msg)
+    strides = (stride, column, dtype.itemsize)
+    array = np.ndarray((count, columns, rows), dtype, data, start, strides)
+    return array.reshape(count, columns * rows)
+
+
+def _as_floats(raw, shares, place):
+    kind = np.float64 if raw.dtype.itemsize == 4 and raw.dtype.kind != 'f' else np.float32
+    values = raw.astype(kind)
+    if raw.dtype.kind == 'f':
+        bad = np.argwhere(~np.isfinite(values))
+        if len(bad):
+            element, component = bad[0].tolist()
+            value = values[element, component]
+            msg = f'{place} holds {value} in element {element}; numbers must be finite.'
+            raise GltfError(msg)
+    elif shares:
+        values /= np.iinfo(raw.dtype).max
+        np.maximum(values, -1, out=values)  # -128 is -1 as -127 is
+    values.setflags(write=False)
+    return values

@@ -1,0 +1,250 @@
+"""A glTF file taken apart: its JSON, its buffers, and the files beside it."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import struct
+import urllib.parse
+import warnings
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from pvibr.core.errors import PvibrError, PvibrWarning
+from pvibr.formats.gltf_schema import Gltf
+
+_MAGIC, _JSON, _BIN = b'glTF', b'JSON', b'BIN\0'
+#: What arrays and pictures may grow to, in bytes: this, and so many bytes per byte of the files.
+#: Many accessors may show the same bytes, and a picture of one colour is small in its file.
+_ROOM, _GROWTH = 2**28, 64
+
+
+class GltfError(PvibrError, ValueError):
+    """A glTF file is broken or asks for what is not supported; the message names the place.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong where; what is very long is cut.
+
+    Examples
+    --------
+    >>> import pvibr
+    >>> issubclass(pvibr.GltfError, ValueError)
+    True
+    """
+
+    def __init__(self, message):
+        super().__init__(_clipped(message))
+
+
+class MissingFileError(GltfError):
+    """A file that a glTF file names is not there."""
+
+
+@contextmanager
+def naming(place):
+    """Turn errors about values into errors that name their place in the file."""
+    try:
+        yield
+    except GltfError:
+        raise
+    except ValueError as error:
+        msg = f'{place}: {error}'
+        raise GltfError(msg) from error
+
+
+def follow(things, index, place, kind):
+    """Return the thing that a place in the file refers to."""
+    if index >= len(things):
+        msg = f'{place} is {index}; the file has {len(things)} {kind}.'
+        raise GltfError(msg)
+    return things[index]
+
+
+class GltfFile:
+    """A file that is open: its JSON, checked, and its bytes."""
+
+    def __init__(self, path):
+        self.path = Path(path)
+        data = self.path.read_bytes()
+        json, self._blob = _chunks(data) if data[:4] == _MAGIC else (data, None)
+        self._room = _ROOM + _GROWTH * len(data)
+        self._buffers: dict[int, memoryview] = {}
+        self._left_out: dict[str, str] = {}
+        self.document = _parsed(json)
+
+    def spend(self, size, place):
+        """Count bytes that are about to be allocated."""
+        self._room -= size
+        if self._room < 0:
+            msg = f'{place} asks for {size} bytes, far more than the file has data for.'
+            raise GltfError(msg)
+
+    def leave_out(self, what, place):
+        """Note something that is in the file and not in what is made of it."""
+        self._left_out.setdefault(what, place)
+
+    def warn(self):
+        """Warn once of all that was left out, if something was."""
+        if self._left_out:
+            what = ', '.join(f'{what} ({place})' for what, place in self._left_out.items())
+            msg = f'{self.path.name}: left out, as not supported: {what}.'
+            warnings.warn(_clipped(msg), PvibrWarning, stacklevel=3)
+
+    def view(self, index, place) -> memoryview:
+        """Return the bytes of a buffer view."""
+        view = follow(self.document.buffer_views, index, place, 'bufferViews')
+        data = self._buffer(view.buffer, f'bufferViews[{index}].buffer')
+        end = view.byte_offset + view.byte_length
+        if end > len(data):
+            msg = f'bufferViews[{index}] ends at byte {end} of a buffer of {len(data)}.'
+            raise GltfError(msg)
+        return data[view.byte_offset : end]
+
+    def resource(self, uri, place, limit=None) -> bytes:
+        """Return the bytes that a URI names."""
+        if uri[:5].lower() == 'data:':
+            return _decoded(uri, place)
+        data = self._read(self._located(uri, place), place, limit)
+        self._room += _GROWTH * len(data)
+        return data
+
+    def check_places(self):
+        """Check that what the file names lies in its folder, for readers that do not look."""
+        for kind in ('buffers', 'images'):
+            for i, thing in enumerate(getattr(self.document, kind)):
+                if thing.uri is not None and thing.uri[:5].lower() != 'data:':
+                    self._located(thing.uri, f'{kind}[{i}].uri')
+
+    def _buffer(self, index, place):
+        if index not in self._buffers:
+            buffer = follow(self.document.buffers, index, place, 'buffers')
+            data = self._bytes_of(buffer, f'buffers[{index}]', index)
+            if len(data) < buffer.byte_length:
+                msg = (
+                    f'buffers[{index}].byteLength is {buffer.byte_length}, but there are '
+                    f'{len(data)} bytes.'
+                )
+                raise GltfError(msg)
+            self._buffers[index] = memoryview(data)[: buffer.byte_length]
+        return self._buffers[index]
+
+    def _bytes_of(self, buffer, place, index):
+        if buffer.uri is not None:
+            return self.resource(buffer.uri, f'{place}.uri', buffer.byte_length)
+        if index or self._blob is None:
+            msg = f'{place} has no uri, and no bytes come with the file.'
+            raise GltfError(msg)
+        return self._blob
+
+    def _located(self, uri, place) -> Path:
+        """Return the file that a relative URI names, once it is sure to be in the folder."""
+        name = urllib.parse.unquote(uri)
+        # Before anything asks the file system. A scheme has a colon, a drive of Windows too.
+        if not name or any(sign in name for sign in ':\\\0') or name.startswith('/'):
+            msg = f'{place} is {_short(uri)}; it must be a data URI or a relative path.'
+            raise GltfError(msg)
+        folder = self.path.parent.resolve()
+        try:
+            path = (folder / name).resolve()
+            inside = path.is_relative_to(folder)
+            if inside and path.is_file():
+                return path
+        except (OSError, RuntimeError, ValueError):  # too long a name; links in a circle
+            inside = True
+        if inside:
+            msg = f'{place} is {_short(uri)}: no such file.'
+            raise MissingFileError(msg)
+        msg = f'{place} is {_short(uri)}: outside of the folder of the glTF file.'
+        raise GltfError(msg)
+
+    def _read(self, path, place, limit):
+        try:
+            with path.open('rb') as file:
+                # Never more than there is: a limit alone would be allocated on the file's word.
+                size = path.stat().st_size
+                return file.read(size if limit is None else min(limit, size))
+        except OSError as error:
+            msg = f'{place} cannot be read: {error.strerror}.'
+            raise GltfError(msg) from error
+
+
+def _chunks(data) -> tuple[bytes, bytes | None]:
+    """Return the JSON and the binary part of a GLB."""
+    if len(data) < 20:
+        msg = f'the GLB is cut off: it has {len(data)} bytes.'
+        raise GltfError(msg)
+    version, length = struct.unpack_from('<II', data, 4)
+    if version != 2:
+        msg = f'the GLB is of version {version}; only 2 is supported.'
+        raise GltfError(msg)
+    if not 20 <= length <= len(data):
+        msg = f'the GLB is cut off: it says {length} bytes and has {len(data)}.'
+        raise GltfError(msg)
+    chunks = list(_split(data[:length]))
+    if chunks[0][0] != _JSON:
+        msg = f'chunk 0 of the GLB is {chunks[0][0]!r}; it must be {_JSON!r}.'
+        raise GltfError(msg)
+    blob = chunks[1][1] if len(chunks) > 1 and chunks[1][0] == _BIN else None
+    return chunks[0][1], blob
+
+
+def _split(data):
+    """Yield kind and content of the first two chunks; what follows is for extensions."""
+    at = 12
+    for number in range(2):
+        if at + 8 > len(data):
+            return
+        size, kind = struct.unpack_from('<I4s', data, at)
+        at += 8 + size
+        if at > len(data):
+            msg = f'chunk {number} of the GLB ends at byte {at} of {len(data)}.'
+            raise GltfError(msg)
+        yield kind, data[at - size : at]
+
+
+def _parsed(json) -> Gltf:
+    try:
+        document: Any = msgspec.json.decode(json.removeprefix(b'\xef\xbb\xbf'), type=Gltf)
+    except msgspec.ValidationError as error:
+        fault, _, place = str(error).partition(' - at ')
+        msg = f'{place.strip("`").removeprefix("$.") or "the file"}: {fault}.'
+        raise GltfError(msg) from None
+    except RecursionError:
+        msg = 'the JSON is nested too deeply.'
+        raise GltfError(msg) from None
+    except ValueError as error:  # msgspec's own, and that of wrong UTF-8
+        msg = f'the file is neither GLB nor JSON: {error}'
+        raise GltfError(msg) from None
+    if not document.asset.version.startswith('2.'):
+        msg = f'asset.version is {document.asset.version[:20]!r}; only 2.x is supported.'
+        raise GltfError(msg)
+    if document.asset.min_version not in (None, '2.0'):
+        msg = f'asset.minVersion is {document.asset.min_version[:20]!r}; only 2.0 is supported.'
+        raise GltfError(msg)
+    return document
+
+
+def _decoded(uri, place) -> bytes:
+    head, comma, content = uri.partition(',')
+    if not comma or not head.lower().endswith(';base64'):
+        msg = f'{place} is {_short(uri)}; a data URI must be in base64.'
+        raise GltfError(msg)
+    try:
+        return base64.b64decode(urllib.parse.unquote(content), validate=True)
+    except (binascii.Error, ValueError) as error:
+        msg = f'{place} is no base64: {error}.'
+        raise GltfError(msg) from None
+
+
+def _short(text):
+    return repr(_clipped(text, 80))
+
+
+def _clipped(text, length=1000):
+    """Return a text that is not longer than can be read: a file may say anything."""
+    return text if len(text) <= length else text[: length - 3] + '...'

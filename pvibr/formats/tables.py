@@ -1,0 +1,272 @@
+"""Files of columns: delimited text, Parquet, and clouds of points."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pvibr.core.errors import require
+
+MISSING = frozenset({'', 'na', 'n/a', 'null', 'none'})
+
+
+def table_of(path):
+    """Return what reads a file, by its ending."""
+    reader: Any = _READERS.get(path.suffix.lower(), _TextTable)
+    return reader(path)
+
+
+class Table:
+    """A file with named columns, which are read when they are asked for."""
+
+    path: Path
+    names: list[str]
+
+    def find(self, name):
+        """Return the index of a column."""
+        lower = [known.lower() for known in self.names]
+        return lower.index(name.lower()) if name.lower() in lower else None
+
+    def kind(self, index):
+        """Return what a column holds."""
+        raise NotImplementedError
+
+    def numbers(self, indices, needed):
+        """Return columns of numbers."""
+        raise NotImplementedError
+
+    def texts(self, indices):
+        """Return columns of text."""
+        raise NotImplementedError
+
+    def extras(self) -> dict:
+        """Return arrays that are made of several columns."""
+        return {}
+
+    def _check_finite(self, values, indices, needed):
+        for position, index in enumerate(indices):
+            bad = np.flatnonzero(~np.isfinite(values[:, position]))
+            if index in needed and len(bad):
+                msg = (
+                    f'{self.path}, row {bad[0]}, column {self.names[index]!r}: '
+                    f'{values[bad[0], position]} is not a finite number.'
+                )
+                raise ValueError(msg)
+
+
+class _TextTable(Table):
+    """A delimited text file: its header at once, its columns on demand."""
+
+    def __init__(self, path):
+        self.path = path
+        try:
+            with _open(path) as file:
+                header = next((line for line in file if line.strip()), '')
+                first = next((line for line in file if line.strip()), '')
+        except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+            msg = f'{path}: not a readable gzip file ({error}).'
+            raise ValueError(msg) from error
+        if not header:
+            msg = f'{path}: the file is empty; its first line must name the columns x, y, z.'
+            raise ValueError(msg)
+        self.delimiter = max(',;\t', key=header.count)
+        self.names = [name.strip() for name in self._split(header)]
+        self._first = self._split(first) if first else [''] * len(self.names)
+        self.empty = not first
+
+    def _split(self, line):
+        return next(csv.reader([line.rstrip('\r\n')], delimiter=self.delimiter))
+
+    def kind(self, index):
+        """Return 'text' where the first value is neither a number nor missing, else 'number'."""
+        value = self._first[index] if index < len(self._first) else ''
+        return 'number' if value.strip().lower() in MISSING or _is_number(value) else 'text'
+
+    def numbers(self, indices, needed):
+        """Return columns as (n, len(indices)) float64; those in `needed` must be finite."""
+        if self.empty:
+            return np.empty((0, len(indices)))
+        try:
+            values = self._load_fast(indices)
+        except ValueError:
+            # Something that the fast reader does not like: a broken line, or only an empty
+            # scalar. The slow reader knows the difference and the place.
+            return self._load_slow(indices, needed)
+        must = [position for position, index in enumerate(indices) if index in needed]
+        if not np.isfinite(values[:, must]).all():
+            return self._load_slow(indices, needed)
+        return values
+
+    def _load_fast(self, indices):
+        every = len(indices) == len(self.names)
+        values = np.loadtxt(
+            str(self.path),
+            delimiter=self.delimiter,
+            comments=None,
+            quotechar='"',
+            encoding='utf-8-sig',
+            usecols=None if every else indices,
+            skiprows=self._lines_before_data(),
+            ndmin=2,
+        )
+        return values[:, indices] if every else values
+
+    def _lines_before_data(self):
+        with _open(self.path) as file:
+            return next(number for number, line in enumerate(file, 1) if line.strip())
+
+    def _load_slow(self, indices, needed):
+        return np.array(
+            [
+                [self._number(line, index, row[index], index in needed) for index in indices]
+                for line, row in self._rows()
+            ]
+        )
+
+    def _number(self, line, index, text, is_needed):
+        if text.strip().lower() in MISSING and not is_needed:
+            return np.nan
+        if not _is_number(text) or (is_needed and not np.isfinite(float(text))):
+            what = 'a finite number' if is_needed else 'a number'
+            msg = f'{self._place(line, index)}: {text!r} is not {what}.'
+            raise ValueError(msg)
+        return float(text)
+
+    def _place(self, line, index):
+        return f'{self.path}, line {line}, column {index + 1} ({self.names[index]!r})'
+
+    def _rows(self):
+        """Yield (line number, fields) of the data, each with as many fields as the header."""
+        with _open(self.path) as file:
+            reader = csv.reader(file, delimiter=self.delimiter)
+            rows = ((reader.line_num, row) for row in reader if any(map(str.strip, row)))
+            next(rows)
+            for line, row in rows:
+                if len(row) != len(self.names):
+                    msg = (
+                        f'{self.path}, line {line}, column {min(len(row), len(self.names)) + 1}: '
+                        f'{len(row)} values, but the header names {len(self.names)} columns: '
+                        f'{self.delimiter.join(row)!r}.'
+                    )
+                    raise ValueError(msg)
+                yield line, row
+
+    def texts(self, indices):
+        """Return the named columns as arrays of str."""
+        rows = [] if self.empty else [row for _, row in self._rows()]
+        return [np.array([row[index].strip() for row in rows], dtype=str) for index in indices]
+
+
+def _open(path):
+    opener = gzip.open if path.suffix.lower() == '.gz' else open
+    return opener(path, 'rt', encoding='utf-8-sig', errors='replace', newline='')
+
+
+def _is_number(text):
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+class _ParquetTable(Table):
+    """A Parquet file, by pyarrow."""
+
+    def __init__(self, path):
+        self._parquet = require('pyarrow.parquet', 'parquet', 'Parquet files')
+        self.path = path
+        self._schema = self._read(self._parquet.read_schema)
+        self.names = list(self._schema.names)
+
+    def _read(self, read, **options):
+        try:
+            return read(str(self.path), **options)
+        except (ValueError, OSError) as error:  # pyarrow's own errors are both
+            msg = f'{self.path}: not a readable Parquet file ({error}).'
+            raise ValueError(msg) from error
+
+    def kind(self, index):
+        """Return 'number', 'text', or 'other' for lists, times, bytes and the like."""
+        types = require('pyarrow', 'parquet', 'Parquet files').types
+        kind = self._schema.types[index]
+        if types.is_dictionary(kind):
+            kind = kind.value_type
+        if types.is_string(kind) or types.is_large_string(kind):
+            return 'text'
+        numeric = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal)
+        return 'number' if any(is_it(kind) for is_it in numeric) else 'other'
+
+    def _columns(self, indices):
+        # One by one: a name may be there twice, and a column may be wanted twice.
+        names = [self.names[index] for index in indices]
+        return self._read(self._parquet.read_table, columns=list(dict.fromkeys(names))), names
+
+    def numbers(self, indices, needed):
+        """Return columns as (n, len(indices)) float64; those in `needed` must be finite."""
+        wrong = [self.names[i] for i in indices if self.kind(i) != 'number']
+        if wrong:
+            msg = f'{self.path}: column {wrong[0]!r} does not hold numbers.'
+            raise ValueError(msg)
+        table, names = self._columns(indices)
+        columns = [table.column(name).cast('float64').to_numpy() for name in names]
+        values = np.stack(columns, axis=1)
+        self._check_finite(values, indices, needed)
+        return values
+
+    def texts(self, indices):
+        """Return columns as a list of arrays of str; what is missing is empty."""
+        table, names = self._columns(indices)
+        return [
+            np.array([text or '' for text in table.column(name).to_pylist()], dtype=str)
+            for name in names
+        ]
+
+
+class _PointCloud(Table):
+    """A LAS or LAZ file, by laspy; its colours are also together, as ``rgb``."""
+
+    def __init__(self, path):
+        laspy = require('laspy', 'las', 'LAS and LAZ files')
+        self.path = path
+        # Whatever a reader of somebody else's format throws only means that it cannot.
+        try:
+            self._points = laspy.read(path)
+        except Exception as error:
+            msg = f'{path}: not a readable LAS or LAZ file ({error}).'
+            raise ValueError(msg) from error
+        given = self._points.point_format.dimension_names
+        self.names = ['x', 'y', 'z', *(name for name in given if name not in 'XYZ')]
+
+    def kind(self, index):
+        """Return 'number', or 'other' for dimensions of several values."""
+        return 'number' if np.ndim(self._points[self.names[index]]) == 1 else 'other'
+
+    def numbers(self, indices, needed):
+        """Return columns as (n, len(indices)) float64; those in `needed` must be finite."""
+        columns = [np.asarray(self._points[self.names[i]], np.float64) for i in indices]
+        values = np.stack(columns, axis=1)
+        self._check_finite(values, indices, needed)
+        return values
+
+    def extras(self):
+        """Return the colours, (n, 3) uint8, where there are some."""
+        if self.find('red') is None:
+            return {}
+        colors = np.stack([self._points[name] for name in ('red', 'green', 'blue')], axis=1)
+        # Colours of LAS are 16-bit; many files hold bytes all the same.
+        deep = colors.size and colors.max() > 255
+        return {'rgb': (colors >> 8 if deep else colors).astype(np.uint8)}
+
+
+_READERS: dict[str, type[Table]] = {
+    '.parquet': _ParquetTable,
+    '.pq': _ParquetTable,
+    '.las': _PointCloud,
+    '.laz': _PointCloud,
+}

@@ -1,0 +1,1 @@
+"""Parts of a scene drawn as images that are reused from frame to frame."""

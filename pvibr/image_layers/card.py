@@ -1,0 +1,80 @@
+"""The quad that shows a layer's picture in the scene, warped, with the depth of what it shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pvibr.gl import shader_source, uniform_matrix
+from pvibr.gl.feature import Feature, sections
+from pvibr.instances.cards import card_mesh
+from pvibr.scene.shader_actor import OneDraw
+
+
+def layer_feature(*, blends) -> Feature:
+    """Return the shader text of a layer by VTK's tags."""
+    part = sections(shader_source(__file__, 'image_layers'))
+    least = '1.0 / 255.0' if blends else '0.5'
+    defines = f'#define BLENDS {int(blends)}\n#define LEAST {least}\n'
+    return Feature(
+        f'layer_{int(blends)}',
+        {
+            'VTK::PositionVC::Dec': part['vertex.declare'],
+            'VTK::PositionVC::Impl': part['vertex.position'],
+        },
+        {
+            'VTK::PositionVC::Dec': defines + part['fragment.declare'],
+            'VTK::PositionVC::Impl': part['fragment.sample'],
+            'VTK::Normal::Impl': part['fragment.normal'],
+            'VTK::Depth::Impl': part['fragment.depth'] + '//VTK::Depth::Impl\n',
+            'VTK::Light::Impl': '//VTK::Light::Impl\n' + part['fragment.light'],
+        },
+    )
+
+
+class LayerCard(OneDraw):
+    """One quad, for one picture at a time."""
+
+    def __init__(self):
+        super().__init__()
+        self.actor.prop.lighting = False
+        self._bounds: Any = None
+
+    def show(self, frame, picture, warp, turn, bounds):
+        """Draw a picture in a frame."""
+        self._dress(layer_feature(blends=picture.blends))
+        bounds = tuple(map(float, bounds))
+        if bounds != self._bounds:
+            self._bounds = bounds
+            self.mapper.SetInputData(card_mesh(1, 4, bounds))
+        self._textures = {'ibr_picture': picture.color, 'ibr_deep': picture.depth}
+        self._uniforms = _uniforms(frame, picture, warp, turn)
+        self.actor.VisibilityOn()
+
+
+def _uniforms(frame, picture, warp, turn) -> dict:
+    left, bottom, right, top = picture.rect
+    pixel_from_uv = np.array([[right - left, 0, left], [0, top - bottom, bottom], [0, 0, 1.0]])
+    to_clip = np.array([[2 / frame.size[0], 0, -1], [0, 2 / frame.size[1], -1], [0, 0, 1.0]])
+    # The same factor everywhere is none: large ones would cost digits.
+    shown = to_clip @ warp @ pixel_from_uv
+    ndc_from_uv = np.array([[2.0, 0, 0, -1], [0, 2, 0, -1], [0, 0, 2, -1], [0, 0, 0, 1]])
+    clip = frame.clip_from_view
+    deep = clip @ turn @ np.linalg.inv(picture.clip_from_view) @ ndc_from_uv
+    depths = np.zeros((4, 4))
+    depths[:2] = deep[2:] / np.abs(deep[3]).max()
+    x, y = clip[0, 0], clip[1, 1]
+    if frame.parallel:
+        scale = 1 / x, 1 / y, 1 / clip[2, 2], 0.0
+        shift = -clip[0, 3], -clip[1, 3], -clip[2, 3] / clip[2, 2], 0.0
+    else:
+        scale, shift = (1 / x, 1 / y, 0.0, -clip[2, 3]), (clip[0, 2], clip[1, 2], 0.0, clip[2, 2])
+    return {
+        'ibr_clip_from_uv': uniform_matrix(shown / np.abs(shown[2]).max()),
+        'ibr_depth_from_uv': uniform_matrix(depths),
+        'ibr_crop': tuple(map(float, picture.crop)),
+        'ibr_eye_from_clip': tuple(map(float, scale)),
+        'ibr_eye_shift': tuple(map(float, shift)),
+        'ibr_is_parallel': int(frame.parallel),
+    }

@@ -1,0 +1,1 @@
+"""Actors drawn as images of themselves."""

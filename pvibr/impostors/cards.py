@@ -1,0 +1,104 @@
+"""Impostors on the GPU: one draw of many cards that share a pool of tiles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pvibr.gl import Texture, shader_source, uniform_matrix
+from pvibr.gl.feature import Feature, sections
+from pvibr.instances.cards import DULL, card_mesh
+from pvibr.scene.shader_actor import OneDraw
+
+_ROW, _TEXELS = 128, 5  # cards of a row of the table, texels of a card
+
+
+def card_feature(*, depth, shiny, several) -> Feature:
+    """Return the shader text of cards by VTK's tags."""
+    part = sections(shader_source(__file__, 'impostor'))
+    light = '//VTK::Light::Impl\n'
+    return Feature(
+        f'impostor_{int(depth)}{int(shiny)}{int(several)}',
+        {
+            'VTK::PositionVC::Dec': part['vertex.declare'],
+            'VTK::PositionVC::Impl': part['vertex.position'],
+        },
+        {
+            'VTK::PositionVC::Dec': f'#define MATERIALS {int(several)}\n'
+            + part['fragment.declare'],
+            'VTK::PositionVC::Impl': part['fragment.sample'],
+            'VTK::Depth::Impl': (part['fragment.depth'] if depth else '') + '//VTK::Depth::Impl\n',
+            'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
+            'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
+            'VTK::Light::Impl': light if shiny else DULL[0] + light + DULL[1],
+        },
+    )
+
+
+class ImpostorCards(OneDraw):
+    """The actor that draws all cards."""
+
+    def __init__(self):
+        super().__init__()
+        self._room, self._bounds = 0, np.array([1.0, -1.0] * 3)
+        self._table: Any = None
+        self._matter: Any = None
+        self._known = 0
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU, without the pool."""
+        return sum(t.nbytes for t in (self._table, self._matter) if t is not None)
+
+    def fit(self, count, bounds):
+        """Have room for cards within bounds."""
+        low, high = (
+            np.minimum(bounds[::2], self._bounds[::2]),
+            np.maximum(bounds[1::2], self._bounds[1::2]),
+        )
+        kept = self._bounds
+        if self._room:
+            inside = (bounds[::2] >= kept[::2]).all() and (bounds[1::2] <= kept[1::2]).all()
+            if count <= self._room and inside:
+                return
+        else:
+            low, high = bounds[::2], bounds[1::2]
+        self._room = max(self._room, count)
+        self._bounds = np.stack([low, high], 1).ravel()
+        self.mapper.SetInputData(card_mesh(self._room, 4, self._bounds))
+
+    def wear(self, *, depth, materials):
+        """Have the shader that is asked for, and its materials."""
+        self._dress(card_feature(depth=depth, shiny=materials.shiny, several=len(materials) > 1))
+        if self._matter is not None and len(materials) != self._known:
+            self._matter.upload(materials.table())
+        self._known = len(materials)
+        self._materials = materials
+
+    def show(self, frame, rows, pool):
+        """Draw cards in a frame."""
+        if self._table is None:
+            self._table = Texture(frame.window)
+            self._matter = Texture(frame.window).upload(self._materials.table())
+        height = max(1, -(-len(rows) // _ROW))
+        table = np.zeros((height * _ROW, _TEXELS, 4), np.float32)
+        table[: len(rows)] = rows
+        self._table.upload(table.reshape(height, _ROW * _TEXELS, 4))
+        clip, view = frame.clip_from_view, frame.view_from_world
+        self._textures = {**pool.textures, 'ibr_cards': self._table, 'ibr_materials': self._matter}
+        self._uniforms = {
+            'ibr_count': len(rows),
+            'ibr_clip_from_eye': uniform_matrix(clip),
+            'ibr_eye_from_world': uniform_matrix(view[:3, :3]),
+            'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
+        }
+        self.actor.SetVisibility(bool(len(rows)))
+
+    def release(self, window):
+        """Free the GPU's memory; the context must be alive."""
+        super().release(window)
+        for texture in (self._table, self._matter):
+            if texture is not None:
+                texture.release()
+        self._table = self._matter = None

@@ -1,0 +1,246 @@
+"""The actors that impostors stand for: when they changed, and doubles that draw their surface."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from pvibr.core import _vtk
+from pvibr.gl.feature import replacements
+from pvibr.maths.impostors import dop_corners
+from pvibr.meshes.parts import copy_property
+
+#: Why an actor is no image whose points or matrix are broken.
+NOT_FINITE = 'bounds that are not finite'
+_SURFACE, _PBR = 2, 3  # VTK_SURFACE, VTK_PBR
+_MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper', 'vtkPolyDataMapper')
+# What is kept is the colour before light, which VTK then multiplies by the texture, and the normal
+# after VTK's own flips for surfaces with two sides; without light, the colour as it is.
+_UNLIT = """//VTK::Light::Impl
+  fragOutput0 = vec4(diffuseColor, 1.0);
+  vec3 ibr_normal = ibr_world_from_view * normalVCVSOutput;
+"""
+_PLAIN = """//VTK::Light::Impl
+  vec3 ibr_normal = vec3(0.0);
+"""
+_OUTPUT = """  if (gl_FragData[0].a < 0.5) discard;
+  gl_FragData[0].a = 1.0;
+  gl_FragData[1] = vec4(ibr_normal * 0.5 + 0.5, ibr_material / 255.0);
+//VTK::DepthPeeling::Impl
+"""
+
+
+class Materials:
+    """What light makes of surfaces, numbered: ambient, diffuse, specular, power and its colour."""
+
+    most = 256
+
+    def __init__(self):
+        self._numbers: dict[tuple, int] = {}
+
+    def number(self, prop) -> int:
+        """Return the number of a property's material."""
+        shine = prop.GetSpecular()
+        # What does not show makes no difference.
+        how = (
+            (prop.GetSpecularPower(), *prop.GetSpecularColor()) if shine else (1.0, 0.0, 0.0, 0.0)
+        )
+        key = prop.GetAmbient(), prop.GetDiffuse(), shine, *how, 0.0
+        if key not in self._numbers and len(self._numbers) == self.most:
+            scale = np.array([1, 1, 1, 0.01, 1, 1, 1, 0])
+            away = [np.abs(scale * np.subtract(k, key)).sum() for k in self._numbers]
+            return int(np.argmin(away))
+        return self._numbers.setdefault(key, len(self._numbers))
+
+    def __len__(self):
+        return len(self._numbers)
+
+    @property
+    def shiny(self) -> bool:
+        """Whether any has highlights."""
+        return any(key[2] > 0 for key in self._numbers)
+
+    def table(self) -> np.ndarray:
+        """Return them as a picture, shape (2, 256, 4), float32."""
+        table = np.zeros((2, self.most, 4), np.float32)
+        for key, number in self._numbers.items():
+            table[:, number] = np.reshape(key, (2, 4))
+        return table
+
+
+class Source:
+    """One actor, and its double."""
+
+    def __init__(self, actor, materials):
+        self.actor, self.materials = actor, materials
+        self.why, self.seconds = 'not drawn yet', np.inf
+        self.center, self.half, self.radius = np.zeros(3), np.zeros((3, 3)), 0.0
+        self.corners = np.zeros((80, 3))
+        self.cells = self.tries = 0
+        self.clocks: list = []
+        self.pipeline: Any = None
+        self._double: Any = None
+        self._times: tuple = ()
+        self._watched: tuple = ()
+        self._shape: tuple = ()
+        self._length = 0.0
+        self._own = np.zeros((80, 3))
+
+    @property
+    def shown(self) -> bool:
+        """Whether the user has it visible."""
+        return bool(self.actor.GetVisibility())
+
+    def update(self, dops):
+        """Take over what the actor is now: whether it serves, and its box."""
+        self.why = unfit(self.actor)
+        self._watch()
+        if self.why:
+            return
+        data = self.actor.GetMapper().GetInput()
+        self._measure(data, dops)
+        matrix = self.actor.GetMatrix()
+        rows = [[matrix.GetElement(i, j) for j in range(4)] for i in range(3)]
+        world = np.array(rows)
+        if not np.isfinite(world).all():
+            self.why = NOT_FINITE
+            return
+        bounds = np.reshape(self.actor.GetMapper().GetBounds(), (3, 2))
+        # From the middle: what is far from the origin keeps its digits.
+        self.center = world[:, :3] @ bounds.mean(1) + world[:, 3]
+        self.half = np.diag(np.diff(bounds, axis=1)[:, 0] / 2) @ world[:, :3].T
+        self.radius = float(self._length * np.linalg.norm(world[:, :3], 2))
+        self.corners = self._own @ world[:, :3].T
+        if self.radius == 0.0:
+            self.why = 'a point'
+        self._dress(data)
+
+    def _watch(self):
+        mapper, data, producer = self.actor.GetMapper(), None, None
+        ports = 0 if mapper is None else mapper.GetNumberOfInputPorts()
+        if ports and mapper.GetNumberOfInputConnections(0):
+            data, producer = mapper.GetInputDataObject(0, 0), mapper.GetInputAlgorithm()
+        if (mapper, data, producer) == self._watched:
+            return
+        self._watched = mapper, data, producer
+        self.clocks = [thing.GetMTime for thing in (mapper, data) if thing is not None]
+        simple = producer is None or producer.IsA('vtkTrivialProducer')
+        self.pipeline = None if simple else producer
+
+    def _measure(self, data, dops):
+        shape = data, data.GetMTime()
+        if shape == self._shape:
+            return
+        self._shape, self.cells, self.seconds = shape, data.GetNumberOfCells(), np.inf
+        self.tries = 0
+        bounds = np.reshape(self.actor.GetMapper().GetBounds(), (3, 2))
+        points = data.GetPoints() if data.IsA('vtkPointSet') else None
+        if points is None:
+            self._own, self._length = _held(np.array(list(product(*bounds))), bounds.mean(1))
+            return
+        array = points.GetData()
+        key, time = (array.GetAddressAsString(''), *bounds.ravel()), array.GetMTime()
+        if dops.get(key, (-1,))[0] != time:
+            found = _vtk.vtk_to_numpy(array)
+            # Points of no cell may be anything.
+            dops[key] = time, _held(found[np.isfinite(found).all(1)], bounds.mean(1))
+        self._own, self._length = dops[key][1]
+
+    def _dress(self, data):
+        """Give the double the actor's looks."""
+        actor = self.actor
+        mapper, prop = actor.GetMapper(), actor.GetProperty()
+        times = mapper, mapper.GetMTime(), prop, prop.GetMTime()
+        number = self.materials.number(actor.GetProperty())
+        if self._double is None:
+            self._double = _vtk.vtkActor()
+        double = self._double
+        double.SetUserMatrix(actor.GetMatrix())
+        double.SetTexture(actor.GetTexture())
+        if times == self._times and double.GetMapper().GetInput() is data:
+            return
+        self._times = times
+        double.SetMapper(copied(actor.GetMapper(), data))
+        copy_property(double.GetProperty(), actor.GetProperty())
+        unlit(double, number)
+
+    def draw(self, renderer, world_from_view, texel):
+        """Draw its surface: colour and coverage, normal and material."""
+        uniforms = self._double.GetShaderProperty().GetFragmentCustomUniforms()
+        uniforms.SetUniformMatrix3x3('ibr_world_from_view', world_from_view)
+        self._double.RenderOpaqueGeometry(renderer)
+
+    def release(self, window):
+        """Free the GPU's memory; the context must be alive."""
+        if self._double is not None and window is not None:
+            self._double.SetTexture(None)  # the actor's own
+            self._double.ReleaseGraphicsResources(window)
+        self._double, self._times = None, ()
+
+
+def _held(points, middle):
+    """Return the corners of a polytope that holds points, from a middle, and their radius."""
+    away = points - middle
+    return dop_corners(away), float(np.sqrt(np.einsum('ni,ni->n', away, away).max()))
+
+
+def unlit(actor, number):
+    """Have an actor draw colour and coverage, normal and the number of its material."""
+    prop, shader = actor.GetProperty(), actor.GetShaderProperty()
+    lit = bool(prop.GetLighting())
+    prop.SetInterpolation(min(prop.GetInterpolation(), 2))
+    prop.SetAmbient(0.0)
+    prop.SetDiffuse(1.0)
+    prop.SetSpecular(0.0)
+    for tag, text in (('Light', _UNLIT if lit else _PLAIN), ('DepthPeeling', _OUTPUT)):
+        name = f'//VTK::{tag}::Impl'
+        shader.ClearFragmentShaderReplacement(name, True)
+        shader.AddFragmentShaderReplacement(name, True, text, False)
+    shader.GetFragmentCustomUniforms().SetUniformf('ibr_material', float(number))
+
+
+def copied(mapper, data):
+    """Return a mapper of the same looks."""
+    copy = _vtk.vtkPolyDataMapper() if data.IsA('vtkPolyData') else _vtk.vtkDataSetMapper()
+    copy.ShallowCopy(mapper)
+    copy.SetInputDataObject(data)
+    return copy
+
+
+def _data(mapper):
+    """Return what a mapper draws, up to date."""
+    if mapper.GetNumberOfInputConnections(0):
+        mapper.GetInputAlgorithm().Update()
+    return mapper.GetInput()
+
+
+def unfit(actor) -> str:
+    """Return why an image cannot stand for an actor, or nothing."""
+    mapper, prop = actor.GetMapper(), actor.GetProperty()
+    if mapper is None or mapper.GetClassName() not in _MAPPERS:
+        return 'a mapper of another kind'
+    data = _data(mapper) if mapper.GetNumberOfInputConnections(0) else None
+    if data is None or not data.IsA('vtkDataSet') or not data.GetNumberOfCells():
+        return 'empty'
+    if prop.GetRepresentation() != _SURFACE or prop.GetEdgeVisibility():
+        return 'points or lines'
+    if data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines():
+        return 'points or lines'
+    if actor.HasTranslucentPolygonalGeometry():
+        return 'translucent'
+    if prop.GetInterpolation() == _PBR or actor.GetBackfaceProperty() is not None:
+        return 'a material of another kind'
+    if _has_shaders(actor.GetShaderProperty()):
+        return 'shaders of its own'
+    if not np.isfinite(mapper.GetBounds()).all():
+        return NOT_FINITE
+    return ''
+
+
+def _has_shaders(shader) -> bool:
+    if shader.HasVertexShaderCode() or shader.HasFragmentShaderCode():
+        return True
+    texts = replacements(shader).items()
+    return any(stage != 'Fragment' or '// pvibr:' not in text for (stage, _), text in texts)

@@ -1,0 +1,299 @@
+"""A look at how a frame is drawn: which level draws what, from which images, how long it takes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from pvibr.core.effect import Effect
+from pvibr.core.params import Param
+from pvibr.impostors.impostor import Impostor
+from pvibr.inspection.marks import Marks, edges, outlines, projected
+from pvibr.inspection.tiles import FLASH, Sheet, as_bytes, has_images
+from pvibr.instances.cards import BLOCK
+from pvibr.instances.instances import Instances
+
+#: What draws, from hot to cold. Okabe and Ito, "Color Universal Design", 2008: told apart also by
+#: those who do not see some colours.
+LEVELS = {
+    'mesh': (0.835, 0.369, 0.0),
+    'lighter mesh': (0.902, 0.624, 0.0),
+    'near': (0.941, 0.894, 0.259),
+    'middle': (0.0, 0.62, 0.451),
+    'flat': (0.337, 0.706, 0.914),
+    'turntable': (0.8, 0.475, 0.655),
+    'billboard': (0.75, 0.75, 0.75),
+    'dot': (0.0, 0.447, 0.698),
+}
+IMAGE = (0.5, 0.5, 0.5)
+_SMALLEST = 40.0  # boxes that are smaller on the screen, in pixels, say nothing
+_TAKEN = ('rendered', 'taken')  # what reports call how many images were drawn
+_NAME, _LINE = 16, 26  # letters of a name, and of a line
+
+
+class Inspection(Effect):
+    """Shows how a subplot is drawn; :meth:`pl.ibr.inspect <IBRComponent.inspect>` makes it."""
+
+    web = 'lost', 'tells how frames are drawn here, and a browser draws its own'
+    before = 'Tap'  # all that may be looked at has chosen by then what it draws
+
+    levels = Param(True, 'Whether instances have the colour of the level that draws them.')
+    cells = Param(True, 'Whether boxes show what is drawn or left out together.')
+    atlas = Param(True, 'Whether the images of one thing are shown, those in use outlined.')
+    table = Param(True, 'Whether a table lists images taken now, and milliseconds.')
+
+    def __init__(self, thing=None, **settings):
+        super().__init__(**settings)
+        if not isinstance(thing, Instances | Impostor | None):
+            msg = f'atlas = {thing!r}: must be True, False, instances or an impostor'
+            raise TypeError(msg)
+        self.thing = thing
+        self._marks = Marks()
+        self._tinted: list = []
+        self._boxes: WeakKeyDictionary = WeakKeyDictionary()
+        self._last: list = []
+        self._rows: list = []
+        self._taken: dict[str, int] = {}
+        self._told: dict = {}
+        self._observer: int | None = None
+
+    @property
+    def props(self) -> tuple:
+        """The flat props that it has in the subplot."""
+        return tuple(self._marks.actors)
+
+    def attach(self, pipeline):
+        """Put its marks into the subplot."""
+        super().attach(pipeline)
+        for actor in self.props:
+            pipeline.renderer.AddViewProp(actor)
+        self._observer = pipeline.renderer.AddObserver('EndEvent', self._on_end, 0.0)
+
+    def detach(self):
+        """Take its marks out of the subplot."""
+        for actor in self.props:
+            self.pipeline.renderer.RemoveViewProp(actor)
+        self.pipeline.renderer.RemoveObserver(self._observer)
+        super().detach()
+
+    def remove(self):
+        """Take it out of its plotter, which then draws as before."""
+        if self.pipeline is not None:
+            self.pipeline.remove(self)
+
+    def rest(self):
+        """Draw nothing."""
+        self._untint()
+        self._marks.hide()
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        self.rest()
+        window = self.pipeline.window
+        if window is not None:
+            self._marks.release(window)
+
+    def report(self) -> dict:
+        """Return what the last frame had."""
+        return {'bytes': 0, **self._told}
+
+    def _on_end(self, renderer, _event):
+        if renderer.GetSelector() is None and self.pipeline is not None:
+            self._last = _milliseconds(self.pipeline.report())
+
+    # -- a frame -----------------------------------------------------------------------------
+
+    def prepare(self, frame):
+        """Look at what all others chose for a frame, and mark it."""
+        report = self.pipeline.report()
+        pairs = list(zip(self.pipeline.effects, report.rows, strict=True))
+        drawn = [effect for effect, row in pairs if row.state == 'ran']
+        kinds = [k for e in drawn if isinstance(e, Instances) for k in e.kinds]
+        impostors = [e for e in drawn if isinstance(e, Impostor)]
+        self._tint(kinds)
+        self._show_cells(frame, kinds, impostors)
+        if not self._rows or frame.tile == (0.0, 0.0, 1.0, 1.0):
+            # In a picture of several tiles the words are those of one frame.
+            self._told = {
+                'levels': level_counts(kinds),
+                'cells': self._cell_counts(kinds),
+                'images': sum(int(_shown(e, frame).sum()) for e in impostors),
+                'new_images': self._newly_taken(frame, pairs),
+            }
+            self._rows = self._legend() + self._table(report)
+        self._show_atlas(frame, self._chosen(drawn))
+
+    def finish(self, frame):
+        """Give everyone their own colours back."""
+        self._untint()
+
+    def _tint(self, kinds):
+        # Only while the frame is drawn: what others draw before or after it, to be kept, and
+        # what is drawn once this is gone, has never heard of it.
+        if self.levels:
+            self._tinted = kinds
+            for kind in kinds:
+                kind.tint(LEVELS)
+
+    def _untint(self):
+        while self._tinted:
+            self._tinted.pop().tint({})
+
+    # -- words -------------------------------------------------------------------------------
+
+    def _legend(self) -> list:
+        if not self.levels:
+            return []
+        rows = [(_row(n, f'{c:,}'), LEVELS[n]) for n, c in self._told['levels'].items() if c]
+        if self._told['images']:
+            rows.append((_row('image', f'{self._told["images"]:,}'), IMAGE))
+        return rows
+
+    def _table(self, report) -> list:
+        if not self.table:
+            return []
+        rows: list = []
+        shown, total = self._told['cells']
+        if self.cells and total:
+            rows.append((_row('cells', f'{shown:,} of {total:,}'), None))
+        if self._taken:
+            now, total = self._told['new_images'], sum(self._taken.values())
+            rows.append((_row('images taken', f'{now:,} of {total:,}'), FLASH if now else None))
+        rows.append((_row('effect', 'ms'), None))
+        return rows + [(text, None) for text in self._last or _milliseconds(report)]
+
+    def _cell_counts(self, kinds) -> tuple[int, int]:
+        shown = sum(len(_cells_seen(kind)) for kind in kinds)
+        return shown, sum(-(-len(kind) // BLOCK) for kind in kinds)
+
+    def _newly_taken(self, frame, pairs) -> int:
+        """Return how many images were drawn for this frame, or since the last one."""
+        before, self._taken, new = self._taken, {}, 0
+        for number, (effect, row) in enumerate(pairs):
+            total = next((int(row.details[n]) for n in _TAKEN if n in row.details), None)
+            if total is None:
+                continue
+            key = f'{number} {row.effect}'
+            self._taken[key] = total
+            if isinstance(effect, Impostor):
+                new += _count_taken(effect, frame)
+            else:
+                new += max(total - before.get(key, total), 0)
+        return new
+
+    # -- boxes -------------------------------------------------------------------------------
+
+    def _show_cells(self, frame, kinds, impostors):
+        low, high, colors = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 4))
+        if self.cells:
+            found = [self._cells(kind, _ink(frame.renderer)) for kind in kinds]
+            found += [_image_boxes(e, frame) for e in impostors]
+            if found:
+                low, high, colors = (np.concatenate(a) for a in zip(*found, strict=True))
+        large = _diameters(frame, low, high) >= _SMALLEST
+        lines = edges(low[large], high[large])
+        places, kept = projected(frame, lines.reshape(-1, 2, 3))
+        self._marks.boxes.show(places, colors[large][kept // 12])
+
+    def _cells(self, kind, ink):
+        """Return corners and colours of a kind's cells: strong where any of it is drawn."""
+        if kind not in self._boxes:
+            centers, radii = kind.centers(np.arange(len(kind))), kind.radii[:, None]
+            starts = np.arange(0, len(kind), BLOCK)
+            self._boxes[kind] = (
+                np.minimum.reduceat(centers - radii, starts),
+                np.maximum.reduceat(centers + radii, starts),
+            )
+        low, high = self._boxes[kind]
+        colors = np.tile((*ink, 50), (len(low), 1))
+        colors[_cells_seen(kind), 3] = 120
+        return low, high, colors
+
+    # -- images ------------------------------------------------------------------------------
+
+    def _chosen(self, drawn):
+        """Return whose images are shown."""
+        if not self.atlas:
+            return None
+        able = [e for e in drawn if isinstance(e, Instances | Impostor)]
+        if self.thing is not None:
+            return self.thing if self.thing in able else None
+        return next((e for e in able if has_images(e)), None)
+
+    def _show_atlas(self, frame, thing):
+        size = np.divide(frame.whole, frame.scale)
+        sheet = None if thing is None or not has_images(thing) else Sheet(thing, frame)
+        title = None if sheet is None else (thing.name, sheet.ratio)
+        box = self._marks.write(size, self._rows, title, frame.scale)
+        if sheet is None:
+            self._marks.picture.hide()
+            self._marks.tiles.show(np.zeros((0, 2, 2)), np.zeros((0, 4)))
+            return
+        self._marks.picture.show(sheet.texture, sheet.part, box)
+        lines = box[0] + outlines(sheet.low, sheet.high) * (box[1] - box[0])
+        self._marks.tiles.show(lines, sheet.colors.repeat(4, 0))
+
+
+def level_counts(kinds) -> dict[str, int]:
+    """Return how many instances each level draws in the last frame."""
+    counts: Counter = Counter()
+    for kind in kinds:
+        counts.update('lighter mesh' if level else 'mesh' for level in kind.near.values())
+        counts.update({name: kind.counts.get(name, 0) for name in kind.cards.layers})
+    return {name: counts[name] for name in LEVELS}
+
+
+def _shown(impostor, frame):
+    """Return which images of an impostor a frame shows."""
+    images = impostor.images
+    if images is None:
+        return np.zeros(0, bool)
+    return images.alive & (images.used == frame.index)
+
+
+def _cells_seen(kind):
+    """Return which cells of a kind hold anything that is drawn."""
+    return np.unique(kind.seen * kind.unit // BLOCK)
+
+
+def _count_taken(impostor, frame) -> int:
+    """Return how many images of an impostor were drawn for a frame."""
+    images = impostor.images
+    return 0 if images is None else int((images.taken[images.alive] == frame.index).sum())
+
+
+def _image_boxes(impostor, frame):
+    """Return corners and colours of what an impostor draws as images."""
+    images, shown = impostor.images, np.flatnonzero(_shown(impostor, frame))
+    if not len(shown):
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 4))
+    nodes = shown // images.views
+    colors = np.tile((*as_bytes(IMAGE), 255), (len(shown), 1))
+    colors[images.taken[shown] == frame.index, :3] = as_bytes(FLASH)
+    return impostor.nodes.low[nodes], impostor.nodes.high[nodes], colors
+
+
+def _diameters(frame, low, high):
+    """Return about how large boxes are on the screen, pixels."""
+    away = np.linalg.norm((low + high) / 2 - frame.eye, axis=1)
+    away = 1.0 if frame.parallel else np.maximum(away, frame.near)
+    return np.linalg.norm(high - low, axis=1) * frame.pixel_scale / away
+
+
+def _ink(renderer):
+    """Return a colour that is seen on a renderer's background."""
+    light = np.dot(renderer.GetBackground(), (0.3, 0.6, 0.1)) > 0.5
+    return (0, 0, 0) if light else (255, 255, 255)
+
+
+def _milliseconds(report) -> list[str]:
+    """Return a line for each effect: its time, or what became of it."""
+    told = [f'{row.ms:.1f}' if row.state == 'ran' else row.state for row in report.rows]
+    return [_row(row.effect, value) for row, value in zip(report.rows, told, strict=True)]
+
+
+def _row(name, value) -> str:
+    name = name[:_NAME]
+    return name + f' {value}'.rjust(_LINE - len(name))

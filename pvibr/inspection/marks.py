@@ -1,0 +1,239 @@
+"""Flat marks on a subplot: lines, boxes of colour, words, a picture of a texture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.core import _vtk
+
+_FONT = 14.0  # pixels at most
+_LEAST = 8.0  # and at least
+_WIDE = 0.62  # width of a letter of the fixed font over its size
+_PITCH = 1.4  # of lines of words
+_PAD = 6.0
+_PANEL = (0, 0, 0, 190)
+_PICTURE = 0.34  # side of the picture over the shorter one of the subplot
+
+
+def edges(low, high) -> np.ndarray:
+    """Return the edges of boxes."""
+    corners = np.array(list(np.ndindex(2, 2, 2)))
+    pairs = np.array([(a, b) for a in range(8) for b in range(a) if (a ^ b) in (1, 2, 4)])
+    places = np.where(corners[None] == 1, high[:, None], low[:, None])
+    return places[:, pairs]
+
+
+def projected(frame, ends):
+    """Return lines as a camera sees them, cut where they pass the eye."""
+    view = frame.view_from_world
+    # Less the eye first: places may be far from the origin.
+    eye = (ends - frame.eye) @ view[:3, :3].T
+    clip = eye @ frame.clip_from_view[:, :3].T + frame.clip_from_view[:, 3]
+    w = clip[..., 3]
+    least = 1e-3 * frame.near if not frame.parallel else 0.5
+    kept = np.flatnonzero(w.max(1) > least)
+    clip, w = clip[kept], w[kept]
+    far, near = (np.take_along_axis(clip, k[:, None, None], 1)[:, 0] for k in _order(w))
+    share = (far[:, 3] - least) / np.maximum(far[:, 3] - near[:, 3], 1e-300)
+    near = np.where((near[:, 3] < least)[:, None], far + share[:, None] * (near - far), near)
+    flat = np.stack([c[:, :2] / c[:, 3:] for c in (far, near)], 1)
+    inside = ((flat.min(1) <= 1) & (flat.max(1) >= -1)).all(1)
+    left, bottom, right, top = frame.tile
+    corner, sides = np.array([left, bottom]), np.array([right - left, top - bottom])
+    return corner + (flat[inside] + 1) / 2 * sides, kept[inside]
+
+
+def _order(w):
+    """Return which end of each line is farther, and which is nearer."""
+    farther = w.argmax(1)
+    return farther, 1 - farther
+
+
+class Shapes:
+    """Lines or quads, each of one colour."""
+
+    def __init__(self, corners, width=1.0):
+        self.corners = corners
+        self.actor = _vtk.vtkActor2D()
+        self.actor.GetProperty().SetLineWidth(width)
+        self.mapper = _mapper()
+        self.actor.SetMapper(self.mapper)
+        self.show(np.zeros((0, corners, 2)), np.zeros((0, 4)))
+
+    def show(self, places, colors):
+        """Draw these."""
+        places = np.asarray(places, float).reshape(-1, 2)
+        mesh = _mesh(places, self.corners)
+        table = np.ascontiguousarray(colors, np.uint8).reshape(-1, 4)
+        mesh.GetCellData().SetScalars(_vtk.numpy_to_vtk(table, deep=True))
+        self.mapper.SetInputData(mesh)
+        self.actor.SetVisibility(len(places) > 0)
+
+
+class Words:
+    """Lines of a fixed font, made as they are needed."""
+
+    def __init__(self, count):
+        self._scale = 1
+        self.actors = [_vtk.vtkTextActor() for _ in range(count)]
+        for actor in self.actors:
+            actor.GetPositionCoordinate().SetCoordinateSystemToNormalizedViewport()
+            how = actor.GetTextProperty()
+            how.SetFontFamilyToCourier()
+            how.SetColor(1.0, 1.0, 1.0)
+            how.SetVerticalJustificationToCentered()
+
+    def show(self, lines, font, scale=1):
+        """Draw these."""
+        again, self._scale = scale != self._scale, scale
+        for k, actor in enumerate(self.actors):
+            actor.SetVisibility(k < len(lines))
+            if k < len(lines):
+                text, x, y = lines[k]
+                actor.SetInput(text)
+                actor.GetTextProperty().SetFontSize(font)
+                actor.SetPosition(x, y)
+                if again:  # VTK keeps words that it has drawn, however large
+                    actor.GetTextProperty().Modified()
+
+
+class TexturePicture:
+    """A texture of the GPU, shown as it is."""
+
+    def __init__(self):
+        self.actor = _vtk.vtkTexturedActor2D()
+        self.mapper = _mapper()
+        self.actor.SetMapper(self.mapper)
+        self.texture = _vtk.vtkOpenGLTexture()
+        self.actor.SetTexture(self.texture)
+        self.hide()
+
+    def show(self, texture, part, box):
+        """Draw a part of a texture."""
+        mesh = _mesh(_corners(box), 4)
+        places = _corners(np.array([(0.0, 0.0), part])).astype(np.float32)
+        mesh.GetPointData().SetTCoords(_vtk.numpy_to_vtk(places, deep=True))
+        self.mapper.SetInputData(mesh)
+        self.texture.SetTextureObject(texture.object)
+        self.actor.VisibilityOn()
+
+    def hide(self):
+        """Draw nothing, and know no texture."""
+        self.texture.SetTextureObject(None)
+        self.actor.VisibilityOff()
+
+
+class Marks:
+    """All that an inspection draws, in the order in which it is drawn."""
+
+    def __init__(self):
+        self.boxes = Shapes(2)
+        self.panels = Shapes(4)
+        self.picture = TexturePicture()
+        self.tiles = Shapes(2)
+        self.words = Words(40)
+        flat = (self.boxes, self.panels, self.picture, self.tiles)
+        self.actors = [*(shape.actor for shape in flat), *self.words.actors]
+        for actor in self.actors:
+            actor.PickableOff()
+
+    def hide(self):
+        """Draw nothing."""
+        self.picture.hide()
+        for actor in self.actors:
+            actor.VisibilityOff()
+
+    def write(self, size, rows, titled, scale=1):
+        """Draw a panel of words with a patch of colour before some, and the frame of a picture."""
+        sheet = _Sheet(size)
+        sheet.write(rows)
+        box = None if titled is None else sheet.frame(*titled)
+        self.panels.show(np.array(sheet.quads).reshape(-1, 4, 2) / size, sheet.colors)
+        self.words.show(sheet.lines[: len(self.words.actors)], round(sheet.font), scale)
+        return None if box is None else box / size
+
+    def release(self, window):
+        """Free the GPU's memory; the context must be alive."""
+        self.picture.hide()
+        for actor in self.actors:
+            actor.ReleaseGraphicsResources(window)
+
+
+class _Sheet:
+    """Where panels, patches and words are in a subplot, in its pixels."""
+
+    def __init__(self, size):
+        self.size = np.asarray(size, float)
+        self.font = float(np.clip(self.size.min() / 36, _LEAST, _FONT))
+        self.quads: list[np.ndarray] = []
+        self.colors: list[tuple] = []
+        self.lines: list[tuple[str, float, float]] = []
+
+    def write(self, rows):
+        """Put rows into the upper left corner; those without room are left out."""
+        pitch, top = self.font * _PITCH, self.size[1] - _PAD
+        rows = rows[: max(int((top - 2 * _PAD) / pitch), 0)]
+        if not rows:
+            return
+        wide = max(len(text) for text, _ in rows) * self.font * _WIDE + 2.5 * self.font
+        self._quad((_PAD, top - len(rows) * pitch - _PAD), (_PAD + wide, top), _PANEL)
+        for k, (text, color) in enumerate(rows):
+            x, y = 2 * _PAD, top - (k + 0.5) * pitch - _PAD / 2
+            if color is not None:
+                half = 0.4 * self.font
+                patch = *np.rint(np.multiply(color, 255)), 255
+                self._quad((x, y - half), (x + 2 * half, y + half), patch)
+            self._line(text, x + 1.4 * self.font, y)
+
+    def frame(self, title, ratio):
+        """Put a picture's panel into the lower right corner; return its corners."""
+        side, pitch = _PICTURE * self.size.min(), self.font * _PITCH
+        sides = side * np.array([min(1.0, 1 / ratio), min(1.0, ratio)])
+        high = np.array([self.size[0] - 2 * _PAD, 2 * _PAD + sides[1]])
+        box = np.array([high - sides, high])
+        room = int(sides[0] / (self.font * _WIDE))
+        self._quad(box[0] - _PAD, box[1] + (_PAD, pitch + _PAD / 2), (0, 0, 0, 255))
+        self._line(title[:room], box[0, 0], box[1, 1] + 0.6 * pitch)
+        return box
+
+    def _quad(self, low, high, color):
+        self.quads.append(_corners(np.array([low, high])))
+        self.colors.append(color)
+
+    def _line(self, text, x, y):
+        self.lines.append((text, x / self.size[0], y / self.size[1]))
+
+
+def _corners(box):
+    """Return the four corners of a box, shape (4, 2)."""
+    (x0, y0), (x1, y1) = box
+    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+
+
+def outlines(low, high) -> np.ndarray:
+    """Return the sides of flat boxes."""
+    (x0, y0), (x1, y1) = low.T, high.T
+    corners = np.stack([np.stack(c, 1) for c in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))], 1)
+    return np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2, 2)
+
+
+def _mapper():
+    """Return a mapper of points that are shares of a subplot."""
+    mapper = _vtk.vtkPolyDataMapper2D()
+    place = _vtk.vtkCoordinate()
+    place.SetCoordinateSystemToNormalizedViewport()
+    mapper.SetTransformCoordinate(place)
+    mapper.TransformCoordinateUseDoubleOn()
+    mapper.SetScalarModeToUseCellData()
+    return mapper
+
+
+def _mesh(places, corners):
+    """Return lines or quads as polydata."""
+    mesh, points, cells = _vtk.vtkPolyData(), _vtk.vtkPoints(), _vtk.vtkCellArray()
+    points.SetData(_vtk.numpy_to_vtk(np.c_[places, np.zeros(len(places))], deep=True))
+    mesh.SetPoints(points)
+    ends = np.arange(0, len(places) + 1, corners), np.arange(len(places))
+    cells.SetData(*(_vtk.numpy_to_vtk(a.astype(np.int32), deep=True) for a in ends))
+    (mesh.SetLines if corners == 2 else mesh.SetPolys)(cells)
+    return mesh

@@ -1,0 +1,112 @@
+"""The images that a thing is drawn from, and which of them are in use."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.impostors.impostor import Impostor
+from pvibr.maths.octahedral import encode
+from pvibr.meshes.turntable import LEVEL
+
+#: Of images that were drawn for this frame.
+FLASH = (1.0, 0.0, 1.0)
+_MOST = 16_384  # instances that are asked, spread over those that are seen
+_ONE = ('dot', 'flat', 'middle')  # programs that show one view
+
+
+class Sheet:
+    """The images of a thing as they lie on the GPU, and the tiles of it that matter."""
+
+    def __init__(self, thing, frame):
+        if isinstance(thing, Impostor):
+            self._of_pool(thing.images, frame)
+        else:
+            self._of_atlas(thing.kinds[0], frame)
+
+    def _of_atlas(self, kind, frame):
+        self.texture = kind.cards.textures['ibr_albedo']
+        width, height = self.texture.size
+        # Level 0 fills the left two thirds.
+        self.part = (1.0, 1.0) if kind.atlas.phased else (2 / 3, 1.0)
+        self.ratio = height / (width * self.part[0])
+        corners = used_views(kind, frame) if not kind.atlas.phased else np.zeros((0, 2))
+        self.low, self.high = corners / kind.atlas.views, (corners + 1) / kind.atlas.views
+        self.colors = np.tile((255, 255, 255, 255), (len(corners), 1))
+
+    def _of_pool(self, images, frame):
+        self.texture, self.part, self.ratio = images.pool.textures['ibr_albedo'], (1.0, 1.0), 1.0
+        alive = np.flatnonzero(images.alive)
+        tile, side = images.tile[alive], images.pool.side
+        self.low = tile[:, :2] / side
+        self.high = (tile[:, :2] + tile[:, 2:]) / side
+        self.colors = np.tile((128, 128, 128, 255), (len(alive), 1))
+        self.colors[images.used[alive] == frame.index, :3] = 255
+        self.colors[images.taken[alive] == frame.index, :3] = as_bytes(FLASH)
+
+
+def has_images(thing) -> bool:
+    """Tell whether there are images to show."""
+    if isinstance(thing, Impostor):
+        return thing.images is not None and thing.images.pool is not None
+    return bool(thing.kinds) and 'ibr_albedo' in thing.kinds[0].cards.textures
+
+
+def as_bytes(color) -> tuple[int, ...]:
+    """Return a colour in bytes."""
+    return tuple(round(255 * c) for c in color)
+
+
+def used_views(kind, frame) -> np.ndarray:
+    """Return the views that the cards of a frame are drawn from."""
+    slots = _slots(kind)
+    if not len(slots):
+        return np.zeros((0, 2), int)
+    toward, rise, away = _toward(kind, slots, frame)
+    size = 2 * kind.radii[slots] * frame.pixel_scale / away
+    near, *others = (kind.cards.layers[name].sizes for name in ('near', *_ONE))
+    if kind.atlas.turntable is not None:
+        toward, size = toward[rise >= LEVEL], size[rise >= LEVEL]
+    grid = (encode(toward, kind.atlas.half) * 0.5 + 0.5) * (kind.atlas.views - 1)
+    three = (size >= near[0]) & (size < near[3])
+    one = np.any([(size >= low) & (size < gone) for low, *_, gone in others], 0)
+    found = np.concatenate([_blended(grid[three], kind.atlas.views), np.rint(grid[one])])
+    grid = np.zeros((kind.atlas.views, kind.atlas.views), bool)
+    grid[tuple(found.astype(int).T)] = True
+    return np.argwhere(grid)
+
+
+def _slots(kind):
+    """Return instances that are seen and not hidden, or some of them."""
+    slots = (kind.seen[:, None] * kind.unit + np.arange(kind.unit)).ravel()
+    slots = slots[slots < len(kind)]
+    slots = slots[:: max(1, len(slots) // _MOST)]
+    return slots if kind.looks is None else slots[kind.looks[slots, 3] > 0]
+
+
+def _toward(kind, slots, frame):
+    """Return directions to the eye in model space, how far it is above level, and its distance."""
+    away = np.ones(len(slots))
+    if frame.parallel:
+        eye = np.tile(frame.view_from_world[2, :3], (len(slots), 1))
+    else:
+        eye = frame.eye - kind.centers(slots)
+        away = np.maximum(np.linalg.norm(eye, axis=1), 1e-300)
+        eye = eye / away[:, None]
+    poses, turned = kind.poses[kind.ids[slots]], eye
+    turntable = kind.atlas.turntable
+    axis = np.zeros(3) if turntable is None else np.array(turntable.turns.axis)
+    upright = np.broadcast_to(axis, eye.shape)
+    if poses.ndim == 3:
+        turned = np.linalg.solve(poses[:, :3, :3], eye[..., None])[..., 0]
+        upright = poses[:, :3, :3] @ axis
+    turned = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    long = np.maximum(np.linalg.norm(upright, axis=1), 1e-300)
+    return turned, np.abs((upright * eye).sum(1)) / long, away
+
+
+def _blended(grid, views):
+    """Return the three views around each point of the grid."""
+    base = np.clip(np.floor(grid), 0, views - 2)
+    part = grid - base
+    side = np.where((part[:, 0] > part[:, 1])[:, None], (1.0, 0.0), (0.0, 1.0))
+    return np.concatenate([base, base + side, base + 1])

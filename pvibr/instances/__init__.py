@@ -1,0 +1,1 @@
+"""One mesh many times, within an error."""

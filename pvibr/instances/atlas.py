@@ -1,0 +1,246 @@
+"""The atlas: pictures of an object from all sides, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pvibr.core.files import replacing
+from pvibr.maths import octahedral
+from pvibr.meshes.turntable import Turntable
+
+MARGIN = 1.02  # half side of a tile in radii: the silhouette never touches its border
+
+
+def bounding_sphere(points):
+    """Return a sphere that holds all points: the box's centre and the farthest point from it."""
+    points = np.asarray(points, float)
+    center = (points.min(0) + points.max(0)) / 2
+    radius = float(np.sqrt(((points - center) ** 2).sum(1).max()))
+    return center, radius if radius > 0 else 1.0
+
+
+@dataclass
+class Atlas:
+    """Pictures of an object on an octahedral grid of views.
+
+    Attributes
+    ----------
+    geometry : numpy.ndarray, shape (views * tile, views * tile, 4), uint8
+        Depth (1 nearest to the eye, over the sphere's diameter), coverage, normal x and y.
+    albedo : numpy.ndarray, same shape
+        Unlit colour times coverage, normal z.
+    center : numpy.ndarray, shape (3,)
+        Centre of the bounding sphere, model coordinates.
+    radius : float
+        Its radius.
+    box : numpy.ndarray, shape (2, 3)
+        Lowest and highest coordinates of the mesh, model coordinates.
+    views, tile : int
+        Views along a side; texels along a side of a tile.
+    half : bool
+        Whether the views cover the upper half only.
+    errors : dict of str to numpy.ndarray
+        The measured error table, see :mod:`pvibr.instances.measure`; empty before it is measured.
+    seconds : float
+        What the bake took.
+    turntable : Turntable, optional
+        Pictures from around an axis, where these were asked for.
+    """
+
+    geometry: np.ndarray
+    albedo: np.ndarray
+    center: np.ndarray
+    radius: float
+    box: np.ndarray
+    views: int
+    tile: int
+    half: bool = False
+    errors: dict = field(default_factory=dict)
+    seconds: float = 0.0
+    turntable: Turntable | None = None
+    #: Whether it has pictures of several phases of a movement, see `pose_atlas`.
+    phased = False
+
+    @classmethod
+    def blank(cls, points) -> Atlas:
+        """Return an atlas without pictures, for a driver that cannot draw them.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            Those of the mesh.
+
+        Returns
+        -------
+        Atlas
+            With the right sphere and box.
+        """
+        points = np.asarray(points, float)
+        picture = np.zeros((8, 8, 4), np.uint8)
+        box = np.stack([points.min(0), points.max(0)])
+        center, radius = bounding_sphere(points)
+        return cls(picture, picture.copy(), center, radius, box, views=2, tile=4)
+
+    @property
+    def phases(self) -> int:
+        """How many poses it shows: 1, unless it is phased."""
+        return 1
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the pictures on the GPU, their smaller levels included."""
+        pictures = [self.geometry, self.albedo]
+        if self.turntable is not None:
+            pictures += [self.turntable.geometry, self.turntable.albedo]
+        return sum(p.nbytes for p in pictures) * 3 // 2
+
+    def textures(self):
+        """Return geometry and albedo with all smaller levels of detail beside them.
+
+        Returns
+        -------
+        list of numpy.ndarray, shape (side, 3 * side / 2, 4), uint8
+            Level 0 at the left, half its size and so on stacked at the right: each level's tiles
+            are averages of their own texels alone, which a driver's mip levels do not promise.
+        """
+        return [pyramid(p, self.tile) for p in (self.geometry, self.albedo)]
+
+    def to_arrays(self) -> dict:
+        """Return everything as named arrays, for a file."""
+        numbers = np.array([*self.center, self.radius, self.seconds, *np.ravel(self.box)], float)
+        grid = np.array([self.views, self.tile, self.half], np.int64)
+        out = {'geometry': self.geometry, 'albedo': self.albedo, 'sphere': numbers, 'grid': grid}
+        out |= self.turntable.to_arrays() if self.turntable is not None else {}
+        return out | {f'errors.{k}': np.asarray(v) for k, v in self.errors.items()}
+
+    @classmethod
+    def from_arrays(cls, arrays) -> Atlas:
+        """Make an atlas from named arrays, checking that they fit together.
+
+        Parameters
+        ----------
+        arrays : mapping of str to numpy.ndarray
+            As :meth:`to_arrays` gives.
+
+        Returns
+        -------
+        Atlas
+            The atlas.
+
+        Raises
+        ------
+        ValueError
+            Where an array is missing or of the wrong shape or type.
+        """
+        try:
+            views, tile, half = (int(v) for v in arrays['grid'])
+            sphere = np.asarray(arrays['sphere'], float)
+            pictures = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
+        except (KeyError, TypeError, ValueError) as err:
+            msg = f'not an atlas: {err}'
+            raise ValueError(msg) from err
+        side = views * tile
+        good = sphere.shape == (11,) and np.isfinite(sphere).all() and sphere[3] > 0
+        if not good or any(p.shape != (side, side, 4) or p.dtype != np.uint8 for p in pictures):
+            msg = f'not an atlas: pictures must be ({side}, {side}, 4) uint8 with a sphere'
+            raise ValueError(msg)
+        errors = {k[7:]: np.asarray(arrays[k]) for k in arrays if k.startswith('errors.')}
+        box = sphere[5:].reshape(2, 3)
+        geometry, albedo = pictures
+        return cls(
+            geometry, albedo, sphere[:3], float(sphere[3]), box, views, tile, bool(half), errors,
+            seconds=float(sphere[4]), turntable=Turntable.from_arrays(arrays),
+        )  # fmt: skip
+
+    def save(self, path):
+        """Write to an ``.npz`` file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Where to; a file that is there is replaced.
+        """
+        with replacing(path) as part, part.open('wb') as file:
+            np.savez(file, **self.to_arrays())
+
+    @classmethod
+    def load(cls, path) -> Atlas:
+        """Read from a file written by :meth:`save`.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file.
+
+        Returns
+        -------
+        Atlas
+            The atlas.
+
+        Raises
+        ------
+        ValueError
+            Where the file is not an atlas.
+        """
+        import zipfile
+
+        try:
+            with Path(path).open('rb') as file, np.load(file, allow_pickle=False) as data:
+                return cls.from_arrays({k: data[k] for k in data.files})
+        except (zipfile.BadZipFile, EOFError, OSError) as err:
+            if isinstance(err, FileNotFoundError):
+                raise
+            msg = f'{path}: not an atlas: {err}'
+            raise ValueError(msg) from err
+
+    def contact_sheet(self, path=None, background=1.0) -> np.ndarray:
+        """Return all views side by side as a picture to look at, optionally saved.
+
+        Parameters
+        ----------
+        path : str or os.PathLike, optional
+            A PNG to write.
+        background : float
+            Grey level behind the object.
+
+        Returns
+        -------
+        numpy.ndarray, shape (2 * views * tile, views * tile, 3), uint8
+            Albedo over normals, top row first.
+        """
+        coverage = self.geometry[..., 1:2] / 255.0
+        color = self.albedo[..., :3] / 255.0 + (1 - coverage) * background
+        normal = np.concatenate([self.geometry[..., 2:], self.albedo[..., 3:]], -1) / 255.0
+        normal = normal + (1 - coverage) * (background - 0.5)
+        sheet = np.concatenate([color[::-1], normal[::-1]])
+        sheet = np.rint(255 * np.clip(sheet, 0, 1)).astype(np.uint8)
+        if path is not None:
+            import imageio.v3 as iio
+
+            iio.imwrite(path, sheet)
+        return sheet
+
+    def directions(self) -> np.ndarray:
+        """Return the unit vectors from the object to the eye of all views, (views, views, 3)."""
+        return octahedral.view_directions(self.views, self.half)
+
+
+def pyramid(picture, tile) -> np.ndarray:
+    """Return a picture with all smaller levels of detail beside it."""
+    side = len(picture)
+    out = np.zeros((side, side * 3 // 2, 4), np.uint8)
+    out[:, :side] = picture
+    level, row = picture, 0
+    for _ in range(tile.bit_length() - 1):
+        level = _halve(level)
+        out[row : row + len(level), side : side + len(level)] = level
+        row += len(level)
+    return out
+
+
+def _halve(picture):
+    rows = picture[0::2].astype(np.uint16) + picture[1::2]
+    return ((rows[:, 0::2] + rows[:, 1::2] + 2) >> 2).astype(np.uint8)

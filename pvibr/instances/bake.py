@@ -1,0 +1,226 @@
+"""Bake: draw an object from every view of the grid and keep the pictures as an atlas."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from pvibr.core import _vtk
+from pvibr.gl import Quad, Target, shader_source, texture_limit
+from pvibr.gl.offscreen import hidden_window
+from pvibr.instances.atlas import MARGIN, Atlas, bounding_sphere
+from pvibr.maths import octahedral
+from pvibr.maths.surfaces import encloses
+from pvibr.meshes.parts import copy_property
+from pvibr.meshes.turntable import Turntable
+
+# Lighting is computed by VTK and thrown away: what is kept is the colour before light, which
+# VTK then multiplies by the texture, and the normal after VTK's own flips for two-sided surfaces.
+_UNLIT = """//VTK::Light::Impl
+  fragOutput0 = vec4(diffuseColor, opacity);
+  vec3 ibr_normal = normalVCVSOutput;
+"""
+_CUT = """
+  if (gl_FragData[0].a < ibr_cut) discard;
+  gl_FragData[0].a = 1.0;
+"""
+_OUTPUT = """
+  gl_FragData[0].rgb *= gl_FragData[0].a;
+  gl_FragData[1] =
+    gl_FragData[0].a * vec4(ibr_object_from_view * ibr_normal * 0.5 + 0.5, 1.0 - gl_FragCoord.z);
+//VTK::DepthPeeling::Impl
+"""
+
+
+def bake_parts(
+    parts, *, views=16, tile=128, half=False, supersample=2, turns=None, progress=None
+) -> Atlas:
+    """Draw the parts of one object from all views into an atlas."""
+    if views < 2 or tile < 4 or tile & (tile - 1):
+        msg = f'views={views}, tile={tile}: views must be 2 or more, tile a power of two from 4'
+        raise ValueError(msg)
+    start = time.perf_counter()
+    points = np.concatenate([p.mesh.points for p in parts])
+    center, radius = bounding_sphere(points)
+    with hidden_window() as (window, _):
+        limit = texture_limit(window)
+        while views * tile * 3 // 2 > limit and tile > 4:
+            tile //= 2  # the smaller levels lie beside the largest
+        while views * tile * supersample > limit and supersample > 1:
+            supersample //= 2
+        directions = octahedral.view_directions(views, half)
+        baker = Baker(window, parts, center, radius, (views, tile, supersample))
+        try:
+            geometry, albedo = baker.pictures(octahedral.frame(directions), progress)
+        finally:
+            baker.release()
+        turntable = None
+        if turns is not None:
+            baker = Baker(window, parts, center, radius, (turns.columns, tile, supersample))
+            try:
+                turntable = Turntable(turns, *baker.pictures(turns.frames()))
+            finally:
+                baker.release()
+    box = np.stack([points.min(0), points.max(0)]).astype(float)
+    return Atlas(
+        geometry,
+        albedo,
+        center,
+        radius,
+        box,
+        views,
+        tile,
+        half,
+        seconds=time.perf_counter() - start,
+        turntable=turntable,
+    )
+
+
+class Baker:
+    """Draws views of parts; the points of their meshes may change between pictures."""
+
+    def __init__(self, window, parts, center, radius, grid):
+        self.window, self.center, self.radius = window, center, radius
+        self.views, self.tile, self.scale = grid
+        side = self.tile * self.scale
+        self.renderer = _vtk.vtkRenderer()
+        self.renderer.SetRenderWindow(window)
+        self.camera = self.renderer.GetActiveCamera()
+        self.actors = [unlit_actor(p) for p in parts]
+        self.raster = Target(window, self.views * side, side, ('rgba8', 'rgba8'), depth=True)
+        strip = (self.views * self.tile, self.tile)
+        self.strip = Target(window, *strip, ('rgba8', 'rgba8'))
+        source = f'#define SCALE {self.scale}\n{shader_source(__file__)}'
+        self.reduce = Quad(window, source, 'bake.glsl')
+        self._prepare_camera()
+
+    def _prepare_camera(self):
+        # An explicit matrix, since otherwise VTK uses the aspect ratio of the window.
+        r = MARGIN * self.radius
+        near, far = r, 3 * r
+        m = np.diag([1 / r, 1 / r, -2 / (far - near), 1.0])
+        m[2, 3] = -(far + near) / (far - near)
+        matrix = _vtk.vtkMatrix4x4()
+        matrix.DeepCopy(m.ravel())
+        self.camera.ParallelProjectionOn()
+        self.camera.SetExplicitProjectionTransformMatrix(matrix)
+        self.camera.UseExplicitProjectionTransformMatrixOn()
+
+    def pictures(self, frames, progress=None):
+        """Return geometry and albedo of all views, (views * tile, views * tile, 4) uint8 each."""
+        strips = []
+        for k, row in enumerate(frames):
+            strips.append(self._row(row))
+            fill_depth(strips[-1][0], self.tile)  # a row at a time stays in the cache
+            if progress is not None:
+                progress((k + 1) / self.views)
+        return [np.concatenate(s) for s in zip(*strips, strict=True)]
+
+    def _row(self, frames):
+        """Return geometry and albedo, (tile, views * tile, 4) uint8 each, of one row of views."""
+        side = self.tile * self.scale
+        state = self.window.GetState()
+        with self.raster.drawing(clear=(0, 0, 0, 0)):
+            state.SetEnumState(0x0BE2, False)  # GL_BLEND
+            state.SetEnumState(0x0B71, True)  # GL_DEPTH_TEST
+            for i, axes in enumerate(frames):
+                state.vtkglViewport(i * side, 0, side, side)
+                state.vtkglScissor(i * side, 0, side, side)
+                self._draw(axes)
+        surface, shape = self.raster.colors
+        with self.strip.drawing():
+            self.reduce.draw(textures={'surface': surface, 'shape': shape})
+        return [c.download() for c in self.strip.colors]
+
+    def _draw(self, axes):
+        self.camera.SetPosition(*(self.center + 2 * MARGIN * self.radius * axes[2]))
+        self.camera.SetFocalPoint(*self.center)
+        self.camera.SetViewUp(*axes[1])
+        self.renderer.UpdateLightsGeometryToFollowCamera()
+        self.renderer.UpdateLights()
+        matrix = axes.ravel().tolist()  # GL reads columns: the transpose of rows = its inverse
+        for actor in self.actors:
+            uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+            uniforms.SetUniformMatrix3x3('ibr_object_from_view', matrix)
+            actor.RenderOpaqueGeometry(self.renderer)
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        for actor in self.actors:
+            actor.ReleaseGraphicsResources(self.window)
+        for thing in (self.raster, self.strip, self.reduce):
+            thing.release()
+        self.renderer.SetRenderWindow(None)
+
+
+def unlit_actor(part, closed=None):
+    """Return a copy of a part's actor that writes its unlit surface."""
+    if closed is None:
+        closed = part.alpha_cutoff is None and encloses(part.mesh.points, part.mesh.regular_faces)
+    actor = _vtk.vtkActor()
+    actor.SetMapper(part.polydata_mapper())
+    actor.ForceOpaqueOn()
+    prop = actor.GetProperty()
+    copy_property(prop, part.actor.GetProperty())
+    prop.SetInterpolationToPhong()
+    prop.LightingOn()
+    prop.SetAmbient(0.0)
+    prop.SetDiffuse(1.0)
+    prop.SetSpecular(0.0)
+    prop.SetOpacity(1.0)
+    prop.EdgeVisibilityOff()
+    if closed:
+        prop.BackfaceCullingOn()  # all hidden: a third of the work
+    texture = copy_texture(part.actor.GetTexture())
+    if texture is not None:
+        actor.SetTexture(texture)
+    shader = actor.GetShaderProperty()
+    cut = _CUT if part.alpha_cutoff else ''  # a discard, even unused, costs early depth tests
+    for tag, text in (
+        ('//VTK::Light::Impl', _UNLIT),
+        ('//VTK::DepthPeeling::Impl', cut + _OUTPUT),
+    ):
+        shader.AddFragmentShaderReplacement(tag, True, text, False)
+    if cut:
+        shader.GetFragmentCustomUniforms().SetUniformf('ibr_cut', part.alpha_cutoff)
+    return actor
+
+
+def copy_texture(texture):
+    """Return a texture of its own with the same image, for another window."""
+    if texture is None or texture.GetInput() is None:
+        return None
+    copy = _vtk.vtkTexture()
+    copy.SetInputData(texture.GetInput())
+    copy.SetInterpolate(texture.GetInterpolate())
+    copy.SetMipmap(texture.GetMipmap())
+    copy.SetRepeat(texture.GetRepeat())
+    copy.SetWrap(texture.GetWrap())
+    copy.SetColorMode(texture.GetColorMode())
+    return copy
+
+
+def fill_depth(geometry, tile):
+    """Extend depth into the background of every tile, so that rays beside a part still find it.
+
+    The pull-push interpolation of Gortler et al., "The Lumigraph", SIGGRAPH 1996, section 3.4,
+    within each tile: averages of the covered texels are pulled up a pyramid, holes take the value
+    of the finest level that has one.
+    """
+    levels = []
+    weight = (geometry[..., 1] > 0).astype(np.float32)
+    total = geometry[..., 0] * weight
+    for _ in range(tile.bit_length()):
+        levels.append((total, weight))
+        total, weight = _halve(total), _halve(weight)
+    filled = np.full_like(levels[-1][0], 127.5)
+    for total, weight in reversed(levels):
+        if filled.shape != total.shape:
+            filled = filled.repeat(2, 0).repeat(2, 1)
+        filled = np.where(weight > 0, total / np.maximum(weight, 1e-6), filled)
+    geometry[..., 0] = np.rint(filled)
+
+
+def _halve(a):
+    return 0.25 * (a[::2, ::2] + a[1::2, ::2] + a[::2, 1::2] + a[1::2, 1::2])

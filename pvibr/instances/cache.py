@@ -1,0 +1,236 @@
+"""The atlases of earlier runs, kept on disk."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import re
+import struct
+import time
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import platformdirs
+
+from pvibr.core.errors import PvibrWarning
+from pvibr.core.files import replacing
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+SUFFIX = '.atlas'
+CAP_BYTES = 2 * 2**30
+ABANDONED_SECONDS = 3600.0
+
+_MAGIC = b'pvibrA01'
+_HEAD = struct.Struct('<8s32s')
+_LENGTH = struct.Struct('<Q')
+_ALIGN = 64
+_KEY = re.compile(r'[0-9a-f]{16,128}')
+
+# Folders that refused a write: said once, then left alone for as long as the process lives.
+_given_up: set[Path] = set()
+
+
+class Entry(dict[str, np.ndarray]):
+    """The arrays of one entry by name, with the notes that were put beside them."""
+
+    def __init__(self, arrays: Mapping[str, np.ndarray], meta: dict[str, Any]) -> None:
+        super().__init__(arrays)
+        self.meta = meta
+
+
+class AtlasCache:
+    """A folder of entries, limited in size; the least recently used go first."""
+
+    def __init__(
+        self, path: str | os.PathLike[str] | None = None, cap_bytes: int = CAP_BYTES
+    ) -> None:
+        if cap_bytes < 0:
+            msg = f'cap_bytes must be at least 0, got {cap_bytes}.'
+            raise ValueError(msg)
+        self.path = default_path() if path is None else Path(path).expanduser()
+        self.cap_bytes = int(cap_bytes)
+
+    def get(self, key: str) -> Entry | None:
+        """Read one entry, and count this as a use of it."""
+        file = self._file(key)
+        try:
+            raw = np.fromfile(file, np.uint8)
+        except OSError:
+            return None
+        try:
+            entry = unpack(raw)
+        except ValueError as error:
+            _discard(file, error)
+            return None
+        with contextlib.suppress(OSError):
+            os.utime(file)
+        return entry
+
+    def put(
+        self, key: str, arrays: Mapping[str, np.ndarray], meta: dict[str, Any] | None = None
+    ) -> bool:
+        """Write one entry, whole or not at all, then remove the oldest above the cap."""
+        file = self._file(key)
+        chunks = pack(arrays, meta or {})
+        size = sum(len(chunk) for chunk in chunks)
+        if size > self.cap_bytes or self.path in _given_up:
+            return False
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            # Room first: a disk may be full of what the cap lets go.
+            self._make_room(size, keep=file)
+            _write_whole(file, chunks)
+        except OSError as error:
+            self._give_up(error)
+            return False
+        return True
+
+    def clear(self) -> None:
+        """Remove every entry; leave the folder and any other file in it."""
+        for file in self._entries():
+            file.unlink(missing_ok=True)
+
+    def nbytes(self) -> int:
+        """Sum the sizes of all entries."""
+        return sum(size for _, size, _ in self._ages())
+
+    def _file(self, key: str) -> Path:
+        # Only digits of a digest: no key can name a file outside the folder.
+        if not isinstance(key, str) or not _KEY.fullmatch(key):
+            msg = f'key must be 16 to 128 hexadecimal digits in lower case, got {key!r}.'
+            raise ValueError(msg)
+        return self.path / f'{key}{SUFFIX}'
+
+    def _entries(self) -> Iterator[Path]:
+        return self.path.glob(f'[!.]*{SUFFIX}')
+
+    def _ages(self) -> list[tuple[int, int, Path]]:
+        """List last use (ns), size (bytes) and file of each entry, the oldest first."""
+        ages = []
+        for file in self._entries():
+            # Another process may have removed it since the folder was listed.
+            with contextlib.suppress(OSError):
+                stat = file.stat()
+                ages.append((stat.st_mtime_ns, stat.st_size, file))
+        return sorted(ages)
+
+    def _make_room(self, size: int, keep: Path) -> None:
+        ages = [age for age in self._ages() if age[2] != keep]
+        excess = sum(age[1] for age in ages) + size - self.cap_bytes
+        for _, freed, file in ages:
+            if excess <= 0:
+                break
+            file.unlink(missing_ok=True)
+            excess -= freed
+        self._sweep()
+
+    def _sweep(self) -> None:
+        """Remove what processes that were killed while writing left behind."""
+        limit = time.time() - ABANDONED_SECONDS
+        for file in self.path.glob(f'.*{SUFFIX}'):
+            with contextlib.suppress(OSError):
+                if file.stat().st_mtime < limit:
+                    file.unlink()
+
+    def _give_up(self, error: OSError) -> None:
+        _given_up.add(self.path)
+        msg = (
+            f'The atlas cache {str(self.path)!r} cannot be written ({error.strerror or error}); '
+            'going on without it, so atlases are baked in every run. Free the disk, or set the '
+            'environment variable PVIBR_CACHE to a folder that can be written.'
+        )
+        warnings.warn(msg, PvibrWarning, stacklevel=3)
+
+
+def default_path() -> Path:
+    """Name the folder of atlases: that of ``PVIBR_CACHE``, else the platform's own."""
+    override = os.environ.get('PVIBR_CACHE')
+    if override:
+        return Path(override).expanduser()
+    return platformdirs.user_cache_path('pvibr', appauthor=False)
+
+
+def key_of(*values: Any) -> str:
+    """Digest arrays and settings by their content."""
+    text = json.dumps(values, sort_keys=True, default=_digest)
+    return hashlib.blake2b(text.encode(), digest_size=20).hexdigest()
+
+
+def pack(arrays: Mapping[str, np.ndarray], meta: dict[str, Any]) -> list[bytes | memoryview]:
+    """Lay arrays and notes out as the chunks of one file."""
+    table: dict[str, tuple[str, tuple[int, ...], int]] = {}
+    data: list[bytes | memoryview] = []
+    end = 0
+    for name, array in ((name, np.asarray(array)) for name, array in arrays.items()):
+        content = _bytes_of(array, name)
+        table[name] = (array.dtype.str, array.shape, end)
+        data += [content, bytes(-len(content) % _ALIGN)]
+        end += len(content) + len(data[-1])
+    header = json.dumps({'arrays': table, 'meta': meta}).encode()
+    header += b' ' * (-(_HEAD.size + _LENGTH.size + len(header)) % _ALIGN)
+    checked = [_LENGTH.pack(len(header)), header, *data]
+    digest = hashlib.sha256()
+    for chunk in checked:
+        digest.update(chunk)
+    return [_HEAD.pack(_MAGIC, digest.digest()), *checked]
+
+
+def unpack(raw: np.ndarray) -> Entry:
+    """Read what :func:`pack` laid out, after checking that nothing of it has changed."""
+    buffer = raw.data
+    if len(buffer) < _HEAD.size:
+        msg = 'it is truncated'
+        raise ValueError(msg)
+    magic, digest = _HEAD.unpack_from(buffer)
+    if magic != _MAGIC:
+        msg = 'it is not an atlas of this version of pvibr'
+        raise ValueError(msg)
+    if hashlib.sha256(buffer[_HEAD.size :]).digest() != digest:
+        msg = 'it is truncated or altered: its checksum differs'
+        raise ValueError(msg)
+    (length,) = _LENGTH.unpack_from(buffer, _HEAD.size)
+    body = buffer[_HEAD.size + _LENGTH.size :]
+    header = json.loads(bytes(body[:length]))
+    table = header['arrays'].items()
+    return Entry({name: _view(body[length:], *place) for name, place in table}, header['meta'])
+
+
+def _bytes_of(array: np.ndarray, name: str) -> memoryview:
+    if array.dtype.kind not in 'biufcUS':
+        msg = f'{name} must hold numbers, booleans or text, got an array of {array.dtype}.'
+        raise TypeError(msg)
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
+
+
+def _view(data: memoryview, dtype: str, shape: list[int], offset: int) -> np.ndarray:
+    count = int(np.prod(shape, dtype=np.int64))
+    return np.frombuffer(data, np.dtype(dtype), count, offset).reshape(shape)
+
+
+def _digest(value: Any) -> list[Any]:
+    """Stand for an array in JSON text by its type, shape and digest."""
+    if not isinstance(value, (np.ndarray, np.generic)):
+        msg = f'A key is made of arrays and of what JSON holds, got a {type(value).__name__}.'
+        raise TypeError(msg)
+    array = np.asarray(value)
+    content = hashlib.blake2b(_bytes_of(array, 'An array in a key'), digest_size=20)
+    return ['ndarray', array.dtype.str, array.shape, content.hexdigest()]
+
+
+def _write_whole(file: Path, chunks: list[bytes | memoryview]) -> None:
+    """Write under another name, then rename: readers see all of it or nothing."""
+    with replacing(file) as part, part.open('xb') as stream:
+        stream.writelines(chunks)
+
+
+def _discard(file: Path, error: Exception) -> None:
+    with contextlib.suppress(OSError):
+        file.unlink()
+    msg = f'Removed the cached atlas {str(file)!r}, because {error}; it will be baked again.'
+    warnings.warn(msg, PvibrWarning, stacklevel=3)

@@ -1,0 +1,371 @@
+"""Cards on the GPU: one atlas, its instances and the programs that draw them."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
+from pvibr.gl.feature import Feature, sections
+from pvibr.instances.atlas import MARGIN, pyramid
+from pvibr.meshes.turntable import LEVEL
+
+BLOCK = 64  # instances that are culled, sorted and chosen together
+_CHUNK = 8192  # cards of one draw
+_POSE_WIDTH = 3072  # texels; a multiple of 3, so that a pose stays in one row
+_ROW = 1024
+PBR = 3  # VTKPBR
+_PROGRAM_POINT_SIZE = 0x8642  # GL enum
+# Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
+_SOFT_LIGHT = '#define max(a, b) ibr_lit(a, b)\n//VTK::Light::Impl\n#undef max\n'
+# Interleaved gradient noise: Jimenez, "Next Generation Post Processing in Call of Duty: Advanced
+# Warfare", SIGGRAPH 2014, slide 123. The same picture every time.
+DITHER = (
+    '#define IBR_DITHER fract(52.9829189 * fract(dot(gl_FragCoord.xy, '
+    'vec2(0.06711056, 0.00583715))))\n'
+)
+# VTK computes highlights also where the material has none; the compiler drops what follows.
+DULL = '#define pow(a, b) 0.0\n', '#undef pow\n'
+
+
+@dataclass(frozen=True)
+class Program:
+    """How a card is drawn."""
+
+    name: str
+    views: int
+    steps: int
+    corners: int = 4
+    depth: bool = False
+    splat: bool = False
+    sides: int = 0
+    turns: int = 4
+    least: float = 0.0
+    largest: float = float('inf')
+
+    def defines(self, phased=False, turned=False) -> str:
+        """Return the preprocessor lines of the program."""
+        values = {
+            'VIEWS_BLENDED': self.views,
+            'STEPS': self.steps,
+            'CORNERS': self.corners,
+            'WRITE_DEPTH': int(self.depth),
+            'SPLAT': int(self.splat),
+            'PHASES': int(phased),
+            'TURNED': int(turned),
+            'SIDES': self.sides,
+        }
+        return DITHER + ''.join(f'#define {k} {v}\n' for k, v in values.items())
+
+    def feature(self, shiny=True, phased=False, turned=False) -> Feature:
+        """Return the shader text of the program by VTK's tags."""
+        part = sections(shader_source(__file__))
+        defines = self.defines(phased, turned)
+        vertex = {
+            'VTK::PositionVC::Dec': defines + part['vertex.declare'],
+            'VTK::PositionVC::Impl': part['vertex.position'],
+        }
+        depth = part['fragment.depth'] if self.depth else ''
+        fragment = {
+            'VTK::PositionVC::Dec': defines + part['fragment.declare'],
+            'VTK::PositionVC::Impl': part['fragment.sample'],
+            'VTK::Depth::Impl': depth + '//VTK::Depth::Impl\n',
+            'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
+            'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
+            'VTK::Light::Impl': _SOFT_LIGHT if shiny else DULL[0] + _SOFT_LIGHT + DULL[1],
+        }
+        return Feature(f'card_{self.name}', vertex, fragment)
+
+
+DOT = Program('dot', views=1, steps=0, corners=1, splat=True, turns=2, least=3.0, largest=6.0)
+FLAT = Program('flat', views=1, steps=0)
+MIDDLE = Program('middle', views=1, steps=2)
+NEAR = Program('near', views=3, steps=2, depth=True)
+PROGRAMS = (DOT, FLAT, MIDDLE, NEAR)
+BILLBOARD = Program('billboard', views=1, steps=0, sides=1)
+TURNTABLE = Program('turntable', views=1, steps=0, sides=2)
+#: In the order of their cost, those of a turntable included.
+ALL_PROGRAMS = (DOT, BILLBOARD, TURNTABLE, FLAT, MIDDLE, NEAR)
+_NEVER = (1e30, 1e30, 0.0, 0.0)
+
+
+def ends(low, high, fade) -> tuple:
+    """Return the on-screen diameters at which a shader's instances fade in and out."""
+    if high <= low:
+        return _NEVER
+    return low, low * fade if low > 0 else 0.0, high, high * fade
+
+
+def card_mesh(count, corners, bounds):
+    """Return the polydata of unplaced cards: the shader places them by their vertex number."""
+    low, high = np.asarray(bounds, float).reshape(3, 2).T
+    points = np.empty((count * corners, 3))
+    points[0::2], points[1::2] = low, high
+    cell = np.array([0]) if corners == 1 else np.array([0, 1, 2, 0, 2, 3])
+    cells = (np.arange(count)[:, None] * corners + cell).astype(np.int32).ravel()
+    mesh = _vtk.vtkPolyData()
+    vertices = _vtk.vtkPoints()
+    vertices.SetData(_vtk.numpy_to_vtk(points, deep=True))
+    mesh.SetPoints(vertices)
+    polys = _vtk.vtkCellArray()
+    offsets = np.arange(0, len(cells) + 1, 1 if corners == 1 else 3, dtype=np.int32)
+    polys.SetData(*(_vtk.numpy_to_vtk(a, deep=True) for a in (offsets, cells)))
+    if corners == 1:
+        # VTK lights points that have normals, whatever these are.
+        mesh.SetVerts(polys)
+        normals = _vtk.numpy_to_vtk(np.zeros((count, 3), np.float32), deep=True)
+        mesh.GetPointData().SetNormals(normals)
+    else:
+        mesh.SetPolys(polys)
+    return mesh
+
+
+def pack(values, width, channels) -> np.ndarray:
+    """Return values as the rows of an image, padded with zeros."""
+    flat = values.reshape(-1, channels)
+    height = max(1, -(-len(flat) // width))
+    out = np.zeros((height * width, channels), values.dtype)
+    out[: len(flat)] = flat
+    return out.reshape(height, width, channels)
+
+
+def slabs(depths, turns, unit) -> list[np.ndarray]:
+    """Divide the blocks of several meshes into draws that take turns from far to near."""
+    total, capacity = sum(len(d) for d in depths), _CHUNK // unit
+    if len(depths) == 1:
+        return [np.minimum(np.arange(-(-total // capacity) + 1) * capacity, total)]
+    size = min(capacity, max(1, -(-total // turns)))
+    rank = np.empty(total, int)
+    rank[np.argsort(np.concatenate(depths), kind='stable')] = np.arange(total)
+    edges = np.arange(-(-total // size) + 1)
+    starts = np.cumsum([0, *(len(d) for d in depths)])
+    return [np.searchsorted(rank[a:b] // size, edges) for a, b in pairwise(starts)]
+
+
+def slab_counts(instances, meshes, turned=False) -> dict[str, int]:
+    """Return how many draws of each program a mesh may need."""
+    # A block may be partly empty, and each mesh has one such block.
+    full = -(-(instances + meshes * BLOCK) // _CHUNK)
+    used = ALL_PROGRAMS if turned else PROGRAMS
+    return {p.name: full + (p.turns if meshes > 1 else 0) for p in used}
+
+
+class Cards:
+    """The instances of one atlas as cards."""
+
+    def __init__(self, atlas, count, unit, draws, bounds, prop, binder):
+        self.atlas, self.binder, self.window = atlas, binder, None
+        self.textures: dict[str, Texture] = {}
+        self.uniforms = {
+            'ibr_count': count,
+            'ibr_views': atlas.views,
+            'ibr_half': int(atlas.half),
+            'ibr_tile': atlas.tile,
+            'ibr_radius': atlas.radius,
+            'ibr_margin': MARGIN,
+            'ibr_box_center': (atlas.box.mean(0) - atlas.center) / atlas.radius,
+            'ibr_box_half': np.ptp(atlas.box, axis=0) / 2 / atlas.radius,
+            'ibr_sharpness': 1.42,  # 1.4 to 2.8 texels a pixel: measured best, 1 blurs outlines
+            'ibr_has_looks': 0,
+            'ibr_multiply': 0,
+        }
+        self.turned: dict[str, Texture] = {}
+        turntable = atlas.turntable
+        if turntable is not None:
+            sides = turntable.turns.sides()
+            self.uniforms |= {
+                'ibr_turn_level': LEVEL,
+                'ibr_turn_axis': tuple(map(float, sides[2])),
+                'ibr_turn_start': tuple(map(float, sides[0])),
+            }
+        self.unit = unit
+        draws = draws or slab_counts(count, 1, turntable is not None)
+        used = [p for p in ALL_PROGRAMS if p.name in draws]
+        self.layers = {p.name: _Layer(self, p, prop, draws[p.name], bounds) for p in used}
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        blocks = sum(layer.blocks.nbytes for layer in self.layers.values() if layer.blocks)
+        pictures = [*self.textures.values(), *self.turned.values()]
+        return sum(t.nbytes for t in pictures) + blocks
+
+    @property
+    def failure(self) -> str | None:
+        """What went wrong with the shaders, or None."""
+        return next((layer.failure for layer in self.layers.values() if layer.failure), None)
+
+    def programs(self) -> list:
+        """Return the programs that are in use, in the order in which they are drawn."""
+        return [layer.program for layer in self.layers.values()]
+
+    def actors(self) -> list:
+        """Return all actors, those of the far cards first: the order to draw them in."""
+        return [a for layer in self.layers.values() for a in layer.actors]
+
+    def upload(self, window, rows):
+        """Put pictures and poses on the GPU of a window whose context is current."""
+        self.window = window
+        names = ('ibr_geometry', 'ibr_albedo')
+        for name, picture in zip(names, self.atlas.textures(), strict=True):
+            self.textures[name] = Texture(window, filter='linear').upload(picture)
+        if (turns := self.atlas.turntable) is not None:
+            for name, picture in zip(names, (turns.geometry, turns.albedo), strict=True):
+                texture = Texture(window, filter='linear')
+                self.turned[name] = texture.upload(pyramid(picture, turns.tile))
+        self.textures['ibr_poses'] = Texture(window).upload(pack(rows, _POSE_WIDTH, 4))
+        self.textures['ibr_looks'] = Texture(window).upload(np.zeros((1, 1, 4), np.uint8))
+        self.uniforms['ibr_texels'] = 1 if rows.ndim == 2 else 3
+        if self.atlas.phased:
+            self.textures['ibr_bins'] = Texture(window).upload(self.atlas.bins)
+            self.textures['ibr_moves'] = Texture(window)
+            self.uniforms['ibr_pages'] = self.atlas.pages
+
+    def look(self, looks):
+        """Put per-instance colours on the GPU."""
+        self.uniforms['ibr_has_looks'] = int(looks is not None)
+        if looks is not None and self.window is not None:
+            self.textures['ibr_looks'].upload(pack(looks, _ROW, 4))
+
+    def move(self, moves):
+        """Put on the GPU how instances of a phased atlas move."""
+        self.textures['ibr_moves'].upload(pack(moves, _ROW, 4))
+
+    def view(self, frame):
+        """Take over the camera of a frame."""
+        clip, view = frame.clip_from_view, frame.view_from_world
+        self.uniforms |= {
+            'ibr_parallel': int(frame.parallel),
+            'ibr_pixel_scale': frame.pixel_scale,
+            'ibr_eye_from_world': uniform_matrix(view[:3, :3]),
+            'ibr_clip_from_eye': uniform_matrix(clip),
+            'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
+            'ibr_cut': 0.5 if frame.picking or frame.casting else 1 / 255,
+        }
+
+    def show(self, name, blocks, sizes, cuts, *, level=None, unit=None, dithered=False):
+        """Draw some blocks by a program, in the order given."""
+        layer = self.layers[name]
+        layer.dithered, layer.unit, layer.level = dithered, unit or self.unit, level or sizes
+        layer.show(blocks, sizes, cuts)
+
+    def hide(self):
+        """Draw nothing."""
+        for layer in self.layers.values():
+            layer.show(np.zeros((0, 4), np.float32), (0.0, 0.0, 1.0, 1.0), np.zeros(1, int))
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self.binder.unbind()
+        for layer in self.layers.values():
+            layer.release(self.window)
+        for texture in (*self.textures.values(), *self.turned.values()):
+            texture.release()
+        self.textures, self.turned, self.window = {}, {}, None
+
+
+class _Layer:
+    """The cards of one program: draws of at most a chunk of cards that share one mapper."""
+
+    def __init__(self, cards, program, prop, draws, bounds):
+        self.cards, self.program = cards, program
+        shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
+        turned = cards.atlas.turntable is not None
+        self.feature = program.feature(shiny, cards.atlas.phased, turned)
+        self.blocks: Texture | None = None
+        self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
+        self.dithered, self.unit = False, cards.unit
+        self.tint: tuple | None = None  # a colour for all that it draws
+        self.failure: str | None = None
+        self.checked = False
+        self.mapper = _vtk.vtkPolyDataMapper()
+        self.mapper.ScalarVisibilityOff()
+        self.mapper.AddObserver('UpdateShaderEvent', self._updater())
+        self.mapper.SetInputData(card_mesh(self._most(), program.corners, bounds))
+        self.actors = [self._actor(prop) for _ in range(draws)]
+        self.spans = [(0, 0)] * draws  # of each actor: first card, end of the blocks
+
+    def _most(self):
+        """Return the cards of the largest draw."""
+        unit = self.cards.unit
+        return min(_CHUNK, -(-self.cards.uniforms['ibr_count'] // unit) * unit)
+
+    def _actor(self, prop):
+        actor = pv.Actor()
+        actor.SetMapper(self.mapper)
+        actor.SetProperty(prop)
+        actor.VisibilityOff()
+        actor.PickableOff()
+        actor.UseBoundsOff()
+        self.feature.attach(actor)
+        return actor
+
+    def show(self, blocks, sizes, cuts):
+        self.sizes = sizes
+        if len(blocks):
+            self.blocks = self.blocks or Texture(self.cards.window)
+            self.blocks.upload(pack(blocks, _ROW, 4))
+        ends = pairwise(np.asarray(cuts).tolist())
+        spans = [(begin * self.unit, end) if end > begin else (0, 0) for begin, end in ends]
+        spans += [(0, 0)] * (len(self.actors) - len(spans))
+        for actor, span, before in zip(self.actors, spans, self.spans, strict=True):
+            if span != before:  # most stay while the camera moves
+                first, end = span
+                actor.SetVisibility(end > 0)
+                uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+                uniforms.SetUniformi('ibr_first', first)
+                uniforms.SetUniformi('ibr_end', end)
+        self.spans = spans
+
+    def _updater(self):
+        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
+        layer = weakref.ref(self)
+
+        @_vtk.calldata_type(_vtk.VTK_OBJECT)
+        def update(_mapper, _event, program):
+            alive = layer()
+            if alive is not None:
+                alive._update(program)
+
+        return update
+
+    def _update(self, program):
+        cards = self.cards
+        if self.program.corners == 1:
+            cards.window.GetState().SetEnumState(_PROGRAM_POINT_SIZE, True)
+        textures = {**cards.textures, 'ibr_blocks': self.blocks}
+        if self.program.sides:
+            textures |= cards.turned
+        set_uniforms(program, cards.binder.bind(self, textures))
+        set_uniforms(program, cards.uniforms)
+        if self.program.sides:
+            turns = cards.atlas.turntable
+            program.SetUniformi('ibr_views', turns.turns.columns)
+            program.SetUniformi('ibr_tile', turns.tile)
+            views = 1 if self.program.sides == 1 else turns.turns.views
+            program.SetUniformi('ibr_turn_views', views)
+        program.SetUniform4f('ibr_range', self.sizes)
+        program.SetUniform4f('ibr_turn_range', self.level)
+        program.SetUniformf('ibr_dithered', float(self.dithered))
+        program.SetUniformi('ibr_unit', self.unit)
+        program.SetUniform4f('ibr_tint', (*self.tint, 1.0) if self.tint else (0.0, 0.0, 0.0, 0.0))
+        if self.tint:
+            program.SetUniformi('ibr_multiply', 0)
+        if not self.checked:
+            self.checked = True
+            if not self.feature.landed(program):
+                self.failure = f'the shader text {self.feature.name} did not land'
+
+    def release(self, window):
+        if window is not None:
+            self.mapper.ReleaseGraphicsResources(window)
+            for actor in self.actors:
+                actor.ReleaseGraphicsResources(window)
+        if self.blocks is not None:
+            self.blocks.release()
+            self.blocks = None

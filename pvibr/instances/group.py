@@ -1,0 +1,328 @@
+"""One mesh of an instanced scene: its atlas, its instances in blocks, its levels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pvibr.core import _vtk
+from pvibr.instances.cards import BLOCK, Cards, ends
+from pvibr.instances.mesh_pool import MeshPool
+from pvibr.maths.blocks import Blocks, morton_order
+from pvibr.meshes.parts import copy_property
+from pvibr.meshes.turntable import LEVEL
+
+# A level takes over from its coarser neighbour while the size grows by this factor. Both are
+# drawn meanwhile; 1.1 pops no less on a walk, and a million instances take a tenth longer.
+_FADE = 1.05
+SORTED = 16_384  # instances up to which each is sorted and culled by itself
+# Of a larger set, those of one program that are still sorted one by one: some milliseconds. A
+# field of half-covered boxes that is not sorted loses up to two thirds of its coverage.
+SORTED_SEEN = 131_072
+_UNSURE = 1e-4  # what the sine of an angle may be off on the GPU
+_KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a program of cards draws of a kind."""
+
+    table: np.ndarray
+    depths: np.ndarray
+    sizes: tuple
+    level: tuple
+    dithered: bool
+
+    @property
+    def least(self) -> float:
+        """The diameter from which any is drawn."""
+        return min(self.sizes[0], self.level[0])
+
+    @property
+    def most(self) -> float:
+        """The diameter up to which any is drawn."""
+        return max(self.sizes[3], self.level[3])
+
+
+def stretches(axes):
+    """Return bounds on the stretch of matrices, exact if their columns are orthogonal."""
+    squares = np.swapaxes(axes, 1, 2) @ axes
+    return np.sqrt(np.abs(squares).sum(2).max(1))
+
+
+def unit_of(count) -> int:
+    """Return how many instances of a set are culled, sorted and chosen together."""
+    return 1 if count <= SORTED else BLOCK
+
+
+class Kind:
+    """Instances of one mesh."""
+
+    def __init__(self, model, ids, poses, binder, unit=1, draws=None):
+        self.model, self.levels, self.atlas, self.poses = model, model.levels, model.atlas, poses
+        self.unit = unit
+        centers, radii = self._spheres(ids)
+        order = morton_order(centers)
+        self.ids = ids[order].astype(np.int32)
+        self.radii = radii[order].astype(np.float32)
+        self.blocks = Blocks.of(centers[order], radii[order], unit)
+        self.pools = self._pools()
+        prop = _card_property(self.levels[0].parts)
+        self.cards = Cards(self.atlas, len(ids), self.unit, draws, self.bounds, prop, binder)
+        self.looks: np.ndarray | None = None
+        self.near: dict[int, int] = {}
+        self.counts: dict[str, int] = {}
+        self.large = self.seen = np.zeros(0, int)  # of the blocks
+
+    def __len__(self):
+        return len(self.ids)
+
+    def _pools(self) -> list:
+        return [MeshPool(level) for level in self.levels]
+
+    def parts(self, slot) -> list:
+        """Return the meshes that a ray at an instance meets, as Parts in model coordinates."""
+        return self.levels[0].parts
+
+    def _spheres(self, ids):
+        """Return centres and radii of the bounding spheres of instances, world units."""
+        center, radius = self.atlas.center, self.atlas.radius
+        poses = self.poses[ids]
+        if poses.ndim == 2:
+            return poses + center, np.full(len(poses), radius)
+        axes = poses[:, :3, :3]
+        return axes @ center + poses[:, :3, 3], stretches(axes) * radius
+
+    def centers(self, slots):
+        """Return the centres of the bounding spheres of some slots, world units."""
+        return self._spheres(self.ids[slots])[0]
+
+    def matrix(self, slot):
+        """Return the pose of a slot as a matrix, shape (4, 4)."""
+        pose = self.poses[self.ids[slot]]
+        if pose.ndim == 2:
+            return pose
+        out = np.eye(4)
+        out[:3, 3] = pose
+        return out
+
+    @property
+    def bounds(self):
+        """World bounds of all bounding spheres: x, y and z, low and high."""
+        reach = (self.blocks.reach + self.blocks.largest)[:, None]
+        low, high = (self.blocks.centers - reach).min(0), (self.blocks.centers + reach).max(0)
+        return np.stack([low, high], 1).ravel()
+
+    def upload(self, window):
+        """Put atlas and poses on the GPU of a window whose context is current."""
+        self.cards.upload(window, self._rows())
+        self.cards.look(self.looks)
+
+    def _rows(self):
+        """Return the poses for the GPU: float32, relative to the block's origin."""
+        local = self._local.T
+        if self.poses.ndim == 2:
+            rows = np.zeros((len(local), 4), np.float32)
+            rows[:, :3] = local
+            return rows
+        rows = np.empty((len(local), 3, 4), np.float32)
+        rows[:, :, :3] = self.poses[self.ids, :3, :3]
+        rows[:, :, 3] = local
+        return rows
+
+    @cached_property
+    def _local(self):
+        """Centres relative to the block's origin, shape (3, n), float32: rows are fast to read."""
+        centers, _ = self._spheres(self.ids)
+        origins = np.repeat(self.blocks.centers, self.unit, 0)[: len(centers)]
+        return np.ascontiguousarray((centers - origins).T, np.float32)
+
+    def set_looks(self, looks, multiply=False):
+        """Take over changed looks."""
+        self.looks = None if looks is None else np.ascontiguousarray(looks[self.ids])
+        self.cards.uniforms['ibr_multiply'] = int(multiply)
+        self.cards.look(self.looks)
+        for pool in self.pools:
+            pool.multiply = multiply
+            pool.recolor(self._look)
+
+    def _look(self, slot):
+        if self.looks is None:
+            return (0.0, 0.0, 0.0, 0.5)
+        return tuple(float(v) for v in self.looks[slot] / 255.0)
+
+    def tint(self, colors):
+        """Have one colour for all that are drawn in the same way."""
+        for name, layer in self.cards.layers.items():
+            layer.tint = colors.get(name)
+        for k, pool in enumerate(self.pools):
+            pool.tint(colors.get('lighter mesh' if k else 'mesh'), self._look)
+
+    def select(self, frame, limits):
+        """Choose which blocks are drawn by which program."""
+        index, origins, small, large = self.blocks.seen(frame)
+        self.seen = index
+        self.cards.view(frame)
+        self.counts = {'blocks': len(index), 'of blocks': len(self.blocks.centers)}
+        table = np.empty((len(index), 4), np.float32)
+        table[:, :3], table[:, 3] = origins, index
+        depths = origins[:, 2] if frame.parallel else -_lengths(origins.T)
+        rises = self._rises(frame, index, origins)
+        chosen = {}
+        for name in self.cards.layers:
+            spans = [_span(cards, name) for cards in (limits.cards, limits.level or limits.cards)]
+            fits = [(large >= a) & (small < b * _FADE) & (b > a) for a, b in spans]
+            if rises is not None:  # the shader decides about those that are close to the bound
+                fits[0] &= rises > LEVEL - _UNSURE
+                fits[1] &= rises < LEVEL + _UNSURE
+            used = np.flatnonzero(fits[0] | fits[1])
+            sizes, level = (ends(low, high, _FADE) for low, high in spans)
+            dithered = limits.mesh in (high for low, high in spans if high > low)
+            chosen[name] = Choice(table[used], depths[used], sizes, level, dithered)
+            self.counts[name] = min(len(used) * self.unit, len(self))
+        self.large = index[large >= limits.mesh]
+        return chosen
+
+    def _rises(self, frame, index, origins):
+        """Return by what sine eyes look down on or up to instances; None where none asks."""
+        turntable = self.atlas.turntable
+        if turntable is None or self.unit > 1:
+            return None
+        axes = np.broadcast_to(turntable.turns.axis, origins.shape)
+        poses = self.poses[self.ids[index]]
+        if poses.ndim == 3:
+            axes = np.einsum('nij,nj->ni', poses[:, :3, :3], axes)
+        axes = axes @ frame.view_from_world[:3, :3].T
+        along = axes[:, 2] if frame.parallel else (axes * origins).sum(1)
+        away = 1.0 if frame.parallel else _lengths(origins.T)
+        return np.abs(along) / np.maximum(_lengths(axes.T) * away, 1e-30)
+
+    def refine(self, frame, choice):
+        """Sort the single instances of a choice of blocks, those out of its sizes left out."""
+        slots = (
+            choice.table[:, 3].astype(int)[:, None] * self.unit + np.arange(self.unit)
+        ).ravel()
+        entries = np.repeat(np.arange(len(choice.table)), self.unit)[slots < len(self)]
+        slots = slots[slots < len(self)]
+        turn = frame.view_from_world[:3, :3].astype(np.float32)
+        # Not by the threads of a matrix product, which take longer where a machine is busy.
+        eye = np.einsum('ij,jn->in', turn, self._local.take(slots, 1))
+        eye += choice.table[:, :3].T.take(entries, 1)
+        away = np.maximum(_lengths(eye), 1e-30)
+        size = 2 * frame.pixel_scale * self.radii[slots] / (1.0 if frame.parallel else away)
+        depths = eye[2] if frame.parallel else -away
+        # A little more than the shader's own bounds, which decide.
+        used = np.flatnonzero((size > 0.99 * choice.least) & (size < 1.01 * choice.most))
+        used = used[_ascending(depths[used])]
+        table = np.empty((len(used), 4), np.float32)
+        table[:, :3], table[:, 3] = choice.table[entries[used], :3], slots[used]
+        return replace(choice, table=table, depths=np.maximum.accumulate(depths[used]))
+
+    def select_meshes(self, frame, limits):
+        """Draw instances too near for cards as meshes; return new actors."""
+        slots = (self.large[:, None] * self.unit + np.arange(self.unit)).ravel()
+        slots = slots[slots < len(self.ids)]
+        sizes = np.zeros(0)
+        if len(slots):
+            slots, sizes = self._sizes(frame, slots, limits.mesh)
+        near = self._levels(slots, sizes, limits.meshes)
+        self.near = near
+        band = max(limits.mesh * (_FADE - 1), 1e-9)
+        fades = (sizes - limits.mesh) / band if limits.mesh > 0 else np.ones(len(sizes))
+        fades = {s: f for s, f in zip(slots.tolist(), fades.tolist(), strict=True) if f < 1}
+        new = []
+        lit = any(light.GetSwitch() for light in frame.renderer.GetLights())
+        for k, pool in enumerate(self.pools):
+            pool.light(lit or bool(frame.renderer.GetAutomaticLightCreation()))
+            ids = [slot for slot, level in near.items() if level == k]
+            new += pool.show(ids, self.matrix, self._look)
+            pool.fade({slot: fades[slot] for slot in ids if slot in fades})
+            self.counts[f'mesh {pool.level.triangles}'] = len(ids)
+        return new
+
+    def _sizes(self, frame, slots, least):
+        """Return the slots in view that are at least so large, and their diameters in pixels."""
+        if self.looks is not None:
+            slots = slots[self.looks[slots, 3] > 0]
+        one = Blocks(
+            self.centers(slots), np.zeros(len(slots)), self.radii[slots], self.radii[slots]
+        )
+        index, _, sizes, _ = one.seen(frame)
+        big = sizes >= least
+        return slots[index[big]], sizes[big]
+
+    def _levels(self, slots, sizes, limits):
+        """Return slot to mesh level: the lightest that is good enough at its size."""
+        out = {}
+        for slot, size in zip(slots.tolist(), sizes.tolist(), strict=True):
+            level = next(k for k in range(len(limits) - 1, -1, -1) if size <= limits[k])
+            before = self.near.get(slot)
+            if before is not None and before < level and size * _KEEP**-1 > limits[level]:
+                level = before
+            out[slot] = level
+        return out
+
+    def instance_of(self, actor):
+        """Return the scene's instance that an actor of the near meshes shows, or None."""
+        for pool in self.pools:
+            slot = pool.instance_of(actor)
+            if slot is not None:
+                return int(self.ids[slot])
+        return None
+
+    def mesh_actors(self):
+        """Return the actors of the near meshes."""
+        return [a for pool in self.pools for a in pool.actors()]
+
+    def hide(self):
+        """Draw nothing of it."""
+        self.cards.hide()
+        self.near, self.seen = {}, np.zeros(0, int)
+        for pool in self.pools:
+            pool.show((), self.matrix, self._look)
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        window = self.cards.window
+        self.cards.release()
+        if window is not None:
+            for actor in self.mesh_actors():
+                actor.ReleaseGraphicsResources(window)
+            for level in self.levels:
+                for part in level.parts:
+                    part.actor.ReleaseGraphicsResources(window)
+
+
+def _span(cards, name):
+    """Return the sizes between which a program is drawn; of one that is not there none."""
+    return next((span for other, *span in cards if other == name), (0.0, 0.0))
+
+
+def _lengths(columns):
+    """Return the lengths of vectors whose coordinates are the rows of an array."""
+    return np.sqrt((columns * columns).sum(0))
+
+
+def _ascending(values):
+    """Return the order of values, as well as 16 bits tell them apart: those sort by radix."""
+    if not len(values):
+        return np.zeros(0, np.intp)
+    low = values.min()
+    scale = 65535 / max(float(values.max() - low), 1e-30)
+    return np.argsort(((values - low) * scale).astype(np.uint16), kind='stable')
+
+
+def _card_property(parts):
+    """Return the material of the largest part, as cards need it."""
+    largest = max(parts, key=lambda p: p.mesh.n_cells)
+    prop = _vtk.vtkProperty()
+    copy_property(prop, largest.actor.GetProperty())
+    prop.SetRepresentationToSurface()
+    if prop.GetInterpolation() == 0:
+        prop.SetInterpolationToGouraud()  # VTK lights no points of a flat material
+    prop.EdgeVisibilityOff()
+    prop.BackfaceCullingOff()
+    prop.FrontfaceCullingOff()
+    return prop

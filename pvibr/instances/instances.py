@@ -1,0 +1,551 @@
+"""Many instances of heavy meshes, drawn with an error that the user chooses."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pvibr.core.errors import PvibrWarning
+from pvibr.core.params import Param
+from pvibr.gl.binder import Binder
+from pvibr.instances.cards import DOT, slab_counts, slabs
+from pvibr.instances.group import SORTED_SEEN, Kind, unit_of
+from pvibr.instances.levels import limits_of, make_model
+from pvibr.meshes.parts import are_parts, as_meshes
+from pvibr.meshes.pose_files import read_poses_and
+from pvibr.meshes.poses import as_poses
+from pvibr.meshes.trimesh_meshes import is_trimesh, scene_instances
+from pvibr.scene import looks as look
+from pvibr.scene.anchor import Anchored, anchor, set_bounds
+from pvibr.scene.painted import TABLE_OPTIONS, Painted
+from pvibr.scene.picking import nearest_hit
+
+
+class Instances(Painted, Anchored):
+    """A mesh, or several, drawn at many poses: near as mesh, far as cards made from images.
+
+    Parameters
+    ----------
+    mesh : dataset, MultiBlock, actor, PlantLevels, trimesh object, path, or a list of these
+        What is drawn. The graph of a trimesh scene, or a file with one (glTF, CityJSON), gives
+        the poses where none are given.
+    poses : array_like, shape (n, 3) or (n, 4, 4), or path, optional
+        Points or matrices (world from model), world units, or a file of them, as
+        :func:`pvibr.read_poses` reads it.
+    index : array_like of int, shape (n,), optional
+        Which of several meshes each instance shows; by turns where it is not given.
+    max_error : float
+        How far, in pixels, an outline may be from the mesh's own.
+    name : str, optional
+        What the plotter and reports call it.
+    scalars : array_like, shape (n,), or str, optional
+        Values per instance, coloured by `cmap`; a name selects a column of the file of the poses,
+        or else an array of the mesh, as in ``add_mesh``.
+    colors : array_like, shape (n, 3), optional
+        Colours per instance, uint8 or float.
+    blend : {'replace', 'multiply'}
+        What colours of instances do with the mesh's own.
+    cmap, clim : optional
+        As in ``add_mesh``.
+    opacity : float or str, optional
+        As in ``add_mesh``. Translucent sets are drawn as meshes at every size.
+    pickable : bool
+        Whether it can be picked.
+    cache : bool or path
+        Whether, or where, atlases are kept on disk.
+    progress : bool, optional
+        Whether a long bake shows a progress bar; by default where standard error is a terminal.
+    views : {'full', 'half'}
+        Whether it is seen from all sides or only from above its own horizon; half a sphere has
+        twice the density of views.
+    theme : pyvista.plotting.themes.Theme, optional
+        Defaults of the looks.
+    **mesh_kwargs
+        As in :meth:`pyvista.Plotter.add_mesh`, for the mesh itself.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where an argument is not allowed.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> cones = pl.ibr.add(pvibr.Instances(pv.Cone(), [[0, 0, 0], [2, 0, 0]], cache=False))
+    >>> cones.n_instances
+    2
+    >>> pl.close()
+    """
+
+    web = 'baked', 'meshes, far ones billboard clouds'
+    _title = 'Instances'
+    _covered = _worn = None
+
+    max_error = Param(
+        1.0, 'How far an outline may be from that of the mesh.', range='(0, inf)', unit='px'
+    )
+    visibility = Param(True, 'Whether it is drawn at all.')
+    _changes = 0
+
+    def __init__(
+        self, mesh, poses=None, *, index=None, max_error=1.0, name=None, scalars=None,
+        colors=None, blend='replace', cmap=None, clim=None, opacity=None, pickable=True,
+        cache=True, progress=None, views='full', theme=None, **mesh_kwargs,
+    ):  # fmt: skip
+        super().__init__(max_error=max_error)
+        self.name = name
+        poses, scalars = _from_file(poses, scalars)
+        meshes, poses, index = _scene(mesh, poses, index)
+        poses = as_poses(poses)
+        index = _checked_index(index, len(poses), len(meshes))
+        mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
+        asked = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
+        parts = as_meshes(meshes, theme=theme, **asked)
+        used = np.unique(index)
+        models = {
+            int(k): make_model(parts[k], half=_checked_views(views), cache=cache,
+                               progress=progress)
+            for k in used
+        }  # fmt: skip
+        self._begin(poses, index, models, pickable)
+        self._paint(scalars, colors)
+
+    def _ask(self, count, scalars, colors, blend, asked) -> dict:
+        """Check what is asked of single instances; return what is asked of the mesh."""
+        self._blend = _checked_blend(blend)
+        self._table_options = {k: asked[k] for k in TABLE_OPTIONS if k in asked}
+        if colors is not None:
+            look.as_colors(colors, count)
+        if scalars is not None and not isinstance(scalars, str):
+            look.color_table(look.as_scalars(scalars, count), **self._table_options)
+            asked = {k: v for k, v in asked.items() if k not in TABLE_OPTIONS}
+        else:
+            asked = {'scalars': scalars, **asked}
+        return {k: v for k, v in asked.items() if v is not None}
+
+    def _begin(self, poses, index, models, pickable):
+        self._models = models
+        self._binder = Binder()
+        self._failure: str | None = None
+        self._anchor = anchor()
+        self.pickable = pickable
+        self._scalars = self._colors = self._visible = self.table = None
+        self._set_poses(poses, index)
+
+    def _paint(self, scalars, colors):
+        if scalars is not None and not isinstance(scalars, str):
+            self.scalars = scalars
+        elif colors is not None:
+            self.colors = colors
+
+    # -- what it is made of ------------------------------------------------------------------
+
+    @property
+    def n_instances(self) -> int:
+        """How many instances there are."""
+        return len(self._poses)
+
+    def __len__(self):
+        return len(self._poses)
+
+    @property
+    def poses(self) -> np.ndarray:
+        """Points (n, 3) or matrices (n, 4, 4), world units; setting them bakes nothing."""
+        return self._poses
+
+    @poses.setter
+    def poses(self, poses):
+        poses = as_poses(poses)
+        if len(poses) != len(self._poses):
+            msg = f'poses has {len(poses)} rows; it must keep its {len(self._poses)} instances'
+            raise ValueError(msg)
+        self._rebuild(poses)
+
+    def _rebuild(self, poses):
+        """Make everything anew that depends on poses and models."""
+        pipeline = self.pipeline
+        if pipeline is not None:
+            pipeline._make_current()
+        for kind in self._kinds:
+            kind.release()
+        if pipeline is not None:
+            self._take_out(pipeline.renderer)
+        self._set_poses(poses, self._index)
+        self._repaint()
+        if pipeline is not None:
+            self._put_in(pipeline.renderer)
+
+    def _set_poses(self, poses, index):
+        self._poses, self._index = poses, index
+        self._kinds = []
+        ids = {k: np.flatnonzero(index == k) for k in self._models}
+        turned = any(model.atlas.turntable is not None for model in self._models.values())
+        unit, draws = unit_of(len(poses)), slab_counts(len(poses), len(ids), turned)
+        for k, model in self._models.items():
+            self._kinds.append(self._kind(model, ids[k], poses, self._binder, unit, draws))
+        self._uploaded = False
+        self._touch()
+        self._bounds = _union([k.bounds for k in self._kinds])
+        set_bounds(self._anchor, self._bounds)
+
+    def _kind(self, *args):
+        return Kind(*args)
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """World bounds: x, y and z, low and high; of an empty set (1, -1, 1, -1, 1, -1)."""
+        return tuple(float(v) for v in self._bounds)
+
+    @property
+    def kinds(self) -> list:
+        """What draws the instances of each mesh: its cards, its meshes, what is seen of them."""
+        return self._kinds
+
+    @property
+    def atlases(self) -> list:
+        """The atlas of each mesh that is used."""
+        return [model.atlas for model in self._models.values()]
+
+    # -- looks of single instances -----------------------------------------------------------
+
+    def update(self, ids, *, scalars=None, colors=None, visible=None):
+        """Change some instances; nothing is baked.
+
+        Parameters
+        ----------
+        ids : array_like of int
+            Which instances.
+        scalars, colors, visible : optional
+            Their new values.
+
+        Raises
+        ------
+        IndexError
+            Where an instance does not exist.
+        ValueError
+            Where values do not fit.
+        """
+        ids = np.asarray(ids)
+        new_scalars, new_colors, new_visible = self._scalars, self._colors, None
+        if scalars is not None:
+            new_scalars = np.full(len(self), np.nan) if new_scalars is None else new_scalars.copy()
+            new_scalars[ids] = scalars
+        if colors is not None:
+            rows = np.atleast_2d(np.asarray(colors))
+            new_colors = self._base_colors()
+            new_colors[ids] = look.as_colors(rows, len(rows))
+        if visible is not None:
+            new_visible = self.visible.copy()
+            new_visible[ids] = visible
+        if scalars is not None:
+            self.scalars = new_scalars
+        if colors is not None:
+            self.colors = new_colors
+        if new_visible is not None:
+            self.visible = new_visible
+
+    def _base_colors(self):
+        if self._colors is not None:
+            return self._colors.copy()
+        prop = self._kinds[0].levels[0].parts[0].actor.GetProperty()
+        return np.tile(np.rint(np.array(prop.GetColor()) * 255).astype(np.uint8), (len(self), 1))
+
+    def _repaint(self):
+        self._wear(self._worn)
+        self._touch()
+
+    def _wear(self, covered):
+        """Look as users want it, less what others draw."""
+        self._worn = covered
+        shown = self._visible
+        if covered is not None:
+            shown = self.visible.copy()
+            shown[covered] = False
+        merged = look.merge(len(self), self._colors, shown)
+        if self.pipeline is not None:
+            self.pipeline._make_current()
+        for kind in self._kinds:
+            kind.set_looks(merged, self._blend == 'multiply')
+
+    def cover(self, ids):
+        """Leave instances out of what the scene's own camera shows, since another draws them.
+
+        Parameters
+        ----------
+        ids : numpy.ndarray of int or None
+            Which; None for all to be drawn.
+        """
+        self._covered = ids
+
+    def _touch(self):
+        self._stamp = None
+        self._changes += 1
+
+    def scalar_mapper(self):
+        """Return a mapper with the table of the scalars shown, for a scalar bar; else None."""
+        if self.table is not None:
+            return super().scalar_mapper()
+        shown = [p.actor.mapper for p in self._parts() if p.actor.mapper.GetScalarVisibility()]
+        tables = [m for m in shown if m.GetColorMode() != 2]
+        return tables[0] if tables else None
+
+    def scalar_title(self) -> str:
+        """Return what a scalar bar calls the scalars."""
+        if self.table is not None:
+            return super().scalar_title()
+        return self.scalar_mapper().GetArrayName() or ''
+
+    def bake_into(self, scene):
+        """Hand the instances to a scene without pvibr."""
+        for k, model in self._models.items():
+            ids = np.flatnonzero((self._index == k) & self.visible)
+            scene.copies(
+                self, [level.parts for level in model.levels], self._poses[ids],
+                largest=model.limits(self.max_error).meshes if model.atlas.errors else None,
+                colors=None if self._colors is None else self._colors[ids],
+                multiply=self._blend == 'multiply',
+            )  # fmt: skip
+
+    def _parts(self):
+        return [p for model in self._models.values() for p in model.levels[0].parts]
+
+    # -- the life of an effect ---------------------------------------------------------------
+
+    def _put_in(self, renderer):
+        # All far cards first, then all nearer ones: their soft edges blend with what is behind.
+        layers = zip(*(k.cards.layers.values() for k in self._kinds), strict=True)
+        turns = (zip(*(layer.actors for layer in row), strict=True) for row in layers)
+        self._card_actors = [actor for turn in turns for draw in turn for actor in draw]
+        super()._put_in(renderer)
+
+    def _take_out(self, renderer):
+        for kind in self._kinds:
+            kind.hide()
+        super()._take_out(renderer)
+
+    def stamp(self) -> tuple:
+        """Return what changes whenever what is drawn does, the camera left out."""
+        shown = self.visibility and bool(self._anchor.GetVisibility())
+        return self._changes, self._revision, shown
+
+    def actors(self) -> list:
+        """Return the actors that draw the instances, those that are not visible now too."""
+        return self._card_actors + [a for k in self._kinds for a in k.mesh_actors()]
+
+    #: Frames that are drawn to pick need the cards too.
+    picks = True
+
+    def needed(self, frame) -> bool | str:
+        """Tell whether there is anything to draw."""
+        if not self.visibility or not self._anchor.GetVisibility():
+            self._hide()
+            return 'not visible'
+        return bool(self._kinds) or 'no instances'
+
+    def _hide(self):
+        if self._stamp is not None:
+            for kind in self._kinds:
+                kind.hide()
+            self._stamp = None
+
+    def prepare(self, frame):
+        """Choose what is drawn, where camera, size or settings changed."""
+        if not self._uploaded:
+            for kind in self._kinds:
+                kind.upload(frame.window)
+            self._uploaded = True
+        self._keep_last(frame.renderer)
+        covered = self._covered if frame.own and not frame.picking else None
+        if covered is not self._worn:
+            self._wear(covered)
+            self._stamp = None
+        camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
+        how = frame.picking, frame.casting, frame.quality
+        stamp = (*camera, frame.size, self._revision, *how)
+        self._check_cards()
+        if stamp == self._stamp:
+            return
+        self._stamp = stamp
+        limits = [_coarser(self._limits(kind), frame.quality) for kind in self._kinds]
+        chosen = [k.select(frame, limit) for k, limit in zip(self._kinds, limits, strict=True)]
+        for program in self._kinds[0].cards.programs():
+            self._show_cards(frame, program, [c[program.name] for c in chosen])
+        for kind, limit in zip(self._kinds, limits, strict=True):
+            for actor in kind.select_meshes(frame, limit):
+                actor.SetPickable(bool(self.pickable))
+                frame.renderer.AddViewProp(actor)
+
+    def _show_cards(self, frame, program, choices):
+        unit = self._kinds[0].unit
+        if unit > 1 and sum(len(c.table) for c in choices) * unit <= SORTED_SEEN:
+            pairs = zip(self._kinds, choices, strict=True)
+            unit, choices = 1, [kind.refine(frame, c) for kind, c in pairs]
+        cuts = slabs([c.depths for c in choices], program.turns, unit)
+        for kind, c, cut in zip(self._kinds, choices, cuts, strict=True):
+            look = {'level': c.level, 'unit': unit, 'dithered': c.dithered}
+            kind.cards.show(program.name, c.table, c.sizes, cut, **look)
+
+    def _limits(self, kind):
+        errors = {} if self._failure else kind.atlas.errors
+        return kind.model.limits(self.max_error) if errors else limits_of({}, len(kind.levels), 1)
+
+    def _check_cards(self):
+        """Where a shader of the cards failed: warn once, and draw meshes from now on."""
+        failure = next((k.cards.failure for k in self._kinds if k.cards.failure), None)
+        if failure and not self._failure:
+            self._failure, self._stamp = failure, None
+            msg = f'{self.name}: {failure}: meshes are drawn instead. Look at `pvibr doctor`.'
+            warnings.warn(msg, PvibrWarning, stacklevel=2)
+
+    def soft_edged(self) -> list:
+        """Return the actors whose edges blend with what was drawn before them."""
+        return list(self._card_actors)
+
+    def _keep_last(self, renderer):
+        """Draw cards after all other opaque props: their soft edges blend with what is there."""
+        props = renderer.GetViewProps()
+        known = len(self._card_actors) + sum(len(k.mesh_actors()) for k in self._kinds)
+        count = props.GetNumberOfItems()
+        if count == getattr(self, '_prop_count', None) or not known:
+            return
+        for actor in self._card_actors:
+            renderer.RemoveViewProp(actor)
+            renderer.AddViewProp(actor)
+        self._prop_count = count
+
+    def finish(self, frame):
+        """Give the texture units back."""
+        self._binder.unbind()
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        for kind in self._kinds:
+            kind.release()
+        self._uploaded, self._stamp = False, None
+
+    def report(self) -> dict:
+        """Return bytes, what was drawn, and the error tables of the atlases."""
+        counts: dict = {}
+        for kind in self._kinds:
+            for key, value in kind.counts.items():
+                counts[key] = counts.get(key, 0) + value
+        out = {'bytes': sum(k.cards.nbytes for k in self._kinds), 'instances': len(self), **counts}
+        for k, model in self._models.items():
+            out[f'atlas {k}'] = model.describe(self.max_error)
+        return out
+
+    def pick(self, x, y):
+        """Return the nearest instance under a pixel.
+
+        Parameters
+        ----------
+        x, y : float
+            Pixels from the lower left corner of the window.
+
+        Returns
+        -------
+        pvibr.scene.picking.Hit or None
+            ``index`` of the instance and ``point`` on its mesh, world units.
+        """
+        if not self.pickable or self.pipeline is None or not self.visibility:
+            return None
+        return nearest_hit(self._kinds, self.pipeline.renderer, x, y, self.visible)
+
+    def instance_of(self, actor):
+        """Return the index of the instance that a picked actor shows, or None.
+
+        Parameters
+        ----------
+        actor : vtkActor
+            What PyVista's mesh picking returned.
+        """
+        return next((i for k in self._kinds if (i := k.instance_of(actor)) is not None), None)
+
+
+def _from_file(poses, scalars):
+    """Read poses, and the column that colours them, where they are given as a file."""
+    if not isinstance(poses, str | Path):
+        return poses, scalars
+    poses, values = read_poses_and(poses, scalars if isinstance(scalars, str) else None)
+    if values is None:
+        return poses, scalars
+    if values.dtype.kind != 'f':
+        msg = f'scalars is {scalars!r}, a column of text; name one of numbers'
+        raise ValueError(msg)
+    return poses, values
+
+
+def _coarser(limits, quality):
+    """Return limits by which what is drawn is good for 1 / quality of its size, and so far off."""
+    cards, level = _grown(limits.cards, quality), _grown(limits.level, quality)
+    meshes = tuple(limit / quality for limit in limits.meshes)
+    return replace(limits, cards=cards, mesh=limits.mesh / quality, meshes=meshes, level=level)
+
+
+def _grown(spans, quality):
+    """Return spans of sizes that end at larger ones, each from where the one before it ends."""
+    grown, reached = [], 0.0
+    for name, _, high in spans:
+        # A box of one colour stands for what is a few pixels large, and for nothing else.
+        high = high if name == DOT.name else high / quality
+        grown.append((name, reached, high))
+        reached = high
+    return tuple(grown)
+
+
+def _scene(mesh, poses, index):
+    """Return a list of meshes, poses and index; a scene's graph gives what is not given."""
+    if poses is None:
+        if is_trimesh(mesh, 'Scene') or isinstance(mesh, str | Path):
+            return scene_graph(mesh)
+        msg = 'poses is missing: give (n, 3) points or (n, 4, 4) matrices'
+        raise TypeError(msg)
+    several = isinstance(mesh, list | tuple) and not are_parts(mesh)
+    return (list(mesh) if several else [mesh]), poses, index
+
+
+def scene_graph(scene):
+    """Return meshes, poses and index of a trimesh scene or of a file that trimesh reads."""
+    meshes, index, matrices = scene_instances(scene)
+    return meshes, matrices, index
+
+
+def _checked_index(index, n, meshes):
+    if index is None:
+        return np.arange(n) % meshes if meshes > 1 else np.zeros(n, int)
+    index = np.asarray(index)
+    if index.shape != (n,) or index.dtype.kind not in 'iu':
+        msg = f'index has shape {index.shape}, dtype {index.dtype}; it must be ({n},) integers'
+        raise ValueError(msg)
+    wrong = np.flatnonzero((index < 0) | (index >= meshes))
+    if len(wrong):
+        i = wrong[0]
+        msg = f'index[{i}] is {index[i]}; there are {meshes} meshes: it must be 0 to {meshes - 1}'
+        raise ValueError(msg)
+    return index
+
+
+def _checked_blend(blend):
+    if blend not in ('replace', 'multiply'):
+        msg = f"blend is {blend!r}; it must be 'replace' or 'multiply'"
+        raise ValueError(msg)
+    return blend
+
+
+def _checked_views(views):
+    if views not in ('full', 'half'):
+        msg = f"views is {views!r}; it must be 'full' or 'half'"
+        raise ValueError(msg)
+    return views == 'half'
+
+
+def _union(bounds):
+    if not bounds:
+        return np.array([1.0, -1.0] * 3)
+    b = np.array(bounds)
+    return np.stack([b[:, ::2].min(0), b[:, 1::2].max(0)], 1).ravel()

@@ -1,0 +1,300 @@
+"""The levels of detail of one mesh, and which is good enough at which size."""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pvibr.core import _vtk
+from pvibr.core.errors import PvibrWarning
+from pvibr.instances.atlas import Atlas
+from pvibr.instances.bake import bake_parts
+from pvibr.instances.cache import AtlasCache, key_of
+from pvibr.instances.cards import ALL_PROGRAMS, PROGRAMS
+from pvibr.instances.measure import measure
+from pvibr.instances.mesh_pool import MeshLevel
+from pvibr.meshes.decimate import lighter
+from pvibr.meshes.parts import as_parts
+
+VERSION = 20  # of what is kept in the cache: a change of bake, measure or decimation raises it
+SHARES = (0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
+_SIDES = {p.name for p in ALL_PROGRAMS if p.sides}
+_HEAVY = 2000  # triangles from which stand-ins pay
+_BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
+_SLACK = 0.5  # px over max_error in the table, whose distances are whole pixels apart
+_CAUTION = 0.7  # of the way to where interpolation between two sizes meets the bound
+_BETTER = 0.85  # FLIP against the mesh drawn once per pixel that a level must reach
+_MESH_BETTER = 1.0  # the same for lighter meshes, where cards are not good enough
+
+
+@dataclass(frozen=True)
+class Limits:
+    """On-screen diameters, in pixels, at which levels change."""
+
+    cards: tuple
+    mesh: float
+    meshes: tuple
+    level: tuple = ()
+
+
+@dataclass
+class Model:
+    """A mesh with everything that stands for it.
+
+    Attributes
+    ----------
+    levels : list of MeshLevel
+        The mesh first, then ever lighter ones.
+    atlas : Atlas
+        Its pictures, with the error table.
+    """
+
+    levels: list
+    atlas: Atlas
+    _limits: dict = field(default_factory=dict)
+
+    def limits(self, max_error) -> Limits:
+        """Return the sizes at which levels change.
+
+        Parameters
+        ----------
+        max_error : float
+            Pixels.
+
+        Returns
+        -------
+        Limits
+            Derived from the atlas's error table.
+        """
+        if max_error not in self._limits:
+            self._limits[max_error] = limits_of(self.atlas.errors, len(self.levels), max_error)
+        return self._limits[max_error]
+
+    def describe(self, max_error) -> str:
+        """Return views, bake time and the sizes at which levels change, in one line."""
+        limits, a = self.limits(max_error), self.atlas
+        sides = [(f'{n} from the side', *span) for n, *span in limits.level if n in _SIDES]
+        cards = [f'{name} to {high:.0f} px' for name, low, high in (*sides, *limits.cards)
+                 if high > low]  # fmt: skip
+        meshes = [
+            f'{level.triangles} triangles '
+            + (f'to {limit:.0f} px' if limit < 1e5 else 'at any size')
+            for level, limit in zip(reversed(self.levels), reversed(limits.meshes), strict=True)
+            if limit > limits.mesh
+        ]
+        head = f'{a.views} x {a.views} views of {a.tile} texels, baked in {a.seconds:.1f} s'
+        if a.phased:
+            head = f'{a.phases} phases of {head}'
+        return '; '.join([head, *cards, *meshes])
+
+
+def limits_of(errors, mesh_levels, max_error) -> Limits:
+    """Return the sizes up to which each level keeps an error."""
+    if not errors:
+        never = tuple((p.name, 0.0, 0.0) for p in PROGRAMS)
+        return Limits(never, 0.0, (float('inf'), *[0.0] * (mesh_levels - 1)))
+    cards = _spans(errors, PROGRAMS, max_error)
+    reached = cards[-1][2]
+    level: tuple = ()
+    if set(errors) >= _SIDES:
+        level = tuple(
+            (name, *np.minimum(span, reached).tolist())
+            for name, *span in _spans(errors, ALL_PROGRAMS, max_error)
+        )
+    meshes = [float('inf')]
+    for i in range(1, mesh_levels):
+        good = _good_up_to(errors, f'mesh{i}', max_error, _MESH_BETTER)
+        if good == errors['sizes'][-1]:
+            # Beyond the table the displacement grows with the size.
+            good = max(good, 2 * max_error / max(float(errors[f'mesh{i}.radii']), 1e-9))
+        meshes.append(min(good, meshes[-1]))
+    return Limits(cards, reached, tuple(meshes), level)
+
+
+def _spans(errors, programs, max_error):
+    """Return for each program, in the order of cost, the sizes at which it is drawn."""
+    reached, spans = 0.0, []
+    for program in programs:
+        good = min(_good_up_to(errors, program.name, max_error, _BETTER), program.largest)
+        good = max(good, program.least, reached)
+        spans.append((program.name, reached, good))
+        reached = good
+    return tuple(spans)
+
+
+def _good_up_to(errors, name, max_error, better):
+    """Return the largest size at which outline and colour are within bounds, interpolated."""
+    sizes, table = errors['sizes'], errors[name]
+    bounds = np.array([max_error + _SLACK, better * max(1.0, max_error)])
+    over = (table > bounds).any(1)
+    if not over.any():
+        return float(sizes[-1])
+    k = int(over.argmax())
+    if k == 0:
+        return 0.0
+    low, high = table[k - 1], table[k]
+    with np.errstate(divide='ignore', invalid='ignore'):
+        part = np.where(high > bounds, (bounds - low) / (high - low), 1.0).min()
+    return float(sizes[k - 1] + _CAUTION * part * (sizes[k] - sizes[k - 1]))
+
+
+def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **looks) -> Atlas:
+    """Return a mesh as images from all around, with the error of drawing them measured."""
+    parts = as_parts(mesh, **looks)
+    grid = {'views': views, 'tile': tile, 'half': half}
+    return make_model(parts, cache=cache, progress=progress, **grid).atlas
+
+
+def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=128) -> Model:
+    """Return the levels of a mesh, baked and measured, or taken from the cache."""
+    levels = _levels(parts)
+    folder = None if cache in (True, False) else cache
+    store = AtlasCache(folder) if cache is not False else None
+    key = content_key(parts, views, tile, half) if store is not None else ''
+    found = store.get(key) if store is not None else None
+    if found is not None:
+        try:
+            return Model(levels, Atlas.from_arrays(found))
+        except ValueError:
+            pass  # of an older layout: baked again below, and replaced
+    try:
+        model = _baked(levels, progress, views=views, tile=tile, half=half)
+    except RuntimeError as error:
+        msg = (
+            f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
+            'the graphics driver.'
+        )
+        warnings.warn(msg, PvibrWarning, stacklevel=3)
+        return Model(levels, Atlas.blank(np.concatenate([p.mesh.points for p in parts])))
+    if store is not None:
+        store.put(key, model.atlas.to_arrays())
+    return model
+
+
+def _baked(levels, progress, **grid):
+    start = time.perf_counter()
+    turns = _turns(levels[0].parts)
+    light = _bake_level(levels)
+    for level in (light, 0):
+        shown = _bake_parts(levels[: level + 1])
+        with progress_bar(progress) as advance:
+            atlas = bake_parts(shown, turns=turns, progress=advance, **grid)
+        model = Model(levels, atlas)
+        atlas.errors = measure(model)
+        if level == 0 or (atlas.errors['near'][:2, 1] < _BETTER).all():
+            break  # else what the pictures show is not the mesh: once more, from the mesh itself
+    atlas.seconds = time.perf_counter() - start
+    return model
+
+
+def _turns(parts):
+    """Return which pictures from around an axis are asked for, or None."""
+    return next((p.turns for p in parts if p.turns is not None), None)
+
+
+def _levels(parts):
+    levels = [MeshLevel(list(parts))]
+    given = max(len(p.stand_ins) for p in parts)
+    if given:
+        rungs = [[q for p in parts for q in (p.stand_ins or ((p,),) * given)[k]]
+                 for k in range(given)]  # fmt: skip
+        return levels + [MeshLevel(rung) for rung in rungs]
+    if levels[0].triangles < _HEAVY:
+        return levels
+    for share in SHARES:
+        lighter_parts = [lighter(p, share) or p for p in parts]
+        level = MeshLevel(lighter_parts)
+        if level.triangles < 0.8 * levels[-1].triangles:
+            levels.append(level)
+    return levels
+
+
+def _bake_level(levels):
+    """Return the index of the lightest level that has triangles enough for a bake."""
+    if any(p.stand_ins for p in levels[0].parts):
+        return 0  # quads with pictures are no place to take pictures from
+    return max(i for i, lv in enumerate(levels) if i == 0 or lv.triangles >= _BAKE_TRIANGLES)
+
+
+def _bake_parts(levels):
+    """Return the lightest parts that show every texel: surfaces may be simplified, leaves not."""
+    out = list(levels[0].parts)
+    for level in levels[1:]:
+        for i, part in enumerate(level.parts):
+            if part.alpha_cutoff is None and part.mesh.active_texture_coordinates is None:
+                out[i] = part
+    return out
+
+
+def content_key(parts, views, tile, half) -> str:
+    """Return a hash of everything that the pictures of a mesh depend on."""
+    values = [VERSION, views, tile, half, SHARES, _turns(parts)]
+    stand_ins = [q for p in parts for rung in p.stand_ins for q in rung]
+    for part in [*parts, *stand_ins]:
+        values += [part.alpha_cutoff, *_mesh_values(part.mesh), *look_values(part.actor)]
+    return key_of(*values)
+
+
+def _mesh_values(mesh):
+    arrays = [np.asarray(mesh.points), np.asarray(mesh.regular_faces)]
+    for data in (mesh.point_data, mesh.cell_data):
+        for name in sorted(data.keys()):
+            arrays += [name, np.ascontiguousarray(data[name])]
+        arrays += [data.active_scalars_name, data.active_normals_name]
+    return arrays
+
+
+def look_values(actor) -> list:
+    """Return everything of an actor's look that its pictures depend on."""
+    prop, mapper, texture = actor.GetProperty(), actor.GetMapper(), actor.GetTexture()
+    values = [list(prop.GetColor()), prop.GetInterpolation(), prop.GetRepresentation()]
+    values += [prop.GetBackfaceCulling(), prop.GetFrontfaceCulling(), prop.GetOpacity()]
+    values += [mapper.GetScalarVisibility(), mapper.GetScalarMode(), mapper.GetColorMode()]
+    if mapper.GetScalarVisibility():
+        values += [list(mapper.GetScalarRange()), mapper.GetInterpolateScalarsBeforeMapping()]
+        values += [mapper.GetArrayName() or '', *_table_values(mapper.GetLookupTable())]
+    if texture is not None and texture.GetInput() is not None:
+        image = texture.GetInput()
+        scalars = image.GetPointData().GetScalars()
+        values += [list(image.GetDimensions()), _vtk.vtk_to_numpy(scalars)]
+        values += [texture.GetInterpolate(), texture.GetRepeat()]
+    return values
+
+
+def _table_values(table):
+    if table is None or not hasattr(table, 'GetTable'):
+        return [str(table)] if table is not None else []
+    colors = [list(c) for c in (table.GetNanColor(), table.GetBelowRangeColor(),
+                                table.GetAboveRangeColor())]  # fmt: skip
+    flags = [table.GetUseBelowRangeColor(), table.GetUseAboveRangeColor(), table.GetScale()]
+    return [_vtk.vtk_to_numpy(table.GetTable()), list(table.GetRange()), colors, flags]
+
+
+@contextmanager
+def progress_bar(wanted):
+    """Yield a function that takes the fraction done; a bar appears after a second of it."""
+    if wanted is None:
+        wanted = sys.stderr.isatty()
+    if not wanted:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    start, bar = time.perf_counter(), Progress(console=Console(stderr=True), transient=True)
+    task = bar.add_task('Baking views', total=1.0)
+
+    def advance(done):
+        if time.perf_counter() - start > 1.0:
+            bar.start()
+        bar.update(task, completed=done)
+
+    try:
+        yield advance
+    finally:
+        bar.stop()

@@ -1,0 +1,1 @@
+"""Meshes of any kind as parts, and where they stand."""

@@ -1,0 +1,234 @@
+"""Meshes of trimesh as PyVista meshes with the looks that their materials ask for."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pyvista as pv
+
+from pvibr.core.errors import PvibrWarning
+from pvibr.formats.cities import is_city, read_city
+from pvibr.formats.gltf_accessors import Accessors
+from pvibr.formats.gltf_file import GltfError, GltfFile
+from pvibr.formats.gltf_schema import Index
+from pvibr.maths.transforms import trs
+
+GPU_INSTANCING = 'EXT_mesh_gpu_instancing'
+COLORS = 'trimesh_colors'
+GLTF = ('.gltf', '.glb')
+
+
+def is_trimesh(thing, kind):
+    """Return whether something is of a class of trimesh, without importing trimesh."""
+    module = sys.modules.get('trimesh')
+    return module is not None and isinstance(thing, getattr(module, kind))
+
+
+def read_mesh(path):
+    """Read a mesh or scene from a file."""
+    path = Path(path).expanduser()
+    if not path.is_file():
+        msg = f'mesh file {str(path)!r} does not exist.'
+        raise FileNotFoundError(msg)
+    if is_city(path):
+        return _city_blocks(path)
+    readers = [_read_pyvista, _read_trimesh]
+    if path.suffix.lower() in GLTF:
+        GltfFile(path).check_places()
+        readers.reverse()
+    reasons = []
+    for reader in readers:
+        # Whatever a reader of somebody else's format throws only means: try the other one.
+        try:
+            return reader(path)
+        except Exception as error:
+            reasons.append(f'{reader.__name__.removeprefix("_read_")}: {error}')
+    msg = f'{path} cannot be read as a mesh ({"; ".join(reasons)}).'
+    raise ValueError(msg)
+
+
+def scene_instances(scene):
+    """Return the meshes of a scene and where its graph puts them."""
+    if isinstance(scene, str | Path):
+        path = Path(scene).expanduser()
+        if is_city(path):
+            return read_city(path)
+        if path.suffix.lower() in GLTF:
+            GltfFile(path).check_places()
+        scene = _read_trimesh(path)
+    names: dict[str, int] = {}
+    index, matrices = [], []
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph.get(node)
+        if not is_trimesh(scene.geometry[name], 'Trimesh') or not len(scene.geometry[name].faces):
+            _warn_skipped(name, scene.geometry[name])
+            continue
+        copies = matrix @ _node_copies(scene, node)
+        matrices.append(copies)
+        index.append(np.full(len(copies), names.setdefault(name, len(names))))
+    if not names:
+        msg = 'the trimesh scene has no triangle mesh in it.'
+        raise ValueError(msg)
+    meshes = [scene.geometry[name] for name in names]
+    return meshes, np.concatenate(index), np.concatenate(matrices)
+
+
+def as_dataset(mesh, pbr=False, textures=None):
+    """Return a trimesh as PolyData and the add_mesh keywords of its material."""
+    dataset = pv.PolyData.from_regular_faces(np.array(mesh.vertices), np.array(mesh.faces))
+    # Only normals that came with the file: trimesh would compute others on demand.
+    normals = mesh._cache.cache.get('vertex_normals')
+    if normals is not None and len(normals) == dataset.n_points:
+        dataset.point_data.active_normals = np.array(normals)
+    textures = {} if textures is None else textures
+    visual = mesh.visual
+    if visual.kind == 'vertex':
+        return dataset, _colored(dataset.point_data, visual.vertex_colors)
+    if visual.kind == 'face':
+        return dataset, _colored(dataset.cell_data, visual.face_colors)
+    if visual.kind == 'texture':
+        return dataset, _material_look(dataset, visual, pbr, textures)
+    return dataset, {}
+
+
+def _read_pyvista(path):
+    mesh = pv.read(path)
+    if not mesh.n_points and not isinstance(mesh, pv.MultiBlock):
+        msg = 'no points in it'
+        raise ValueError(msg)
+    return mesh
+
+
+def _read_trimesh(path):
+    import trimesh
+
+    scene = trimesh.load_scene(path, process=False)
+    if not scene.geometry:
+        msg = 'no geometry in it'
+        raise ValueError(msg)
+    accessors = None
+    for edge in _instanced_edges(scene):
+        accessors = accessors or Accessors(GltfFile(path))
+        extension = edge['metadata']['gltf_extensions'][GPU_INSTANCING]
+        edge['metadata']['pvibr_copies'] = _copies(accessors, extension)
+    return scene
+
+
+def _copies(accessors, extension):
+    """Return the (n, 4, 4) matrices of an instancing extension."""
+    attributes = msgspec.convert(extension['attributes'], dict[str, Index])
+    moves, spins, sizes = (
+        accessors.floats(attributes[name], f'{GPU_INSTANCING}.{name}', kind)
+        if name in attributes
+        else None
+        for name, kind in (('TRANSLATION', 'VEC3'), ('ROTATION', 'VEC4'), ('SCALE', 'VEC3'))
+    )
+    counts = {len(values) for values in (moves, spins, sizes) if values is not None}
+    if len(counts) != 1:
+        msg = f'{GPU_INSTANCING} has {len(counts)} counts of instances; all must be the same.'
+        raise GltfError(msg)
+    # glTF writes quaternions as x, y, z, w.
+    spins = None if spins is None else spins[:, [3, 0, 1, 2]]
+    return trs(np.zeros((counts.pop(), 3)) if moves is None else moves, spins, sizes)
+
+
+def _city_blocks(path):
+    meshes, index, matrices = read_city(path)
+    placed = zip(index, matrices, strict=True)
+    return pv.MultiBlock([meshes[k].transform(pose, inplace=False) for k, pose in placed])
+
+
+def _instanced_edges(scene):
+    for edge in scene.graph.transforms.edge_data.values():
+        if GPU_INSTANCING in (edge.get('metadata') or {}).get('gltf_extensions', {}):
+            yield edge
+
+
+def _node_copies(scene, node):
+    parent = scene.graph.transforms.parents.get(node)
+    metadata = scene.graph.transforms.edge_data.get((parent, node), {}).get('metadata') or {}
+    copies = metadata.get('pvibr_copies')
+    if copies is None and GPU_INSTANCING in metadata.get('gltf_extensions', {}):
+        msg = (
+            f'node {node!r} has {GPU_INSTANCING}, whose poses trimesh does not keep: one instance '
+            'is drawn. Give the path of the file instead of the trimesh scene.'
+        )
+        warnings.warn(msg, PvibrWarning, stacklevel=4)
+    return np.eye(4)[None] if copies is None else copies
+
+
+def _warn_skipped(name, geometry):
+    msg = f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn.'
+    warnings.warn(msg, PvibrWarning, stacklevel=3)
+
+
+def _colored(data, colors):
+    colors = np.asarray(colors, dtype=np.uint8)
+    # An alpha that is full everywhere would only make VTK sort the mesh as translucent.
+    data[COLORS] = colors if (colors[:, 3] < 255).any() else np.ascontiguousarray(colors[:, :3])
+    data.active_scalars_name = COLORS
+    preference = 'point' if data.association == pv.FieldAssociation.POINT else 'cell'
+    return {'scalars': COLORS, 'rgb': True, 'preference': preference}
+
+
+def _material_look(dataset, visual, pbr, textures):
+    material = visual.material
+    mode = getattr(material, 'alphaMode', None) or 'OPAQUE'
+    look = _base_color(material, mode)
+    if pbr:
+        look |= _metalness(material)
+    image = getattr(material, 'baseColorTexture', None) or getattr(material, 'image', None)
+    if image is not None and visual.uv is not None:
+        dataset.active_texture_coordinates = np.array(visual.uv, dtype=np.float32)
+        look['texture'] = _texture(image, mode, textures)
+    colors = visual.vertex_attributes.get('color')
+    if colors is not None and len(colors) == dataset.n_points:
+        look |= _colored(dataset.point_data, _as_bytes(colors))
+    if mode == 'MASK':
+        cutoff = getattr(material, 'alphaCutoff', None)
+        look['alpha_cutoff'] = 0.5 if cutoff is None else float(cutoff)
+    return look
+
+
+def _base_color(material, mode):
+    factor = getattr(material, 'baseColorFactor', None)
+    factor = getattr(material, 'diffuse', None) if factor is None else factor
+    if factor is None:
+        return {'color': 'white'}
+    rgba = _as_bytes(np.asarray(factor)[None])[0] / 255
+    look = {'color': tuple(rgba[:3].tolist())}
+    return look | ({'opacity': float(rgba[3])} if mode == 'BLEND' and rgba[3] < 1 else {})
+
+
+def _metalness(material):
+    factors = {
+        'metallic': getattr(material, 'metallicFactor', None),
+        'roughness': getattr(material, 'roughnessFactor', None),
+    }
+    return {name: 1.0 if value is None else float(value) for name, value in factors.items()}
+
+
+def _as_bytes(colors):
+    """Return (n, 4) uint8 colours from bytes, shorts or fractions with or without alpha."""
+    colors = np.asarray(colors)
+    if colors.dtype.kind == 'f':
+        colors = np.clip(colors, 0, 1) * 255 + 0.5
+    elif colors.dtype.itemsize > 1:
+        colors = colors / np.iinfo(colors.dtype).max * 255 + 0.5
+    rgba = np.full((len(colors), 4), 255, dtype=np.uint8)
+    rgba[:, : colors.shape[1]] = colors
+    return rgba
+
+
+def _texture(image, mode, textures):
+    key = (hash(image.tobytes()), image.size, mode == 'OPAQUE')
+    if key not in textures:
+        # OPAQUE means that alpha is to be ignored; VTK would blend it.
+        pixels = np.asarray(image.convert('RGB' if mode == 'OPAQUE' else 'RGBA'))
+        textures[key] = pv.Texture(pixels)
+        textures[key].interpolate = True
+    return textures[key]

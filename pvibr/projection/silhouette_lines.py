@@ -1,0 +1,151 @@
+"""The outline of a mesh as lines: data, without a picture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.maths.cameras import as_camera
+from pvibr.maths.silhouettes import edge_table, silhouettes
+from pvibr.projection.visibility import bounds_of, depth_maps, surface_of, view_of
+
+_BESIDE = 1.5  # texels beside a line, off its own surface, where depth is looked up
+_BEFORE = 8.0  # texels by which what hides a line must be before it
+_PIECE = 4.0  # texels that are visible or hidden as one
+
+
+def outline(mesh, camera, *, casters=(), hidden=False, size=None, resolution=4096) -> pv.PolyData:
+    """Return the silhouette of a mesh and its open borders as lines in world space.
+
+    Parameters
+    ----------
+    mesh : pyvista.DataSet or actor
+        World units; of volumes the surface counts.
+    camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
+        See :func:`pvibr.maths.cameras.as_camera`.
+    casters : sequence of pyvista.DataSet or actors, optional
+        What else may hide it.
+    hidden : bool, optional
+        Whether lines are kept that are hidden or outside of the picture.
+    size : tuple of 2 int, optional
+        Width and height of the picture in pixels, where the camera does not know; by default that
+        of PyVista's windows.
+    resolution : int, optional
+        Texels along a side of the depth view that tells what is hidden.
+
+    Returns
+    -------
+    pyvista.PolyData
+        Polylines in float64: edges between triangles that face the camera and triangles that do
+        not, whole or the parts of them that are seen.
+
+    Raises
+    ------
+    TypeError
+        Where something is no mesh.
+    ValueError
+        Where the camera is none.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> from pvibr.maths.cameras import Orthographic
+    >>> above = Orthographic.from_extent(-1, 1, -1, 1, zmax=5)
+    >>> pvibr.outline(pv.Cube(), above, hidden=True).length ** 2
+    2.0
+    """
+    if size is None:
+        size = getattr(camera, 'size', None) or pv.global_theme.window_size
+    camera = as_camera(camera, size)
+    surface = surface_of(mesh).triangulate()
+    surfaces = [surface, *(surface_of(m) for m in casters)]
+    view = view_of(camera, bounds_of(surfaces), resolution)
+    if view is None:
+        return pv.PolyData()
+    edges = edge_table(np.asarray(surface.points), surface.regular_faces)
+    light = np.append(view.view_from_world[2, :3], 0.0) if view.parallel else [*view.eye, 1.0]
+    pairs, _ = silhouettes(edges, light)
+    ends = (edges.points + edges.origin)[pairs]
+    if not hidden:
+        away = _away(view, ends, _inner(edges, pairs) + edges.origin)
+        ends = _seen(view, ends, away, surfaces, resolution)
+    return _lines(ends)
+
+
+def _inner(edges, pairs):
+    """Return for each edge a point on its triangles and off the edge, (k, 3)."""
+    corners = edges.triangles
+    sides = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    third = np.concatenate([corners[:, 2], corners[:, 0], corners[:, 1]])
+    n = len(edges.points)
+    keys = np.sort(sides, 1) @ [n, 1]
+    order = np.argsort(keys)
+    wanted = np.sort(pairs, 1) @ [n, 1]
+    first = np.searchsorted(keys[order], wanted)
+    last = np.searchsorted(keys[order], wanted, side='right') - 1
+    return (edges.points[third[order[first]]] + edges.points[third[order[last]]]) / 2
+
+
+def _texels(view, points):
+    """Return texture coordinates and depth of points, (..., 3), and w."""
+    found = points @ view.texture_from_world()[:, :3].T + view.texture_from_world()[:, 3]
+    with np.errstate(divide='ignore', invalid='ignore'):
+        return found[..., :3] / found[..., 3:], found[..., 3]
+
+
+def _away(view, ends, inner):
+    """Return unit vectors in the picture, off the edges, away from their triangles, (k, 2)."""
+    places, _ = _texels(view, np.concatenate([ends, inner[:, None]], 1))
+    along, to_inner = places[:, 1, :2] - places[:, 0, :2], places[:, 2, :2] - places[:, 0, :2]
+    across = np.stack([-along[:, 1], along[:, 0]], 1)
+    across = np.where((across * to_inner).sum(1, keepdims=True) > 0, -across, across)
+    return across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+
+
+def _seen(view, ends, away, surfaces, resolution):
+    """Return the parts of edges that nothing hides, as edges."""
+    (depth,) = depth_maps([view], surfaces, resolution)
+    side = len(depth)
+    places, w = _texels(view, ends)
+    front = (w > 0).all(1) & np.isfinite(places).all((1, 2))
+    ends, away, places = ends[front], away[front], places[front]
+    length = np.linalg.norm(np.diff(places[..., :2], axis=1)[:, 0], axis=1) * side
+    count = np.clip(np.ceil(length / _PIECE), 1, side).astype(int)
+    owner = np.repeat(np.arange(len(ends)), count)
+    step = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    cuts = np.stack([step, step + 1], 1) / count[owner][:, None]
+    pieces = ends[owner, :1] + cuts[..., None] * (ends[owner, 1:] - ends[owner, :1])
+    seen = _nothing_before(view, pieces.mean(1), away[owner], depth)
+    # Runs of pieces that are seen are one edge.
+    joins = seen[1:] & seen[:-1] & (owner[1:] == owner[:-1])
+    first = seen & ~np.append(False, joins)
+    last = seen & ~np.append(joins, False)
+    return np.stack([pieces[first, 0], pieces[last, 1]], 1)
+
+
+def _nothing_before(view, points, away, depth):
+    side = len(depth)
+    toward = view.view_from_world[2, :3] if view.parallel else view.eye - points
+    # How far a texel is across at each point: the eye's distance times that of a unit.
+    scale = 2 / (view.clip_from_view[1, 1] * side)
+    unit = toward if view.parallel else toward / np.linalg.norm(toward, axis=1, keepdims=True)
+    ahead = -(points @ view.view_from_world[2, :3] + view.view_from_world[2, 3])
+    texel = scale * (np.ones(len(points)) if view.parallel else ahead)
+    places, _ = _texels(view, points)
+    nearer, _ = _texels(view, points + _BEFORE * texel[:, None] * unit)
+    column, row = np.floor((places[:, :2] + _BESIDE * away / side) * side).astype(int).T
+    inside = ((places[:, :2] >= 0) & (places[:, :2] <= 1)).all(1)
+    clipped = depth[np.clip(row, 0, side - 1), np.clip(column, 0, side - 1)]
+    return inside & (nearer[:, 2] <= clipped)
+
+
+def _lines(ends) -> pv.PolyData:
+    """Return edges as polylines, joined where they meet."""
+    if not len(ends):
+        return pv.PolyData()
+    points, index = np.unique(ends.reshape(-1, 3), axis=0, return_inverse=True)
+    pairs = index.reshape(-1, 2)
+    lines = np.column_stack([np.full(len(pairs), 2), pairs])
+    found = pv.PolyData(points, lines=lines.ravel())
+    return found.strip(join=True, max_length=max(len(pairs) + 1, 2))

@@ -1,0 +1,134 @@
+"""Meshes laid out flat: texture coordinates, and the place on the mesh of each texel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+from scipy import ndimage
+
+from pvibr.core import _vtk
+from pvibr.gl.offscreen import hidden_window, read_rgba
+from pvibr.projection.visibility import Samples
+
+#: Texels around each part of a texture that take its colours, for filters that reach over edges.
+_PAD = 8
+_BASE = 255  # numbers in a channel of a picture of triangles; alpha stays 1
+
+
+def unwrapped(mesh) -> pv.PolyData:
+    """Return the triangles of a mesh's surface with texture coordinates."""
+    surface = mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface(algorithm=None)
+    surface = surface.triangulate()
+    if surface.active_texture_coordinates is not None:
+        return surface
+    try:
+        import xatlas
+    except ImportError as error:
+        msg = (
+            'The mesh has no texture coordinates. Give it some (mesh.active_texture_coordinates), '
+            'or install xatlas, which makes them: pip install "pvibr[uv]"'
+        )
+        raise ImportError(msg) from error
+    points = np.asarray(surface.points, float)
+    # xatlas works with float32: far from the origin it would see nothing else.
+    low, high = points.min(0), points.max(0)
+    small = ((points - low) / ((high - low).max() or 1.0)).astype(np.float32)
+    origin, faces, uv = xatlas.parametrize(small, surface.regular_faces.astype(np.uint32))
+    found = pv.PolyData.from_regular_faces(points[origin], faces.astype(int))
+    found.active_texture_coordinates = np.asarray(uv, float)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class TexelImage:
+    """Where the texels of :func:`texels_of` are in the texture."""
+
+    inside: np.ndarray
+
+    def filled(self, colors, covered) -> np.ndarray:
+        """Return the texture; texels beside the mesh's parts take the nearest colour."""
+        image = np.zeros((*self.inside.shape, 4), np.uint8)
+        image[self.inside] = colors
+        known = self.inside.copy()
+        known[self.inside] = covered
+        away, near = ndimage.distance_transform_edt(~known, return_indices=True)
+        beside = (away <= _PAD) & ~known
+        if known.any():
+            around = image[near[0], near[1]]
+            image[beside, :3] = around[beside, :3]  # what filters reach, under no alpha
+            outside = beside & ~self.inside
+            image[outside] = around[outside]
+        return np.ascontiguousarray(image[::-1])
+
+
+def texels_of(mesh, size) -> tuple[Samples, TexelImage]:
+    """Return the places on a mesh that the texels of its texture stand for."""
+    width, height = np.broadcast_to(np.asarray(size), 2).tolist()
+    if not (int(width) == width > 0 and int(height) == height > 0):
+        msg = f'size is {size!r}; it must be whole numbers of pixels above 0.'
+        raise ValueError(msg)
+    uv = np.asarray(mesh.active_texture_coordinates, float)
+    faces = mesh.regular_faces.reshape(-1, 3)
+    number = _painted(uv, faces, int(width), int(height))
+    inside = number >= 0
+    row, column = np.nonzero(inside)
+    cell = number[inside]
+    at = np.column_stack([(column + 0.5) / width, (row + 0.5) / height])
+    share = _barycentric(uv[faces[cell]], at)
+    corner = np.asarray(mesh.points, float)[faces]
+    across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    length = np.linalg.norm(across, axis=1)
+    normals = across / np.where(length > 0, length, 1)[:, None]
+    count = len(cell)
+    return (
+        Samples(
+            np.einsum('nk,nkd->nd', share, corner[cell]), normals[cell], np.arange(count), count,
+            faces[cell], length[cell] / 2,
+        ),
+        TexelImage(inside),
+    )  # fmt: skip
+
+
+def _barycentric(corners, at):
+    """Return how much of each corner a place is made, (n, 3); inside, whatever the rounding."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = at - corners[:, 0]
+    det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    det = np.where(det == 0, 1, det)
+    s = (p[:, 0] * b[:, 1] - p[:, 1] * b[:, 0]) / det
+    t = (a[:, 0] * p[:, 1] - a[:, 1] * p[:, 0]) / det
+    share = np.clip(np.stack([1 - s - t, s, t], 1), 0, 1)
+    return share / share.sum(1, keepdims=True)
+
+
+def _painted(uv, faces, width, height):
+    """Return the triangle at the centre of each texel, (h, w), bottom row first; -1 for none."""
+    number = np.arange(1, len(faces) + 1)
+    colors = np.stack([number % _BASE, number // _BASE % _BASE, number // _BASE**2], 1)
+    flat = pv.PolyData.from_regular_faces(np.column_stack([uv, np.zeros(len(uv))]), faces)
+    flat.cell_data.set_scalars(colors.astype(np.uint8), 'number')
+    mapper = _vtk.vtkPolyDataMapper()
+    mapper.SetInputData(flat)
+    mapper.SetScalarModeToUseCellData()
+    actor = _vtk.vtkActor()
+    actor.SetMapper(mapper)
+    actor.GetProperty().LightingOff()
+    with hidden_window(width, height) as (window, renderer):
+        renderer.SetBackground(0, 0, 0)
+        renderer.AddActor(actor)
+        camera = renderer.GetActiveCamera()
+        matrix = _vtk.vtkMatrix4x4()
+        matrix.DeepCopy([2, 0, 0, -1, 0, 2, 0, -1, 0, 0, -1, 0, 0, 0, 0, 1])
+        camera.SetPosition(0, 0, 0)
+        camera.SetFocalPoint(0, 0, -1)
+        camera.SetViewUp(0, 1, 0)
+        camera.SetParallelProjection(True)
+        camera.SetExplicitProjectionTransformMatrix(matrix)
+        camera.UseExplicitProjectionTransformMatrixOn()
+        window.Render()
+        found = read_rgba(window)[..., :3].astype(int)
+        renderer.RemoveAllViewProps()
+        actor.ReleaseGraphicsResources(window)
+    return found @ [1, _BASE, _BASE**2] - 1

@@ -1,0 +1,1 @@
+"""Spheres, cylinders and ellipsoids, ray-cast on cards."""

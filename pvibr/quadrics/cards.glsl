@@ -1,0 +1,187 @@
+// Spheres, ellipsoids and cylinders, each on a card that holds it tightly; rays from the eye are
+// met with it exactly. What they are says a file of each shape:
+//   bool ibr_place(int i, vec3 origin, out IbrCard card)  vertex: fetches one; false: not drawn
+//   void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, out vec3 leaves)
+//     fragment: where a ray enters and leaves it, and the outward normals there
+//   vec4 ibr_painted(vec3 place)                          fragment: its look there
+// Rays start from the foot of the perpendicular, not from the difference of two large squares
+// (Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019,
+// chapter 7). Middles are relative to those of blocks, which come in eye space, subtracted in
+// double precision.
+// CORNERS is 4, or 1 for point sprites. DEPTH is 1 where each pixel has its own: then drivers light
+// also what is hidden. The others, a few pixels large, are as deep as the mean of their front.
+// HIDES is 1 where only depth is drawn, to find what is hidden: nowhere more than will be covered,
+// by samples anywhere in a pixel too, and not nearer.
+// ibr_first, the first slot of a draw, and ibr_end, the entry after its last, are an actor's custom
+// uniforms: VTK declares them.
+
+//@vertex.declare
+uniform sampler2D ibr_items;      // TEXELS of each
+uniform sampler2D ibr_looks;      // LOOKS of each; see pvibr.quadrics.quadrics
+uniform sampler2D ibr_blocks;     // of each entry: middle of its block, eye space; its number
+uniform int ibr_count;
+uniform int ibr_unit;             // items of an entry
+uniform int ibr_parallel;
+uniform vec2 ibr_size;            // of the picture, pixels
+uniform float ibr_pixel;          // a pixel in world units, in perspective at a distance of 1
+uniform float ibr_near;
+uniform vec4 ibr_ndc_from_slope;  // factors and offsets of x / -z and y / -z, or of x and y
+uniform vec4 ibr_zw_from_z;       // factor and offset of clip z, of clip w
+uniform mat3 ibr_eye_from_world;
+flat out vec4 ibr_look;           // alpha below 0 where it fills its pixel
+
+const float ibr_none = 1e9;
+
+struct IbrCard
+{
+  vec4 bounds;     // low and high along `way`, low and high across it, slopes or parallel x and y
+  vec2 way;        // of length 1; (1, 0) for point sprites
+  float front;     // z of the whole where pixels have none of their own
+  float back;      // the least z
+  bool dot_sized;  // smaller than a pixel
+};
+
+vec4 ibr_fetched(sampler2D rows, int at)
+{
+  return texelFetch(rows, ivec2(at % 1024, at / 1024), 0);
+}
+
+// At least a pixel large: what is smaller would come and go as the eye moves.
+float ibr_half_pixel(float z)
+{
+  return 0.5 * ibr_pixel * (ibr_parallel == 1 ? 1.0 : max(-z, 0.0));
+}
+
+// The slopes of the two tangents from the eye to a circle, in a plane through the view's axis
+// (Mara and McGuire, "2D Polyhedral Bounds of a Clipped, Perspective-Projected 3D Sphere", 2013).
+vec2 ibr_tangents(vec2 c, float r)
+{
+  float square = dot(c, c) - r * r;
+  if (square <= 0.0) return vec2(-ibr_none, ibr_none);
+  float s = sqrt(square);
+  vec2 low = vec2(c.x * s + c.y * r, c.x * r - c.y * s);
+  vec2 high = vec2(c.x * s - c.y * r, -c.x * r - c.y * s);
+  return vec2(low.y > 0.0 ? low.x / low.y : -ibr_none,
+    high.y > 0.0 ? high.x / high.y : ibr_none);
+}
+
+// Low and high of a sphere's picture along a way.
+vec2 ibr_span(vec3 c, float r, vec2 way)
+{
+  float x = dot(c.xy, way);
+  return ibr_parallel == 1 ? vec2(x - r, x + r) : ibr_tangents(vec2(x, c.z), r);
+}
+
+vec2 ibr_ndc(vec2 p, vec2 way)
+{
+  vec2 slope = p.x * way + p.y * vec2(-way.y, way.x);
+  return slope * ibr_ndc_from_slope.xy + ibr_ndc_from_slope.zw;
+}
+
+//@vertex.position
+  {
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: an empty slot
+#if CORNERS == 1
+    gl_PointSize = 1.0;
+#endif
+    int slot = ibr_first + gl_VertexID / CORNERS;
+    int entry = slot / ibr_unit;
+    bool live = entry < ibr_end;
+    vec4 block = ibr_fetched(ibr_blocks, live ? entry : 0);
+    int i = int(block.w) * ibr_unit + slot % ibr_unit;
+    live = live && i < ibr_count;
+    i = live ? i : 0;
+    ibr_look = ibr_fetched(ibr_looks, i * LOOKS);
+    IbrCard card;
+    if (ibr_place(i, block.xyz, card) && live && ibr_look.a > 0.0)
+    {
+      if (card.dot_sized) ibr_look.a = -ibr_look.a;
+      vec2 middle = ibr_ndc(0.5 * (card.bounds.xz + card.bounds.yw), card.way);
+      vec2 pixel = floor((0.5 * middle + 0.5) * ibr_size);
+      vec2 zw = ibr_zw_from_z.xz * (HIDES == 1 ? card.back : card.front) + ibr_zw_from_z.yw;
+      float z = DEPTH == 1 ? 0.0 : zw.x / zw.y;
+#if CORNERS == 1
+      if (card.dot_sized) middle = (pixel + 0.5) / ibr_size * 2.0 - 1.0;
+      gl_Position = vec4(middle, z, 1.0);
+      vec2 side = (card.bounds.yw - card.bounds.xz) * ibr_ndc_from_slope.xy * ibr_size * 0.5;
+      gl_PointSize = card.dot_sized ? 1.0 : max(side.x, side.y) + (HIDES == 1 ? -0.9 : 0.1);
+#else
+      int corner = gl_VertexID % 4;
+      vec2 unit = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
+      // A little larger, and not far beyond the picture.
+      vec2 scale = 1.0 / ibr_ndc_from_slope.xy, across = vec2(-card.way.y, card.way.x);
+      vec2 margin = vec2(-0.1, 0.1) * scale.y / ibr_size.y;
+#if HIDES == 1
+      margin *= -9.0;
+#endif
+      vec2 reach = 1.1 * vec2(dot(abs(card.way), scale), dot(abs(across), scale));
+      vec2 centre = -ibr_ndc_from_slope.zw * scale;
+      centre = vec2(dot(centre, card.way), dot(centre, across));
+      vec4 bounds = clamp(card.bounds + margin.xyxy,
+        (centre - reach).xxyy, (centre + reach).xxyy);
+      vec2 at = ibr_ndc(mix(bounds.xz, bounds.yw, unit), card.way);
+      if (card.dot_sized) at = (pixel + unit) / ibr_size * 2.0 - 1.0;
+      gl_Position = vec4(at, z, 1.0);
+#endif
+    }
+  }
+
+//@fragment.declare
+uniform int ibr_parallel;
+uniform float ibr_near;
+uniform vec4 ibr_slope_from_pixel; // factors and offsets of gl_FragCoord.xy
+uniform vec4 ibr_zw_from_z;
+flat in vec4 ibr_look;
+
+//@fragment.meet
+  vec2 ibr_slope = gl_FragCoord.xy * ibr_slope_from_pixel.xy + ibr_slope_from_pixel.zw;
+  vec3 ibr_from = ibr_parallel == 1 ? vec3(ibr_slope, 0.0) : vec3(0.0);
+  vec3 ibr_ray = ibr_parallel == 1 ? vec3(0.0, 0.0, -1.0) : vec3(ibr_slope, -1.0);
+  vec2 ibr_t;
+  bvec2 ibr_hits;
+  vec3 ibr_normal, ibr_leaves;
+  ibr_meet(ibr_from, ibr_ray, ibr_t, ibr_hits, ibr_normal, ibr_leaves);
+  float ibr_along = ibr_t.x;
+  bool ibr_met = ibr_hits.x;
+#if INSIDES == 1
+  // What the near plane cut open, or what is open, shows its inside.
+  if (ibr_hits.y && !(ibr_hits.x && ibr_t.x >= ibr_near))
+  {
+    ibr_along = ibr_t.y;
+    ibr_normal = -ibr_leaves;
+    ibr_met = true;
+  }
+#endif
+  vec4 vertexVC = vec4(ibr_from + ibr_along * ibr_ray, 1.0);
+  // For features that ask where the surface is.
+#define IBR_PLACE vertexVC.xyz
+#define IBR_NORMAL ibr_normal
+
+//@fragment.cut
+  if (!ibr_met && ibr_look.a > 0.0) discard;
+#if HIDES == 1 && CORNERS == 4
+  if (ibr_along < ibr_near) discard;
+#endif
+
+//@fragment.depth
+  {
+    vec2 zw = ibr_zw_from_z.xz * vertexVC.z + ibr_zw_from_z.yw;
+    float depth = zw.x / zw.y * 0.5 + 0.5;
+#if CORNERS == 4
+    if (ibr_along < ibr_near || depth > 1.0) discard;
+#endif
+    gl_FragDepth = depth;
+  }
+
+//@fragment.color
+  {
+    vec4 seen = ibr_painted(vertexVC.xyz);
+    float code = abs(seen.a) * 255.0;
+    bool own = code > 127.5;
+    if (own)
+    {
+      diffuseColor = diffuseIntensity * seen.rgb;
+      ambientColor = ambientIntensity * seen.rgb;
+    }
+    opacity = opacityUniform * (own ? code - 128.0 : code) / 127.0;
+  }

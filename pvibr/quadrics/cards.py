@@ -1,0 +1,301 @@
+"""Quadrics on the GPU: the programs that draw them, and which of them draws which blocks."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+from pvibr.core.errors import ShaderError
+from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
+from pvibr.gl.feature import Feature, sections
+from pvibr.instances.cards import BLOCK, DULL, card_mesh, pack
+from pvibr.maths.blocks import frustum_planes
+from pvibr.scene.translucent import MOST
+
+ROW = 1024  # texels of a row
+_VIEWPORT, _PROGRAM_POINT_SIZE = 0x0BA2, 0x8642  # GL enums
+_LARGEST_SMALL = 4.0  # px: those are edges all over, and their depths differ by two pixels
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What kind of quadric is drawn."""
+
+    name: str
+    texels: int
+    looks: int = 1
+    largest_point: float = 60.0
+    fill: float = 1.0
+    open: bool = False
+    defines: tuple = ()
+
+
+@dataclass(frozen=True)
+class Way:
+    """How the items of a block are drawn."""
+
+    name: str
+    corners: int
+    chunk: int
+    depth: bool = True
+    dots: bool = False
+    blends: bool = False
+    hides: bool = False
+
+    def feature(self, shape) -> Feature:
+        """Return the shader text by VTK's tags."""
+        part, own = (sections(shader_source(__file__, stem)) for stem in (None, shape.name))
+        values = {
+            'HIDES': int(self.hides),
+            'CORNERS': self.corners, 'DEPTH': int(self.depth), 'TEXELS': shape.texels,
+            'LOOKS': shape.looks, 'INSIDES': int(shape.open or self.corners == 4),
+            **dict(shape.defines),
+        }  # fmt: skip
+        defines = ''.join(f'#define {name} {value}\n' for name, value in values.items())
+        vertex = {
+            'VTK::PositionVC::Dec': defines + part['vertex.declare'] + own['vertex.declare'],
+            'VTK::PositionVC::Impl': part['vertex.position'],
+        }
+        fragment = {
+            'VTK::PositionVC::Dec': defines + part['fragment.declare'] + own['fragment.declare'],
+            'VTK::PositionVC::Impl': part['fragment.meet'],
+            'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
+            'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
+        }
+        if self.hides:
+            tags = 'VTK::Color::Impl', 'VTK::Normal::Impl', 'VTK::Light::Impl'
+            fragment |= dict.fromkeys(tags, '\n')
+        if not self.dots:
+            cut = part['fragment.cut'] + (part['fragment.depth'] if self.depth else '')
+            # Depth peeling sets that of the card first.
+            fragment['VTK::Depth::Impl'] = '//VTK::Depth::Impl\n' + cut
+        return Feature(f'{shape.name}_{self.name}', vertex, fragment)
+
+
+DOTS = Way('dots', 1, 65_536, depth=False, dots=True)
+SMALL = Way('small', 1, 65_536, depth=False)
+POINTS = Way('points', 1, 65_536)
+QUADS = Way('quads', 4, 16_384)
+BLENDED = Way('blended', 4, 65_536, blends=True)
+#: What is drawn ahead to find what is behind it: as point sprites, and as quads.
+HIDING = (
+    Way('hiding_points', 1, 65_536, depth=False, hides=True),
+    Way('hiding_quads', 4, 16_384, depth=False, hides=True),
+)
+#: What is near first: it hides much, and what is hidden need not be lit.
+WAYS = (QUADS, POINTS, SMALL, DOTS)
+_DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
+
+
+class Layer:
+    """The items that are drawn in one way: draws of a chunk each that share one mapper.
+
+    Parameters
+    ----------
+    quadrics : pvibr.quadrics.quadrics.Quadrics
+        Whose textures and uniforms are used.
+    way : Way
+        How.
+
+    Attributes
+    ----------
+    drawn : int
+        Items that are drawn.
+    actors : list of vtkActor
+        The draws.
+    """
+
+    def __init__(self, quadrics, way):
+        self._owner: Any = weakref.ref(quadrics)
+        self.way = way
+        self._feature = way.feature(quadrics.shape)
+        self._landed, self._shiny = False, True
+        self.failure = ''
+        self.entries: Texture | None = None
+        self.drawn = 0
+        self._mapper = _vtk.vtkPolyDataMapper()
+        self._mapper.ScalarVisibilityOff()
+        self._mapper.AddObserver('UpdateShaderEvent', self._updater())
+        slots = max(-(-len(quadrics) // BLOCK), 1) * BLOCK
+        self._chunk = min(way.chunk, slots)
+        self.bound(quadrics.bounds)
+        draws = -(-slots // self._chunk) + (MOST if way.blends else 0)
+        prop = pv.Property(lighting=False) if way.hides else quadrics.property
+        self.actors = [self._actor(prop) for _ in range(draws)]
+
+    def bound(self, bounds):
+        """Tell VTK where they are.
+
+        Parameters
+        ----------
+        bounds : array_like of 6 float
+            World units.
+        """
+        self._mapper.SetInputData(card_mesh(self._chunk, self.way.corners, bounds))
+
+    def _actor(self, prop):
+        actor = pv.Actor()
+        actor.SetMapper(self._mapper)
+        actor.SetProperty(prop)
+        (actor.ForceTranslucentOn if self.way.blends else actor.ForceOpaqueOn)()
+        actor.VisibilityOff()
+        actor.PickableOff()
+        actor.UseBoundsOff()
+        self._feature.attach(actor)
+        return actor
+
+    def dress(self, shiny):
+        """Have highlights computed or not.
+
+        Parameters
+        ----------
+        shiny : bool
+            Whether the material has any.
+
+        Raises
+        ------
+        ShaderError
+            Where the text did not land.
+        """
+        if self.failure:
+            raise ShaderError(self.failure)
+        if shiny != self._shiny:
+            for actor in self.actors:
+                (_DULL.detach if shiny else _DULL.attach)(actor)
+            self._shiny = shiny
+
+    def show(self, entries, unit=BLOCK, cuts=()):
+        """Draw items.
+
+        Parameters
+        ----------
+        entries : numpy.ndarray, shape (n, 4)
+            Middle of the block in eye space, and number, of each block or of each item.
+        unit : int
+            Items of an entry.
+        cuts : sequence of int
+            Entries at which something else is drawn in between.
+
+        Returns
+        -------
+        list of list of vtkActor
+            The draws of each part, in their order.
+        """
+        count, owner = len(entries), self._owner()
+        self.drawn = min(count * unit, len(owner))
+        if count:
+            self.entries = self.entries or Texture(owner.window)
+            self.entries.upload(pack(entries.astype(np.float32), ROW, 4))
+        step, free = self._chunk // unit, iter(self.actors)
+        parts: list = []
+        for first, end in pairwise((0, *cuts, count)):
+            starts = range(first, end, step)
+            parts.append([_span(next(free), k * unit, min(k + step, end)) for k in starts])
+        for actor in free:
+            actor.VisibilityOff()
+        return parts
+
+    def _updater(self):
+        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
+        layer = weakref.ref(self)
+
+        @_vtk.calldata_type(_vtk.VTK_OBJECT)
+        def update(_mapper, _event, program):
+            alive = layer()
+            if alive is not None:
+                alive._update(program)
+
+        return update
+
+    def _update(self, program):
+        owner = self._owner()
+        state = owner.window.GetState()
+        if self.way.corners == 1:
+            state.SetEnumState(_PROGRAM_POINT_SIZE, True)
+        textures = {**owner.textures, 'ibr_blocks': self.entries}
+        set_uniforms(program, owner.binder.bind(self, textures))
+        set_uniforms(program, owner.uniforms)
+        set_uniforms(program, _pixel_uniforms(state, owner.uniforms))
+        if not self._landed:
+            self._landed = True
+            if not self._feature.landed(program):
+                self.failure = f'the shader text of {self._feature.name} did not land'
+
+    def release(self, window):
+        """Free what it holds on the GPU; the context is current."""
+        if window is not None:
+            self._mapper.ReleaseGraphicsResources(window)
+            for actor in self.actors:
+                actor.ReleaseGraphicsResources(window)
+        if self.entries is not None:
+            self.entries.release()
+            self.entries = None
+
+
+def _span(actor, first, end):
+    """Have an actor draw from a slot up to an entry."""
+    actor.VisibilityOn()
+    uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+    uniforms.SetUniformi('ibr_first', first)
+    uniforms.SetUniformi('ibr_end', end)
+    return actor
+
+
+@dataclass
+class Seen:
+    """Blocks in view, the nearest first."""
+
+    entries: np.ndarray
+    ways: np.ndarray
+    around: np.ndarray
+    areas: np.ndarray
+
+
+def seen_blocks(blocks, frame, shape) -> Seen:
+    """Return what may be seen, the nearest first, and how it is drawn."""
+    with np.errstate(divide='ignore', invalid='ignore'):  # the eye may be in the middle of one
+        index, origins, small, large = (a[::-1] for a in blocks.seen(frame))
+    around = (blocks.reach + blocks.largest)[index]
+    planes = frustum_planes(frame.clip_from_view)
+    inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > around
+    ways = np.where(inside & (large <= shape.largest_point), WAYS.index(POINTS), WAYS.index(QUADS))
+    ways[inside & (large <= _LARGEST_SMALL)] = WAYS.index(SMALL)
+    ways[inside & (large <= 1.0)] = WAYS.index(DOTS)
+    areas = shape.fill * BLOCK * np.pi / 16 * (small + np.minimum(large, frame.size[1])) ** 2
+    return Seen(np.column_stack([origins, index]), ways, around, areas)
+
+
+def view_uniforms(frame, count, unit) -> dict:
+    """Return what both shaders know of the eye."""
+    m = frame.clip_from_view
+    offset = m[:2, 3] if frame.parallel else -m[:2, 2]
+    return {
+        'ibr_count': count,
+        'ibr_unit': unit,
+        'ibr_parallel': int(frame.parallel),
+        'ibr_pixel': float(frame.scale / frame.pixel_scale),
+        'ibr_near': float(frame.near),
+        'ibr_ndc_from_slope': (float(m[0, 0]), float(m[1, 1]), *map(float, offset)),
+        'ibr_zw_from_z': (float(m[2, 2]), float(m[2, 3]), float(m[3, 2]), float(m[3, 3])),
+        'ibr_eye_from_world': uniform_matrix(frame.view_from_world[:3, :3]),
+    }
+
+
+def _pixel_uniforms(state, uniforms) -> dict:
+    """Return what is known of the target's pixels: passes may draw in one of their own size."""
+    found = [0, 0, 0, 0]
+    state.vtkglGetIntegerv(_VIEWPORT, found)
+    corner, size = np.array(found[:2], float), np.array(found[2:], float)
+    scale, offset = np.reshape(uniforms['ibr_ndc_from_slope'], (2, 2))
+    factors = 2 / size / scale
+    offsets = (-1 - offset) / scale - corner * factors
+    return {
+        'ibr_size': tuple(size.tolist()),
+        'ibr_slope_from_pixel': (*factors.tolist(), *offsets.tolist()),
+    }

@@ -1,0 +1,164 @@
+"""Cylinders and capsules by the million, exact to the pixel, without triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.billboards.cards import as_points
+from pvibr.maths.quadric_rays import CAPS, meet_cylinders
+from pvibr.meshes.unit_meshes import along, balls, linear, tubes
+from pvibr.quadrics.cards import Shape
+from pvibr.quadrics.quadrics import Quadrics, checked_lengths
+from pvibr.scene import looks as look
+
+
+class Cylinders(Quadrics):
+    """Cylinders by the million, exact to the pixel, without triangles.
+
+    Parameters
+    ----------
+    points_a, points_b : array_like, shape (n, 3), or dataset
+        Their ends, world units.
+    radius : float or array_like, shape (n,)
+        Of all or of each, world units; one of radius 0 is not drawn.
+    caps : {'flat', 'round', None}
+        How they end: flat; as half a sphere about the end; open, so that the inside is seen.
+    blend : bool
+        Where each end has its own colour, whether they are mixed along the axis; else each half
+        has that of its end, as bonds of molecules do.
+    **looks
+        As of :class:`pvibr.Spheres`; ``colors`` may have the shape (n, 2, 3), and ``scalars``
+        (n, 2), for both ends.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where an argument is not allowed.
+
+    Notes
+    -----
+    As for :class:`pvibr.Spheres`; what is thinner than a pixel is drawn one pixel wide. Of length
+    0, a round one is a sphere, and others are not drawn.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> bonds = pl.ibr.add(pvibr.Cylinders([[0, 0, 0]], [[0, 0, 2]], 0.5, scalars=[[0.0, 1.0]]))
+    >>> bonds.bounds
+    (-0.5, 0.5, -0.5, 0.5, 0.0, 2.0)
+    >>> pl.close()
+    """
+
+    _title = 'Cylinders'
+
+    def __init__(self, points_a, points_b, radius=0.5, *, caps='flat', blend=False, **looks):
+        self._ends = as_points(points_a), as_points(points_b)
+        if len(self._ends[1]) != len(self):
+            msg = f'points_b has {len(self._ends[1])} rows; it must have {len(self)}, as points_a'
+            raise ValueError(msg)
+        if caps not in CAPS:
+            msg = f"caps is {caps!r}; it must be 'flat', 'round' or None"
+            raise ValueError(msg)
+        self._radii = checked_lengths('radius', radius, (len(self),))
+        self.caps, self.blend = caps, bool(blend)
+        kind = {None: 0, 'flat': 1, 'round': 2}[caps]
+        self.shape = Shape(
+            'cylinders', texels=2, looks=2, largest_point=12.0, fill=0.4, open=caps is None,
+            defines=(('CAPS', kind), ('BLEND', int(self.blend))),
+        )  # fmt: skip
+        super().__init__(**looks)
+
+    def __len__(self):
+        return len(self._ends[0])
+
+    @property
+    def points_a(self) -> np.ndarray:
+        """First ends, shape (n, 3), world units."""
+        return self._ends[0]
+
+    @points_a.setter
+    def points_a(self, points):
+        self._ends = self._as_many('points_a', points), self._ends[1]
+        self._moved()
+
+    @property
+    def points_b(self) -> np.ndarray:
+        """Second ends, shape (n, 3), world units."""
+        return self._ends[1]
+
+    @points_b.setter
+    def points_b(self, points):
+        self._ends = self._ends[0], self._as_many('points_b', points)
+        self._moved()
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Of each, shape (n,), world units."""
+        return self._radii
+
+    @radius.setter
+    def radius(self, radius):
+        self._radii = checked_lengths('radius', radius, (len(self),))
+        self._moved()
+
+    def _halves(self):
+        """Return from middles to second ends, half their lengths, and directions."""
+        halves = (self._ends[1] - self._ends[0]) / 2
+        lengths = np.linalg.norm(halves, axis=1)
+        units = np.where(lengths[:, None] > 0, halves, [0, 0, 1.0])
+        return halves, lengths, units / np.where(lengths > 0, lengths, 1)[:, None]
+
+    def _balls(self):
+        _, lengths, _ = self._halves()
+        shown = (self._radii > 0) & ((lengths > 0) | (self.caps == 'round'))
+        reach = lengths + self._radii if self.caps == 'round' else np.hypot(lengths, self._radii)
+        return (self._ends[0] + self._ends[1]) / 2, reach * shown
+
+    def _extents(self):
+        halves, _, units = self._halves()
+        across = 1.0 if self.caps == 'round' else np.sqrt(np.maximum(1 - units**2, 0))
+        return np.abs(halves) + self._radii[:, None] * across
+
+    def _rows(self, middles):
+        _, lengths, units = self._halves()
+        rows = [np.column_stack([middles, self._radii]), np.column_stack([units, lengths])]
+        return np.stack(rows, 1)
+
+    def _bodies(self):
+        halves, radii = self._halves()[0], self._radii
+        middles = self._balls()[0]
+        first = last = self._colors
+        levels = tubes(self.property, self.caps == 'flat')
+        with np.errstate(invalid='ignore'):  # those without length have no tube
+            if self._colors is None or self._colors.ndim == 2:
+                found = [(*levels, along(middles, halves, radii), self._colors)]
+            else:
+                first, last = np.moveaxis(self._colors, 1, 0)
+                found = [
+                    (*levels, along(middles + side * halves / 2, halves / 2, radii), colors)
+                    for side, colors in ((-1, first), (1, last))
+                ]
+        if self.caps == 'round':
+            size = radii[:, None, None] * np.eye(3)
+            for ends, colors in zip(self._ends, (first, last), strict=True):
+                found.append((*balls(self.property), linear(ends, size), colors))
+        return found
+
+    def _meet(self, start, way, index):
+        middles, halves = self._balls()[0][index], self._halves()[0][index]
+        return meet_cylinders(start, way, middles, halves, self._radii[index], self.caps)
+
+    # -- two looks ----------------------------------------------------------------------------
+
+    def _as_scalars(self, scalars):
+        if np.shape(scalars) == (len(self), 2):
+            return look.as_scalars(np.ravel(scalars), 2 * len(self)).reshape(-1, 2)
+        return super()._as_scalars(scalars)
+
+    def _as_colors(self, colors):
+        if np.ndim(colors) == 3 and np.shape(colors)[:2] == (len(self), 2):
+            flat = np.reshape(colors, (-1, np.shape(colors)[2]))
+            return look.as_colors(flat, 2 * len(self)).reshape(-1, 2, 3)
+        return super()._as_colors(colors)

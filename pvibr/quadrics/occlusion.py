@@ -1,0 +1,119 @@
+"""Blocks of quadrics that others hide: found before they are drawn."""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any
+
+import numpy as np
+
+from pvibr.gl import Quad, Target
+from pvibr.maths.occlusion import behind, likely_seen, on_screen
+from pvibr.quadrics.cards import HIDING, QUADS, WAYS, Layer
+
+_BLEND, _DEPTH_TEST = 0x0BE2, 0x0B71  # GL enums
+_TILE = 8  # px, side of the squares of which the farthest depth is kept
+_LEAST = 512  # blocks from which on a first drawing of some may pay
+_LAYERS = 20.0  # in front of what is not expected to be seen: gaps in all of them are rare
+_WORTH = 0.6  # share of blocks up to which a first drawing is cheap enough
+_GAIN = 0.25  # share that must have been hidden for the next frame to try
+_PAUSE = 32  # frames without a try after one in vain
+_FARTHEST = f"""uniform sampler2D depth;
+void main()
+{{
+  ivec2 first = ivec2(gl_FragCoord.xy) * {_TILE}, last = textureSize(depth, 0) - 1;
+  float d = 0.0;
+  for (int y = 0; y < {_TILE}; y++)
+    for (int x = 0; x < {_TILE}; x++)
+      d = max(d, texelFetch(depth, min(first + ivec2(x, y), last), 0).r);
+  gl_FragData[0] = vec4(d);
+}}
+"""
+
+
+class Occlusion:
+    """Finds blocks of which nothing can be seen, since others hide them.
+
+    In the manner of Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", SIGGRAPH 1993.
+    """
+
+    def __init__(self, quadrics):
+        self._owner: Any = weakref.ref(quadrics)
+        self.layers: list = []
+        self._target: Any = None
+        self._coarse: Any = None
+        self._quad: Any = None
+        self._pause = 0
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        held = [self._target, self._coarse, *(layer.entries for layer in self.layers)]
+        return sum(one.nbytes for one in held if one is not None)
+
+    def hidden(self, frame, seen) -> np.ndarray:
+        """Return which blocks need not be drawn."""
+        none = np.zeros(len(seen.ways), bool)
+        # A pass may draw in pixels of its own, between those of the depths.
+        if frame.casting or frame.renderer.GetPass() is not None or len(none) < _LEAST:
+            return none
+        if self._pause:
+            self._pause -= 1
+            return none
+        first = self._likely(frame, seen)
+        if first.mean() > _WORTH:
+            return none
+        quads = seen.ways == WAYS.index(QUADS)
+        farthest = self._draw(frame, seen.entries[first & ~quads], seen.entries[first & quads])
+        found = behind(frame, farthest, _TILE, seen.entries[:, :3], seen.around)
+        if found.mean() < _GAIN:
+            self._pause = _PAUSE
+        return found
+
+    def _likely(self, frame, seen):
+        low, high = on_screen(frame, seen.entries[:, :3], seen.around)
+        middles = np.nan_to_num((low + high) / 2, posinf=-1.0, neginf=-1.0)
+        return likely_seen(middles, seen.areas, _LAYERS)
+
+    def _draw(self, frame, *parts):
+        """Draw depths, and return the farthest of each square."""
+        self._begin(frame)
+        state, renderer = frame.window.GetState(), frame.renderer
+        with self._target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            state.SetEnumState(_BLEND, False)
+            state.SetEnumState(_DEPTH_TEST, True)
+            for layer, entries in zip(self.layers, parts, strict=True):
+                for actor in layer.show(entries)[0]:
+                    actor.RenderOpaqueGeometry(renderer)
+        self._owner().binder.unbind()
+        with self._coarse.drawing():
+            self._quad.draw({}, {'depth': self._target.depth})
+        return self._coarse.colors[0].download()[..., 0]
+
+    def _begin(self, frame):
+        width, height = frame.size
+        if self._target is not None and (self._target.width, self._target.height) != frame.size:
+            self._release_targets()
+        if self._target is None:
+            window, squares = frame.window, (-(-width // _TILE), -(-height // _TILE))
+            self._target = Target(window, width, height, (), depth=True)
+            self._coarse = Target(window, *squares, ('r32f',), filter='nearest')
+        if not self.layers:
+            self.layers = [Layer(self._owner(), way) for way in HIDING]
+            self._quad = Quad(frame.window, _FARTHEST, 'farthest depth')
+
+    def _release_targets(self):
+        for target in (self._target, self._coarse):
+            if target is not None:
+                target.release()
+        self._target = self._coarse = None
+
+    def release(self, window):
+        """Free what it holds on the GPU; the context is current."""
+        self._release_targets()
+        for layer in self.layers:
+            layer.release(window)
+        if self._quad is not None:
+            self._quad.release()
+        self.layers, self._quad = [], None
+        self._pause = 0

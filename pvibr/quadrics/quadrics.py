@@ -1,0 +1,379 @@
+"""Things by the million on cards on which rays from the eye meet them exactly."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.billboards.cards import as_points, checked_opacity
+from pvibr.core.params import Param
+from pvibr.gl import Texture
+from pvibr.gl.binder import Binder
+from pvibr.instances.cards import BLOCK, PBR, pack
+from pvibr.maths.blocks import Blocks, morton_order
+from pvibr.maths.quadric_rays import Meeting
+from pvibr.quadrics.cards import (
+    BLENDED,
+    ROW,
+    WAYS,
+    Layer,
+    Shape,
+    seen_blocks,
+    view_uniforms,
+)
+from pvibr.quadrics.occlusion import Occlusion
+from pvibr.scene.anchor import Anchored, set_bounds
+from pvibr.scene.anchor import anchor as new_anchor
+from pvibr.scene.painted import Painted
+from pvibr.scene.picking import Hit, pixel_ray
+from pvibr.scene.translucent import InTurn, depths_of
+
+# Opacities in the alpha of looks: up to this with the material's colour, from the next on their
+# own, 0 hidden.
+_OPAQUE = 127
+
+
+class Quadrics(Painted, Anchored):
+    """Things of one shape by the million, exact to the pixel, without triangles.
+
+    A subclass sets ``shape`` and its places before it calls this one's ``__init__``, and has
+    ``_balls``, ``_extents``, ``_rows`` and ``_meet``.
+
+    Parameters
+    ----------
+    color : color, optional
+        Of all that have none of their own; the theme's by default.
+    colors : array_like, shape (n, 3), optional
+        Of each; uint8 or float.
+    scalars : array_like, shape (n,), optional
+        Mapped to colours as in ``add_mesh``.
+    visible : array_like of bool, shape (n,), optional
+        Which are drawn.
+    opacity : float or array_like, shape (n,)
+        Of all or of each, 0 to 1.
+    lighting : bool
+        Whether lights fall on them.
+    ambient, diffuse, specular, specular_power : float, optional
+        Of the material, as in ``add_mesh``.
+    pickable : bool
+        Whether :meth:`pick` finds them.
+    name : str, optional
+        What the plotter and reports call it.
+    **table
+        ``cmap``, ``clim``, ``n_colors``, ``nan_color``, ``below_color``, ``above_color``,
+        ``log_scale`` as in ``add_mesh``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where an argument is not allowed.
+    """
+
+    web = 'baked', 'meshes'
+    visibility = Param(True, 'Whether they are drawn at all.')
+    #: Frames that are drawn to pick need them too.
+    picks = True
+    shape: Shape
+    _changes = 0
+
+    def __init__(
+        self, *, color=None, colors=None, scalars=None, visible=None, opacity=1.0, lighting=True,
+        ambient=None, diffuse=None, specular=None, specular_power=None, pickable=True, name=None,
+        **table,
+    ):  # fmt: skip
+        super().__init__()
+        self.name = name
+        self._opacity = checked_opacity(opacity, len(self), cut=False)
+        self._begin_looks(table, scalars, colors, visible)
+        self.pickable = pickable
+        self.property = pv.Property(
+            color=color, lighting=lighting, ambient=ambient, diffuse=diffuse, specular=specular,
+            specular_power=specular_power, interpolation='Phong',
+        )  # fmt: skip  # VTK lights flat points never
+        self._anchor, self.binder, self._in_turn = new_anchor(), Binder(), InTurn()
+        self.textures: dict[str, Texture] = {}
+        self.uniforms: dict = {}
+        self.window: Any = None
+        self._stamp: tuple | None = None
+        self._blocks: Any = None
+        self._stale = {'ibr_items', 'ibr_looks'}
+        set_bounds(self._anchor, self.bounds)
+        self._layers = [Layer(self, way) for way in (*WAYS, BLENDED)]
+        self._occlusion, self._hidden = Occlusion(self), 0
+        self._share_opacity()
+
+    # -- what a shape says --------------------------------------------------------------------
+
+    def _balls(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return middles, shape (n, 3), and radii of spheres that hold each; 0: not drawn."""
+        raise NotImplementedError
+
+    def _extents(self) -> np.ndarray:
+        """Return half the sides of the boxes that hold each, shape (n, 3)."""
+        raise NotImplementedError
+
+    def _rows(self, middles) -> np.ndarray:
+        """Return texels, shape (n, t, 4), where middles are relative to something near."""
+        raise NotImplementedError
+
+    def _meet(self, start, way, index) -> Meeting:
+        """Return where a ray meets some of them."""
+        raise NotImplementedError
+
+    def _bodies(self) -> list:
+        """Return what they are made of: levels, sizes, matrices, and rows of colours or None."""
+        raise NotImplementedError
+
+    # -- what they are ------------------------------------------------------------------------
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """World bounds: x, y and z, low and high; of none (1, -1, 1, -1, 1, -1)."""
+        if not len(self):
+            return (1.0, -1.0) * 3
+        middles, extents = self._balls()[0], self._extents()
+        low, high = (middles - extents).min(0), (middles + extents).max(0)
+        return tuple(np.stack([low, high], 1).ravel().tolist())
+
+    @property
+    def opacity(self):
+        """Of all, a number, or of each, shape (n,)."""
+        return self.property.GetOpacity() if self._opacity.ndim == 0 else self._opacity
+
+    @opacity.setter
+    def opacity(self, opacity):
+        self._opacity = checked_opacity(opacity, len(self), cut=False)
+        self._share_opacity()
+        self._repaint()
+
+    def _share_opacity(self):
+        self.property.SetOpacity(1.0 if self._opacity.ndim else float(self._opacity))
+
+    @property
+    def blends(self) -> bool:
+        """Whether what is behind shines through, so that they are drawn from far to near."""
+        each = self._opacity.ndim and len(self) and self._opacity.min() < 1
+        return bool(each) or self.property.GetOpacity() < 1
+
+    def _moved(self):
+        """Have places taken over for the next frame."""
+        self._blocks = None
+        bounds = self.bounds
+        set_bounds(self._anchor, bounds)
+        for layer in (*self._layers, *self._occlusion.layers):
+            layer.bound(bounds)
+        self._drop('ibr_items', 'ibr_looks')
+
+    def _as_many(self, name, points):
+        """Return points, as many as there are."""
+        points = as_points(points)
+        if len(points) != len(self):
+            msg = f'{name} has {len(points)} rows; it must keep its {len(self)} {self.shape.name}'
+            raise ValueError(msg)
+        return points
+
+    # -- the life of an effect ----------------------------------------------------------------
+
+    def _take_out(self, renderer):
+        self.rest()
+        super()._take_out(renderer)
+
+    def stamp(self) -> tuple:
+        """Return what changes whenever what is drawn does, the camera left out."""
+        shown = self.visibility and bool(self._anchor.GetVisibility())
+        return self._changes, self._revision, shown, self.blends
+
+    def actors(self) -> list:
+        """Return the actors that draw them, those that are not visible now too."""
+        return [actor for layer in self._layers for actor in layer.actors]
+
+    def depths(self) -> list:
+        """Return the actors that cast shadows: none where what is behind shines through."""
+        return [] if self.blends else self.drawn()
+
+    def needed(self, frame) -> bool | str:
+        """Tell whether there is anything to draw."""
+        if not self.visibility or not self._anchor.GetVisibility():
+            return 'not visible'
+        return bool(len(self)) or f'no {self.shape.name}'
+
+    def rest(self):
+        """Draw nothing: frames are drawn without them now."""
+        for actor in self.actors():
+            actor.VisibilityOff()
+        self._stamp = None
+
+    def prepare(self, frame):
+        """Choose what is drawn, and how."""
+        self._upload(frame.window)
+        shiny = self.property.GetSpecular() > 0 or self.property.GetInterpolation() == PBR
+        for layer in self._layers:
+            layer.dress(shiny)
+        camera = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
+        props, others = frame.renderer.GetViewProps(), []
+        stamp: tuple = (*camera, self.blends, self._changes, self._revision)
+        if self.blends and not frame.casting:
+            others = self._in_turn.others(frame, self.actors())
+            stamp += (self._in_turn.key(others), props.GetMTime())
+        if stamp != self._stamp:
+            unit = 1 if self.blends else BLOCK
+            self.uniforms = view_uniforms(frame, len(self), unit)
+            (self._show_blended if self.blends else self._show_opaque)(frame, others)
+            self._stamp = (*stamp[:-1], props.GetMTime()) if others else stamp
+
+    def _show_opaque(self, frame, _others):
+        seen = seen_blocks(self._blocks, frame, self.shape)
+        hidden = self._occlusion.hidden(frame, seen)
+        self._hidden = min(int(hidden.sum()) * BLOCK, len(self))
+        for k, layer in enumerate(self._layers):
+            layer.show(seen.entries[(seen.ways == k) & ~hidden])
+
+    def _show_blended(self, frame, others):
+        """Show all that may be seen from far to near, other props in between."""
+        for layer in self._layers[:-1]:
+            layer.show(np.zeros((0, 4)))
+        self._hidden = 0
+        seen = self._blocks.seen(frame)[0]
+        slots = (seen[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+        slots = slots[slots < len(self)]
+        depths = depths_of(frame, self._balls()[0][self._order[slots]])
+        order = np.argsort(-depths, kind='stable')
+        slots, depths = slots[order], depths[order]
+        view = frame.view_from_world
+        origins = self._blocks.centers @ view[:3, :3].T + view[:3, 3]
+        entries = np.column_stack([origins[slots // BLOCK], slots])
+        cuts = np.searchsorted(-depths, [-d for d, _ in others], side='right')
+        parts = self._layers[-1].show(entries, 1, cuts.tolist())
+        if others:
+            self._in_turn.arrange(frame.renderer, parts, [actor for _, actor in others])
+
+    def finish(self, frame):
+        """Give the texture units back."""
+        self.binder.unbind()
+        self._in_turn.finish(frame.renderer)
+
+    # -- the GPU ------------------------------------------------------------------------------
+
+    def _repaint(self):
+        self._drop('ibr_looks')
+
+    def _drop(self, *names):
+        """Have textures made anew for the next frame."""
+        self._stale |= set(names)
+        self._stamp = None
+        self._changes += 1
+
+    def _upload(self, window):
+        if self._blocks is None:
+            self._arrange()
+        if self.window is None:
+            self.window = window
+            self._stale = {'ibr_items', 'ibr_looks'}
+        made, self._stale = self._stale, set()
+        rows = {'ibr_items': self._items, 'ibr_looks': self._looks}
+        for name in made:
+            self.textures.setdefault(name, Texture(window)).upload(pack(rows[name](), ROW, 4))
+
+    def _arrange(self):
+        """Put neighbours together, in blocks that are culled as one."""
+        middles, reach = self._balls()
+        self._order = morton_order(middles)
+        self._blocks = Blocks.of(middles[self._order], reach[self._order], BLOCK)
+
+    def _items(self):
+        middles = self._balls()[0].copy()
+        middles[self._order] -= np.repeat(self._blocks.centers, BLOCK, 0)[: len(self)]
+        return self._rows(middles)[self._order].astype(np.float32).reshape(-1, 4)
+
+    def _looks(self):
+        looks = np.zeros((len(self), self.shape.looks, 4), np.uint8)
+        alpha = np.broadcast_to(self._opacity if self._opacity.ndim else 1.0, (len(self),))
+        looks[..., 3] = np.rint(_OPAQUE * alpha)[:, None]
+        if self._colors is not None:
+            looks[..., :3] = self._colors.reshape(len(self), -1, 3)
+            looks[looks[..., 3] > 0, 3] += 1 + _OPAQUE
+        looks[~self.visible, :, 3] = 0
+        return looks[self._order].reshape(-1, 4)
+
+    def release(self):
+        """Free what they hold on the GPU; the context is current."""
+        self.binder.unbind()
+        for layer in self._layers:
+            layer.release(self.window)
+        self._occlusion.release(self.window)
+        for texture in self.textures.values():
+            texture.release()
+        self.textures, self.window, self._stamp = {}, None, None
+
+    def report(self) -> dict:
+        """Return bytes, how many there are, and how many are drawn in which way."""
+        textures = [*self.textures.values(), *(t for a in self._layers if (t := a.entries))]
+        return {
+            'bytes': sum(t.nbytes for t in textures) + self._occlusion.nbytes,
+            self.shape.name: len(self),
+            **{layer.way.name: layer.drawn for layer in self._layers},
+            'hidden': self._hidden,
+        }
+
+    def bake_into(self, scene):
+        """Hand them to a scene without pvibr."""
+        rows = np.flatnonzero(self.visible & (self._balls()[1] > 0))
+        for levels, largest, matrices, colors in self._bodies():
+            shown = rows[np.isfinite(matrices[rows]).all((1, 2))]
+            colors = None if colors is None else colors[shown]
+            if self._opacity.ndim:
+                colors = self._with_opacity(colors, shown)
+            scene.copies(self, levels, matrices[shown], largest=largest, colors=colors)
+
+    def _with_opacity(self, colors, rows):
+        if colors is None:
+            plain = np.rint(255 * np.array(self.property.GetColor())).astype(np.uint8)
+            colors = np.tile(plain, (len(rows), 1))
+        return np.column_stack([colors, np.rint(255 * self._opacity[rows]).astype(np.uint8)])
+
+    # -- picking ------------------------------------------------------------------------------
+
+    def pick(self, x, y) -> Hit | None:
+        """Return the nearest of them under a pixel.
+
+        Parameters
+        ----------
+        x, y : float
+            Pixels from the lower left corner of the window.
+
+        Returns
+        -------
+        pvibr.scene.picking.Hit or None
+            ``index`` of it and ``point`` on it, world units.
+        """
+        if not self.pickable or self.pipeline is None or self.needed(None) is not True:
+            return None
+        start, way = pixel_ray(self.pipeline.renderer, x, y)
+        middles, reach = self._balls()
+        away = middles - start
+        gaps = np.linalg.norm(away - (away @ way)[:, None] * way, axis=1)
+        index = np.flatnonzero(self.visible & (gaps <= reach) & (reach > 0))
+        if not len(index):
+            return None
+        distances, _, _ = self._meet(start, way, index).first()
+        k = int(distances.argmin())
+        if not np.isfinite(distances[k]):
+            return None
+        distance = float(distances[k])
+        return Hit(int(index[k]), tuple((start + distance * way).tolist()), distance)
+
+
+def checked_lengths(name, lengths, shape) -> np.ndarray:
+    """Return lengths as a float64 array of its own."""
+    array = np.asarray(lengths, float)
+    if array.shape not in ((), shape, shape[1:]):
+        allowed = ', '.join(str(s) for s in dict.fromkeys((shape, shape[1:])) if s)
+        msg = f'{name} has shape {array.shape}; it must be one number or {allowed}'
+        raise ValueError(msg)
+    bad = ~(np.isfinite(array) & (array >= 0))
+    if bad.any():
+        msg = f'{name} has the value {array[bad].flat[0]}; each must be finite and 0 or more'
+        raise ValueError(msg)
+    return np.broadcast_to(array, shape).copy()

@@ -1,0 +1,98 @@
+"""Spheres by the million, exact to the pixel, without triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.billboards.cards import as_points
+from pvibr.maths.quadric_rays import meet_spheres
+from pvibr.meshes.unit_meshes import balls, linear
+from pvibr.quadrics.cards import Shape
+from pvibr.quadrics.quadrics import Quadrics, checked_lengths
+
+
+class Spheres(Quadrics):
+    """Spheres by the million, exact to the pixel, without triangles.
+
+    Parameters
+    ----------
+    centers : array_like, shape (n, 3), or dataset
+        World units.
+    radius : float or array_like, shape (n,)
+        Of all or of each, world units; one of radius 0 is not drawn.
+    **looks
+        ``color``, ``colors``, ``scalars``, ``visible``, ``opacity``, ``lighting``, ``ambient``,
+        ``diffuse``, ``specular``, ``specular_power``, ``pickable``, ``name``, ``cmap``, ``clim``,
+        ``n_colors``, ``nan_color``, ``below_color``, ``above_color`` and ``log_scale``, as in
+        ``add_mesh``; colours, scalars, visibility and opacity of each.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where an argument is not allowed.
+
+    Notes
+    -----
+    Silhouettes, normals and depth are those of the sphere at the middle of each pixel, in
+    perspective too. What is smaller than a pixel is drawn one pixel large; spheres of up to four
+    pixels have one depth each. They cast and receive shadows, and meet other props by depth.
+    Translucent ones show their front, drawn from far to near, and cast no shadow. Hardware picking
+    does not see them; :meth:`pick` does.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> balls = pl.ibr.add(pvibr.Spheres([[0, 0, 0], [2, 0, 0]], [1.0, 0.5]))
+    >>> balls.bounds
+    (-1.0, 2.5, -1.0, 1.0, -1.0, 1.0)
+    >>> pl.close()
+    """
+
+    _title = 'Spheres'
+    shape = Shape('spheres', texels=1)
+
+    def __init__(self, centers, radius=0.5, **looks):
+        self._centers = as_points(centers)
+        self._radii = checked_lengths('radius', radius, (len(self),))
+        super().__init__(**looks)
+
+    def __len__(self):
+        return len(self._centers)
+
+    @property
+    def centers(self) -> np.ndarray:
+        """Where they are, shape (n, 3), world units."""
+        return self._centers
+
+    @centers.setter
+    def centers(self, centers):
+        self._centers = self._as_many('centers', centers)
+        self._moved()
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Of each, shape (n,), world units."""
+        return self._radii
+
+    @radius.setter
+    def radius(self, radius):
+        self._radii = checked_lengths('radius', radius, (len(self),))
+        self._moved()
+
+    def _balls(self):
+        return self._centers, self._radii
+
+    def _extents(self):
+        return self._radii[:, None]
+
+    def _rows(self, middles):
+        return np.column_stack([middles, self._radii])[:, None]
+
+    def _bodies(self):
+        matrices = linear(self._centers, self._radii[:, None, None] * np.eye(3))
+        return [(*balls(self.property), matrices, self._colors)]
+
+    def _meet(self, start, way, index):
+        return meet_spheres(start, way, self._centers[index], self._radii[index])

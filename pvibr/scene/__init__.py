@@ -1,0 +1,1 @@
+"""What things in a scene share: anchors, casters, lights, buffers, picking."""

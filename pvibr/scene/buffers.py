@@ -1,0 +1,367 @@
+"""What a frame offers beside its colours: depth, normals, and which object is where."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pvibr.core.effect import Effect
+from pvibr.gl import Quad, Target
+from pvibr.gl.drawer import Drawer
+from pvibr.gl.feature import Feature
+from pvibr.gl.scene_pass import is_marker
+from pvibr.maths.views import View
+from pvibr.scene.casters import Surfaces, address
+
+NAMES = ('depth', 'normal', 'id', 'color')
+
+_SURFACE = 2  # VTK_SURFACE
+# A second colour, so that the scene's own drawing can write it as well. VTK blends all colours, so
+# its alpha is 1: two numbers of the normal, 2 for none, and the number, below 0 where the normal
+# looks away. VTK has a normal only where it lights; cards and spheres say where theirs is.
+_WRITE = """#ifdef IBR_NORMAL
+#define IBR_BUFFERED normalize(IBR_NORMAL)
+#else
+#define IBR_BUFFERED {normal}
+#endif
+  if (ibr_id > 0.5)
+    gl_FragData[1] = vec4(IBR_BUFFERED.xy, IBR_BUFFERED.z < 0.0 ? -ibr_id : ibr_id, 1.0);
+//VTK::DepthPeeling::Impl
+"""
+_LIT, _UNLIT = (
+    Feature(name, fragment={'VTK::DepthPeeling::Impl': _WRITE.replace('{normal}', normal)})
+    for name, normal in (('buffer_lit', 'normalVCVSOutput'), ('buffer_unlit', 'vec3(2.0)'))
+)
+_LINEAR = """uniform sampler2D depth; uniform vec2 planes; uniform int parallel;
+void main()
+{
+  float d = texture(depth, uv).r;
+  float z = parallel == 1 ? mix(planes.x, planes.y, d)
+    : planes.x * planes.y / (planes.y - d * (planes.y - planes.x));
+  gl_FragData[0] = vec4(d < 1.0 ? z : -1.0);
+}
+"""
+
+
+class Geometry(NamedTuple):
+    """Normals, numbers and depth of opaque surfaces as the camera sees them, in textures."""
+
+    surface: Any
+    depth: Any
+    numbered: list
+    origin: tuple[int, int] = (0, 0)
+
+
+class _Numbers:
+    """Numbers on actors, which their programs write beside their colours."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._worn: dict = {}
+        self._set: list = []
+
+    def put(self, numbers):
+        """Give actors numbers, pairs of both, until `clear`."""
+        lights = [light.GetSwitch() for light in self.renderer.GetLights()]
+        fresh = set()
+        for actor, number in numbers:
+            key = address(actor)
+            worn = self._worn.get(key)
+            if worn is None or worn.stamp != (actor.GetMTime(), *_data_time(worn.mapper), lights):
+                before = actor.GetShaderProperty().GetShaderMTime()
+                worn = self._worn[key] = self._dressed(actor, lights)
+                if worn.shader.GetShaderMTime() != before:
+                    fresh.add(worn.mapper)
+            worn.uniforms.SetUniformf('ibr_id', float(number))
+            self._set.append(worn.uniforms)
+        if fresh:
+            self._build_again(fresh)
+
+    def _build_again(self, mappers):
+        """Have mappers build programs for all their actors: of several, they ask the newest."""
+        for worn in self._worn.values():
+            if worn.mapper in mappers:
+                worn.shader.Modified()
+
+    def _dressed(self, actor, lights):
+        lit = _is_lit(actor, any(lights))
+        (_UNLIT if lit else _LIT).detach(actor)
+        (_LIT if lit else _UNLIT).attach(actor)
+        mapper, shader = actor.GetMapper(), actor.GetShaderProperty()
+        stamp = actor.GetMTime(), *_data_time(mapper), lights
+        return _Worn(actor, mapper, shader, shader.GetFragmentCustomUniforms(), stamp)
+
+    def clear(self):
+        """Take the numbers away: VTK's own passes have second colours of their own."""
+        for uniforms in self._set:
+            uniforms.SetUniformf('ibr_id', 0.0)
+        self._set = []
+
+    def release(self):
+        self.clear()
+        for worn in self._worn.values():
+            _LIT.detach(worn.actor)
+            _UNLIT.detach(worn.actor)
+        self._worn = {}
+
+
+class _Worn(NamedTuple):
+    """An actor that can be numbered, and what it was when its program was chosen."""
+
+    actor: Any
+    mapper: Any
+    shader: Any
+    uniforms: Any
+    stamp: tuple
+
+
+def _data_time(mapper):
+    """Return when a mapper's data, or which they are, changed."""
+    data = mapper.GetInputDataObject(0, 0)
+    return mapper.GetMTime(), data.GetMTime() if data is not None else 0
+
+
+def _is_lit(actor, lights) -> bool:
+    """Tell whether VTK has a normal in every program that draws an actor."""
+    prop, data = actor.GetProperty(), actor.GetMapper().GetInput()
+    if not prop.GetLighting() or not lights:
+        return False
+    if data is None or not data.IsA('vtkDataSet'):
+        return data is not None
+    if prop.GetInterpolation() and data.GetPointData().GetNormals() is not None:
+        return True
+    if prop.GetRepresentation() != _SURFACE:
+        return False
+    return not (data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines())
+
+
+class Drawn:
+    """Geometry of chosen actors, drawn for itself."""
+
+    def __init__(self, renderer):
+        self._numbers = _Numbers(renderer)
+        self._drawer = Drawer(renderer)
+        self._surfaces = Surfaces(renderer)
+        self._target: Any = None
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return self._target.nbytes if self._target else 0
+
+    def draw(self, frame, things=(), choice=None) -> Geometry:
+        """Draw what a frame shows."""
+        self._surfaces.update(things)
+        actors, chosen = self._surfaces.chosen(choice, things)
+        seen = replace(frame, casting=True)
+        view = View(frame.view_from_world, frame.clip_from_view, frame.near, frame.far,
+                    frame.parallel)  # fmt: skip
+        target = self._sized_target(frame.size)
+        with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            self._drawer.look(view, (0, 0, *frame.size))
+            for number, actor in enumerate(actors.values(), 1):
+                if actor.GetVisibility():
+                    self._draw([actor], number)
+            for number, thing in enumerate(chosen, len(actors) + 1):
+                if thing.enabled and thing.needed(frame) is True:
+                    thing.prepare(seen)
+                    self._draw(thing.drawn(), number)
+                    thing.finish(seen)
+        self._drawer.done()
+        return Geometry(target.colors[1], target.depth, [*actors.values(), *chosen])
+
+    def _sized_target(self, size):
+        if self._target is None or (self._target.width, self._target.height) != tuple(size):
+            if self._target is not None:
+                self._target.release()
+            window, (width, height), formats = self._drawer.window, size, ('rgba8', 'rgba32f')
+            self._target = Target(window, width, height, formats, depth=True, filter='nearest')
+        return self._target
+
+    def _draw(self, actors, number):
+        self._numbers.put((actor, number) for actor in actors)
+        self._drawer.draw(actors)
+        self._numbers.clear()
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self._numbers.release()
+        if self._target is not None:
+            self._target.release()
+            self._target = None
+        self._drawer.release()
+
+
+class _Shared:
+    """Geometry that the scene's own drawing writes, where nothing is in the way."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._numbers = _Numbers(renderer)
+        self._surfaces = Surfaces(renderer)
+        self._texture: Any = None
+        self._numbered: list = []
+
+    def attach(self, frame, scene, things):
+        """Have the scene's drawing write it."""
+        self._texture = None
+        self._surfaces.update(things)
+        actors, things = self._surfaces.chosen(None, things)
+        if not self._is_free(scene, actors, things):
+            return
+        numbers = [
+            (actor, number)
+            for number, actor in enumerate(actors.values(), 1)
+            if actor.GetVisibility() and not actor.HasTranslucentPolygonalGeometry()
+        ]
+        for number, thing in enumerate(things, len(actors) + 1):
+            numbers += [(actor, number) for actor in thing.drawn()]
+        self._numbers.put(numbers)
+        self._numbered = [*actors.values(), *things]
+        self._texture = scene.attach_surfaces(frame)
+
+    def _is_free(self, scene, actors, things) -> bool:
+        """Tell whether whatever draws before the last opaque prop writes both colours or one."""
+        renderer = self.renderer
+        busy = (
+            renderer.GetPass() is not None,
+            renderer.GetUseHiddenLineRemoval(),
+            renderer.GetGradientBackground(),
+            renderer.GetTexturedBackground(),
+            renderer.GetBackgroundAlpha() > 0,
+            scene.framebuffer.GetMultiSamples() > 1,
+        )
+        return not any(busy) and not any(self._strangers(actors, things))
+
+    def _strangers(self, actors, things):
+        known = {address(a) for t in things for a in (*t.actors(), *t.props)}
+        for prop in self.renderer.GetViewProps():
+            if prop.GetVisibility() and not prop.IsA('vtkVolume') and not is_marker(prop):
+                yield address(prop) not in actors and address(prop) not in known
+
+    def detach(self):
+        """Take the numbers off: the scene is drawn."""
+        self._numbers.clear()
+
+    def geometry(self, frame, picture) -> Geometry | None:
+        """Return what was written, None where something was in the way."""
+        if self._texture is None:
+            return None
+        return Geometry(self._texture, picture.depth, self._numbered, frame.origin)
+
+    def release(self):
+        """Take all off the actors."""
+        self._numbers.release()
+        self._texture = None
+
+
+class Buffers:
+    """One frame's buffers, as textures for effects and as arrays."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._shared: _Shared | None = None
+        self._drawn: Drawn | None = None
+        self._frame: Any = None
+        self._geometry: Any = None
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return self._drawn.nbytes if self._drawn else 0
+
+    @property
+    def numbered(self) -> list:
+        """Actors and things that ids are indices into."""
+        return list(self._geometry.numbered) if self._geometry else []
+
+    def attach(self, frame, scene, things):
+        """Have normals and numbers written while the scene is drawn, where that can be."""
+        self._shared = self._shared or _Shared(self.renderer)
+        self._shared.attach(frame, scene, things)
+
+    def detach(self):
+        """Leave the actors as they were: the frame is drawn."""
+        if self._shared is not None:
+            self._shared.detach()
+
+    def geometry(self, frame, picture, things) -> Geometry:
+        """Return a frame's normals and ids, redrawn if the scene pass wrote none."""
+        if self._frame is not frame:
+            shared = self._shared.geometry(frame, picture) if self._shared else None
+            self._geometry = shared or self._again(frame, things)
+            self._frame = frame
+        return self._geometry
+
+    def _again(self, frame, things):
+        self._drawn = self._drawn or Drawn(self.renderer)
+        return self._drawn.draw(frame, things)
+
+    def array(self, name, frame, picture, things) -> np.ndarray:
+        """Return a buffer of a frame."""
+        if name == 'color':
+            texels = picture.color.download()
+            scale = 255 if texels.dtype == np.uint8 else 1
+            return np.ascontiguousarray(texels[::-1].astype(np.float32) / scale)
+        if name == 'depth':
+            far = self._linear_depth(frame, picture)[::-1, :, 0]
+            return np.where(far < 0, np.float32(np.inf), far)
+        geometry = self.geometry(frame, picture, things)
+        (x, y), (width, height) = geometry.origin, picture.size
+        texels = geometry.surface.download()[y : y + height, x : x + width][::-1]
+        texels = np.where(texels[..., 3:] > 0, texels, 0)
+        return np.abs(texels[..., 2]) - 1 if name == 'id' else _normals(texels)
+
+    def _linear_depth(self, frame, picture):
+        width, height = picture.size
+        quad = Quad(frame.window, _LINEAR, 'linear depth')
+        target = Target(frame.window, width, height, ('r32f',), filter='nearest')
+        try:
+            with target.drawing():
+                planes = {'planes': (frame.near, frame.far), 'parallel': int(frame.parallel)}
+                quad.draw(planes, {'depth': picture.depth})
+            return target.colors[0].download()
+        finally:
+            target.release()
+            quad.release()
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        for owner in (self._shared, self._drawn):
+            if owner is not None:
+                owner.release()
+        self._shared = self._drawn = self._frame = self._geometry = None
+
+
+def _normals(texels):
+    """Return the normals in texels of `Geometry.surface`, 0 where there is none."""
+    x, y = texels[..., 0], texels[..., 1]
+    z = np.copysign(np.sqrt(np.maximum(1 - x * x - y * y, 0)), texels[..., 2])
+    normal = np.stack([x, y, z], -1)
+    normal[(texels[..., 3] == 0) | (x > 1.5)] = 0
+    return normal
+
+
+class Tap(Effect):
+    """Reads a buffer of the next frame; the picture stays as it is."""
+
+    def __init__(self, buffer):
+        if buffer not in NAMES:
+            msg = f'buffer = {buffer!r}: must be one of {", ".join(map(repr, NAMES))}'
+            raise ValueError(msg)
+        super().__init__()
+        self.buffer, self.array = buffer, None
+        self.numbered: list = []
+
+    @property
+    def surfaces(self) -> bool:
+        """Whether it reads what surfaces write."""
+        return self.buffer in ('normal', 'id')
+
+    def render(self, frame, picture):
+        """Read it."""
+        buffers = self.pipeline.buffers
+        self.array = buffers.array(self.buffer, frame, picture, self.pipeline.things)
+        self.numbered = buffers.numbered

@@ -1,0 +1,285 @@
+"""What is in a renderer: the props that light falls on, and those that throw shadows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pvibr.core import _vtk
+from pvibr.gl.feature import Feature
+from pvibr.gl.scene_pass import is_marker
+from pvibr.maths.views import may_see
+
+_FLAT, _SURFACE = 0, 2  # VTK_FLAT, VTK_SURFACE
+_MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
+
+
+class Surfaces:
+    """The actors of a renderer that are surfaces, listed anew only when props come or go."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._stamp: tuple = ()
+        self._all: dict = {}
+        self._free: dict = {}
+
+    def update(self, things):
+        """Look again, where props came or went."""
+        stamp = self.renderer.GetViewProps().GetMTime(), *map(id, things)
+        if stamp != self._stamp:
+            self._stamp = stamp
+            # Parts of assemblies and of widgets are not props of their own.
+            box = getattr(self.renderer, 'bounding_box_actor', None)
+            props = [p for p in self.renderer.GetViewProps() if p.IsA('vtkActor')]
+            found = [a for a in props if a is not box and _is_surface(a)]
+            self._all = {address(a): a for a in found}
+            # The prop that stands for a thing draws nothing itself.
+            owned = {address(a) for t in things for a in (*t.actors(), *t.props)}
+            self._free = {k: a for k, a in self._all.items() if k not in owned}
+
+    def chosen(self, choice, things=()) -> tuple[dict, list]:
+        """Return the actors that are no thing's, and the things, that are chosen."""
+        if choice is None:
+            return self._free, list(things)
+        if not callable(choice):
+            wanted = {address(a) if hasattr(a, 'GetAddressAsString') else id(a) for a in choice}
+            actors = {k: a for k, a in self._free.items() if k in wanted}
+            return actors, [t for t in things if id(t) in wanted]
+        actors = {k: a for k, a in self._free.items() if choice(a)}
+        return actors, [t for t in things if choice(t)]
+
+
+def listed(things) -> list:
+    """Return one prop or effect, or several, as a list."""
+    several = isinstance(things, Iterable) and not isinstance(things, str)
+    return list(things) if several and not hasattr(things, 'IsA') else [things]
+
+
+def address(actor) -> str:
+    """Return what two wrappers of one VTK object have in common."""
+    return actor.GetAddressAsString('')
+
+
+def _is_surface(actor) -> bool:
+    if actor.IsA('vtkSkybox') or actor.IsA('vtkCubeAxesActor') or is_marker(actor):
+        return False
+    mapper = actor.GetMapper()
+    return mapper is not None and any(mapper.IsA(name) for name in _MAPPERS)
+
+
+# Points as spheres are squares to VTK, which has only their normals and depth. Their bulge is told
+# in widths of the window, whatever the target's width is; their place is on the sphere that light
+# met, whatever the camera has made of their pixels since.
+SPHERES = Feature(
+    'spheres',
+    fragment={
+        'VTK::Depth::Impl': """#define ZCalcR (ZCalcR * (1.0 + ibr_bulge))
+//VTK::Depth::Impl
+#define IBR_NORMAL normalVCVSOutput
+#define IBR_PLACE (vertexVC.xyz + normalVCVSOutput * ibr_radius)
+"""
+    },
+)
+
+
+# Facets stand for a curved surface where normals are averaged: by how much it bulges over them is
+# told by the length that interpolated normals lose: 1 - |n| is the bulge times the curvature.
+SMOOTH = Feature(
+    'smooth',
+    fragment={
+        'VTK::CustomUniforms::Dec': """//VTK::CustomUniforms::Dec
+float ibr_bend = 0.0;
+vec3 ibr_kept(vec3 n)
+{
+  float size = length(n);
+  ibr_bend = clamp(1.0 - size * ibr_scale, 0.0, 0.5);
+  return n / size;
+}
+""",
+        'VTK::Normal::Impl': """#define IBR_BEND ibr_bend
+#define normalize(n) ibr_kept(n)
+//VTK::Normal::Impl
+#undef normalize
+""",
+    },
+)
+
+
+def is_smooth(actor) -> bool:
+    """Tell whether an actor draws facets with normals that vary over them."""
+    data = actor.GetMapper().GetInput()
+    has_points = data is not None and data.IsA('vtkDataSet')
+    if not has_points or data.GetPointData().GetNormals() is None:
+        return False
+    flat = actor.GetProperty().GetInterpolation() == _FLAT
+    return not flat and not is_thin(actor) and _tells_bulge(actor, data.GetPointData())
+
+
+def _tells_bulge(actor, point_data) -> bool:
+    """Tell whether normals are shorter within facets than at their corners for one reason only."""
+    matrix = actor.GetMatrix()
+    axes = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
+    square = axes.T @ axes
+    if not np.allclose(square, np.trace(square) / 3 * np.eye(3), rtol=0, atol=1e-5 * square.max()):
+        return False  # as short as the actor is large, another way in each direction
+    normals = _vtk.vtk_to_numpy(point_data.GetNormals())
+    some = np.asarray(normals[:: len(normals) // 1000 + 1], float)
+    return bool(np.allclose(np.linalg.norm(some, axis=1), 1.0, atol=1e-3))
+
+
+def dress(actor, *, casts=True):
+    """Have an actor's shader tell where its surface is, where that is not on its triangles."""
+    smooth = is_smooth(actor)
+    spheres = draws_spheres(actor)
+    (SPHERES.attach if spheres else SPHERES.detach)(actor)
+    if spheres and not casts:
+        _set_bulge(actor, 1.0)
+        _set_number(actor, 'ibr_radius', 0.0)
+    (SMOOTH.attach if smooth else SMOOTH.detach)(actor)
+    if smooth:
+        matrix = actor.GetMatrix()
+        # VTK's normals are as short as the actor is large.
+        _set_number(actor, 'ibr_scale', abs(matrix.Determinant()) ** (1 / 3))
+
+
+def undress(actor):
+    """Take off what :func:`dress` put on."""
+    for feature in (SPHERES, SMOOTH):
+        feature.detach(actor)
+
+
+def is_thin(actor) -> bool:
+    """Tell whether an actor draws points or lines, as wide as its material says in pixels."""
+    if actor.GetMapper().IsA('vtkPointGaussianMapper'):
+        return False  # its points are as large as the world says
+    if actor.GetProperty().GetRepresentation() != _SURFACE:
+        return True
+    data = actor.GetMapper().GetInput()
+    return (
+        bool(data)
+        and data.IsA('vtkPolyData')
+        and not (data.GetNumberOfPolys() or data.GetNumberOfStrips())
+    )
+
+
+def draws_spheres(actor) -> bool:
+    """Tell whether an actor draws points as spheres, and nothing else."""
+    prop = actor.GetProperty()
+    return bool(prop.GetRenderPointsAsSpheres() or prop.GetRenderLinesAsTubes()) and is_thin(actor)
+
+
+@contextmanager
+def sized(actors, frame, seen, bulge):
+    """Draw points and lines as large as they are in the camera's picture."""
+    kept = []
+    for actor in actors:
+        if is_thin(actor):
+            prop, center = actor.GetProperty(), np.array(actor.GetCenter())
+            pixel = frame.pixel_at(center)
+            scale = pixel / seen.pixel_at(center)
+            size, width = prop.GetPointSize(), prop.GetLineWidth()
+            kept.append((actor, size, width))
+            prop.SetPointSize(max(size * scale, 1.0))
+            prop.SetLineWidth(max(width * scale, 1.0))
+            tube = prop.GetRenderLinesAsTubes()
+            _set_bulge(actor, 0.0 if tube else bulge)
+            _set_number(actor, 'ibr_radius', 0.5 * pixel * (width if tube else size))
+    try:
+        yield
+    finally:
+        for actor, size, width in reversed(kept):
+            actor.GetProperty().SetPointSize(size)
+            actor.GetProperty().SetLineWidth(width)
+            _set_bulge(actor, 1.0)
+
+
+def _set_bulge(actor, bulge):
+    if draws_spheres(actor):
+        SPHERES.attach(actor)
+        _set_number(actor, 'ibr_bulge', bulge - 1.0)
+
+
+def _set_number(actor, name, value):
+    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf(name, float(value))
+
+
+def depths_of(thing) -> list:
+    """Return the actors that draw the depth of what a thing shows."""
+    return thing.depths() if hasattr(thing, 'depths') else thing.drawn()
+
+
+@dataclass
+class Casters:
+    """What is drawn in a view from somewhere else."""
+
+    actors: list = field(default_factory=list)
+    things: list = field(default_factory=list)
+    frame: Any = None
+
+    def key(self, *, again=False) -> tuple:
+        """Return what changes whenever anything drawn does."""
+        if again:
+            vars(self).pop('_key', None)
+        return self._key
+
+    @cached_property
+    def _key(self) -> tuple:
+        actors = tuple((address(a), a.GetRedrawMTime()) for a in self.actors)
+        return actors, tuple((id(t), t.stamp()) for t in self.things)
+
+    def inherit(self, before):
+        """Take over what is known of the casters of another frame, where nothing changed."""
+        if before is not None and before.key() == self.key():
+            vars(self)['_thin'] = before._thin
+            if not before._thin:
+                vars(self)['_boxes'] = before._boxes
+
+    def thin(self) -> bool:
+        """Tell whether any actor draws points or lines."""
+        return bool(self._thin)
+
+    @cached_property
+    def _thin(self) -> set:
+        return {address(a) for a in self.actors if is_thin(a)}
+
+    def translucent(self) -> list:
+        """Return the actors that light shines through."""
+        return [a for a in self.actors if a.HasTranslucentPolygonalGeometry()]
+
+    def bounds(self) -> np.ndarray:
+        """Return the world bounds of each, shape (n, 6); of what has none, nothing."""
+        reach = [getattr(t, 'cast_bounds', t.bounds) for t in self.things]
+        things = np.array(reach, float).reshape(-1, 6)
+        boxes = np.concatenate([self._boxes, things])
+        return boxes[boxes[:, 0] <= boxes[:, 1]]
+
+    @cached_property
+    def _boxes(self) -> np.ndarray:
+        """Return the world bounds of each actor, shape (n, 6)."""
+        boxes = [a.GetBounds() or (1.0, -1.0) * 3 for a in self.actors]
+        found = np.array(boxes, float).reshape(-1, 6)
+        widths = np.array([self._width(a) for a in self.actors])
+        return found + np.outer(widths, [-1.0, 1.0] * 3)
+
+    def _width(self, actor) -> float:
+        """Return how far an actor may reach out of its bounds, world units."""
+        mapper = actor.GetMapper()
+        if mapper.IsA('vtkPointGaussianMapper'):
+            return 3 * mapper.GetScaleFactor()
+        if self.frame is None or address(actor) not in self._thin:
+            return 0.0
+        prop = actor.GetProperty()
+        pixels = max(prop.GetPointSize(), prop.GetLineWidth())
+        width = pixels * self.frame.pixel_at(np.array(actor.GetCenter()))
+        return float(2.0 ** np.ceil(np.log2(width)))  # in steps: the camera moves all the time
+
+    def seen(self, view) -> Casters:
+        """Return what may be in a view."""
+        inside = may_see(view, self._boxes)
+        actors = [a for a, i in zip(self.actors, inside, strict=True) if i]
+        return Casters(actors, self.things, self.frame)

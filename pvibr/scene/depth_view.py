@@ -1,0 +1,171 @@
+"""Depth seen from elsewhere than the camera: what shadows, projectors and queries share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pvibr.gl import Target, shader_source, texture_limit
+from pvibr.gl.feature import Feature, sections
+from pvibr.scene.casters import SPHERES, address, depths_of, sized
+
+# What a translucent caster leaves of the light, and how near it is: one pass each, since the
+# two blend in different ways.
+_VEIL = Feature(
+    'veil',
+    fragment={
+        'VTK::DepthPeeling::Impl': """  if (ibr_veil == 1)
+  {
+    float thin = 1.0 - gl_FragData[0].a;
+    vec3 color = diffuseColor / max(diffuseIntensity, 1e-6);
+    gl_FragData[0] = vec4(thin * mix(color, vec3(1.0), thin), 1.0);
+  }
+  else if (ibr_veil == 2)
+    gl_FragData[0] = vec4(gl_FragCoord.z);
+//VTK::DepthPeeling::Impl
+"""
+    },
+)
+
+
+class DepthView:
+    """Depth textures of one or more views, side by side in one, drawn again only when stale."""
+
+    def __init__(self, drawer, views, resolution, *, compare=False, veiled=False):
+        self.drawer = drawer
+        self.columns = int(np.ceil(np.sqrt(views)))
+        self.rows = -(-views // self.columns)
+        limit = texture_limit(drawer.window)
+        self.resolution = min(int(resolution), limit // self.columns)
+        size = self.columns * self.resolution, self.rows * self.resolution
+        self.target = Target(drawer.window, *size, (), depth=True)
+        if compare:
+            self.texture.compare()
+        self.veils: list = []
+        if veiled:
+            formats = ('rgba8', 'r32f')
+            self.veils = [Target(drawer.window, *size, (f,), depth=self.texture) for f in formats]
+        self.views: list = [None] * views
+        self._keys: list = [None] * views
+        self._dressed: dict = {}
+        self.bakes = 0
+
+    @property
+    def texture(self) -> Any:
+        """The depth texture: 0 near, 1 far."""
+        return self.target.depth
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return self.target.nbytes + sum(veil.nbytes for veil in self.veils)
+
+    @property
+    def tint(self):
+        """What translucent casters leave of the light, red, green, blue; where veiled."""
+        return self.veils[0].colors[0]
+
+    @property
+    def veil(self):
+        """The depth of the nearest translucent caster; where veiled."""
+        return self.veils[1].colors[0]
+
+    def corner(self, k) -> tuple[int, int]:
+        """Return the lower left texel of a view in the texture."""
+        return k % self.columns * self.resolution, k // self.columns * self.resolution
+
+    def update(self, frame, views, casters, *, faces='both') -> list[int]:
+        """Draw the views that are stale."""
+        shared = casters.key()
+        stale = [k for k, v in enumerate(views) if self._keys[k] != (v.key(), shared)]
+        self.views = list(views)
+        if not stale:
+            return []
+        with self.target.drawing():
+            for k in stale:
+                self._draw(frame, k, casters, faces)
+        for mode, target in enumerate(self.veils, 1):
+            with target.drawing():
+                for k in stale:
+                    self._draw_veil(views[k], k, casters, mode)
+        for thing in casters.things:
+            thing.prepare(frame)
+        self.drawer.doubles.keep(casters.actors, self.drawer.window)
+        self._forget(casters.actors)
+        self.drawer.done()
+        # Taken again: things may have made actors for these views.
+        shared = casters.key(again=True)
+        for k in stale:
+            self._keys[k] = (views[k].key(), shared)
+        self.bakes += len(stale)
+        return stale
+
+    def _draw(self, frame, k, casters, faces):
+        view = self.views[k]
+        seen = seen_from(frame, view, self.resolution)
+        casters = casters.seen(view)
+        for thing in casters.things:
+            thing.prepare(seen)
+        self.drawer.look(view, (*self.corner(k), self.resolution, self.resolution))
+        self._dress(casters.actors)
+        # In a parallel view VTK has spheres bulge twice as far.
+        bulge = self.drawer.inner.GetSize()[0] / self.resolution * (0.5 if view.parallel else 1.0)
+        with sized(casters.actors, frame, seen, bulge):
+            self.drawer.draw_depth(casters.actors, faces=faces)
+        for thing in casters.things:
+            self.drawer.draw(depths_of(thing))
+            thing.finish(seen)
+
+    def _dress(self, actors):
+        self._dressed |= {address(a): a for a in actors}
+
+    def _forget(self, actors):
+        """Let all other actors go: some are drawn no more."""
+        for key in self._dressed.keys() - {address(a) for a in actors}:
+            self._undress_one(self._dressed.pop(key))
+
+    def _undress_one(self, actor):
+        for feature in (_VEIL, SPHERES):
+            feature.detach(actor)
+
+    def _draw_veil(self, view, k, casters, mode):
+        rect = (*self.corner(k), self.resolution, self.resolution)
+        self.drawer.look(view, rect, clear=False)
+        self.drawer.fill((1.0, 1.0, 1.0, 1.0))
+        actors = casters.seen(view).translucent()
+        for actor in actors:
+            _VEIL.attach(actor)
+            _set_veil(actor, mode)
+        with self.drawer.blending('multiply' if mode == 1 else 'least'):
+            self.drawer.draw(actors, translucent=True)
+        for actor in actors:
+            _set_veil(actor, 0)
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        for actor in self._dressed.values():
+            self._undress_one(actor)
+        self._dressed = {}
+        for veil in self.veils:
+            veil.release()
+        self.target.release()
+
+
+def _set_veil(actor, mode):
+    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformi('ibr_veil', mode)
+
+
+def seen_from(frame, view, resolution):
+    """Return a frame as it would be from another view, drawn for its depth alone."""
+    return replace(
+        frame, size=(resolution, resolution), origin=(0, 0), parallel=view.parallel,
+        view_from_world=view.view_from_world, clip_from_view=view.clip_from_view,
+        near=view.near, far=view.far, eye=view.eye, casting=True, quality=1.0,
+    )  # fmt: skip
+
+
+def receiver_shader() -> dict[str, str]:
+    """Return the sections of ``receiver.glsl``, which looks points up in depth views."""
+    return sections(shader_source(__file__, 'receiver'))

@@ -1,0 +1,85 @@
+"""Colours and visibility of single instances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+
+HIDDEN, PLAIN, COLORED = 0, 128, 255
+
+
+def as_colors(colors, n):
+    """Return per-instance colours as bytes."""
+    array = np.asarray(colors)
+    if array.ndim != 2 or array.shape[0] != n or array.shape[1] not in (3, 4):
+        msg = f'colors has shape {array.shape}; it must be ({n}, 3) or ({n}, 4): one row for each'
+        raise ValueError(msg)
+    array = array[:, :3]
+    if array.dtype.kind == 'f':
+        if not ((array >= 0) & (array <= 1)).all():
+            msg = 'colors given as floats must be from 0 to 1; give uint8 for 0 to 255'
+            raise ValueError(msg)
+        return np.rint(array * 255).astype(np.uint8)
+    if array.dtype.kind not in 'ui' or (array < 0).any() or (array > 255).any():
+        msg = f'colors has dtype {array.dtype}; it must be uint8 (0 to 255) or float (0 to 1)'
+        raise ValueError(msg)
+    return array.astype(np.uint8)
+
+
+def as_scalars(scalars, n):
+    """Return per-instance scalars as floats."""
+    array = np.asarray(scalars)
+    if array.dtype.kind not in 'fiub' or array.shape != (n,):
+        msg = f'scalars has shape {array.shape}, dtype {array.dtype}; it must be ({n},) numbers'
+        raise ValueError(msg)
+    return array.astype(float)
+
+
+def color_table(scalars, cmap=None, clim=None, **options):
+    """Return the table that colours scalars as ``add_mesh`` would."""
+    finite = scalars[np.isfinite(scalars)]
+    if clim is None:
+        clim = (finite.min(), finite.max()) if len(finite) else (0.0, 1.0)
+    low, high = (-clim, clim) if np.ndim(clim) == 0 else map(float, clim)
+    if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+        msg = f'clim is {clim!r}; it must be two finite numbers, the lower one first'
+        raise ValueError(msg)
+    options.setdefault('nan_color', pv.global_theme.nan_color)
+    cmap = pv.global_theme.cmap if cmap is None else cmap
+    table = pv.LookupTable(values=None, scalar_range=(low, high))
+    table.apply_cmap(cmap, options.pop('n_colors', 256))
+    for name, value in options.items():
+        if value is not None:
+            setattr(
+                table,
+                'below_range_color'
+                if name == 'below_color'
+                else 'above_range_color'
+                if name == 'above_color'
+                else name,
+                value,
+            )
+    table.BuildSpecialColors()
+    return table
+
+
+def map_scalars(table, scalars):
+    """Return the colours of scalars, shape (n, 3) uint8."""
+    if not len(scalars):
+        return np.zeros((0, 3), np.uint8)
+    mapped = table.MapScalars(_vtk.numpy_to_vtk(scalars), 1, 0)
+    return _vtk.vtk_to_numpy(mapped)[:, :3].copy()
+
+
+def merge(n, colors, visible):
+    """Return looks for the GPU, or None where every instance is plain and visible."""
+    if colors is None and visible is None:
+        return None
+    looks = np.empty((n, 4), np.uint8)
+    looks[:, :3] = 0 if colors is None else colors
+    looks[:, 3] = PLAIN if colors is None else COLORED
+    if visible is not None:
+        looks[~visible, 3] = HIDDEN
+    return looks

@@ -1,0 +1,162 @@
+"""Colours, scalars and visibility of the single items of a thing, as ``add_mesh`` has them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.scene import looks as look
+
+#: What the table of the scalars takes from the arguments of ``add_mesh``.
+TABLE_OPTIONS = (
+    'cmap', 'clim', 'n_colors', 'nan_color', 'below_color', 'above_color', 'log_scale',
+)  # fmt: skip
+
+
+class Painted:
+    """Items with a colour each, given or mapped from scalars; to be inherited.
+
+    Who inherits has a length, calls :meth:`_begin_looks` and has ``_repaint()``, which is called
+    after each change.
+
+    Examples
+    --------
+    >>> from pvibr.scene.painted import Painted
+    >>> class Dots(Painted):
+    ...     def __len__(self):
+    ...         return 2
+    ...
+    ...     def _repaint(self):
+    ...         pass
+    >>> dots = Dots()
+    >>> dots._begin_looks({'cmap': 'gray'})
+    >>> dots.scalars = [0.0, 1.0]
+    >>> dots.colors.tolist()
+    [[0, 0, 0], [255, 255, 255]]
+    """
+
+    _name: str | None = None
+
+    def __len__(self) -> int:
+        raise NotImplementedError
+
+    def _repaint(self):
+        """Draw the looks as they are now."""
+        raise NotImplementedError
+
+    def _begin_looks(self, options, scalars=None, colors=None, visible=None):
+        """Take over what was asked; nothing is drawn yet."""
+        unknown = sorted(set(options) - set(TABLE_OPTIONS))
+        if unknown:
+            msg = f'{type(self).__name__} has no {", ".join(unknown)}'
+            raise TypeError(msg)
+        self._table_options = {k: v for k, v in options.items() if v is not None}
+        self._scalars = self._colors = self._visible = self.table = None
+        if scalars is not None:
+            self._map(scalars)
+        elif colors is not None:
+            self._colors = self._as_colors(colors)
+        if visible is not None:
+            self._visible = self._as_mask(visible)
+
+    def _map(self, scalars):
+        values = self._as_scalars(scalars)
+        table = self.table or look.color_table(values, **self._table_options)
+        self._scalars, self.table = values, table
+        self._colors = _mapped(table, values)
+
+    def _as_scalars(self, scalars):
+        """Return checked scalars; for who has several for each item, too."""
+        return look.as_scalars(scalars, len(self))
+
+    def _as_colors(self, colors):
+        """Return checked colours; for who has several for each item, too."""
+        return look.as_colors(colors, len(self))
+
+    @property
+    def scalars(self):
+        """Values of the items, shape (n,), or None; setting them bakes nothing."""
+        return self._scalars
+
+    @scalars.setter
+    def scalars(self, scalars):
+        if scalars is None:
+            self._scalars = self._colors = self.table = None
+        else:
+            self._map(scalars)
+        self._repaint()
+
+    def map(self, cmap=None, clim=None, **options):
+        """Colour the scalars by another map or range; nothing is baked.
+
+        Parameters
+        ----------
+        cmap, clim : optional
+            As in ``add_mesh``; what is None stays.
+        **options
+            ``n_colors``, ``nan_color``, ``below_color``, ``above_color``, ``log_scale``.
+
+        Raises
+        ------
+        ValueError
+            Where there are no scalars.
+        """
+        if self._scalars is None:
+            msg = 'there are no scalars to map: set scalars first'
+            raise ValueError(msg)
+        changed = {k: v for k, v in {'cmap': cmap, 'clim': clim}.items() if v is not None}
+        merged = self._table_options | changed | options
+        self.table = look.color_table(self._scalars, **merged)
+        self._table_options = merged
+        self._colors = _mapped(self.table, self._scalars)
+        self._repaint()
+
+    @property
+    def colors(self):
+        """Colours of the items, shape (n, 3) uint8, or None."""
+        return self._colors
+
+    @colors.setter
+    def colors(self, colors):
+        new = None if colors is None else self._as_colors(colors)
+        self._scalars = self.table = None
+        self._colors = new
+        self._repaint()
+
+    @property
+    def visible(self) -> np.ndarray:
+        """Which items are drawn, shape (n,) bool."""
+        return np.ones(len(self), bool) if self._visible is None else self._visible
+
+    @visible.setter
+    def visible(self, visible):
+        self._visible = self._as_mask(visible)
+        self._repaint()
+
+    def _as_mask(self, visible):
+        mask = np.asarray(visible)
+        if mask.dtype != bool or mask.shape not in ((), (len(self),)):
+            msg = (
+                f'visible has shape {mask.shape}, dtype {mask.dtype}; it must be bool, '
+                f'one or ({len(self)},)'
+            )
+            raise ValueError(msg)
+        return None if mask.all() else np.broadcast_to(mask, (len(self),)).copy()
+
+    def scalar_mapper(self):
+        """Return a mapper with the table of the scalars, for a scalar bar; None without."""
+        if self.table is None:
+            return None
+        mapper = pv.DataSetMapper()
+        mapper.lookup_table = self.table
+        mapper.scalar_range = self.table.scalar_range
+        return mapper
+
+    def scalar_title(self) -> str:
+        """Return what a scalar bar calls the scalars."""
+        return self._name or 'scalars'
+
+
+def _mapped(table, values):
+    """Return the colours of scalars, three more numbers for each."""
+    return look.map_scalars(table, values.ravel()).reshape(*values.shape, 3)

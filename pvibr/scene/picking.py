@@ -1,0 +1,95 @@
+"""Which instance is under a pixel: a ray against spheres, then against the mesh itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pvibr.core import _vtk
+
+
+@dataclass(frozen=True)
+class Hit:
+    """Where a ray met an instance."""
+
+    index: int
+    point: tuple
+    distance: float
+
+
+def pixel_ray(renderer, x, y):
+    """Return the ray through a pixel."""
+    ends = []
+    for depth in (0.0, 1.0):
+        renderer.SetDisplayPoint(x, y, depth)
+        renderer.DisplayToWorld()
+        point = np.array(renderer.GetWorldPoint())
+        ends.append(point[:3] / point[3])
+    direction = ends[1] - ends[0]
+    return ends[0], direction / np.linalg.norm(direction)
+
+
+def nearest_hit(kinds, renderer, x, y, visible):
+    """Return the first instance that the ray through a pixel meets."""
+    start, direction = pixel_ray(renderer, x, y)
+    best = None
+    for kind in kinds:
+        for slot in _candidates(kind, start, direction, visible):
+            enters, slot = slot
+            if best is not None and enters > best.distance:
+                break
+            hit = _meet(kind, slot, start, direction)
+            if hit is not None and (best is None or hit.distance < best.distance):
+                best = hit
+    return best
+
+
+def _candidates(kind, start, direction, visible):
+    """Return (distance, slot) of the spheres that the ray enters, the nearest first."""
+    blocks = kind.blocks
+    _, near = _spheres(blocks.centers, blocks.reach + blocks.largest, start, direction)
+    slots = (np.flatnonzero(near)[:, None] * kind.unit + np.arange(kind.unit)).ravel()
+    slots = slots[slots < len(kind)]
+    slots = slots[visible[kind.ids[slots]]]
+    if not len(slots):
+        return []
+    enters, hit = _spheres(kind.centers(slots), kind.radii[slots], start, direction)
+    return sorted(zip(enters[hit].tolist(), slots[hit].tolist(), strict=True))
+
+
+def _spheres(centers, radii, start, direction):
+    along = (centers - start) @ direction
+    away = np.linalg.norm(centers - start - along[:, None] * direction, axis=1)
+    half = np.sqrt(np.maximum(radii**2 - away**2, 0.0))
+    return along - half, (away <= radii) & (along + half > 0)
+
+
+def _meet(kind, slot, start, direction):
+    matrix = kind.matrix(slot)
+    inverse = np.linalg.inv(matrix)
+    origin = inverse[:3, :3] @ start + inverse[:3, 3]
+    toward = inverse[:3, :3] @ direction
+    reach = np.linalg.norm(origin - kind.atlas.center) + 2 * kind.atlas.radius
+    end = origin + toward / np.linalg.norm(toward) * reach
+    best = None
+    for part in kind.parts(slot):
+        point = _line_mesh(part, origin, end)
+        if point is not None:
+            world = matrix[:3, :3] @ point + matrix[:3, 3]
+            distance = float((world - start) @ direction)
+            if best is None or distance < best.distance:
+                best = Hit(int(kind.ids[slot]), tuple(world.tolist()), distance)
+    return best
+
+
+def _line_mesh(part, start, end):
+    locator = getattr(part, '_locator', None)
+    if locator is None:
+        locator = part._locator = _vtk.vtkStaticCellLocator()
+        locator.SetDataSet(part.mesh)
+        locator.BuildLocator()
+    t, sub, cell = _vtk.reference(0.0), _vtk.reference(0), _vtk.reference(0)
+    point, param = [0.0] * 3, [0.0] * 3
+    met = locator.IntersectWithLine(start, end, 0.0, t, point, param, sub, cell)
+    return np.array(point) if met else None

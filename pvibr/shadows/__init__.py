@@ -1,0 +1,1 @@
+"""Shadows: maps, moments, volumes."""

@@ -1,0 +1,522 @@
+"""Shadows of a renderer's lights."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from pvibr.core.effect import Effect
+from pvibr.core.params import Param
+from pvibr.gl import shader_source, texture_units
+from pvibr.gl.drawer import Drawer
+from pvibr.gl.feature import DITHER, Feature, declared_samplers, sections
+from pvibr.maths.kernels import vogel_disk
+from pvibr.scene.casters import Casters, Surfaces, address, dress, undress
+from pvibr.scene.depth_view import DepthView, receiver_shader
+from pvibr.scene.lights import SceneLight, light_views, lights_of
+from pvibr.shadows.moments import KINDS, WARP, Moments
+from pvibr.shadows.volume import ShadowVolumes, receiver_text
+
+#: Views of a directional light at most: of everything, and around the eye.
+_CASCADES = 4
+_WINDOW = 3.0  # texels: a larger filter compares at some places only
+_VEILS = ('tint', 'veil')
+_MATERIAL = 6  # texture units that are left to materials
+
+
+class Shadows(Effect):
+    """Shadows of the scene's lights, on everything that they light.
+
+    Parameters
+    ----------
+    casts : callable or sequence, optional
+        Which actors and things of pvibr throw shadows: those in it, or those for which it returns
+        true; by default all that are visible.
+    receives : callable or sequence, optional
+        Which show shadows; by default all that are lit.
+    **settings
+        Values of the settings.
+
+    Notes
+    -----
+    Shadow maps (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978): each light
+    sees the scene's depth, drawn again only when light, casters or fit changed. A light's share
+    of diffuse and specular light is scaled where VTK computes it, so that several lights, any
+    material and any other pass go together. Headlights cast none: the camera does not see them.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True, lighting='none')
+    >>> pl.add_light(pv.Light(position=(1, 1, 3), light_type='scene light'))
+    >>> _ = pl.add_mesh(pv.Plane(i_size=4, j_size=4))
+    >>> _ = pl.add_mesh(pv.Sphere(center=(0, 0, 1)))
+    >>> shadows = pl.ibr.add(pvibr.Shadows())
+    >>> pl.show(auto_close=False)
+    >>> shadows.report()['views drawn']
+    1
+    >>> pl.close()
+    """
+
+    web = 'baked', 'darker colours of surfaces'
+    method = Param(
+        'pcf', 'How a shadow is found: compared once, compared and filtered, softer with '
+        'distance as the size of the light has it, from blurred moments of depth, or counted by '
+        'volumes, exact to the pixel.',
+        choices=('hard', 'pcf', 'pcss', *KINDS, 'volume'),
+    )  # fmt: skip
+    resolution = Param(2048, "Texels along a side of a light's view.", range='[16, 16384]')
+    softness = Param(
+        None, 'Radius of the filter of pcf, standard deviation of the blur of moments; by default '
+        '0.5 and 2.', range='[0, 64]', unit='texels', kind=float,
+    )  # fmt: skip
+    taps = Param(
+        None, 'Places on a disk where pcf and pcss compare; by default pcf compares every texel '
+        'of a small filter, 16 places of a large one, and pcss 32.',
+        range='[1, 64]', kind=int,
+    )  # fmt: skip
+    angle = Param(
+        0.53, 'Apparent diameter of directional lights, for pcss; the sun has 0.53.',
+        range='(0, 90)', unit='degrees',
+    )  # fmt: skip
+    radius = Param(
+        None, 'Radius of spot and point lights, for pcss; by default a fiftieth of how far their '
+        'casters reach.', range='(0, inf)', unit='world', kind=float,
+    )  # fmt: skip
+    bias = Param(
+        'plane', 'What keeps a surface from shadowing itself: depth is compared on its own plane, '
+        'or behind it by the polygon offset.', choices=('plane', 'polygon_offset'),
+    )  # fmt: skip
+    polygon_offset = Param(
+        (1.1, 4.0), 'Factor of the slope and units of depth as of glPolygonOffset, for that bias.',
+        range='[0, 1e6]',
+    )  # fmt: skip
+    faces = Param(
+        'both', 'Which sides of polygons cast: back faces alone leave no acne on closed meshes, '
+        'and gaps under thin ones.', choices=('both', 'back'),
+    )  # fmt: skip
+    offset = Param(
+        0.35, 'How far a receiver is moved along its normal: less shows acne where surfaces '
+        'are concave, more opens gaps under what touches the ground.',
+        range='[0, 16]', unit='texels',
+    )  # fmt: skip
+
+    def __init__(self, *, casts=None, receives=None, **settings):
+        for name, choice in (('casts', casts), ('receives', receives)):
+            if not (choice is None or callable(choice) or isinstance(choice, (list, tuple, set))):
+                msg = f'{name} = {choice!r}: must be None, a list of actors, or a function of one'
+                raise TypeError(msg)
+            for item in () if choice is None or callable(choice) else choice:
+                if not (hasattr(item, 'drawn') or (hasattr(item, 'IsA') and item.IsA('vtkProp'))):
+                    msg = (
+                        f'{name} has a {type(item).__name__}: must be actors, as add_mesh returns'
+                    )
+                    raise TypeError(msg)
+        self.casts, self.receives = casts, receives
+        self._lights: list[_LightMaps] = []
+        self._feature: Any = None
+        self._shadowed: dict = {}
+        self._surfaces: Any = None
+        self._drawer: Any = None
+        self._volumes: Any = None
+        self._seen: tuple = ()
+        self._cast: set = set()
+        self._last: Casters | None = None
+        self._drawn = 0
+        self._most = 1
+        super().__init__(**settings)
+
+    # -- what takes part ----------------------------------------------------------------------
+
+    def _things(self) -> list:
+        return [t for t in self.pipeline.things if t.enabled]
+
+    def _casters(self, frame) -> Casters:
+        actors, things = self._surfaces.chosen(self.casts, self._things())
+        return Casters([a for a in actors.values() if a.GetVisibility()], things, frame)
+
+    def _receivers(self) -> dict:
+        things = self._things()
+        self._surfaces.update(things)  # for what things made for the lights' views
+        actors, things = self._surfaces.chosen(self.receives, things)
+        if self.method == 'volume':  # a mask is that of the opaque surfaces
+            actors = {k: a for k, a in actors.items() if not a.HasTranslucentPolygonalGeometry()}
+        return actors | {address(a): a for thing in things for a in thing.actors()}
+
+    # -- the life of an effect ----------------------------------------------------------------
+
+    def needed(self, frame) -> bool | str:
+        """Tell whether any light casts shadows."""
+        self._seen = tuple(lights_of(frame.renderer))
+        if any(light.kind != 'headlight' for light in self._seen):
+            return True
+        return 'no light casts shadows: headlights cast none, add a scene light'
+
+    def prepare(self, frame):
+        """Draw the lights' depth where it is stale, and hand it to what receives."""
+        if self._drawer is None or self._drawer.renderer is not frame.renderer:
+            self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
+        self._surfaces.update(self._things())
+        casters = self._casters(frame)
+        casters.inherit(self._last)
+        self._last = casters
+        self._cast = {address(a) for a in casters.actors}
+        samplers = 1 + len(_VEILS) * bool(casters.translucent())
+        self._most = max((texture_units(frame.window) - _MATERIAL) // samplers, 1)
+        self._match_lights()
+        for maps in self._lights:
+            maps.update(frame, casters)
+        self._count(frame, casters)
+        self._dress(frame)
+
+    def _casting(self) -> list[SceneLight]:
+        """Return the lights that cast shadows: as many as a shader may sample."""
+        casting = [light for light in self._seen if light.kind != 'headlight']
+        return casting[: self._most]
+
+    def _count(self, frame, casters):
+        """Have the lights' masks drawn by volumes, where that is the method."""
+        if self.method == 'volume':
+            self._volumes = self._volumes or ShadowVolumes(self._drawer)
+            actors, things = self._surfaces.chosen(None, self._things())
+            shown = Casters([a for a in actors.values() if a.GetVisibility()], things)
+            self._volumes.update(frame, self._casting(), casters, shown)
+        elif self._volumes is not None:
+            self._volumes.release()
+            self._volumes = None
+
+    def _match_lights(self):
+        """Keep what was drawn for a light as long as the light is there."""
+        casting = [] if self.method == 'volume' else self._casting()
+        settings = self._revision
+        old = {maps.light.number: maps for maps in self._lights if maps.settings == settings}
+        kept = [old.pop(light.number, None) for light in casting]
+        for maps in self._lights:
+            if maps not in kept:
+                self._drawn += maps.bakes
+                maps.release()
+        self._lights = []
+        for light, found in zip(casting, kept, strict=True):
+            maps = found or _LightMaps(self._drawer, self, settings)
+            maps.light = light
+            self._lights.append(maps)
+
+    def views_of(self, light) -> list:
+        """Return what a light sees, as its shadows in the last frame had it.
+
+        Parameters
+        ----------
+        light : vtkLight
+            Of the subplot.
+
+        Returns
+        -------
+        list of pvibr.maths.views.View
+            The first holds all casters; none where it casts no shadow, or needs no views for it.
+        """
+        if self.pipeline is None or not self.enabled:
+            return []
+        on = [address(x) for x in self.pipeline.renderer.GetLights() if x.GetSwitch()]
+        key = address(light)
+        number = on.index(key) if key in on else None
+        return next((list(m.views) for m in self._lights if m.light.number == number), [])
+
+    def _filter(self) -> tuple[str, int]:
+        """Return the section of the shader that finds shadows, and its number of taps."""
+        if self.method != 'pcf':
+            return self.method, self.taps or 32
+        radius = self._softness()
+        if self.taps is None and 0.5 <= radius <= _WINDOW:
+            return 'window', int(np.ceil(2 * radius)) + 1
+        return 'pcf', self.taps or 16
+
+    def _softness(self) -> float:
+        if self.softness is not None:
+            return self.softness
+        return 2.0 if self.method in KINDS else 0.5
+
+    def _dress(self, frame):
+        """Put the shader text on receivers, and the numbers of this frame."""
+        feature, uniforms = self._worn(frame)
+        receivers = {} if feature is None else self._receivers()
+        if feature is not self._feature:
+            self._undress()
+            self._feature = feature
+        if feature is None:
+            return
+        for key in self._shadowed.keys() - receivers.keys():
+            self._undress_one(self._shadowed.pop(key)[0])
+        for key, actor in receivers.items():
+            if key not in self._shadowed:
+                feature.attach(actor)
+            if self._shadowed.get(key, (None, None))[1] != actor.GetMTime():
+                dress(actor, casts=key in self._cast)
+                self._shadowed[key] = actor, actor.GetMTime()
+            _set(actor.GetShaderProperty().GetFragmentCustomUniforms(), uniforms)
+
+    def _worn(self, frame):
+        """Return the shader text of what receives shadows, and the numbers of this frame."""
+        if self.method == 'volume':
+            lights = tuple((light.number, light.positional) for light in self._casting())
+            uniforms = [_place(frame, light) for light in self._casting()]
+            return _feature('volume', 0, lights), uniforms + self._volumes.uniforms(frame)
+        lit = [m for m in self._lights if m.view is not None]
+        if not lit:
+            return None, []
+        signature = (*self._filter(), tuple(m.signature() for m in lit))
+        return _feature(*signature), self._uniforms(frame, lit)
+
+    def _undress(self):
+        for actor, _ in self._shadowed.values():
+            self._undress_one(actor)
+        self._shadowed = {}
+
+    def _undress_one(self, actor):
+        self._feature.detach(actor)
+        undress(actor)
+
+    def _uniforms(self, frame, lit):
+        world_from_view = np.linalg.inv(frame.view_from_world)
+        matrices = [v.texture_from_world() @ world_from_view for m in lit for v in m.views]
+        texels = [t for m in lit for v in m.views for t in _texel(v, m.view.resolution)]
+        on_plane, offsets = self.bias == 'plane', list(self.polygon_offset)
+        ranges = [x for m in lit for v in m.views for x in (v.near, v.far, *self._size(v))]
+        uniforms = [
+            ('SetUniformMatrix4x4v', 'ibr_shadow_from_view', len(matrices),
+             np.concatenate([m.T.ravel() for m in matrices]).tolist()),
+            ('SetUniform1fv', 'ibr_shadow_texel', len(texels), texels),
+            ('SetUniformf', 'ibr_shadow_offset', self.offset if on_plane else 0.0),
+            ('SetUniform2f', 'ibr_shadow_polygon', [-1.0, 0.0] if on_plane else offsets),
+            ('SetUniform1fv', 'ibr_shadow_range', len(ranges), ranges),
+            ('SetUniformf', 'ibr_shadow_softness', self._softness()),
+            ('SetUniformi', 'ibr_shadow_taps', max(1, round(self._filter()[1] * frame.quality))),
+        ]  # fmt: skip
+        for maps in lit:
+            n = maps.light.number
+            uniforms += [
+                _place(frame, maps.light),
+                ('SetUniformf', f'ibr_shadow_size_{n}', float(maps.view.resolution)),
+            ]
+            for name, texture in maps.textures().items():
+                uniforms.append(('SetUniformi', f'ibr_shadow_{name}_{n}', texture.activate()))
+        return uniforms
+
+    def _size(self, view) -> list[float]:
+        """Return the light's size as the shader takes it, in parts of a view's sides."""
+        scale = np.diag(view.clip_from_view)[:2] / 2
+        if view.parallel:
+            return (np.tan(np.radians(self.angle / 2)) * scale).tolist()
+        return ((self.radius or view.far / 50) * scale).tolist()
+
+    def finish(self, frame):
+        """Give the texture units back."""
+        for maps in self._lights:
+            for texture in maps.textures().values():
+                texture.deactivate()
+        if self._volumes is not None:
+            self._volumes.finish()
+        # Another subplot that shows the same actor has other lights, or no shadows.
+        for key, (actor, _) in [*self._shadowed.items()]:
+            if actor.GetNumberOfConsumers() > 1:
+                self._undress_one(actor)
+                del self._shadowed[key]
+
+    def rest(self):
+        """Take the shader text off all receivers."""
+        if self._feature is not None:
+            self._undress()
+            self._feature = None
+
+    def attach(self, pipeline):
+        """Take a place in a pipeline that has no shadows yet."""
+        if any(isinstance(effect, Shadows) for effect in pipeline.effects):
+            msg = 'Shadows are in this subplot already: change their settings, or remove them'
+            raise ValueError(msg)
+        super().attach(pipeline)
+
+    def detach(self):
+        """Leave the pipeline."""
+        self.rest()
+        super().detach()
+
+    def release(self):
+        """Free what it holds on the GPU; the context is current."""
+        self.rest()
+        for maps in self._lights:
+            maps.release()
+        for owner in (self._volumes, self._drawer):
+            if owner is not None:
+                owner.release()
+        self._lights, self._drawer, self._volumes, self._last = [], None, None, None
+
+    def bake_into(self, scene):
+        """Hand shadows to a scene without pvibr."""
+        scene.shadow(self.casts, self.receives, self._extent if self.method == 'pcss' else None)
+
+    def _extent(self, light, reach):
+        """Return the size of a light: degrees, or a length in world units."""
+        return (self.radius or reach / 50) if light.positional else self.angle
+
+    def _without(self) -> list[str]:
+        """Return what casts no shadow, by kind."""
+        volumes = self.pipeline.renderer.GetVolumes() if self.pipeline else ()
+        heads = [s.kind for s in self._seen if s.kind == 'headlight']
+        beyond = len(self._seen) - len(heads) - len(self._casting())
+        units = [f'{beyond} lights more than the driver has texture units for'] if beyond else []
+        return heads + units + ['volume' for _ in volumes]
+
+    def report(self) -> dict:
+        """Return bytes, views drawn so far, and what casts no shadow."""
+        views = [m.view for m in self._lights if m.view is not None]
+        dark = {'no shadows from': self._without()}
+        if self._volumes is not None:
+            return (
+                {
+                    'bytes': self._volumes.nbytes,
+                    'lights': len(self._casting()),
+                    'receivers': len(self._shadowed),
+                }
+                | self._volumes.report()
+                | dark
+            )
+        return {
+            'bytes': sum(m.nbytes for m in self._lights),
+            'lights': len(views),
+            'views': sum(len(v.views) for v in views),
+            'views drawn': self._drawn + sum(m.bakes for m in self._lights),
+            'receivers': len(self._shadowed),
+        } | dark
+
+
+class _LightMaps:
+    """What one light sees."""
+
+    light: SceneLight
+
+    def __init__(self, drawer, settings_of, settings):
+        self.drawer, self.owner, self.settings = drawer, settings_of, settings
+        self.view: Any = None
+        self.moments: Any = None
+        self.views: list = []
+        self._released = 0
+
+    @property
+    def bakes(self) -> int:
+        return self._released + (self.view.bakes if self.view else 0)
+
+    @property
+    def nbytes(self) -> int:
+        return sum(owner.nbytes for owner in (self.view, self.moments) if owner)
+
+    def textures(self) -> dict:
+        if self.view is None:
+            return {}
+        veils = {v: getattr(self.view, v) for v in _VEILS} if self.view.veils else {}
+        return {'map': (self.moments or self.view).texture} | veils
+
+    def update(self, frame, casters):
+        """Draw what is stale."""
+        bounds, least = casters.bounds(), max(len(self.views), 1)
+        if not len(bounds):
+            self.release()
+            return
+        wanted = self.owner.resolution
+        shape = {'least': least, 'square': casters.thin()}
+        self.views = light_views(self.light, bounds, frame, wanted, _CASCADES, **shape)
+        veiled = bool(casters.translucent())
+        old = self.view
+        if old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled):
+            self.release()
+            method = self.owner.method
+            compare = self.owner._filter()[0] == 'pcf'
+            self.view = DepthView(
+                self.drawer, len(self.views), wanted, compare=compare, veiled=veiled
+            )
+            self.moments = Moments(self.view, method) if method in KINDS else None
+        for k in self.view.update(frame, self.views, casters, faces=self.owner.faces):
+            if self.moments is not None:
+                self.moments.update(k, self.owner._softness())
+
+    def signature(self):
+        return (
+            self.light.number, self.light.positional, len(self.views), self.view.columns,
+            self.view.rows, bool(self.view.veils),
+        )  # fmt: skip
+
+    def release(self):
+        if self.moments is not None:
+            self.moments.release()
+        if self.view is not None:
+            self._released += self.view.bakes
+            self.view.release()
+        self.view = self.moments = None
+
+
+def _texel(view, resolution) -> list[float]:
+    """Return the sides of a texel in world units; at a distance of 1 where they grow with it."""
+    return (2 / np.diag(view.clip_from_view)[:2] / resolution).tolist()
+
+
+def _place(frame, light) -> tuple:
+    place = (frame.view_from_world @ light.homogeneous())[:3].tolist()
+    return 'SetUniform3f', f'ibr_shadow_place_{light.number}', place
+
+
+def _set(target, uniforms):
+    for setter, *values in uniforms:
+        getattr(target, setter)(*values)
+
+
+@lru_cache(maxsize=16)
+def _feature(method, taps, lights) -> Feature:
+    """Return the shader text for some lights, put around VTK's own light code."""
+    text = sections(shader_source(__file__))
+    if method == 'volume':
+        samplers, body = receiver_text(lights)
+        parts = [declared_samplers(samplers), text['declare'], body]
+    else:
+        parts = _map_parts(text, method, taps, lights)
+    before, after = text['apply'], ''
+    for number, *_ in lights:
+        call = f'ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n)'
+        before += f'  vec3 ibr_shadow_lit_{number} = {call};\n'
+        before += f'#define lightColor{number} (ibr_shadow_lit_{number} * lightColor{number})\n'
+        after += f'#undef lightColor{number}\n'
+    texts = {
+        'VTK::CustomUniforms::Dec': ''.join(parts),
+        'VTK::Light::Impl': f'{before}//VTK::Light::Impl\n{after}',
+    }
+    return Feature('shadows', fragment=texts)
+
+
+def _map_parts(text, method, taps, lights) -> list[str]:
+    """Return what is declared where shadows are found in maps."""
+    kind = 'sampler2DShadow' if method == 'pcf' else 'sampler2D'
+    samplers = {f'ibr_shadow_map_{n}': kind for n, *_ in lights}
+    samplers |= {f'ibr_shadow_{v}_{n}': 'sampler2D' for n, *_, e in lights if e for v in _VEILS}
+    shared = receiver_shader()
+    disk = ', '.join(f'vec2({x:.6f}, {y:.6f})' for x, y in vogel_disk(taps))
+    parts = [
+        declared_samplers(samplers),
+        f'{DITHER}#define TAPS {taps}\n#define WARP {WARP:.1f}\n',
+        f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk});\n',
+        text['disk'],
+        text['declare'],
+        shared['plane'],
+        text['moments'] if method in KINDS else '',
+        text[method],
+    ]
+    first = 0
+    for number, positional, count, columns, rows, veiled in lights:
+        values = {
+            'POSITIONAL': str(bool(positional)).lower(), 'FIRST': first, 'COUNT': count,
+            'COLUMNS': columns, 'ROWS': rows, 'VEILED': int(veiled),
+        }  # fmt: skip
+        parts += [f'#define {k} {v}\n' for k, v in values.items()]
+        parts.append(text['light'].replace('NUMBER', str(number)))
+        parts += [f'#undef {k}\n' for k in values]
+        first += count
+    return parts

@@ -1,0 +1,81 @@
+"""Where the sun stands at a time and place, by PyEphem (the extra ``sun``)."""
+
+from __future__ import annotations
+
+import datetime
+import math
+
+import numpy as np
+
+from pvibr.core.errors import require
+
+
+def sun_position(time, latitude, longitude):
+    """Return where the sun stands in the sky.
+
+    Examples -------- >>> from datetime import datetime, timezone >>> from pvibr.shadows.sun import
+    sun_position >>> azimuth, altitude = sun_position(datetime(2026, 6, 21, 12,
+    tzinfo=timezone.utc), 51.48, 0) >>> round(azimuth), round(altitude) (179, 62)
+    """
+    _check_time(time)
+    _check_degrees('latitude', latitude, -90, 90)
+    _check_degrees('longitude', longitude, -180, 360)
+    ephem = require('ephem', 'sun', 'Positions of the sun')
+    observer = ephem.Observer()
+    # PyEphem knows no time zones: it takes every time for universal time.
+    observer.date = ephem.Date(time.astimezone(datetime.timezone.utc).replace(tzinfo=None))
+    observer.lat, observer.lon = math.radians(latitude), math.radians(longitude)
+    observer.pressure = 0  # no refraction
+    sun = ephem.Sun(observer)
+    return math.degrees(sun.az), math.degrees(sun.alt)
+
+
+def sun_direction(time, latitude, longitude, *, north=(0, 1, 0), up=(0, 0, 1)):
+    """Return the direction toward the sun.
+
+    Examples -------- >>> from datetime import datetime, timezone >>> from pvibr.shadows.sun import
+    sun_direction >>> sun_direction(datetime(2026, 3, 20, 12, tzinfo=timezone.utc), 0,
+    0).round(1).tolist() [0.0, 0.0, 1.0]
+    """
+    east, north, up = _axes(north, up)
+    azimuth, altitude = np.radians(sun_position(time, latitude, longitude))
+    level = np.sin(azimuth) * east + np.cos(azimuth) * north
+    return np.cos(altitude) * level + np.sin(altitude) * up
+
+
+def _check_time(time):
+    if not isinstance(time, datetime.datetime):
+        msg = f'time is {time!r}; it must be a datetime.datetime.'
+        raise TypeError(msg)
+    if time.utcoffset() is None:
+        msg = (
+            f'time is {time} without a time zone; give it one: tzinfo=datetime.timezone.utc, or '
+            "zoneinfo.ZoneInfo('Europe/Zurich')."
+        )
+        raise ValueError(msg)
+
+
+def _check_degrees(name, value, low, high):
+    if not low <= value <= high:
+        msg = f'{name} is {value}; it must be from {low} to {high} degrees.'
+        raise ValueError(msg)
+
+
+def _axes(north, up):
+    north, up = (_unit(name, axis) for name, axis in (('north', north), ('up', up)))
+    east = np.cross(north, up)
+    length = np.linalg.norm(east)
+    if length < 1e-6:
+        msg = f'north is {north.tolist()} and up is {up.tolist()}; they must not be parallel.'
+        raise ValueError(msg)
+    east /= length
+    return east, np.cross(up, east), up
+
+
+def _unit(name, axis):
+    axis = np.asarray(axis, np.float64)
+    length = np.linalg.norm(axis)
+    if axis.shape != (3,) or not 0 < length < np.inf:
+        msg = f'{name} is {axis.tolist()}; it must be three finite numbers, not all zero.'
+        raise ValueError(msg)
+    return axis / length

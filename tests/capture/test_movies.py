@@ -1,0 +1,155 @@
+"""Movies: each frame of its own moment, broken off and resumed, whole or not at all."""
+
+import json
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+import pyvista as pv
+
+import pvibr
+from pvibr.capture.movies import Film
+
+
+@pytest.fixture
+def pl():
+    plotter = pv.Plotter(off_screen=True, window_size=(64, 48))
+    plotter.add_mesh(pv.Cone(), color='red')
+    plotter.camera_position = [(0, -5, 1), (0, 0, 0), (0, 0, 1)]
+    return plotter
+
+
+def turner(pl, until=None):
+    """Turn the camera by the time; break off after so many frames."""
+    calls = []
+
+    def turn(time):
+        if len(calls) == until:
+            raise KeyboardInterrupt
+        calls.append(time)
+        pl.camera_position = [(5 * np.sin(time), -5 * np.cos(time), 1), (0, 0, 0), (0, 0, 1)]
+
+    return turn, calls
+
+
+@pytest.mark.parametrize('name', ['a.gif', 'a.mp4', 'a.webm', 'frames'])
+def test_a_broken_movie_goes_on_where_it_stopped(pl, tmp_path, name):
+    ffmpeg = pytest.importorskip('imageio_ffmpeg')
+    whole, broken = tmp_path / 'whole' / name, tmp_path / 'broken' / name
+    turn, calls = turner(pl)
+    before, pl.ibr.time = pl.camera_position, 3.0
+    assert pl.ibr.movie(whole, 1, fps=6, each=turn, speed=2) == whole
+    np.testing.assert_allclose(calls, 3 + np.arange(6) / 3)
+    assert (pl.ibr.time, pl.camera_position) == (3.0, before)
+    turn, _ = turner(pl, until=4)
+    with pytest.raises(KeyboardInterrupt):
+        pl.ibr.movie(broken, 1, fps=6, each=turn, speed=2)
+    assert (pl.ibr.time, pl.camera_position) == (3.0, before)
+    assert not broken.is_file()
+    turn, calls = turner(pl)
+    pl.ibr.movie(broken, 1, fps=6, each=turn, speed=2)
+    np.testing.assert_allclose(calls, 3 + np.arange(4, 6) / 3)
+    left = sorted(p.name for p in broken.parent.iterdir())
+    assert left == [name]
+    if name == 'frames':
+        names = [f'{k}.png' for k in range(6)]
+        assert sorted(p.name for p in whole.iterdir()) == names
+        for k in names:
+            assert (whole / k).read_bytes() == (broken / k).read_bytes()
+        assert len({(whole / k).read_bytes() for k in names}) == 6
+    else:
+        if name.endswith('gif'):
+            assert len(iio.imread(whole)) == 6
+        else:
+            assert ffmpeg.count_frames_and_secs(whole)[0] == 6
+        assert whole.read_bytes() == broken.read_bytes()
+
+
+@pytest.mark.parametrize('what', ['camera', 'state', 'fps', 'start', 'resume', 'size'])
+def test_another_movie_begins_anew(pl, tmp_path, what):
+    bloom = pl.ibr.add(pvibr.Bloom())
+    turn, _ = turner(pl, until=2)
+    with pytest.raises(KeyboardInterrupt):
+        pl.ibr.movie(tmp_path / 'a.gif', 1, fps=4, each=turn)
+    settings = {'fps': 4}
+    if what == 'camera':
+        pl.camera.zoom(1.1)
+    elif what == 'state':
+        bloom.intensity = 0.7
+    elif what == 'size':
+        pl.window_size = (48, 48)
+    else:
+        settings[what] = {'fps': 8, 'start': 1.0, 'resume': False}[what]
+    turn, calls = turner(pl)
+    pl.ibr.movie(tmp_path / 'a.gif', 1, each=turn, **settings)
+    assert len(calls) == settings['fps']
+
+
+def test_broken_frames_are_drawn_again(pl, tmp_path):
+    turn, _ = turner(pl, until=3)
+    with pytest.raises(KeyboardInterrupt):
+        pl.ibr.movie(tmp_path / 'a', 1, fps=4, each=turn)
+    (tmp_path / 'a' / '1.png').write_bytes((tmp_path / 'a' / '1.png').read_bytes()[:60])
+    turn, calls = turner(pl)
+    pl.ibr.movie(tmp_path / 'a', 1, fps=4, each=turn)
+    np.testing.assert_allclose(calls, [0.25, 0.75])
+
+
+def test_a_note_that_is_no_json_is_not_believed(tmp_path):
+    film = Film(tmp_path / 'a.gif', count=1, fps=1, marks={}, resume=True)
+    film.missing()
+    (film.folder / 'movie.json').write_text('{')
+    again = Film(tmp_path / 'a.gif', count=1, fps=1, marks={}, resume=True)
+    assert again.missing() == [0]
+    assert json.loads((film.folder / 'movie.json').read_text()) == {'count': 1, 'fps': 1}
+
+
+def test_a_full_disk_keeps_the_frames_and_the_old_movie(pl, tmp_path, monkeypatch):
+    movie = tmp_path / 'a.gif'
+    movie.write_text('before')
+
+    def full(*_, **__):
+        raise OSError(28, 'No space left on device')
+
+    with monkeypatch.context() as patch:
+        patch.setattr('imageio.get_writer', full)
+        with pytest.raises(OSError, match=r'the disk is full.*Frames are kept'):
+            pl.ibr.movie(movie, 0.5, fps=4, each=turner(pl)[0])
+    assert movie.read_text() == 'before'
+    turn, calls = turner(pl)
+    pl.ibr.movie(movie, 0.5, fps=4, each=turn)
+    assert calls == []
+    assert len(iio.imread(movie)) == 2
+
+
+def test_what_moves_is_filmed_at_its_time(pl, tmp_path):
+    clip = pvibr.Clip('up', [pvibr.Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 9]])])
+    ball = pvibr.Body(pv.Sphere(radius=0.2), node=0)
+    figure = pvibr.Figure([ball], pvibr.Skeleton([-1], [np.eye(4)]), [clip])
+    actor = pl.ibr.add_figure(figure, clip='up')
+    heights = []
+    pl.ibr.movie(tmp_path / 'a', 1, fps=4, each=lambda _: heights.append(actor.center[2]))
+    np.testing.assert_allclose(heights, [0, 2.25, 4.5, 6.75], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    'wrong',
+    [{'seconds': 0}, {'seconds': np.nan}, {'fps': -1}, {'start': np.inf}, {'speed': np.nan}],
+)
+def test_wrong_numbers_are_named(pl, tmp_path, wrong):
+    arguments = {'seconds': 1} | wrong
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        pl.ibr.movie(tmp_path / 'a.gif', **arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_other_endings_are_named(pl, tmp_path):
+    with pytest.raises(ValueError, match=r'a\.xyz'):
+        pl.ibr.movie(tmp_path / 'a.xyz', 1)
+
+
+def test_a_bar_counts_frames(pl, tmp_path, capsys):
+    pl.ibr.movie(tmp_path / 'a.gif', 0.5, fps=4, progress=True)
+    assert 'writing' in capsys.readouterr().err
+    pl.ibr.movie(tmp_path / 'a.gif', 0.5, fps=4)
+    assert capsys.readouterr().err == ''

@@ -1,0 +1,162 @@
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+from pvibr.cli import app as cli
+from pvibr.core.errors import PvibrError
+
+
+@pytest.fixture
+def called(monkeypatch):
+    """Stand in for the bodies of the commands; give what they were called with."""
+    calls = []
+    for name in ('cli.demo', 'cli.view', 'bench'):
+        module = types.ModuleType(f'pvibr.{name}')
+        module.main = lambda *args, **kwargs: calls.append((args, kwargs))
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(cli, '_require_gl', lambda **kwargs: None)
+    return calls
+
+
+@pytest.fixture
+def files(tmp_path):
+    for name in ('mesh.ply', 'poses.csv'):
+        (tmp_path / name).write_text('')
+    return [str(tmp_path / 'mesh.ply'), '--poses', str(tmp_path / 'poses.csv')]
+
+
+def fails(capsys, *tokens):
+    assert cli.main(tokens) == 2
+    said, complaint = capsys.readouterr()
+    assert said == ''
+    assert complaint.startswith('pvibr: error: ')
+    assert complaint.count('\n') == 1
+    return complaint
+
+
+@pytest.mark.parametrize(
+    ('tokens', 'named'),
+    [
+        (['dmo'], 'demo'),
+        (['demo', '--sizee', '3'], '--sizee'),
+        (['demo', 'extra'], 'extra'),
+        (['demo', '--count', '0'], '--count'),
+        (['demo', '--count', 'x'], '--count'),
+        (['demo', '--max-error', 'nan'], '--max-error'),
+        (['demo', '--max-error', '-1'], '--max-error'),
+        (['demo', '--frames', '0'], '--frames'),
+        (['demo', '--size', '1280'], '1280x720'),
+        (['demo', '--size', '0x9'], '0x9'),
+        (['demo', '--movie'], '--movie'),
+        (['view', 'no-such.ply', '--poses', 'x'], 'no-such.ply'),
+        (['bake', 'no-such.ply'], 'no-such.ply'),
+        (['bench', 'instancez'], 'instances'),
+    ],
+)
+def test_bad_arguments_are_one_line_and_exit_code_2(called, capsys, tokens, named):
+    assert named in fails(capsys, *tokens)
+    assert called == []
+
+
+def test_view_needs_poses_and_three_columns(called, capsys, files):
+    assert '--poses' in fails(capsys, 'view', files[0])
+    assert 'gx,gy,-' in fails(capsys, 'view', *files, '--columns', 'a,b')
+    assert 'gx,gy,-' in fails(capsys, 'view', *files, '--columns', 'a,,b')
+
+
+@pytest.mark.parametrize(
+    'error',
+    [
+        ValueError('line 3:\n  not a number'),
+        FileNotFoundError(2, 'No such file', 'a.csv'),
+        PvibrError('nothing can be drawn'),
+        ImportError('imageio_ffmpeg'),
+        PermissionError(13, 'Permission denied', 'out'),
+    ],
+)
+def test_errors_of_the_library_are_one_line(called, capsys, monkeypatch, error):
+    def main(**kwargs):
+        raise error
+
+    monkeypatch.setattr(sys.modules['pvibr.cli.demo'], 'main', main)
+    complaint = fails(capsys, 'demo')
+    assert all(word in complaint for word in str(error).split())
+    monkeypatch.setenv('PVIBR_DEBUG', '1')
+    with pytest.raises(type(error)):
+        cli.main(['demo'])
+
+
+def test_an_interruption_is_not_an_error(called, capsys, monkeypatch):
+    def main(**kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys.modules['pvibr.cli.demo'], 'main', main)
+    assert cli.main(['demo']) == 130
+
+
+def test_demo_passes_its_options_on(called):
+    assert cli.main(['demo']) == 0
+    tokens = 'demo -o there --count 5 --max-error 2 --frames 3 --window --movie a.mp4 --size 64x32'
+    assert cli.main(tokens.split()) == 0
+    (_, default), (_, given) = called
+    assert default['out'] == Path('out')
+    assert (default['count'], default['max_error'], default['frames']) == (10_000, 1.0, None)
+    assert default['size'] == (1280, 720)
+    assert given == {
+        'out': Path('there'),
+        'count': 5,
+        'max_error': 2.0,
+        'frames': 3,
+        'window': True,
+        'movie': Path('a.mp4'),
+        'size': (64, 32),
+    }
+
+
+def test_view_passes_its_options_on(called, files):
+    tokens = ['--scalars', 'growth', '--cmap', 'hot', '--columns', 'gx,gy,-', '-o', 'a.png']
+    assert cli.main(['view', *files, *tokens]) == 0
+    ((args, kwargs),) = called
+    assert args == (Path(files[0]), Path(files[2]))
+    assert kwargs['columns'] == ('gx', 'gy', None)
+    assert (kwargs['scalars'], kwargs['cmap'], kwargs['out']) == ('growth', 'hot', Path('a.png'))
+
+
+@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='others always have a display')
+def test_a_window_needs_a_display(called, capsys, monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setitem(sys.modules, 'pvibr.cli.demo', types.SimpleNamespace(main=None))
+    monkeypatch.delenv('DISPLAY', raising=False)
+    assert '--window needs a display' in fails(capsys, 'demo', '--window')
+
+
+@pytest.mark.parametrize('name', ['instances', 'shadows', 'projection'])
+def test_bench_passes_its_options_on(called, name):
+    assert cli.main(['bench', name, '--quick', '-o', 'b']) == 0
+    assert called == [((name,), {'out': Path('b'), 'quick': True})]
+
+
+@pytest.mark.parametrize(('problems', 'code'), [([], 0), ([('EGL', 'apt-get')], 1)])
+def test_doctor_says_what_it_found(capsys, monkeypatch, problems, code):
+    from pvibr.cli import doctor
+
+    monkeypatch.setattr(doctor, 'diagnose', lambda: doctor.Diagnosis({'a': 'b'}, problems))
+    assert cli.main(['doctor']) == code
+    assert 'a           b' in capsys.readouterr().out
+
+
+def test_version_and_help_need_neither_vtk_nor_pyvista(capsys):
+    code = """
+import sys
+from pvibr.cli import app as cli
+assert cli.main(['--version']) == 0
+assert cli.main(['demo', '--help']) == 0
+heavy = {'vtkmodules', 'pyvista', 'scipy'} & set(sys.modules)
+assert not heavy, heavy
+"""
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith('0.')
+    assert '--max-error' in done.stdout

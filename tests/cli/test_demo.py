@@ -1,0 +1,52 @@
+import json
+import sys
+
+import imageio.v3 as iio
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+from pvibr.cli import demo
+from pvibr.scenes.landscape import landscape
+
+pytestmark = pytest.mark.slow
+SIZE = (160, 96)
+
+
+@pytest.fixture(autouse=True)
+def light_trees(monkeypatch):
+    """Trees that bake quickly: what the commands do with them is the same."""
+    monkeypatch.setattr(demo, 'landscape', lambda n: landscape(n, triangles=29_000))
+
+
+def test_demo_writes_pictures_and_numbers(tmp_path, capsys):
+    demo.main(out=tmp_path, count=40, frames=3, size=SIZE)
+    names = {'off.png', 'on.png', 'error.png', 'demo.png', 'demo.json'}
+    assert {file.name for file in tmp_path.iterdir()} == names
+    off, on = (iio.imread(tmp_path / f'{name}.png') for name in ('off', 'on'))
+    assert off.shape == on.shape == (SIZE[1], SIZE[0], 3)
+    assert np.abs(off.astype(float) - on).mean() < 8
+    numbers = json.loads((tmp_path / 'demo.json').read_text())
+    assert numbers['instances'] == 40
+    assert {'pvibr', 'VTK glyphs', 'VTK glyphs, culling + LOD'} <= set(numbers['milliseconds'])
+    for error in numbers['error'].values():
+        assert 0 <= error['flip'] < 0.2
+        assert 0 < error['iou'] <= 1
+    said = capsys.readouterr().out
+    assert 'FLIP' in said
+    assert 'pvibr' in said
+    # What is not extrapolated is not said to be.
+    assert 'extrapolated' not in said
+
+
+def test_a_movie_has_its_frames(tmp_path):
+    file = tmp_path / 'walk' / 'walk.mp4'
+    demo.main(out=tmp_path, count=20, frames=4, size=SIZE, movie=file)
+    assert imageio_ffmpeg.count_frames_and_secs(str(file))[0] == 4
+    assert not (tmp_path / 'demo.json').exists()
+
+
+def test_a_movie_without_its_extra_names_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'imageio_ffmpeg', None)
+    with pytest.raises(ImportError, match=r'pvibr\[movie\]'):
+        demo.main(out=tmp_path, count=20, movie=tmp_path / 'walk.mp4')

@@ -1,0 +1,55 @@
+"""Files are whole or as they were, also where the disk is full."""
+
+import subprocess
+import sys
+
+import pytest
+
+from pvibr.core.files import replacing
+
+
+def test_what_fails_leaves_what_was_there(tmp_path):
+    file = tmp_path / 'new' / 'a.txt'
+    with replacing(file) as part:
+        part.write_text('first')
+    with pytest.raises(RuntimeError), replacing(file) as part:
+        _fail(part)
+    assert file.read_text() == 'first'
+    assert [p.name for p in file.parent.iterdir()] == ['a.txt']
+
+
+def _fail(file):
+    file.write_text('second')
+    raise RuntimeError
+
+
+FULL = """
+import resource, signal, sys
+from pvibr.core.files import replacing
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+try:
+    with replacing(sys.argv[1]) as part:
+        part.write_bytes(bytes(5000))
+except OSError as error:
+    print(error.errno, error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == 'win32', reason='limits of files are those of POSIX')
+def test_a_full_disk_is_named(tmp_path):
+    file = tmp_path / 'a.bin'
+    file.write_bytes(b'before')
+    done = subprocess.run(
+        [sys.executable, '-c', FULL, str(file)], capture_output=True, text=True, check=True
+    )
+    assert f'{file} could not be written' in done.stdout
+    assert 'as it was' in done.stdout
+    assert file.read_bytes() == b'before'
+    assert [p.name for p in tmp_path.iterdir()] == ['a.bin']
+
+
+def test_a_folder_that_is_a_file_is_named(tmp_path):
+    (tmp_path / 'a').write_text('')
+    with pytest.raises(OSError, match='could not be written'), replacing(tmp_path / 'a' / 'b'):
+        pass

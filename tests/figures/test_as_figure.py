@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+import pyvista as pv
+
+from pvibr import Body, Figure
+from pvibr.figures.as_figure import as_figure
+
+
+def series():
+    return [pv.Sphere(radius=r) for r in (1.0, 2.0, 3.0)]
+
+
+@pytest.mark.parametrize('wrap', [list, tuple, pv.MultiBlock])
+def test_a_series_is_one_mesh_a_second(wrap):
+    figure = as_figure(wrap(series()))
+    assert figure.clips[0].duration == 2.0
+    assert figure.mesh(1.5).length == pytest.approx(pv.Sphere(radius=2.5).length)
+
+
+def test_a_mesh_and_a_body_are_figures_of_one_body():
+    body = Body(pv.Cube())
+    assert as_figure(body).bodies[0] is body
+    assert as_figure(pv.Cube()).mesh().n_cells == 6
+    assert as_figure(pv.ImageData(dimensions=(3, 3, 3))).mesh().n_cells == 24
+
+
+def test_trimesh():
+    trimesh = pytest.importorskip('trimesh')
+    box = trimesh.creation.box()
+    assert as_figure(box).mesh().n_cells == 12
+    assert len(as_figure(trimesh.Scene({'box': box})).skeleton) == 2
+
+
+@pytest.mark.parametrize('kind', [str, lambda path: path])
+def test_files(tmp_path, kind):
+    path = tmp_path / 'cube.GLB'
+    saved = tmp_path / 'cube.glb'
+    Figure([Body(pv.Cube().triangulate())]).save(saved)
+    saved.rename(path)
+    np.testing.assert_allclose(as_figure(kind(path)).mesh().bounds, pv.Cube().bounds)
+    with pytest.raises(FileNotFoundError, match='nothing'):
+        as_figure(kind(tmp_path / 'nothing.glb'))
+
+
+def test_a_figure_is_itself():
+    figure = as_figure(pv.Cube())
+    assert as_figure(figure) is figure
+
+
+@pytest.mark.parametrize('wrong', [None, 3, object(), pv.Actor()])
+def test_what_is_no_figure_is_said(wrong):
+    with pytest.raises(TypeError, match=type(wrong).__name__):
+        as_figure(wrong)
+
+
+def test_add_figure_takes_them_all():
+    pl = pv.Plotter(off_screen=True)
+    growing = pl.ibr.add_figure(series())
+    assert growing.bounds[1] == pytest.approx(1.0, rel=1e-2)
+    pl.ibr.time = 1.0
+    assert growing.bounds[1] == pytest.approx(2.0, rel=1e-2)
+    with pytest.raises(TypeError, match='NoneType'):
+        pl.ibr.add_figure(None)
+    assert len(pl.ibr.effects) == 1
+    pl.close()

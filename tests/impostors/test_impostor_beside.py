@@ -1,0 +1,188 @@
+"""Impostors beside what plotters enable, and where their actors go wrong."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from pvibr.core import _vtk
+
+TORUS = pv.ParametricTorus(u_res=120, v_res=60).compute_normals()
+BALL = pv.Sphere(theta_resolution=120, phi_resolution=60)
+MODES = {
+    'ssao': lambda pl: pl.enable_ssao(radius=0.5, kernel_size=32),
+    'edl': lambda pl: pl.enable_eye_dome_lighting(),
+    'peeling': lambda pl: pl.enable_depth_peeling(8),
+    'ssaa': lambda pl: pl.enable_anti_aliasing('ssaa'),
+}
+
+
+def make(*, images, size=(240, 180), **settings):
+    """Return a plotter with two actors in reach of each other, and their impostor."""
+    pl = pv.Plotter(off_screen=True, window_size=size)
+    pl.ren_win.SetMultiSamples(0)
+    actors = [
+        pl.add_mesh(BALL.copy(), color='tomato', smooth_shading=True),
+        pl.add_mesh(TORUS.copy(), color='gold', smooth_shading=True),
+    ]
+    actors[0].position = (0.6, 0.2, 0.2)
+    pl.camera_position = [(2, -8, 5), (0, 0, 0), (0, 0, 1)]
+    impostor = pl.ibr.add_impostor(actors, refuse=False, **settings) if images else None
+    return pl, actors, impostor
+
+
+def picture(pl):
+    pl.show(auto_close=False)
+    pl.render()
+    return pl.screenshot(None, return_img=True).astype(int)
+
+
+def pictures(change=lambda pl, actors: None, **settings):
+    """Return pictures of the meshes and of impostors, and the latter's report."""
+    found = []
+    for images in (False, True):
+        pl, actors, impostor = make(images=images, **settings)
+        change(pl, actors)
+        found.append(picture(pl))
+    return *found, impostor.report()
+
+
+def alike(first, second, most=1.0):
+    """Tell whether pictures differ by no more than outlines that are less than a pixel off."""
+    away = np.abs(first - second)
+    return away.mean() < most and (away.max(-1) > 40).mean() < 0.01
+
+
+@pytest.mark.parametrize('mode', MODES)
+def test_beside_what_plotters_enable(mode):
+    mesh, card, told = pictures(lambda pl, _: MODES[mode](pl))
+    assert told['shown'] == 2
+    assert alike(mesh, card)
+
+
+def test_beside_volumes_and_translucent_actors():
+    grid = pv.ImageData(dimensions=(12, 12, 12), spacing=(0.2,) * 3, origin=(-1.1, -1.1, -1.1))
+    grid['v'] = np.linalg.norm(grid.points, axis=1)
+
+    def change(pl, _):
+        pl.add_volume(grid, cmap='Blues', opacity=[0.2, 0.0], show_scalar_bar=False)
+        pl.add_mesh(pv.Sphere(radius=1.2), color='blue', opacity=0.3)
+        pl.camera_position = [(2, -8, 5), (0, 0, 0), (0, 0, 1)]
+
+    mesh, card, told = pictures(change)
+    assert told['shown'] == 2
+    assert alike(mesh, card)
+
+
+@pytest.mark.parametrize('size', [(40, 30), (7, 300), (300, 7)])
+def test_windows_of_any_shape(size):
+    mesh, card, told = pictures(size=size)
+    assert np.isfinite(told['error_px'])
+    assert mesh.shape == card.shape
+    assert np.abs(mesh - card).mean() < 6
+
+
+def test_a_window_that_shrinks_to_nothing_and_comes_back():
+    pl, actors, impostor = make(images=True)
+    before = picture(pl)
+    pl.window_size = (1, 1)
+    pl.render()
+    pl.renderer.SetViewport(0, 0, 0, 0)
+    pl.render()
+    assert [a.visibility for a in actors] == [True, True]
+    pl.renderer.SetViewport(0, 0, 1, 1)
+    pl.window_size = (240, 180)
+    assert alike(before, picture(pl))
+    assert impostor.enabled
+
+
+def test_points_and_places_that_are_not_finite():
+    def change(_, actors):
+        points = np.array(actors[0].mapper.dataset.points)
+        points[:50] = np.nan
+        actors[0].mapper.dataset.points = points
+        broken = _vtk.vtkMatrix4x4()
+        broken.SetElement(0, 0, np.nan)
+        actors[1].SetUserMatrix(broken)
+
+    pl, actors, impostor = make(images=True)
+    picture(pl)
+    change(pl, actors)
+    picture(pl)
+    assert impostor.enabled
+    assert impostor.report()['meshes'].get('bounds that are not finite')
+    actors[1].SetUserMatrix(_vtk.vtkMatrix4x4())
+    actors[0].mapper.dataset.copy_from(BALL)
+    assert alike(picture(pl), picture(make(images=False)[0]))
+    assert impostor.report()['meshes'] == {}
+
+
+@pytest.mark.parametrize('hierarchical', [False, True])
+def test_a_group_of_one_that_is_emptied_filled_and_removed(hierarchical):
+    pl = pv.Plotter(off_screen=True, window_size=(100, 100))
+    actor = pl.add_mesh(BALL.copy(), color='red')
+    blank = pl.add_mesh(pv.Plane(center=(0, 3, 0), direction=(0, 1, 0), i_size=9, j_size=9))
+    pl.camera_position = 'xz'
+    impostor = pl.ibr.add_impostor([actor], hierarchical=hierarchical, refuse=False)
+    full = picture(pl)
+    actor.mapper.dataset.copy_from(pv.PolyData())
+    empty = picture(pl)
+    assert impostor.report()['shown'] == 0
+    assert impostor.report()['meshes'] == {'empty': 1}
+    assert full[50, 50, 0] > full[50, 50, 2]
+    assert empty[50, 50, 0] <= empty[50, 50, 2]  # what is behind
+    actor.mapper.dataset.copy_from(BALL)
+    assert alike(full, picture(pl))
+    pl.remove_actor(actor)
+    assert np.array_equal(picture(pl), empty)
+    assert pl.ibr.effects == ()
+    assert blank.visibility
+
+
+def test_an_actor_of_another_subplot_is_refused():
+    pl = pv.Plotter(off_screen=True, shape=(1, 2))
+    actor = pl.add_mesh(BALL)
+    pl.subplot(0, 1)
+    with pytest.raises(ValueError, match='not in this subplot'):
+        pl.ibr.add_impostor(actor)
+    assert pl.ibr.effects == ()
+    other = pl.add_mesh(BALL)
+    with pytest.raises(ValueError, match='twice'):
+        pl.ibr.add_impostor([other, other])
+
+
+def test_an_actor_that_comes_again_is_a_mesh():
+    pl, actors, impostor = make(images=True)
+    before = picture(pl)
+    pl.remove_actor(actors[0])
+    picture(pl)
+    assert len(impostor.props) == 1
+    pl.add_actor(actors[0], reset_camera=False)
+    assert alike(before, picture(pl))
+    assert impostor.report()['shown'] == 1
+    assert actors[0].visibility
+
+
+def test_closing_in_any_state():
+    for act in (lambda pl, i: None, lambda pl, i: i.remove(), lambda pl, i: pl.clear()):
+        pl, _, impostor = make(images=True)
+        picture(pl)
+        act(pl, impostor)
+        pl.close()
+
+
+def test_a_frame_that_may_be_coarser_keeps_images_for_longer():
+    pl, _, impostor = make(images=True)
+    picture(pl)
+    drawn = impostor.rendered
+    pace = SimpleNamespace(quality=lambda _: 0.1)
+    pl.ibr.pipeline._pace = pace
+    pl.camera.azimuth = 5.0
+    pl.render()
+    assert impostor.rendered == drawn
+    pace.quality = lambda _: 1.0
+    pl.render()
+    assert impostor.rendered == drawn + 2

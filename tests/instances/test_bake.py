@@ -1,0 +1,174 @@
+"""The atlas: what its pictures show, files, keys, limits, stand-ins."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from pvibr import Atlas, PvibrWarning
+from pvibr.core.errors import ShaderError
+from pvibr.instances import levels
+from pvibr.instances.atlas import MARGIN
+from pvibr.instances.bake import bake_parts, fill_depth
+from pvibr.instances.levels import bake, content_key, limits_of, make_model
+from pvibr.meshes.decimate import lighter
+from pvibr.meshes.parts import as_parts
+
+
+def tiles(picture, atlas):
+    """Return the tiles of a picture, shape (views, views, tile, tile, 4), 0 to 1."""
+    n, t = atlas.views, atlas.tile
+    return picture.reshape(n, t, n, t, 4).swapaxes(1, 2) / 255.0
+
+
+@pytest.fixture(scope='module')
+def ball():
+    sphere = pv.Sphere(radius=2.0, center=(5, 0, 0), theta_resolution=48, phi_resolution=48)
+    return bake_parts(as_parts(sphere, color='red', smooth_shading=True), views=4, tile=32)
+
+
+def test_a_ball_is_a_disk_from_everywhere(ball):
+    np.testing.assert_allclose(ball.center, [5, 0, 0], atol=1e-2)
+    geometry, albedo = tiles(ball.geometry, ball), tiles(ball.albedo, ball)
+    area = geometry[..., 1].mean((2, 3)) * (2 * MARGIN) ** 2
+    np.testing.assert_allclose(area, np.pi, rtol=0.02)
+    covered = geometry[..., 1] > 0.99
+    np.testing.assert_allclose(albedo[covered][:, :3], [[1, 0, 0]] * covered.sum(), atol=0.01)
+    depth = (geometry[..., 15:17, 15:17, 0] * 2 - 1) * MARGIN
+    np.testing.assert_allclose(depth, 1, atol=0.03)
+
+
+def test_normals_are_those_of_the_object(ball):
+    middle = (slice(None), slice(None), 16, 16)
+    geometry, albedo = tiles(ball.geometry, ball)[middle], tiles(ball.albedo, ball)[middle]
+    normals = np.concatenate([geometry[..., 2:], albedo[..., 3:]], -1) * 2 - 1
+    np.testing.assert_allclose(normals, ball.directions(), atol=0.08)
+
+
+@pytest.mark.parametrize('closed', [True, False])
+def test_backs_that_nobody_sees_are_not_drawn(closed, monkeypatch):
+    mesh = pv.ParametricTorus(u_res=60, v_res=40)
+    mesh = mesh if closed else mesh.clip('z')
+    parts = as_parts(mesh, smooth_shading=True)
+    drawn = bake_parts(parts, views=3, tile=32)
+    monkeypatch.setattr('pvibr.instances.bake.encloses', lambda *_: False)
+    both = bake_parts(parts, views=3, tile=32)
+    # Along outlines a sample may meet front and back at once.
+    differs = (drawn.albedo != both.albedo).any(-1) | (drawn.geometry != both.geometry).any(-1)
+    assert differs.mean() < (2e-3 if closed else 1e-12)
+    assert np.abs(drawn.geometry[..., 1].astype(int) - both.geometry[..., 1]).mean() < 1e-2
+
+
+def test_depth_is_filled_within_each_tile():
+    geometry = np.zeros((8, 8, 4), np.uint8)
+    geometry[1, 1, :2] = 200, 255
+    fill_depth(geometry, 4)
+    assert (geometry[:4, :4, 0] == 200).all()
+    assert (geometry[4:, 4:, 0] == 128).all()
+
+
+def test_files_come_back_and_bad_ones_are_named(ball, tmp_path):
+    path = tmp_path / 'ball.npz'
+    ball.errors = {'sizes': np.array([8.0])}
+    ball.save(path)
+    again = Atlas.load(path)
+    np.testing.assert_array_equal(again.geometry, ball.geometry)
+    np.testing.assert_array_equal(again.box, ball.box)
+    assert again.errors['sizes'].tolist() == [8.0]
+    assert [p.name for p in tmp_path.iterdir()] == ['ball.npz']
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(ValueError, match=r'ball\.npz: not an atlas'):
+        Atlas.load(path)
+    np.savez(path, grid=np.array([2, 4, 0]))
+    with pytest.raises(ValueError, match='not an atlas'):
+        Atlas.load(path)
+
+
+def test_contact_sheet(ball, tmp_path):
+    sheet = ball.contact_sheet(tmp_path / 'sheet.png')
+    assert sheet.shape == (2 * 128, 128, 3)
+    assert (tmp_path / 'sheet.png').stat().st_size > 1000
+
+
+@pytest.mark.parametrize('grid', [{'views': 1}, {'tile': 48}, {'tile': 2}])
+def test_a_grid_that_cannot_be(grid):
+    with pytest.raises(ValueError, match='must be'):
+        bake_parts(as_parts(pv.Cube()), **grid)
+
+
+def test_the_key_is_of_the_content():
+    def key(**looks):
+        return content_key(as_parts(pv.Sphere(), **looks), 4, 16, False)
+
+    assert key(color='red') == key(color='red')
+    assert len({key(color='red'), key(color='blue'), key(color='red', smooth_shading=True)}) == 3
+    parts = as_parts(pv.Sphere())
+    assert content_key(parts, 4, 16, False) != content_key(parts, 4, 16, True)
+
+
+def test_a_truncated_cache_file_is_baked_again_with_one_warning(tmp_path):
+    kwargs = {'views': 3, 'tile': 16, 'cache': tmp_path}
+    first = bake(pv.Cone(), **kwargs)
+    (file,) = tmp_path.glob('*.atlas')
+    file.write_bytes(file.read_bytes()[:-100])
+    with pytest.warns(PvibrWarning) as caught:
+        again = bake(pv.Cone(), **kwargs)
+    assert len(caught) == 1
+    np.testing.assert_array_equal(first.geometry, again.geometry)
+
+
+def test_limits_grow_with_the_error():
+    rng = np.random.default_rng(0)
+    rows = np.cumsum(rng.uniform(0, 0.5, (5, 2)), 0)
+    names = ('dot', 'flat', 'middle', 'near', 'mesh1')
+    table = {n: rows * s for n, s in zip(names, (4, 2, 1, 0.5, 0.2), strict=True)}
+    table |= {'sizes': np.array([8.0, 16, 32, 64, 128]), 'mesh1.radii': np.array(0.01)}
+    reached = [limits_of(table, 2, e).mesh for e in (0.25, 0.5, 1, 2, 4)]
+    assert reached == sorted(reached)
+    for error in (0.5, 1.0, 2.0):
+        cards = limits_of(table, 2, error).cards
+        assert all(a[2] == b[1] for a, b in itertools.pairwise(cards))
+
+
+def test_no_cards_where_nothing_was_measured():
+    limits = limits_of({}, 3, 1.0)
+    assert limits.mesh == 0
+    assert limits.meshes == (float('inf'), 0.0, 0.0)
+
+
+def test_a_driver_without_cards_gets_meshes_and_one_warning(monkeypatch):
+    def fails(_model):
+        msg = 'no'
+        raise ShaderError(msg)
+
+    monkeypatch.setattr(levels, 'measure', fails)
+    with pytest.warns(PvibrWarning, match='meshes are drawn instead') as caught:
+        model = make_model(as_parts(pv.Sphere()), cache=False)
+    assert len(caught) == 1
+    assert model.limits(1.0).mesh == 0
+
+
+def test_surfaces_are_simplified_in_place():
+    (part,) = as_parts(pv.Sphere(theta_resolution=60, phi_resolution=60), smooth_shading=True)
+    light = lighter(part, 0.25).mesh
+    assert light.n_cells == pytest.approx(0.25 * part.mesh.n_cells, rel=0.1)
+    np.testing.assert_allclose(np.linalg.norm(light.points, axis=1), 0.5, rtol=0.02)
+    normals = np.asarray(light.point_data.active_normals)
+    assert (normals * light.points).sum(1).min() > 0
+
+
+def test_scattered_matter_is_thinned_and_keeps_its_area():
+    rng = np.random.default_rng(1)
+    leaves = pv.merge([pv.Triangle().scale(0.02).translate(p) for p in rng.uniform(size=(400, 3))])
+    (part,) = as_parts(leaves.extract_surface(algorithm=None))
+    light = lighter(part, 0.25).mesh
+    assert light.n_cells == 100
+    assert light.area == pytest.approx(part.mesh.area, rel=0.02)
+
+
+def test_textured_surfaces_have_no_stand_in():
+    (part,) = as_parts(pv.Plane(i_resolution=40, j_resolution=40))
+    assert lighter(part, 0.25) is None

@@ -1,0 +1,58 @@
+"""Instances in frames that may be less good."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pvibr.instances.instances import _coarser
+from pvibr.instances.levels import Limits
+
+CAMERA = {'eye': (0.0, -14.0, 5.0), 'focus': (0.0, 0.0, 0.0)}
+SPANS = (('dot', 0.0, 4.0), ('flat', 4.0, 30.0), ('middle', 30.0, 30.0), ('near', 30.0, 90.0))
+LIMITS = Limits(SPANS, 90.0, (float('inf'), 200.0), SPANS)
+
+
+class Level:
+    """A pace that says what quality is."""
+
+    def __init__(self, quality=1.0):
+        self.level, self.why = quality, ''
+
+    def quality(self, renderer):
+        return self.level
+
+
+def test_full_quality_is_what_it_was():
+    assert _coarser(LIMITS, 1.0) == LIMITS
+
+
+@given(st.floats(1 / 16, 1))
+def test_less_quality_is_no_finer_at_any_size(quality):
+    coarser = _coarser(LIMITS, quality)
+    for spans in (coarser.cards, coarser.level):
+        assert all(high >= before[2] for (_, _, high), before in zip(spans, SPANS, strict=True))
+        assert all(a[2] == b[1] for a, b in pairwise(spans))  # no gap
+        assert spans[0] == SPANS[0]  # boxes of one colour stay small
+        assert spans[-1][2] == coarser.mesh
+    assert coarser.meshes == pytest.approx((float('inf'), 200.0 / quality))
+
+
+def test_less_quality_draws_fewer_meshes_and_full_quality_every_bit(scenes, see, bean):
+    poses = np.random.default_rng(0).uniform(-4, 4, (40, 3)) * [1, 1, 0]
+    pl, things = scenes.instances(bean, poses, size=(600, 450), camera=CAMERA)
+    pace = pl.ibr.pipeline._pace = Level()
+    full, before = see.grab(pl), meshes(things)
+    pace.level = 0.25
+    less, fewer = see.grab(pl), meshes(things)
+    assert 0 <= fewer < before
+    assert 1e-5 < np.abs(less - full).mean() < 0.02
+    pace.level = 1.0
+    np.testing.assert_array_equal(see.grab(pl), full)
+    assert meshes(things) == before
+
+
+def meshes(things):
+    return sum(count for name, count in things.report().items() if name.startswith('mesh '))

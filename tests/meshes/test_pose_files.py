@@ -1,0 +1,348 @@
+"""Poses in files: text, arrays, Parquet, clouds of points, and cities."""
+
+import gzip
+import json
+
+import numpy as np
+import pytest
+import pyvista as pv
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pvibr.formats.cities import read_city
+from pvibr.meshes.pose_files import read_poses
+from pvibr.meshes.trimesh_meshes import read_mesh, scene_instances
+
+finite = st.floats(-1e12, 1e12)
+
+
+@given(
+    arrays(np.float64, st.tuples(st.integers(0, 8), st.just(4)), elements=finite),
+    st.sampled_from(',;\t'),
+    st.sampled_from(['.csv', '.csv.gz', '.txt']),
+    st.booleans(),
+)
+@settings(max_examples=25, deadline=None)
+def test_tables_round_trip(tmp_path_factory, values, delimiter, suffix, marked):
+    file = tmp_path_factory.mktemp('poses') / f'a{suffix}'
+    lines = ['X,y,growth,Z'] + [','.join(map(repr, row)) for row in values.tolist()]
+    text = '\r\n'.join(lines).replace(',', delimiter) + '\r\n\r\n'
+    data = text.encode('utf-8-sig' if marked else 'utf-8')
+    file.write_bytes(gzip.compress(data) if suffix.endswith('gz') else data)
+    poses, columns = read_poses(file)
+    np.testing.assert_array_equal(poses, values[:, [0, 1, 3]])
+    np.testing.assert_array_equal(columns['growth'], values[:, 2])
+
+
+def _write(tmp_path, text):
+    file = tmp_path / 'poses.csv'
+    file.write_text(text)
+    return file
+
+
+def test_rotation_and_scale(tmp_path):
+    poses, columns = read_poses(
+        _write(tmp_path, 'x,y,z,qw,qx,qy,qz,scale,id\n1,2,3,0,0,0,5,2,7\n')
+    )
+    expected = [[-2, 0, 0, 1], [0, -2, 0, 2], [0, 0, 2, 3], [0, 0, 0, 1]]
+    np.testing.assert_allclose(poses[0], expected, atol=1e-12)
+    assert list(columns) == ['id']
+
+
+def test_scale_per_axis(tmp_path):
+    poses, _ = read_poses(_write(tmp_path, 'x y z'.replace(' ', ';') + ';sx;sy;sz\n0;0;0;1;2;3\n'))
+    np.testing.assert_array_equal(poses[0], np.diag([1.0, 2.0, 3.0, 1.0]))
+
+
+def test_text_columns_gaps_and_quotes(tmp_path):
+    text = '"x",y,z,kind,h\n1,2,3,"oak, old",NA\n\n4,5,6,elm,2.5\n'
+    poses, columns = read_poses(_write(tmp_path, text))
+    np.testing.assert_array_equal(poses, [[1, 2, 3], [4, 5, 6]])
+    assert columns['kind'].tolist() == ['oak, old', 'elm']
+    np.testing.assert_array_equal(columns['h'], [np.nan, 2.5])
+
+
+def test_named_columns(tmp_path):
+    file = _write(tmp_path, 'east,north,x\n1,2,9\n')
+    poses, columns = read_poses(file, columns=('east', 'North', None))
+    np.testing.assert_array_equal(poses, [[1, 2, 0]])
+    assert columns['x'] == [9]
+
+
+@pytest.mark.parametrize(
+    ('text', 'match'),
+    [
+        ('x,y,z\n1,2,3\n\n1,oops,3\n', r"line 4, column 2 \('y'\): 'oops'"),
+        ('x,y,z\n1,2,nan\n', r"line 2, column 3 \('z'\): 'nan'"),
+        ('x,y,z\n1,2,\n', r"line 2, column 3 \('z'\): ''"),
+        ('x,y,z\n1,2,3\n1,2\n', 'line 3, column 3: 2 values'),
+        ('x,y,z\n1,2,3\n1,2,3,4\n', 'line 3, column 4: 4 values'),
+        ('x,y,z,s\n1,2,3,4\n1,2,3,a\n', r"line 3, column 4 \('s'\): 'a' is not a number"),
+        ('x,y,kind\n1,2,a\n', "no column 'z'"),
+        ('1,2,3\n', "no column 'x'"),
+        ('', 'empty'),
+        ('x,y,z,qw,qx\n1,2,3,1,0\n', "no column 'qy'"),
+        ('x,y,z,qw,qx,qy,qz\n1,2,3,0,0,0,0\n', r'poses.csv: quaternions\[0\]'),
+        ('x,y,z,scale\n1,2,3,0\n', 'inverse'),
+    ],
+)
+def test_broken_tables_say_where(tmp_path, text, match):
+    with pytest.raises(ValueError, match=match):
+        read_poses(_write(tmp_path, text))
+
+
+def test_headers_alone_are_an_empty_set(tmp_path):
+    poses, columns = read_poses(_write(tmp_path, 'x,y,z,h,kind\n'))
+    assert poses.shape == (0, 3)
+    assert columns['h'].shape == (0,)
+
+
+def test_arrays_on_disk(tmp_path):
+    file = tmp_path / 'a.npy'
+    np.save(file, np.arange(6.0).reshape(2, 3))
+    poses, columns = read_poses(file)
+    assert poses.shape == (2, 3)
+    assert columns == {}
+    np.save(file, np.array([{}], dtype=object), allow_pickle=True)
+    with pytest.raises(ValueError, match=r'a\.npy'):
+        read_poses(file)
+    file.write_bytes(b'')
+    with pytest.raises(ValueError, match=r'a\.npy'):
+        read_poses(file)
+    with pytest.raises(FileNotFoundError):
+        read_poses(tmp_path / 'no.csv')
+
+
+def test_bad_mapping(tmp_path):
+    file = _write(tmp_path, 'x,y,z\n1,2,3\n')
+    with pytest.raises(ValueError, match='columns is'):
+        read_poses(file, columns=('x', 'y'))
+    with pytest.raises(ValueError, match="no column 'gx'"):
+        read_poses(file, columns=('gx', 'y', None))
+
+
+def test_others_are_read_only_when_wanted(tmp_path):
+    names = ['x', 'y', 'z', *(f'c{k}' for k in range(1000))]
+    text = ','.join(names) + '\n' + ','.join(map(str, range(1003))) + '\n'
+    file = _write(tmp_path, '\ufeff' + text)
+    poses, columns = read_poses(file, others=['c7', 'C999'])
+    np.testing.assert_array_equal(poses, [[0, 1, 2]])
+    assert {k: v.tolist() for k, v in columns.items()} == {'c7': [10], 'c999': [1002]}
+    assert len(read_poses(file)[1]) == 1000
+    assert read_poses(file, others=())[1] == {}
+    with pytest.raises(ValueError, match="no column 'c1000'"):
+        read_poses(file, others=['c1000'])
+
+
+def _parquet(tmp_path, **columns):
+    pa, pq = pytest.importorskip('pyarrow'), pytest.importorskip('pyarrow.parquet')
+    file = tmp_path / 'poses.parquet'
+    pq.write_table(pa.table(columns), file)
+    return file
+
+
+def test_parquet(tmp_path):
+    columns = {'X': [1.0, 2.0], 'y': [3, 4], 'z': [5.0, 6.0], 'scale': [1.0, 2.0]}
+    extra = {'h': [None, 7], 'kind': ['oak', None], 'good': [True, False], 'list': [[1], [2]]}
+    poses, found = read_poses(_parquet(tmp_path, **columns, **extra))
+    np.testing.assert_array_equal(poses[:, :3, 3], [[1, 3, 5], [2, 4, 6]])
+    np.testing.assert_array_equal(poses[1, :3, :3], 2 * np.eye(3))
+    assert list(found) == ['h', 'kind', 'good']
+    np.testing.assert_array_equal(found['h'], [np.nan, 7])
+    assert found['kind'].tolist() == ['oak', '']
+
+
+def test_broken_parquet_says_where(tmp_path):
+    with pytest.raises(ValueError, match="row 1, column 'y': nan"):
+        read_poses(_parquet(tmp_path, x=[1, 2], y=[1, None], z=[0, 0]))
+    with pytest.raises(ValueError, match="column 'y' does not hold numbers"):
+        read_poses(_parquet(tmp_path, x=[1, 2], y=['a', 'b'], z=[0, 0]))
+    file = tmp_path / 'broken.parquet'
+    file.write_bytes(b'PAR1 and nothing else PAR1')
+    with pytest.raises(ValueError, match=r'broken\.parquet: not a readable Parquet file'):
+        read_poses(file)
+
+
+@pytest.mark.parametrize('deep', [1, 256])
+def test_clouds_of_points(tmp_path, deep):
+    laspy = pytest.importorskip('laspy')
+    cloud = laspy.create(point_format=2)
+    points = np.array([[637177.98, 849393.95, 411.19], [637177.3, 849396.95, 411.25]])
+    cloud.header.offsets, cloud.header.scales = points[0].round(), [0.01] * 3
+    cloud.x, cloud.y, cloud.z = points.T
+    cloud.intensity = [7, 9]
+    cloud.red, cloud.green, cloud.blue = np.array([[255, 1], [2, 3], [0, 4]]) * deep
+    file = tmp_path / 'points.las'
+    cloud.write(file)
+    poses, columns = read_poses(file)
+    np.testing.assert_allclose(poses, points, atol=0.006)
+    assert columns['intensity'].tolist() == [7, 9]
+    assert columns['rgb'].tolist() == [[255, 2, 0], [1, 3, 4]]
+    assert list(read_poses(file, others=['rgb'])[1]) == ['rgb']
+    file.write_bytes(file.read_bytes()[:200])
+    with pytest.raises(ValueError, match=r'points\.las: not a readable'):
+        read_poses(file)
+
+
+def test_real_clouds_of_points(data_dir):
+    pytest.importorskip('lazrs')
+    poses, columns = read_poses(data_dir / 'instances/autzen_trim.laz', others=['rgb'])
+    assert poses.shape == (110000, 3)
+    assert columns['rgb'].max() == 236
+
+
+@pytest.mark.parametrize('kind', ['csv', 'parquet', 'npy'])
+def test_instances_stand_where_a_file_says(tmp_path, kind):
+    rows = np.array([[0.0, 0, 0, 5], [2, 0, 0, 7]])
+    if kind == 'csv':
+        file = _write(tmp_path, 'x,y,z,h\n0,0,0,5\n2,0,0,7\n')
+    elif kind == 'parquet':
+        file = _parquet(tmp_path, **dict(zip(['x', 'y', 'z', 'h'], rows.T, strict=True)))
+    else:
+        file = tmp_path / 'a.npy'
+        np.save(file, rows[:, :3])
+    pl = pv.Plotter(off_screen=True)
+    known = {} if kind == 'npy' else {'scalars': 'H'}
+    cones = pl.ibr.add_instances(pv.Cone(), file, cache=False, **known)
+    np.testing.assert_array_equal(cones.poses, rows[:, :3])
+    if known:
+        np.testing.assert_array_equal(cones.scalars, [5, 7])
+    pl.close()
+
+
+def test_columns_of_text_colour_nothing(tmp_path):
+    file = _write(tmp_path, 'x,y,z,kind\n0,0,0,oak\n')
+    pl = pv.Plotter(off_screen=True)
+    with pytest.raises(ValueError, match="'kind', a column of text"):
+        pl.ibr.add_instances(pv.Cone(), file, scalars='kind', cache=False)
+    assert not pl.ibr.effects
+    pl.close()
+
+
+# -- cities ----------------------------------------------------------------------------------
+
+SQUARE = [[[0, 1, 2, 3], [4, 5, 6, 7]]]  # with a hole
+
+
+def _city(tmp_path, **changes):
+    pytest.importorskip('cjio')
+    pytest.importorskip('mapbox_earcut')
+    outer = [[0, 0, 0], [4000, 0, 0], [4000, 4000, 0], [0, 4000, 0]]
+    inner = [[1000, 1000, 0], [1000, 3000, 0], [3000, 3000, 0], [3000, 1000, 0]]
+    wall = [[0, 0, 1], [1, 0, 1], [1, 0, 0], [0, 0, 0]]
+    turn = [[0, -2, 0, 1], [2, 0, 0, 0], [0, 0, 2, 0], [0, 0, 0, 1]]
+    tree = {'type': 'GeometryInstance', 'template': 0, 'boundaries': [1]}
+    tree['transformationMatrix'] = np.ravel(turn).tolist()
+    plaza = {'type': 'MultiSurface', 'lod': '1', 'boundaries': SQUARE}
+    objects = {
+        'plaza': {'type': 'Road', 'attributes': {'width': 4, 'n': 'x'}, 'geometry': [plaza]},
+        'oak': {'type': 'SolitaryVegetationObject', 'geometry': [tree]},
+        'elm': {'type': 'SolitaryVegetationObject', 'geometry': [{**tree, 'boundaries': [2]}]},
+        'group': {'type': 'CityObjectGroup'},
+    }
+    template = {'type': 'MultiSurface', 'lod': '1', 'boundaries': [[[0, 1, 2, 3]]]}
+    city = {
+        'type': 'CityJSON', 'version': '2.0', 'CityObjects': objects, 'vertices': outer + inner,
+        'transform': {'scale': [0.001] * 3, 'translate': [84616.0, 447422.0, 5.0]},
+        'geometry-templates': {'templates': [template], 'vertices-templates': wall},
+    } | changes  # fmt: skip
+    file = tmp_path / 'town.city.json'
+    file.write_text(json.dumps(city))
+    return file
+
+
+def test_cities_have_templates_and_objects(tmp_path):
+    meshes, index, matrices = read_city(_city(tmp_path))
+    assert index.tolist() == [0, 0, 1]
+    assert meshes[0].area == pytest.approx(1)
+    np.testing.assert_allclose(matrices[0][:3, 3], [84616 + 4 + 1, 447422, 5])
+    np.testing.assert_allclose(matrices[1][:3, 3], [84616 + 4 + 1, 447422 + 4, 5])
+    np.testing.assert_array_equal(matrices[0][:3, :3], [[0, -2, 0], [2, 0, 0], [0, 0, 2]])
+    assert meshes[1].area == pytest.approx(16 - 4)  # the hole is a hole
+    kinds = [mesh.field_data['type'].tolist() for mesh in meshes]
+    assert kinds == [['SolitaryVegetationObject'], ['Road']]
+    assert set(meshes[1].cell_data['object']) == {0}
+    assert set(meshes[1].cell_data['width']) == {4.0}
+    np.testing.assert_allclose(matrices[2][:3, 3], [84616 + 2, 447422 + 2, 5])
+
+
+def test_cities_are_drawn(tmp_path):
+    file = _city(tmp_path)
+    pl = pv.Plotter(off_screen=True)
+    city = pl.ibr.add_instances(file, cache=False)
+    assert len(city) == 3
+    bounds, whole = np.array(city.bounds), np.array(read_mesh(file).bounds)
+    assert (bounds[::2] <= whole[::2]).all()
+    assert (bounds[1::2] >= whole[1::2]).all()
+    pl.show(auto_close=False)
+    assert np.ptp(pl.screenshot(return_img=True), axis=(0, 1)).any()
+    pl.close()
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {'type': 'CityGML'},
+        {'version': '9.9'},
+        {'version': 3},
+        {'vertices': [[0, 0, 0]]},
+        {'vertices': [[0, 0, None]] * 8},
+        {'vertices': 'none'},
+        {'CityObjects': []},
+        {'CityObjects': {}},
+        {'CityObjects': {'a': {'type': 'Road', 'geometry': [{'type': 'Solid'}]}}},
+        {'geometry-templates': {}},
+        {'transform': {'scale': [1, 1], 'translate': [0, 0, 0]}},
+    ],
+)
+def test_broken_cities_say_so(tmp_path, changes):
+    with pytest.raises(ValueError, match='town'):
+        read_city(_city(tmp_path, **changes))
+
+
+def test_other_json_is_no_city(tmp_path):
+    file = tmp_path / 'list.json'
+    file.write_text('[1, 2]')
+    with pytest.raises(ValueError, match='list'):
+        read_mesh(file)
+    with pytest.raises(FileNotFoundError):
+        read_city(tmp_path / 'no.json')
+
+
+def test_a_real_city(data_dir):
+    pytest.importorskip('cjio')
+    meshes, index, matrices = scene_instances(data_dir / 'instances/delft.json')
+    assert len(meshes) == len(index) == len(matrices) == 7
+    heights = np.concatenate([mesh.cell_data['measuredHeight'] for mesh in meshes])
+    assert np.nanmax(heights) == 8.57
+    (solid,) = (m for m in meshes if np.isfinite(m.cell_data['measuredHeight']).any())
+    assert len(np.unique(solid.cell_data['object'])) == 160
+
+
+def test_a_gltf_file_does_not_lead_out_of_its_folder(tmp_path):
+    inner = tmp_path / 'inner'
+    inner.mkdir()
+    (tmp_path / 'secret.bin').write_bytes(bytes(36))
+    buffers = [{'byteLength': 36, 'uri': '../secret.bin'}]
+    (inner / 'a.gltf').write_text(json.dumps({'asset': {'version': '2.0'}, 'buffers': buffers}))
+    for read in (read_mesh, scene_instances):
+        with pytest.raises(ValueError, match='outside of the folder'):
+            read(inner / 'a.gltf')
+
+
+@pytest.mark.parametrize('content', [b'x,y,z', gzip.compress(b'x,y,z' * 99)[:-12]])
+def test_what_is_no_gzip_file_is_named(tmp_path, content):
+    file = tmp_path / 'a.csv.gz'
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r'a\.csv\.gz: not a readable gzip file'):
+        read_poses(file)
+
+
+def test_a_thousand_columns_make_a_short_message(tmp_path):
+    file = tmp_path / 'a.csv'
+    file.write_text(','.join(f'c{k}' for k in range(1000)) + '\n', encoding='utf-8-sig')
+    for options in ({}, {'columns': ('c1', 'c2', 'c3'), 'others': ['height']}):
+        with pytest.raises(ValueError, match='and 980 more') as caught:
+            read_poses(file, **options)
+        assert len(str(caught.value)) < 500
