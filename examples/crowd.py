@@ -35,7 +35,7 @@ poses[:, :3, 3] = places
 pl = pv.Plotter(window_size=(1000, 560))
 pl.set_background('#cfdde6', top='#f4f7f9')
 pl.add_mesh(pv.Disc(center=(0, 0, -0.02), inner=0, outer=50, c_res=90), color='#b9b7a8')
-crowd = pl.ibr.add_figure(
+crowd = pl.ibr.add_animated(
     person,
     poses,
     times=rng.uniform(0, 1, COUNT),

@@ -39,6 +39,6 @@ pl.show(auto_close=False)
 
 # %%
 # 3. The same as data: polylines of the shaft's silhouette, for a vector drawing.
-lines = pvibr.outline(rod, pl.camera)
+lines = pvibr.silhouette_lines(rod, pl.camera)
 print(lines.n_cells, 'polylines')
 pl.close()

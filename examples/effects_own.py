@@ -2,7 +2,7 @@
 An effect of your own
 =====================
 
-A few lines of GLSL and a few settings; ``pvibr.ImageEffect.template`` says what they are given.
+A few lines of GLSL and a few settings; ``pvibr.ShaderEffect.template`` says what they are given.
 """
 
 import numpy as np
@@ -24,12 +24,12 @@ for k in range(4):
 # %%
 # 2. At once: a text or a file, here the template, and a value for each setting.
 pl.subplot(0, 1)
-pl.ibr.add(pvibr.ImageEffect(pvibr.ImageEffect.template, amount=0.9, tint=(1.15, 0.95, 0.7)))
+pl.ibr.add(pvibr.ShaderEffect(pvibr.ShaderEffect.template, amount=0.9, tint=(1.15, 0.95, 0.7)))
 
 
 # %%
 # 3. As a class, with settings that are documented and checked: fog by depth in world units.
-class Fog(pvibr.ImageEffect):
+class Fog(pvibr.ShaderEffect):
     source = """vec4 effect(vec2 uv) {
       vec4 c = color_at(uv);
       float clear = exp(-max(depth_at(uv) - begin, 0.0) / visibility);
@@ -54,6 +54,6 @@ drawing = """vec4 effect(vec2 uv) {
   return vec4(mix(vec3(1.0, 0.97, 0.9), vec3(0.1, 0.1, 0.2), rim) * sheet, c.a);
 }"""
 paper = np.random.default_rng(1).normal(0.9, 0.04, (256, 256)).clip(0, 1)
-pl.ibr.add(pvibr.ImageEffect(drawing, images={'paper': paper}))
+pl.ibr.add(pvibr.ShaderEffect(drawing, images={'paper': paper}))
 pl.show(auto_close=False)
 pl.close()

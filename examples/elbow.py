@@ -22,7 +22,7 @@ share = np.clip((x - 1.5) / 1.0, 0, 1)
 parts = {
     'weights': np.stack([1 - share, share], 1),
     'parents': [-1, 0],
-    'rest': pvibr.Pose([[0, 0, 0], [2, 0, 0]]),
+    'rest': pvibr.animation.Pose([[0, 0, 0], [2, 0, 0]]),
 }
 plain = pvibr.Figure.from_arrays(arm.points, arm.regular_faces, **parts)
 
@@ -31,7 +31,7 @@ def bent(part):
     bend = quaternions.from_axis_angle([0, 0, 1], np.radians(95.0 * part))
     twist = quaternions.from_axis_angle([1, 0, 0], np.radians(130.0 * part))
     turn = quaternions.multiply(bend, twist)
-    return pvibr.Pose([[0, 0, 0], [2, 0, 0]], [[1, 0, 0, 0], turn])
+    return pvibr.animation.Pose([[0, 0, 0], [2, 0, 0]], [[1, 0, 0, 0], turn])
 
 
 # %%
@@ -42,9 +42,9 @@ for part in keys:
     points, normals = plain.posed(0, bent(part), 'dual')
     shapes.append(points + 0.35 * part * swell[:, None] * normals)
 turns = np.stack([bent(part).rotation for part in keys])
-poses = pvibr.Pose(np.stack([bent(1).translation] * 3), turns)
+poses = pvibr.animation.Pose(np.stack([bent(1).translation] * 3), turns)
 sculpted = pvibr.Figure(plain.bodies, plain.skeleton)
-sculpted.correctives = pvibr.Correctives.from_sculpted(plain, [1], poses, shapes)
+sculpted.correctives = pvibr.animation.Correctives.from_sculpted(plain, [1], poses, shapes)
 
 # %%
 # 3. One below the other, at moments between the keys and at the last of them.
@@ -52,7 +52,7 @@ pl = pv.Plotter(window_size=(960, 720))
 ways = [(plain, 'linear', 'tan'), (plain, 'dual', 'skyblue'), (sculpted, 'linear', 'salmon')]
 for row, (figure, how, color) in enumerate(ways):
     for column, part in enumerate((0.25, 0.5, 0.75, 1.0)):
-        actor = pl.ibr.add_figure(figure, skinning=how, color=color, smooth_shading=True)
+        actor = pl.ibr.add_animated(figure, skinning=how, color=color, smooth_shading=True)
         actor.pose = bent(part)
         actor.user_matrix = pv.Transform().translate(4.2 * column, -3.4 * row, 0).matrix
 pl.camera_position = [(7.6, -2.6, 22), (7.6, -2.6, 0), (0, 1, 0)]

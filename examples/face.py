@@ -39,9 +39,9 @@ targets = {
     'brows': spot(0.32, 0.42, 0.25, 0.14)[:, None] * 0.14 * up,
     'cheeks': spot(0.45, -0.25, 0.2, 0.2)[:, None] * (0.12 * fore + 0.12 * side * out),
 }
-morphs = pvibr.Morphs(list(targets.values()), names=list(targets)).with_normals(head)
+morphs = pvibr.animation.Morphs(list(targets.values()), names=list(targets)).with_normals(head)
 keys = [[0, 0, 0, 0], [1, 0, 0, 0], [-1, 0, -0.5, 0], [0.4, 1, 1, 0], [1.8, 0, 0.5, 1]]
-clips = [pvibr.Clip('talk', [pvibr.Track(0, 'weights', range(5), keys)])]
+clips = [pvibr.animation.Clip('talk', [pvibr.animation.Track(0, 'weights', range(5), keys)])]
 
 # %%
 # 3. The figure: the face and two eyes, at each key of its clip.
@@ -50,7 +50,7 @@ face.bodies[0].mesh['paint'] = paint.astype(np.uint8)
 pl = pv.Plotter(window_size=(1200, 360), shape=(1, 5), border=False)
 for time in range(5):
     pl.subplot(0, time)
-    actor = pl.ibr.add_figure(face, scalars='paint', rgb=True, smooth_shading=True)
+    actor = pl.ibr.add_animated(face, scalars='paint', rgb=True, smooth_shading=True)
     actor.pose = face.sample(time, loop=False)
     for radius, color, z in ((0.13, 'white', 0.74), (0.06, 'black', 0.83)):
         eyes = [pv.Sphere(radius=radius, center=(x, 0.2, z)) for x in (-0.27, 0.27)]

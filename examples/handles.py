@@ -11,7 +11,8 @@ import pyvista as pv
 from pyvista import examples
 
 import pvibr
-from pvibr import Body, Clip, Figure, Skeleton, Track
+from pvibr import Figure
+from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 from pvibr_widgets import light_handles, pick_focus, projector_handles, time_bar
 
 SIZE = 560
@@ -21,13 +22,13 @@ SIZE = 560
 pl = pv.Plotter(shape=(1, 2), window_size=(2 * SIZE, SIZE), lighting='none', border=False)
 looks = {'color': 'white', 'ambient': 0.1, 'diffuse': 0.7}
 float_up = Clip('float', [Track(0, 'translation', [0, 2, 4], [[0, 0, 0], [0, 0, 1.2], [0, 0, 0]])])
-ball = Body(pv.Sphere(radius=0.45, center=(0.6, -0.6, 1.4)), node=0)
+ball = FigureMesh(pv.Sphere(radius=0.45, center=(0.6, -0.6, 1.4)), node=0)
 for column in (0, 1):
     pl.subplot(0, column)
     for k in range(6):
         pl.add_mesh(pv.Box((-3, 3, 0.6 * k, 0.6 * (k + 1), -0.1, 0.35 * k)), **looks)
     pl.add_mesh(pv.Box((-3, 3, -3, 0, -0.2, -0.1)), **looks)
-    pl.ibr.add_figure(Figure([ball], Skeleton([-1], [np.eye(4)]), [float_up]), clip='float')
+    pl.ibr.add_animated(Figure([ball], Skeleton([-1], [np.eye(4)]), [float_up]), clip='float')
     pl.camera_position = [(-6, -15, 8), (-0.3, 0.1, 1), (0, 0, 1)]
 
 # %%

@@ -10,6 +10,7 @@ import numpy as np
 import pyvista as pv
 
 import pvibr
+from pvibr.animation import FigureMesh, FrameRange, VertexAnimation, VertexAnimationStates
 
 # %%
 # 1. A bell with eight arms; its vertices know how far down they are.
@@ -39,18 +40,22 @@ def shaped(phase, pulse, wave):  # a pulse of the bell, and a wave that runs dow
 # 2. Frames 0 to 15 drift, frames 16 to 31 swim. After two seconds it is told to swim.
 phases = np.arange(16) / 16
 meshes = [shaped(p, 0.2, 1.2) for p in phases] + [shaped(p, 1.0, 0.3) for p in phases]
-states = pvibr.FrameStates(
-    {'drift': pvibr.FrameRange(0, 15, fps=8), 'swim': pvibr.FrameRange(16, 31, fps=16)}, fade=0.5
+states = VertexAnimationStates(
+    {
+        'drift': FrameRange(0, 15, fps=8),
+        'swim': FrameRange(16, 31, fps=16),
+    },
+    fade=0.5,
 )
 states.go('swim', at=2.0)
-frames = pvibr.Frames(np.arange(32.0), [mesh.points for mesh in meshes], states=states)
-figure = pvibr.Figure([pvibr.Body(rest, frames=frames)])
+frames = VertexAnimation(np.arange(32.0), [mesh.points for mesh in meshes], states=states)
+figure = pvibr.Figure([FigureMesh(rest, frames=frames)])
 
 # %%
 # 3. Some moments before, on the way and after.
 pl = pv.Plotter(window_size=(1200, 400))
 for k, time in enumerate([0.4, 1.2, 2.0, 2.25, 2.5, 2.75, 3.0]):
-    jelly = pl.ibr.add_figure(figure, scalars='down', cmap='cool', show_scalar_bar=False)
+    jelly = pl.ibr.add_animated(figure, scalars='down', cmap='cool', show_scalar_bar=False)
     jelly.pose = figure.sample(time)
     jelly.user_matrix = pv.Transform().translate(3.4 * k, 0, 0).matrix
 pl.set_background('midnightblue')

@@ -48,7 +48,7 @@ def pan(frames=12):
 
 
 print(f'in full: {pan(3):.0f} ms a frame')
-layers = pl.ibr.add_layers([near, town, far], max_error=1.0)
+layers = pl.ibr.add_image_layers([near, town, far], max_error=1.0)
 pan(3)  # takes the first pictures
 print(f'in layers: {pan():.0f} ms a frame')
 

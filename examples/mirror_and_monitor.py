@@ -50,7 +50,7 @@ pl.add_mesh(upright(1.3, 1.6, 2.0, 1.5), color='white', lighting=False).texture 
 above = pv.Camera()
 above.position, above.focal_point, above.up = (0, 0.3, 9), (0, 0.3, 0), (0, 1, 0)
 plan = pl.ibr.add(pvibr.LiveTexture(above, size=(240, 180)))
-pl.ibr.add(pvibr.Picture(plan, place=(0.02, 0.66, 0.26, 0.98)))
+pl.ibr.add(pvibr.ImageOverlay(plan, place=(0.02, 0.66, 0.26, 0.98)))
 
 # %%
 # 5. All are drawn again only when what they show changes.

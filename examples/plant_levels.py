@@ -17,7 +17,7 @@ TRIANGLES = 40_000
 # %%
 # 1. The ladder. Leaves are what is connected and small; ``labels`` would name them.
 tree = tree_parts('broadleaf', triangles=TRIANGLES)
-levels = pvibr.plant_levels(tree, views=16)
+levels = pvibr.foliage_levels(tree, views=16)
 
 # %%
 # 2. What each level costs and how far it is from the mesh.

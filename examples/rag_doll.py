@@ -42,7 +42,7 @@ def pulls(points):
 space = pv.ImageData(dimensions=(27, 90, 98), spacing=(0.03,) * 3, origin=(-0.7, -1.33, 0))
 skin = space.contour([1.0], scalars=pulls(space.points).sum(1)).smooth_taubin()
 joints = {'parents': model.body_parentid[1:] - 1, 'weights': pulls(skin.points)}
-joints['rest'] = pvibr.Pose(model.body_pos[1:], model.body_quat[1:])
+joints['rest'] = pvibr.animation.Pose(model.body_pos[1:], model.body_quat[1:])
 figure = pvibr.Figure.from_arrays(skin.points, skin.regular_faces, **joints)
 
 # %%
@@ -52,7 +52,7 @@ pl = pv.Plotter(window_size=(1200, 600))
 for color in ('salmon', 'gold', 'yellowgreen', 'lightseagreen', 'skyblue', 'orchid'):
     poses = np.tile(np.eye(4), (model.nbody - 1, 1, 1))
     poses[:, :3] = np.dstack([data.xmat[1:].reshape(-1, 3, 3), data.xpos[1:]])
-    pl.ibr.add_figure(figure, color=color, smooth_shading=True).pose = poses
+    pl.ibr.add_animated(figure, color=color, smooth_shading=True).pose = poses
     mujoco.mj_step(model, data, nstep=200)
 boxes = [pv.Box((k - 0.5, k + 0.5, -3, 3, -5, -k / 2)) for k in range(8)]
 pl.add_mesh(pv.merge(boxes), color='linen')

@@ -25,13 +25,15 @@ figure = pvibr.Figure.from_arrays(
     joints=np.stack([np.maximum(joint - 1, 0), joint], 1),
     weights=np.stack([1 - share, share], 1),
     parents=np.arange(JOINTS) - 1,
-    rest=pvibr.Pose([[0, 0, 0]] + [[0, 0, 1]] * (JOINTS - 1)),
+    rest=pvibr.animation.Pose([[0, 0, 0]] + [[0, 0, 1]] * (JOINTS - 1)),
 )
 
 # %%
 # 2. The rig: each joint swings half a radian at most.
-limit = pvibr.Limit(axis=[0, 0, 1], swing=0.5, twist=(-0.2, 0.2))
-rig = pvibr.Rig(figure.skeleton, [pvibr.Reach(TIP)], dict.fromkeys(range(JOINTS), limit))
+limit = pvibr.animation.JointLimit(axis=[0, 0, 1], swing=0.5, twist=(-0.2, 0.2))
+rig = pvibr.animation.Rig(
+    figure.skeleton, [pvibr.animation.InverseKinematics(TIP)], dict.fromkeys(range(JOINTS), limit)
+)
 
 
 def ball(time):
@@ -47,7 +49,7 @@ pl = pv.Plotter(window_size=(960, 640))
 for time, opacity in zip(times, (0.15, 0.3, 0.5), strict=False):
     pl.add_mesh(figure.mesh(pose=moving.sample(time)), color='lightseagreen', opacity=opacity)
     pl.add_mesh(pv.Sphere(radius=0.35, center=ball(time)), color='gold', opacity=opacity)
-pl.ibr.add_figure(figure, color='lightseagreen', smooth_shading=True).driver = moving
+pl.ibr.add_animated(figure, color='lightseagreen', smooth_shading=True).driver = moving
 pl.add_mesh(pv.Sphere(radius=0.35, center=ball(times[-1])), color='gold')
 way = pv.MultipleLines([ball(time) for time in np.linspace(0, 2 * np.pi, 100)])
 pl.add_mesh(way, color='gray', line_width=2)

@@ -13,99 +13,78 @@ from __future__ import annotations
 
 import importlib
 
+
+def lazy_exports(package, exports):
+    """Return ``__getattr__`` and ``__dir__`` of a package whose names are imported when used."""
+
+    def __getattr__(name):
+        if name not in exports:
+            msg = f'module {package!r} has no attribute {name!r}'
+            raise AttributeError(msg)
+        module = importlib.import_module(exports[name])
+        value = module if exports[name] == f'{package}.{name}' else getattr(module, name)
+        vars(importlib.import_module(package))[name] = value
+        return value
+
+    def __dir__():
+        return sorted({*vars(importlib.import_module(package)), *exports})
+
+    return __getattr__, __dir__
+
+
 _EXPORTS = {
+    '__version__': 'pvibr.core.version',
     'Afterglow': 'pvibr.effects.glow',
-    'Aim': 'pvibr.animation.constraints',
+    'AnimatedActor': 'pvibr.figures.animated_actor',
+    'animation': 'pvibr.animation',
     'Atlas': 'pvibr.instances.atlas',
+    'attach': 'pvibr.component',
     'Backdrop': 'pvibr.effects.backgrounds',
-    'Billboards': 'pvibr.billboards.billboards',
     'BillboardCloud': 'pvibr.billboard_clouds.cloud',
+    'Billboards': 'pvibr.billboards.billboards',
     'Bloom': 'pvibr.effects.bloom',
-    'Body': 'pvibr.animation.body',
-    'Clip': 'pvibr.animation.clip',
     'ClosedError': 'pvibr.core.errors',
-    'Correctives': 'pvibr.animation.correctives',
-    'Copy': 'pvibr.animation.constraints',
-    'Curve': 'pvibr.animation.curves',
+    'Crowd': 'pvibr.figures.crowd',
     'Cylinders': 'pvibr.quadrics.cylinders',
     'DepthOfField': 'pvibr.effects.depth_of_field',
+    'deterministic': 'pvibr.core.determinism',
     'Effect': 'pvibr.core.effect',
     'Ellipsoids': 'pvibr.quadrics.ellipsoids',
     'Figure': 'pvibr.animation.figure',
-    'Crowd': 'pvibr.figures.crowd',
-    'FigureActor': 'pvibr.figures.animated_actor',
     'Flash': 'pvibr.effects.screen',
-    'FrameRange': 'pvibr.animation.frame_states',
-    'FrameStates': 'pvibr.animation.frame_states',
-    'Frames': 'pvibr.animation.frames',
+    'foliage_levels': 'pvibr.instances.foliage_levels',
     'Glow': 'pvibr.effects.glow',
-    'GltfError': 'pvibr.formats.gltf_file',
-    'ImageEffect': 'pvibr.effects.own',
+    'ImageLayers': 'pvibr.image_layers.image_layers',
+    'ImageOverlay': 'pvibr.effects.screen',
     'Impostor': 'pvibr.impostors.impostor',
     'Instances': 'pvibr.instances.instances',
     'Iris': 'pvibr.effects.screen',
-    'Layer': 'pvibr.animation.mixer',
-    'Layers': 'pvibr.image_layers.image_layers',
-    'KeepLimits': 'pvibr.animation.constraints',
-    'Limit': 'pvibr.animation.limits',
     'LiveTexture': 'pvibr.projection.live_texture',
     'Mirror': 'pvibr.projection.live_texture',
-    'Mixer': 'pvibr.animation.mixer',
-    'Morphs': 'pvibr.animation.morphs',
     'NightVision': 'pvibr.effects.screen',
     'Orthographic': 'pvibr.maths.cameras',
     'Outline': 'pvibr.effects.outline',
+    'silhouette_lines': 'pvibr.projection.silhouette_lines',
     'Param': 'pvibr.core.params',
-    'Picture': 'pvibr.effects.screen',
     'Pinhole': 'pvibr.maths.cameras',
-    'Play': 'pvibr.animation.mixer',
-    'Pose': 'pvibr.animation.pose',
-    'PoseSpace': 'pvibr.animation.correctives',
     'Projector': 'pvibr.projection.projector',
     'Projectors': 'pvibr.projection.projector',
     'PvibrError': 'pvibr.core.errors',
     'PvibrWarning': 'pvibr.core.errors',
-    'Reach': 'pvibr.animation.reach',
-    'Rig': 'pvibr.animation.rig',
-    'ShaderError': 'pvibr.core.errors',
-    'Shadows': 'pvibr.shadows.shadows',
-    'Skeleton': 'pvibr.animation.skeleton',
-    'Skin': 'pvibr.animation.body',
-    'Sky': 'pvibr.effects.backgrounds',
-    'Spheres': 'pvibr.quadrics.spheres',
-    'StateGraph': 'pvibr.animation.states',
-    'Still': 'pvibr.animation.mixer',
-    'Synced': 'pvibr.animation.mixer',
-    'ToneMapping': 'pvibr.effects.tone_mapping',
-    'Track': 'pvibr.animation.clip',
-    'Vignette': 'pvibr.effects.screen',
-    'attach': 'pvibr.component',
-    'deterministic': 'pvibr.core.determinism',
-    'joint_mask': 'pvibr.animation.blending',
-    'outline': 'pvibr.projection.silhouette_lines',
-    'plant_levels': 'pvibr.instances.foliage_levels',
     'read_city': 'pvibr.formats.cities',
     'read_gltf': 'pvibr.animation.gltf.read',
     'read_poses': 'pvibr.meshes.pose_files',
+    'ShaderEffect': 'pvibr.effects.own',
+    'ShaderError': 'pvibr.core.errors',
     'shadow_mask': 'pvibr.projection.visibility',
     'shadowed_area': 'pvibr.projection.visibility',
+    'Shadows': 'pvibr.shadows.shadows',
+    'Sky': 'pvibr.effects.backgrounds',
+    'Spheres': 'pvibr.quadrics.spheres',
+    'ToneMapping': 'pvibr.effects.tone_mapping',
+    'Vignette': 'pvibr.effects.screen',
     'visible': 'pvibr.projection.visibility',
 }
 
-__all__ = ['__version__', *_EXPORTS]  # noqa: F822, PLE0604, RUF100
-
-
-def __getattr__(name):
-    if name == '__version__':
-        value = importlib.import_module('importlib.metadata').version('pvibr')
-    elif name in _EXPORTS:
-        value = getattr(importlib.import_module(_EXPORTS[name]), name)
-    else:
-        msg = f'module {__name__!r} has no attribute {name!r}'
-        raise AttributeError(msg)
-    globals()[name] = value
-    return value
-
-
-def __dir__():
-    return sorted({*globals(), *__all__})
+__all__ = [*_EXPORTS]  # noqa: PLE0604, RUF100
+__getattr__, __dir__ = lazy_exports(__name__, _EXPORTS)

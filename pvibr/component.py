@@ -9,10 +9,10 @@ from typing import Any
 
 import pyvista as pv
 
-from pvibr.capture.adaptive_quality import Pace
+from pvibr.capture.adaptive_quality import AdaptiveQuality
 from pvibr.capture.clock import Clock
 from pvibr.capture.movies import Film, frame_times, write_movie
-from pvibr.capture.tiled_screenshot import Shots
+from pvibr.capture.tiled_screenshot import TiledScreenshot
 from pvibr.core import state_files
 from pvibr.core.errors import ClosedError
 from pvibr.core.params import Param, params_of
@@ -42,7 +42,7 @@ class IBRComponent:
     >>> pl.close()
     """
 
-    moving_ms = Param(
+    interactive_frame_ms = Param(
         100.0, 'What a frame may take while the view moves: quality is lowered where it takes '
         'longer, and is full again at rest; 0 never lowers it.', range='[0, inf)', unit='ms',
     )  # fmt: skip
@@ -52,8 +52,10 @@ class IBRComponent:
         self._pipelines: list[Pipeline] = []
         self._time = 0.0
         self._clock = Clock(plotter, self._show_time)
-        self._pace = Pace(plotter, lambda: self.moving_ms, lambda: self._clock.ticking)
-        self._shots = Shots(plotter, self._all_effects, self._pace.full)
+        self._adaptive_quality = AdaptiveQuality(
+            plotter, lambda: self.interactive_frame_ms, lambda: self._clock.ticking
+        )
+        self._shots = TiledScreenshot(plotter, self._all_effects, self._adaptive_quality.full)
         self._numbered: list = []
         self._told: list = []
         self._followed: Any = None
@@ -70,7 +72,7 @@ class IBRComponent:
         for pipeline in self._pipelines:
             if pipeline.renderer is renderer:
                 return pipeline
-        pipeline = Pipeline(renderer, self._pace)
+        pipeline = Pipeline(renderer, self._adaptive_quality)
         pipeline.time = self._time
         pipeline.watch = Watch(renderer, self._handed_over)
         self._pipelines.append(pipeline)
@@ -81,8 +83,8 @@ class IBRComponent:
 
     @property
     def quality(self) -> float:
-        """Of the last frame: 1, or less where the view moves and `moving_ms` is too short."""
-        return self._pace.latest
+        """Quality of the last frame: below 1 if one exceeded `interactive_frame_ms` in motion."""
+        return self._adaptive_quality.latest
 
     @property
     def effects(self) -> tuple:
@@ -233,7 +235,7 @@ class IBRComponent:
         made = Instances(mesh, poses, name=name, **kwargs)
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
-    def add_figure(
+    def add_animated(
         self, figure, poses=None, *, name=None, clip=None, skinning='linear',
         show_scalar_bar=None, scalar_bar_args=None, reset_camera=None, render=False, **kwargs,
     ):  # fmt: skip
@@ -260,13 +262,13 @@ class IBRComponent:
         render : bool, optional
             Draw at once.
         **kwargs
-            See :class:`pvibr.FigureActor`: ``pickable``, ``bulge``, and whatever ``add_mesh``
+            See :class:`pvibr.AnimatedActor`: ``pickable``, ``bulge``, and whatever ``add_mesh``
             takes, which wins over the looks of the figure's bodies. With `poses` see
             :class:`pvibr.Crowd`: ``times``, ``clips``, ``speeds``, ``colors``, ``max_error``.
 
         Returns
         -------
-        pvibr.FigureActor or pvibr.Crowd
+        pvibr.AnimatedActor or pvibr.Crowd
             What plays clips and takes poses; a crowd where there are `poses`.
 
         Raises
@@ -279,22 +281,23 @@ class IBRComponent:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Clip, Figure, Skeleton, Track
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh, Clip, Skeleton, Track
         >>> rise = Clip('rise', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 2]])])
-        >>> ball = Body(pv.Sphere(), node=0)
+        >>> ball = FigureMesh(pv.Sphere(), node=0)
         >>> balloon = Figure(
         ...     [ball],
         ...     Skeleton([-1], [[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]]),
         ...     [rise],
         ... )
         >>> pl = pv.Plotter(off_screen=True)
-        >>> actor = pl.ibr.add_figure(balloon, clip='rise')
+        >>> actor = pl.ibr.add_animated(balloon, clip='rise')
         >>> pl.ibr.time = 0.5
         >>> actor.center
         (0.0, 0.0, 1.0)
         >>> pl.close()
         """
-        from pvibr.figures.animated_actor import FigureActor
+        from pvibr.figures.animated_actor import AnimatedActor
         from pvibr.figures.as_figure import as_figure
         from pvibr.figures.crowd import Crowd
 
@@ -303,7 +306,7 @@ class IBRComponent:
         kwargs |= {'name': name, 'skinning': skinning}
         kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
         if poses is None:
-            made: FigureActor | Crowd = FigureActor(figure, clip=clip, **kwargs)
+            made: AnimatedActor | Crowd = AnimatedActor(figure, clip=clip, **kwargs)
         else:
             kwargs.setdefault('clips', clip)
             made = Crowd(figure, poses, **kwargs)
@@ -353,7 +356,7 @@ class IBRComponent:
         made = Impostor(actors, name=name, **settings)
         return self._add_thing(made, name, None, None, None, render)
 
-    def add_layers(self, groups=None, *, name=None, render=False, **settings):
+    def add_image_layers(self, groups=None, *, name=None, render=False, **settings):
         """Draw parts of the scene as pictures, taken again only when they must be.
 
         Parameters
@@ -366,12 +369,12 @@ class IBRComponent:
         render : bool, optional
             Draw at once.
         **settings
-            See :class:`pvibr.Layers`: ``max_error``, ``max_shade``, ``warp``, ``overscan``,
+            See :class:`pvibr.ImageLayers`: ``max_error``, ``max_shade``, ``warp``, ``overscan``,
             ``resolution``, ``blur``, ``count``, ``budget_ms``, ``memory``, ``refuse``.
 
         Returns
         -------
-        pvibr.Layers
+        pvibr.ImageLayers
             The layers; their settings can be changed.
 
         Raises
@@ -386,15 +389,15 @@ class IBRComponent:
         >>> import pyvista as pv
         >>> pl = pv.Plotter(off_screen=True)
         >>> ground, ball = pl.add_mesh(pv.Plane()), pl.add_mesh(pv.Sphere())
-        >>> layers = pl.ibr.add_layers([ground, ball], max_error=0.5, blur=(2, 0))
+        >>> layers = pl.ibr.add_image_layers([ground, ball], max_error=0.5, blur=(2, 0))
         >>> layers.blur
         (2.0, 0.0)
         >>> pl.close()
         """
-        from pvibr.image_layers.image_layers import Layers
+        from pvibr.image_layers.image_layers import ImageLayers
 
         self._check_open()
-        made = Layers(groups, name=name, **settings)
+        made = ImageLayers(groups, name=name, **settings)
         return self._add_thing(made, name, None, None, None, render)
 
     def add_billboards(
@@ -1274,7 +1277,7 @@ class IBRComponent:
         """Release everything; a plotter does so by itself. Calling it again is fine."""
         self._closed = True
         self._clock.stop()
-        self._pace.release()
+        self._adaptive_quality.release()
         self._numbered = []
         while self._pipelines:
             self._pipelines.pop().release()

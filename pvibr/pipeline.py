@@ -26,7 +26,7 @@ class Pipeline:
     def __init__(self, renderer, pace=None):
         self.renderer = renderer
         self.time = 0.0
-        self._pace = pace
+        self._adaptive_quality = pace
         self._entries: list[_Entry] = []
         self._effects: tuple[Effect, ...] = ()
         self._things: list[Effect] = []
@@ -58,7 +58,9 @@ class Pipeline:
         tap = Tap(name)
         self.add(tap)
         try:
-            with nullcontext() if self._pace is None else self._pace.full():
+            with (
+                nullcontext() if self._adaptive_quality is None else self._adaptive_quality.full()
+            ):
                 self.window.Render()
             why = next(e.row.why for e in self._entries if e.effect is tap)
         finally:
@@ -140,7 +142,7 @@ class Pipeline:
             [e.reported() for e in self._entries],
             self._frames,
             self._stage.nbytes + self.buffers.nbytes,
-            '' if self._pace is None else self._pace.why,
+            '' if self._adaptive_quality is None else self._adaptive_quality.why,
         )
 
     def _names(self):
@@ -171,7 +173,11 @@ class Pipeline:
 
     def _on_start(self, _renderer, _event):
         self._drop_removed()
-        quality = 1.0 if self._pace is None else self._pace.quality(self.renderer)
+        quality = (
+            1.0
+            if self._adaptive_quality is None
+            else self._adaptive_quality.quality(self.renderer)
+        )
         frame = Frame.of(self.renderer, index=self._frames, time=self.time, quality=quality)
         self._turn = turn = _Turn(frame)
         for entry in self._entries:
@@ -303,7 +309,7 @@ class _Stage:
         self._scene = scene = self._scene or ScenePass(self.renderer.GetRenderWindow())
         # A renderer that draws over others' pixels has no picture of its own in floats.
         own = not self.renderer.GetPreserveColorBuffer()
-        scene.begin(frame, own and any(e.high_range for e in effects))
+        scene.begin(frame, own and any(e.needs_hdr for e in effects))
         if any(e.surfaces for e in effects):
             self.buffers.attach(frame, scene, things)
 
@@ -317,26 +323,26 @@ class _Stage:
         annotations.show()
         place = turn.frame.origin, turn.frame.size
         running = [e for e in turn.images if e.running]
-        if running or self._scene.high_range:
+        if running or self._scene.needs_hdr:
             turn.guard(turn.images, self._run, turn, running, place)
         annotations.draw(*place)
 
     def _run(self, turn, entries, place):
-        picture = self._picture_of(place, self._scene.high_range)
+        picture = self._picture_of(place, self._scene.needs_hdr)
         picture.take(self._scene.framebuffer)
         for entry in entries:
             picture.last = entry is entries[-1]
             turn.guard([entry], entry.effect.render, turn.frame, picture)
         picture.present()
 
-    def _picture_of(self, place, high_range):
+    def _picture_of(self, place, needs_hdr):
         old = self._picture
-        if old is None or (old.origin, old.size, old.high_range) != (*place, high_range):
+        if old is None or (old.origin, old.size, old.needs_hdr) != (*place, needs_hdr):
             if old is not None:
                 old.release()
             window, (origin, size) = self.renderer.GetRenderWindow(), place
             self._fused = self._fused or Fused(window)
-            self._picture = Picture(window, origin, size, self._fused, high_range)
+            self._picture = Picture(window, origin, size, self._fused, needs_hdr)
         return self._picture
 
     def release(self):

@@ -9,10 +9,10 @@ import pytest
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.instances.cards import PROGRAMS
+from pvibr.instances.cards import CARD_SHADERS
 from pvibr.instances.levels import Limits
 
-_NAMES = [p.name for p in PROGRAMS]
+_NAMES = [p.name for p in CARD_SHADERS]
 # The programs of cards by what they are for, from the cheapest to the best.
 ROLES = {'far': _NAMES[0], 'flat': _NAMES[1], 'middle': _NAMES[-2], 'near': _NAMES[-1]}
 
@@ -48,7 +48,7 @@ def force(instances, level):
         cards = tuple((n, *ranges.get(n, (0.0, 0.0))) for n in _NAMES)
         limits = Limits(cards, ranges.get('mesh', (1e9,))[0], meshes)
         model._limits = {} if level is None else {instances.max_error: limits}
-    instances._stamp = None
+    instances._content_key = None
 
 
 def place(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), angle=30.0, parallel=None):

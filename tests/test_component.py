@@ -223,7 +223,7 @@ def test_attach_to_a_plain_renderer():
     window.Render()
     assert ibr.report().rows[0].state == 'ran'
     subplots = {'0': {'Holder': {'enabled': True}}}
-    assert ibr.state() == {'time': 0.0, 'moving_ms': 100.0, 'subplots': subplots}
+    assert ibr.state() == {'time': 0.0, 'interactive_frame_ms': 100.0, 'subplots': subplots}
     ibr.close()
     assert holder.released == 1
     assert not renderer.HasObserver('EndEvent')

@@ -55,7 +55,7 @@ class Same(Filter):
 class SameHigh(Filter):
     """The same with colours above 1."""
 
-    high_range = True
+    needs_hdr = True
 
 
 class Invert(Filter):
@@ -69,7 +69,7 @@ class Near(Filter):
 class Brightest(Filter):
     """White where light is above what a display shows."""
 
-    high_range = True
+    needs_hdr = True
     code = 'c.rgb = vec3(max(c.r, max(c.g, c.b)) > 1.0 ? 1.0 : 0.0);'
 
 
@@ -299,7 +299,7 @@ def test_each_subplot_keeps_to_itself(high):
     before = show(pl)[0]
     pl.subplot(1, 1)  # the lower right
     invert = pl.ibr.add(Invert())
-    invert.high_range = high
+    invert.needs_hdr = high
     after = grab(pl)[0]
     tile = np.zeros(before.shape[:2], bool)
     tile[:60, 100:] = True

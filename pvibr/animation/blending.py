@@ -85,7 +85,7 @@ def joint_mask(skeleton, joints, feather=0):
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr import Pose, Skeleton
+    >>> from pvibr.animation import Pose, Skeleton
     >>> from pvibr.animation.blending import joint_mask
     >>> chain = Skeleton([-1, 0, 1, 2], Pose(np.zeros((4, 3))))
     >>> joint_mask(chain, [1], feather=1).tolist()

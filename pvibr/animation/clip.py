@@ -40,7 +40,7 @@ class Track:
 
     Examples
     --------
-    >>> from pvibr import Track
+    >>> from pvibr.animation import Track
     >>> Track(0, 'translation', [0, 1], [[0, 0, 0], [2, 0, 0]]).sample(0.25).tolist()
     [0.5, 0.0, 0.0]
     """
@@ -86,7 +86,7 @@ class Track:
 
         Examples
         --------
-        >>> from pvibr import Track
+        >>> from pvibr.animation import Track
         >>> Track(0, 'scale', [0, 1], [[1, 1, 1], [3, 3, 3]], 'step').sample([0.9, 1.0])[:, 0]
         array([1., 3.])
         """
@@ -154,7 +154,7 @@ class Clip:
 
     Examples
     --------
-    >>> from pvibr import Clip, Pose, Track
+    >>> from pvibr.animation import Clip, Pose, Track
     >>> up = Clip('up', [Track(0, 'translation', [0, 2], [[0, 0, 0], [0, 0, 1]])])
     >>> up.sample([0.0, 1.0, 3.0], Pose([[0.0, 0.0, 0.0]])).translation[:, 0, 2].tolist()
     [0.0, 0.5, 0.5]
@@ -196,7 +196,7 @@ class Clip:
 
         Examples
         --------
-        >>> from pvibr import Clip, Pose
+        >>> from pvibr.animation import Clip, Pose
         >>> Clip('still', []).sample([0, 1], Pose([[1.0, 0.0, 0.0]])).shape
         (2,)
         """
@@ -231,7 +231,7 @@ class Clip:
 
         Examples
         --------
-        >>> from pvibr import Clip
+        >>> from pvibr.animation import Clip
         >>> Clip('x', [], duration=2.0).local_time([-0.5, 2.0, 5.0]).tolist()
         [1.5, 0.0, 1.0]
         """

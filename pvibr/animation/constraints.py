@@ -39,7 +39,7 @@ class Aim:
 
     Examples
     --------
-    >>> from pvibr import Aim
+    >>> from pvibr.animation import Aim
     >>> Aim('head', 'ball', axis=[0, 0, 1], up=[0, 1, 0], weight=0.7).asks
     ('ball',)
     """
@@ -100,7 +100,7 @@ class Aim:
         return quaternions.multiply(roll, rotation)
 
 
-class Copy:
+class CopyTransform:
     """Give a joint the rotation, the position or both of another.
 
     Parameters
@@ -129,10 +129,10 @@ class Copy:
 
     Examples
     --------
-    >>> from pvibr import Copy, Pose, Rig, Skeleton
+    >>> from pvibr.animation import CopyTransform, Pose, Rig, Skeleton
     >>> pair = Skeleton([-1, -1], Pose([[0, 0, 0], [1, 0, 0]]), ['left', 'right'])
     >>> pose = pair.rest.replaced(rotation=[[0, 0, 0, 1], [1, 0, 0, 0]])
-    >>> Rig(pair, [Copy('right', 'left')]).solve(pose).rotation[1].tolist()
+    >>> Rig(pair, [CopyTransform('right', 'left')]).solve(pose).rotation[1].tolist()
     [0.0, 0.0, 0.0, 1.0]
     """
 
@@ -199,7 +199,7 @@ class Copy:
         return rotation, rest.translation[joint] + moved
 
 
-class KeepLimits:
+class ClampToLimits:
     """Cut the rotations of all joints to the limits of the rig, of a clip's pose for example.
 
     Attributes
@@ -209,9 +209,9 @@ class KeepLimits:
 
     Examples
     --------
-    >>> from pvibr import KeepLimits, Limit, Pose, Rig, Skeleton
+    >>> from pvibr.animation import ClampToLimits, JointLimit, Pose, Rig, Skeleton
     >>> knee = Skeleton([-1], Pose([[0, 0, 0]]), ['knee'])
-    >>> rig = Rig(knee, [KeepLimits()], {'knee': Limit.hinge([1, 0, 0], 0.0, 2.0)})
+    >>> rig = Rig(knee, [ClampToLimits()], {'knee': JointLimit.hinge([1, 0, 0], 0.0, 2.0)})
     >>> rig.solve(knee.rest.replaced(rotation=[[0.6, -0.8, 0, 0]])).rotation.tolist()
     [[1.0, 0.0, 0.0, 0.0]]
     """

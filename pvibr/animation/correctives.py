@@ -165,7 +165,7 @@ class Correctives:
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr import Morphs
+    >>> from pvibr.animation import Morphs
     >>> from pvibr.animation.correctives import Correctives, PoseSpace
     >>> from pvibr.animation.pose import Pose
     >>> half_turn = Pose(np.zeros((1, 1, 3)), [[[0.0, 1.0, 0.0, 0.0]]])
@@ -264,9 +264,12 @@ class Correctives:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure, Pose, Skeleton
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh, Pose, Skeleton
         >>> from pvibr.animation.correctives import Correctives
-        >>> ball = Figure([Body(pv.Sphere(), node=0)], Skeleton([-1], Pose([[0.0, 0.0, 0.0]])))
+        >>> ball = Figure(
+        ...     [FigureMesh(pv.Sphere(), node=0)], Skeleton([-1], Pose([[0.0, 0.0, 0.0]]))
+        ... )
         >>> turned = Pose([[[0.0, 0.0, 0.0]]], [[[0.0, 1.0, 0.0, 0.0]]])
         >>> larger = 2 * ball.posed(0, turned[0])[0]
         >>> fix = Correctives.from_sculpted(ball, [0], turned, larger[None])

@@ -8,11 +8,11 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.animation import sources
-from pvibr.animation.body import Body
 from pvibr.animation.clip import Clip
-from pvibr.animation.frames import Frames
+from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.model import Model
 from pvibr.animation.pose import Pose
+from pvibr.animation.vertex_animation import VertexAnimation
 
 # Looked up when a figure is saved: what reads and writes files stands above what they hold.
 _WRITER = 'pvibr.animation.gltf.write'
@@ -46,8 +46,9 @@ class Figure(Model):
     Examples
     --------
     >>> import pyvista as pv
-    >>> from pvibr import Body, Figure
-    >>> Figure([Body(pv.Cube())]).mesh().n_cells
+    >>> from pvibr import Figure
+    >>> from pvibr.animation import FigureMesh
+    >>> Figure([FigureMesh(pv.Cube())]).mesh().n_cells
     6
     """
 
@@ -139,7 +140,8 @@ class Figure(Model):
         A strip that is bent at its middle.
 
         >>> import numpy as np
-        >>> from pvibr import Figure, Pose
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import Pose
         >>> points = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0]]
         >>> bone = np.eye(3)[[0, 0]] * [[0], [1]]
         >>> strip = Figure.from_arrays(
@@ -159,7 +161,10 @@ class Figure(Model):
             joints, weights, parents, rest, inverse_bind, names
         )
         return cls(
-            [Body(mesh, -1, skin, morphs, frames, look or {}, name)], skeleton, clips, name=name
+            [FigureMesh(mesh, -1, skin, morphs, frames, look or {}, name)],
+            skeleton,
+            clips,
+            name=name,
         )
 
     @classmethod
@@ -203,11 +208,11 @@ class Figure(Model):
         1.0
         """
         surfaces, times = sources.series_of(meshes, times)
-        frames = Frames.from_meshes(surfaces, times, interpolation)
+        frames = VertexAnimation.from_meshes(surfaces, times, interpolation)
         if frames.times[0] < 0:
             msg = f'times[0] is {frames.times[0]}; times of a series are from 0 on.'
             raise ValueError(msg)
-        body = Body(surfaces[0], frames=frames, look=look or {}, name=name)
+        body = FigureMesh(surfaces[0], frames=frames, look=look or {}, name=name)
         return cls([body], clips=[Clip(name, [], frames.times[-1])], name=name)
 
     @classmethod
@@ -266,8 +271,9 @@ class Figure(Model):
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Clip, Figure
-        >>> Figure([Body(pv.Cube())], clips=[Clip('Walk', [])]).clip('Walk')
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh, Clip
+        >>> Figure([FigureMesh(pv.Cube())], clips=[Clip('Walk', [])]).clip('Walk')
         Clip('Walk', 0 tracks, 0 s)
         """
         if clip is None:
@@ -306,8 +312,9 @@ class Figure(Model):
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> Figure([Body(pv.Cube())]).sample([0.0, 1.0]).shape
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
+        >>> Figure([FigureMesh(pv.Cube())]).sample([0.0, 1.0]).shape
         (2,)
         """
         found = self.clip(clip)
@@ -356,8 +363,9 @@ class Figure(Model):
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> Figure([Body(pv.Cube()), Body(pv.Sphere())]).mesh().n_blocks
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
+        >>> Figure([FigureMesh(pv.Cube()), FigureMesh(pv.Sphere())]).mesh().n_blocks
         2
         """
         pose = self.sample(time, clip, loop) if pose is None else pose
@@ -454,10 +462,11 @@ class Figure(Model):
         --------
         >>> import pathlib, tempfile
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     file = pathlib.Path(folder) / 'cube.glb'
-        ...     Figure([Body(pv.Cube().triangulate())]).save(file)
+        ...     Figure([FigureMesh(pv.Cube().triangulate())]).save(file)
         ...     file.read_bytes()[:4]
         b'glTF'
         """

@@ -16,7 +16,7 @@ _CONJUGATE = np.array([[1.0], [-1.0], [-1.0], [-1.0]])
 
 
 @dataclass(frozen=True)
-class Limit:
+class JointLimit:
     """How far one joint may turn away from its rest.
 
     Parameters
@@ -37,9 +37,9 @@ class Limit:
 
     Examples
     --------
-    >>> from pvibr.animation.limits import Limit
-    >>> Limit.hinge([1, 0, 0], 0.0, 2.5)
-    Limit(axis=(1.0, 0.0, 0.0), swing=0.0, twist=(0.0, 2.5))
+    >>> from pvibr.animation.limits import JointLimit
+    >>> JointLimit.hinge([1, 0, 0], 0.0, 2.5)
+    JointLimit(axis=(1.0, 0.0, 0.0), swing=0.0, twist=(0.0, 2.5))
     """
 
     axis: tuple
@@ -81,8 +81,8 @@ class Limit:
 
         Examples
         --------
-        >>> from pvibr.animation.limits import Limit
-        >>> Limit.hinge([0, 0, 3]).swing
+        >>> from pvibr.animation.limits import JointLimit
+        >>> JointLimit.hinge([0, 0, 3]).swing
         0.0
         """
         return cls(axis, 0.0, (low, high))
@@ -98,7 +98,7 @@ class Limits:
             if not 0 <= joint < n:
                 msg = f'limits has joint {joint}; there are joints 0 to {n - 1}.'
                 raise ValueError(msg)
-        free = Limit((0.0, 0.0, 1.0))
+        free = JointLimit((0.0, 0.0, 1.0))
         all_ = [limits.get(joint, free) for joint in range(n)]
         self.axis = np.array([limit.axis for limit in all_]).reshape(n, 3)
         self.swing = np.array([limit.swing for limit in all_])

@@ -20,7 +20,7 @@ from pvibr.animation.pose import Pose
 
 
 @dataclass(frozen=True, eq=False)
-class Play:
+class ClipSource:
     """A clip of a figure as a source of poses.
 
     Parameters
@@ -47,10 +47,11 @@ class Play:
     Examples
     --------
     >>> import pyvista as pv
-    >>> from pvibr import Body, Clip, Figure
-    >>> from pvibr.animation.mixer import Play
-    >>> cube = Figure([Body(pv.Cube())], clips=[Clip('still', [], duration=3.0)])
-    >>> Play(cube, 'still', speed=2.0).duration
+    >>> from pvibr import Figure
+    >>> from pvibr.animation import FigureMesh, Clip
+    >>> from pvibr.animation.mixer import ClipSource
+    >>> cube = Figure([FigureMesh(pv.Cube())], clips=[Clip('still', [], duration=3.0)])
+    >>> ClipSource(cube, 'still', speed=2.0).duration
     1.5
     """
 
@@ -89,9 +90,10 @@ class Play:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> from pvibr.animation.mixer import Play
-        >>> Play(Figure([Body(pv.Cube())])).sample([0.0, 1.0]).shape
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
+        >>> from pvibr.animation.mixer import ClipSource
+        >>> ClipSource(Figure([FigureMesh(pv.Cube())])).sample([0.0, 1.0]).shape
         (2,)
         """
         times = self.offset + self.speed * np.asarray(times, dtype=np.float64)
@@ -107,7 +109,7 @@ class Play:
 
 
 @dataclass(frozen=True, eq=False)
-class Still:
+class PoseSource:
     """One pose at all times, as a source of poses.
 
     Parameters
@@ -117,9 +119,9 @@ class Still:
 
     Examples
     --------
-    >>> from pvibr import Pose
-    >>> from pvibr.animation.mixer import Still
-    >>> Still(Pose([[1.0, 0.0, 0.0]])).sample([0.0, 1.0]).translation.shape
+    >>> from pvibr.animation import Pose
+    >>> from pvibr.animation.mixer import PoseSource
+    >>> PoseSource(Pose([[1.0, 0.0, 0.0]])).sample([0.0, 1.0]).translation.shape
     (2, 1, 3)
     """
 
@@ -140,9 +142,9 @@ class Still:
 
         Examples
         --------
-        >>> from pvibr import Pose
-        >>> from pvibr.animation.mixer import Still
-        >>> Still(Pose([[1.0, 0.0, 0.0]])).sample(0.0).translation.tolist()
+        >>> from pvibr.animation import Pose
+        >>> from pvibr.animation.mixer import PoseSource
+        >>> PoseSource(Pose([[1.0, 0.0, 0.0]])).sample(0.0).translation.tolist()
         [[1.0, 0.0, 0.0]]
         """
         total = PoseSum(np.shape(times), self.pose)
@@ -150,7 +152,7 @@ class Still:
         return total.pose()
 
 
-class Synced:
+class SyncedClips:
     """Clips of different lengths in step: walk and run with the same foot in front.
 
     All share one phase, that of a round; each clip is stretched to it. Rounds per second are the
@@ -176,10 +178,13 @@ class Synced:
     Examples
     --------
     >>> import pyvista as pv
-    >>> from pvibr import Body, Clip, Figure
-    >>> from pvibr.animation.mixer import Synced
+    >>> from pvibr import Figure
+    >>> from pvibr.animation import FigureMesh, Clip
+    >>> from pvibr.animation.mixer import SyncedClips
     >>> clips = [Clip('walk', [], duration=1.0), Clip('run', [], duration=0.5)]
-    >>> gait = Synced(Figure([Body(pv.Cube())], clips=clips), ['walk', 'run'], [0.5, 0.5])
+    >>> gait = SyncedClips(
+    ...     Figure([FigureMesh(pv.Cube())], clips=clips), ['walk', 'run'], [0.5, 0.5]
+    ... )
     >>> gait.phase(2.0)  # one and a half rounds per second
     np.float64(3.0)
     """
@@ -218,10 +223,13 @@ class Synced:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Clip, Figure
-        >>> from pvibr.animation.mixer import Synced
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh, Clip
+        >>> from pvibr.animation.mixer import SyncedClips
         >>> clips = [Clip('walk', [], duration=1.0), Clip('run', [], duration=0.5)]
-        >>> gait = Synced(Figure([Body(pv.Cube())], clips=clips), ['walk', 'run'], [1, 0])
+        >>> gait = SyncedClips(
+        ...     Figure([FigureMesh(pv.Cube())], clips=clips), ['walk', 'run'], [1, 0]
+        ... )
         >>> gait.go([0, 1], at=1.0, fade=2.0)
         >>> gait.phase([1.0, 3.0, 4.0]).tolist()
         [1.0, 4.0, 6.0]
@@ -248,10 +256,11 @@ class Synced:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Clip, Figure
-        >>> from pvibr.animation.mixer import Synced
-        >>> cube = Figure([Body(pv.Cube())], clips=[Clip('walk', [], duration=2.0)])
-        >>> Synced(cube, ['walk'], [1.0]).phase([-1.0, 0.0, 3.0]).tolist()
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh, Clip
+        >>> from pvibr.animation.mixer import SyncedClips
+        >>> cube = Figure([FigureMesh(pv.Cube())], clips=[Clip('walk', [], duration=2.0)])
+        >>> SyncedClips(cube, ['walk'], [1.0]).phase([-1.0, 0.0, 3.0]).tolist()
         [-0.5, 0.0, 1.5]
         """
         return self.weights.integral(times) @ self._rates
@@ -272,10 +281,11 @@ class Synced:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Clip, Figure
-        >>> from pvibr.animation.mixer import Synced
-        >>> cube = Figure([Body(pv.Cube())], clips=[Clip('walk', [], duration=2.0)])
-        >>> Synced(cube, ['walk'], [1.0]).sample([0.0, 3.0]).shape
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh, Clip
+        >>> from pvibr.animation.mixer import SyncedClips
+        >>> cube = Figure([FigureMesh(pv.Cube())], clips=[Clip('walk', [], duration=2.0)])
+        >>> SyncedClips(cube, ['walk'], [1.0]).sample([0.0, 3.0]).shape
         (2,)
         """
         times = np.asarray(times, dtype=np.float64)
@@ -288,7 +298,7 @@ class Synced:
         return total.pose()
 
 
-class Layer:
+class AnimationLayer:
     """What a mixer puts over the layers below.
 
     Parameters
@@ -311,9 +321,9 @@ class Layer:
 
     Examples
     --------
-    >>> from pvibr import Pose
-    >>> from pvibr.animation.mixer import Layer, Still
-    >>> layer = Layer(Still(Pose([[4.0, 0.0, 0.0]])), 0.0)
+    >>> from pvibr.animation import Pose
+    >>> from pvibr.animation.mixer import AnimationLayer, PoseSource
+    >>> layer = AnimationLayer(PoseSource(Pose([[4.0, 0.0, 0.0]])), 0.0)
     >>> layer.weight.go(1.0, at=1.0, fade=2.0)
     >>> layer.over(Pose([[0.0, 0.0, 0.0]]), 2.0).translation.tolist()
     [[2.0, 0.0, 0.0]]
@@ -342,9 +352,9 @@ class Layer:
 
         Examples
         --------
-        >>> from pvibr import Pose
-        >>> from pvibr.animation.mixer import Layer, Still
-        >>> layer = Layer(Still(Pose([[4.0, 0.0, 0.0]])), 0.25)
+        >>> from pvibr.animation import Pose
+        >>> from pvibr.animation.mixer import AnimationLayer, PoseSource
+        >>> layer = AnimationLayer(PoseSource(Pose([[4.0, 0.0, 0.0]])), 0.25)
         >>> layer.over(Pose([[0.0, 0.0, 0.0]]), 1.0).translation.tolist()
         [[1.0, 0.0, 0.0]]
         """
@@ -370,10 +380,14 @@ class Mixer:
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr import Pose
-    >>> from pvibr.animation.mixer import Layer, Mixer, Still
+    >>> from pvibr.animation import Pose
+    >>> from pvibr.animation.mixer import AnimationLayer, Mixer, PoseSource
     >>> rest, up, right = (Pose([p]) for p in np.array([[0, 0, 0], [0, 0, 1], [2, 0, 0]]))
-    >>> mixer = Mixer(Still(rest), Layer(Still(right), 0.5), Layer(Still(up), 3.0, reference=rest))
+    >>> mixer = Mixer(
+    ...     PoseSource(rest),
+    ...     AnimationLayer(PoseSource(right), 0.5),
+    ...     AnimationLayer(PoseSource(up), 3.0, reference=rest),
+    ... )
     >>> mixer.sample(0.0).translation.tolist()
     [[1.0, 0.0, 3.0]]
     """
@@ -405,9 +419,9 @@ class Mixer:
 
         Examples
         --------
-        >>> from pvibr import Pose
-        >>> from pvibr.animation.mixer import Mixer, Still
-        >>> Mixer(Still(Pose([[0.0, 0.0, 0.0]]))).sample([0.0, 1.0]).shape
+        >>> from pvibr.animation import Pose
+        >>> from pvibr.animation.mixer import Mixer, PoseSource
+        >>> Mixer(PoseSource(Pose([[0.0, 0.0, 0.0]]))).sample([0.0, 1.0]).shape
         (2,)
         """
         pose = self.base.sample(times)

@@ -32,9 +32,9 @@ class Model:
     Examples
     --------
     >>> import pyvista as pv
-    >>> from pvibr import Body
+    >>> from pvibr.animation import FigureMesh
     >>> from pvibr.animation.model import Model
-    >>> Model([Body(pv.Cube())]).bounds().round(3).tolist()
+    >>> Model([FigureMesh(pv.Cube())]).bounds().round(3).tolist()
     [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
     """
 
@@ -81,8 +81,9 @@ class Model:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> Figure([Body(pv.Cube())]).world().shape
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
+        >>> Figure([FigureMesh(pv.Cube())]).world().shape
         (0, 4, 4)
         """
         if pose is None or isinstance(pose, Pose):
@@ -116,8 +117,9 @@ class Model:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> Figure([Body(pv.Cube())]).weights(0).shape
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
+        >>> Figure([FigureMesh(pv.Cube())]).weights(0).shape
         (0,)
         """
         weights = self.rest.weights
@@ -159,8 +161,9 @@ class Model:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> points, normals = Figure([Body(pv.Sphere())]).posed(0)
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
+        >>> points, normals = Figure([FigureMesh(pv.Sphere())]).posed(0)
         >>> abs(points - 0.5 * normals).max() < 1e-2
         np.True_
         """
@@ -190,8 +193,9 @@ class Model:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> Figure([Body(pv.Cube())]).layers(0)
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
+        >>> Figure([FigureMesh(pv.Cube())]).layers(0)
         []
         """
         layers = []
@@ -239,12 +243,13 @@ class Model:
         --------
         >>> import numpy as np
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure, Morphs
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh, Morphs
         >>> mesh = pv.PolyData(np.zeros((1, 3)))
         >>> mesh['paint'] = np.array([[0, 0, 100]], np.uint8)
         >>> blush = Morphs([[[0, 0, 0]]], colors=[[[1, 0, 0]]], weights=[0.5])
         >>> look = {'scalars': 'paint', 'rgb': True}
-        >>> Figure([Body(mesh, morphs=blush, look=look)]).colors(0).tolist()
+        >>> Figure([FigureMesh(mesh, morphs=blush, look=look)]).colors(0).tolist()
         [[128, 0, 100]]
         """
         body = self.bodies[index]
@@ -283,10 +288,11 @@ class Model:
         --------
         >>> import numpy as np
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
         >>> mesh = pv.Plane()
         >>> mesh['Tangents'] = np.tile([2.0, 0.0, 0.0], (mesh.n_points, 1))
-        >>> Figure([Body(mesh)]).tangents(0)[0].tolist()
+        >>> Figure([FigureMesh(mesh)]).tangents(0)[0].tolist()
         [1.0, 0.0, 0.0]
         """
         body = self.bodies[index]
@@ -326,8 +332,9 @@ class Model:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr import Body, Figure
-        >>> Figure([Body(pv.Cube())]).bounds().round(3).tolist()
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
+        >>> Figure([FigureMesh(pv.Cube())]).bounds().round(3).tolist()
         [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
         """
         world = self.world(pose)

@@ -41,7 +41,7 @@ class Morphs:
 
     Examples
     --------
-    >>> from pvibr import Morphs
+    >>> from pvibr.animation import Morphs
     >>> smile = Morphs([([2], [[0.0, 0.0, 1.0]])], names=['smile'])
     >>> smile.total('positions', [0.5], 4)[2].tolist()
     [0.0, 0.0, 0.5]
@@ -91,7 +91,7 @@ class Morphs:
 
         Examples
         --------
-        >>> from pvibr import Morphs
+        >>> from pvibr.animation import Morphs
         >>> Morphs([([0], [[0, 0, 1]])]).has('normals')
         False
         """
@@ -115,7 +115,7 @@ class Morphs:
 
         Examples
         --------
-        >>> from pvibr import Morphs
+        >>> from pvibr.animation import Morphs
         >>> Morphs([([7], [[0, 0, 1]])]).target('positions', 0)[0].tolist()
         [7]
         """
@@ -140,7 +140,7 @@ class Morphs:
 
         Examples
         --------
-        >>> from pvibr import Morphs
+        >>> from pvibr.animation import Morphs
         >>> Morphs([[[1.0, 0, 0]], [[0, 1.0, 0]]]).total('positions', [2.0, -1.0], 1).tolist()
         [[2.0, -1.0, 0.0]]
         """
@@ -166,7 +166,7 @@ class Morphs:
 
         Examples
         --------
-        >>> from pvibr import Morphs
+        >>> from pvibr.animation import Morphs
         >>> Morphs([[[1.0, 0, 0]]]).width('positions')
         3
         """
@@ -191,7 +191,7 @@ class Morphs:
         --------
         >>> import numpy as np
         >>> import pyvista as pv
-        >>> from pvibr import Morphs
+        >>> from pvibr.animation import Morphs
         >>> flat = pv.Plane()
         >>> slope = Morphs([flat.points[:, :1] * [0, 0, 1]]).with_normals(flat)
         >>> slope.target('normals', 0)[1][0].tolist()
@@ -223,7 +223,7 @@ class Morphs:
 
         Examples
         --------
-        >>> from pvibr import Morphs
+        >>> from pvibr.animation import Morphs
         >>> Morphs([[[1.0, 0, 0]]]).check(1)
         """
         for what, targets in self._targets.items():

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pvibr.animation.limits import Limits
-from pvibr.animation.mixer import Still, revision_of
+from pvibr.animation.mixer import PoseSource, revision_of
 from pvibr.animation.pose import Pose
 from pvibr.maths.transforms import trs
 
@@ -17,14 +17,14 @@ class Rig:
     """A skeleton with limits, constraints and targets to reach.
 
     The steps are done in the order given, each on the pose that the one before left: constraints
-    before and after :class:`~pvibr.animation.reach.Reach` differ in what they see. A step keeps
+    before and after `InverseKinematics` differ in what they see. A step keeps
     the limits of the joints that it turns.
 
     Parameters
     ----------
     skeleton : Skeleton
         The joints.
-    steps : sequence of Reach, Aim, Copy or KeepLimits
+    steps : sequence of Reach, Aim, Copy or ClampToLimits
         What to do.
     limits : dict of (str or int) to Limit, optional
         Limits of joints, counted from the skeleton's pose at rest.
@@ -46,10 +46,12 @@ class Rig:
 
     Examples
     --------
-    >>> from pvibr import Limit, Pose, Reach, Rig, Skeleton
+    >>> from pvibr.animation import JointLimit, Pose, InverseKinematics, Rig, Skeleton
     >>> bones = Pose([[0, 0, 0], [1, 0, 0], [1, 0, 0]])
     >>> arm = Skeleton([-1, 0, 1], bones, ['shoulder', 'elbow', 'hand'])
-    >>> rig = Rig(arm, [Reach('hand')], {'elbow': Limit.hinge([0, 0, 1], 0.0, 2.6)})
+    >>> rig = Rig(
+    ...     arm, [InverseKinematics('hand')], {'elbow': JointLimit.hinge([0, 0, 1], 0.0, 2.6)}
+    ... )
     >>> pose = rig.solve(arm.rest, {'hand': [1.0, 1.0, 0.0]})
     >>> arm.world(pose)[2, :3, 3].round(2) + 0.0
     array([1., 1., 0.])
@@ -86,7 +88,7 @@ class Rig:
         pose : Pose
             One pose: of a clip, or the one solved before.
         targets : dict of str to array_like, shape (3,), optional
-            Points in the figure's space by name: for :class:`~pvibr.animation.reach.Reach`
+            Points in the figure's space by name: for `InverseKinematics`
             the names of effectors, for others the names that they ask for. An effector without
             a target is left alone.
 
@@ -103,7 +105,7 @@ class Rig:
         Examples
         --------
         >>> import numpy as np
-        >>> from pvibr import Aim, Pose, Rig, Skeleton
+        >>> from pvibr.animation import Aim, Pose, Rig, Skeleton
         >>> eye = Skeleton([-1], Pose([[0, 0, 0]]), ['eye'])
         >>> pose = Rig(eye, [Aim('eye', 'moon', axis=[1, 0, 0])]).solve(
         ...     eye.rest, {'moon': [0, 0, 5]}
@@ -140,10 +142,10 @@ class Rig:
 
         Examples
         --------
-        >>> from pvibr import Pose, Reach, Rig, Skeleton
+        >>> from pvibr.animation import Pose, InverseKinematics, Rig, Skeleton
         >>> bones = Pose([[0, 0, 0], [1, 0, 0], [1, 0, 0]])
         >>> arm = Skeleton([-1, 0, 1], bones, ['shoulder', 'elbow', 'hand'])
-        >>> rig = Rig(arm, [Reach('hand')])
+        >>> rig = Rig(arm, [InverseKinematics('hand')])
         >>> lifted = rig.on(arm.rest, lambda time: {'hand': [1.0, time, 0.0]})
         >>> arm.world(lifted.sample([0.5, 1.5]))[:, 2, 1, 3].round(2)
         array([0.5, 1.5])
@@ -190,7 +192,7 @@ class Rigged:
     """Poses of a source after the steps of a rig, see :meth:`Rig.on`."""
 
     def __init__(self, rig, source, targets=None):
-        source = Still(source) if isinstance(source, Pose) else source
+        source = PoseSource(source) if isinstance(source, Pose) else source
         if not callable(getattr(source, 'sample', None)):
             msg = f'source is {source!r}; it must be a Pose or have sample(times).'
             raise TypeError(msg)

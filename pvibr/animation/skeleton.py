@@ -32,7 +32,7 @@ class Skeleton:
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr import Pose, Skeleton
+    >>> from pvibr.animation import Pose, Skeleton
     >>> arm = Skeleton([-1, 0, 1], Pose(np.eye(3)[[0, 0, 0]]), ['shoulder', 'elbow', 'hand'])
     >>> arm.world(arm.rest)[arm.index('hand'), :3, 3].tolist()
     [3.0, 0.0, 0.0]
@@ -93,7 +93,7 @@ class Skeleton:
 
         Examples
         --------
-        >>> from pvibr import Skeleton
+        >>> from pvibr.animation import Skeleton
         >>> import numpy as np
         >>> Skeleton([-1], [np.eye(4)], ['hip']).index('hip')
         0
@@ -126,7 +126,7 @@ class Skeleton:
         Examples
         --------
         >>> import numpy as np
-        >>> from pvibr import Pose, Skeleton
+        >>> from pvibr.animation import Pose, Skeleton
         >>> pair = Skeleton([-1, 0], Pose([[0, 0, 1.0], [0, 0, 1.0]]))
         >>> pair.world(pair.rest)[:, 2, 3].tolist()
         [1.0, 2.0]
@@ -158,7 +158,7 @@ class Skeleton:
         Examples
         --------
         >>> import numpy as np
-        >>> from pvibr import Pose, Skeleton
+        >>> from pvibr.animation import Pose, Skeleton
         >>> pair = Skeleton([-1, 0], Pose([[0, 0, 1.0], [0, 0, 1.0]]))
         >>> pair.local(pair.world(pair.rest))[1, 2, 3]
         np.float64(1.0)

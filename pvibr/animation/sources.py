@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-from pvibr.animation.body import Body, Skin
+from pvibr.animation.figure_mesh import FigureMesh, Skin
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
 from pvibr.core.errors import PvibrWarning
@@ -115,7 +115,7 @@ def scene_of(scene):
         if geometry is None:
             continue
         mesh, look = _of_trimesh(geometry, textures)
-        bodies.append(Body(mesh, number[node], look=look, name=str(node)))
+        bodies.append(FigureMesh(mesh, number[node], look=look, name=str(node)))
     return bodies, Skeleton(parents, Pose.from_matrices(local, name='rest'), names)
 
 

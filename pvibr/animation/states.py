@@ -50,7 +50,7 @@ class States:
     See Also
     --------
     StateGraph : States of poses.
-    pvibr.animation.frame_states.FrameStates : States of key frames.
+    pvibr.animation.vertex_animation_states.VertexAnimationStates : States of key frames.
 
     Examples
     --------
@@ -327,14 +327,14 @@ class StateGraph(States):
 
     See Also
     --------
-    pvibr.animation.frame_states.FrameStates : The same for key frames of whole meshes.
+    pvibr.animation.VertexAnimationStates : The same for key frames of whole meshes.
 
     Examples
     --------
-    >>> from pvibr import Pose
-    >>> from pvibr.animation.mixer import Still
+    >>> from pvibr.animation import Pose
+    >>> from pvibr.animation.mixer import PoseSource
     >>> from pvibr.animation.states import StateGraph
-    >>> low, high = Still(Pose([[0.0, 0.0, 0.0]])), Still(Pose([[0.0, 0.0, 1.0]]))
+    >>> low, high = PoseSource(Pose([[0.0, 0.0, 0.0]])), PoseSource(Pose([[0.0, 0.0, 1.0]]))
     >>> graph = StateGraph({'crouch': low, 'stand': high}, fade=2.0)
     >>> graph.go('stand', at=1.0)
     >>> graph.sample([1.0, 1.5, 9.0]).translation[:, 0, 2].tolist()
@@ -363,10 +363,10 @@ class StateGraph(States):
 
         Examples
         --------
-        >>> from pvibr import Pose
-        >>> from pvibr.animation.mixer import Still
+        >>> from pvibr.animation import Pose
+        >>> from pvibr.animation.mixer import PoseSource
         >>> from pvibr.animation.states import StateGraph
-        >>> StateGraph({'stand': Still(Pose([[0.0, 0.0, 1.0]]))}).sample([0.0, 1.0]).shape
+        >>> StateGraph({'stand': PoseSource(Pose([[0.0, 0.0, 1.0]]))}).sample([0.0, 1.0]).shape
         (2,)
         """
         times = np.asarray(times, dtype=np.float64)

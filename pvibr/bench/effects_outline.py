@@ -14,7 +14,7 @@ from pvibr.core.effect import Effect
 from pvibr.effects.outline import Outline
 from pvibr.gl import Quad
 from pvibr.maths.cameras import as_camera
-from pvibr.projection.silhouette_lines import outline
+from pvibr.projection.silhouette_lines import silhouette_lines
 
 # As fine as a silhouette that is known to a part of a pixel asks for.
 MESHES = {
@@ -45,8 +45,8 @@ def contour(mesh, camera, size) -> np.ndarray:
 
 
 def inner(mesh, camera, size) -> np.ndarray:
-    """Return places along the polylines that :func:`pvibr.outline` gives, inner ones included."""
-    found, places = outline(mesh, camera, size=size), []
+    """Return places along the polylines that :func:`pvibr.silhouette_lines` gives, inner ones included."""
+    found, places = silhouette_lines(mesh, camera, size=size), []
     uv, _ = as_camera(camera, size).project(np.asarray(found.points, float))
     xy = np.array([0, size[1]]) + uv * size * [1, -1]
     lines, i = found.lines, 0

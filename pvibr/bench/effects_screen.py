@@ -10,8 +10,8 @@ import numpy as np
 from pvibr.bench.copies import Stand, in_copies
 from pvibr.core.frame import Frame
 from pvibr.effects.backgrounds import Sky
-from pvibr.effects.own import ImageEffect
-from pvibr.effects.screen import Flash, Iris, NightVision, Picture, Vignette
+from pvibr.effects.own import ShaderEffect
+from pvibr.effects.screen import Flash, ImageOverlay, Iris, NightVision, Vignette
 from pvibr.effects.tone_mapping import ToneMapping
 from pvibr.gl.offscreen import hidden_window
 from pvibr.maths.tones import CURVES
@@ -43,5 +43,5 @@ def _effects(size) -> dict[str, Any]:
         Sky(),
     )
     found |= {e.name if e.name != 'ToneMapping' else 'ToneMapping auto': e for e in others}
-    own = ImageEffect(ImageEffect.template, amount=0.5, tint=(1.0, 0.9, 0.7))
-    return found | {'Picture': Picture(image), 'ImageEffect, the template': own}
+    own = ShaderEffect(ShaderEffect.template, amount=0.5, tint=(1.0, 0.9, 0.7))
+    return found | {'ImageOverlay': ImageOverlay(image), 'ShaderEffect, the template': own}

@@ -18,11 +18,11 @@ from pvibr.effects.bloom import Bloom
 from pvibr.effects.depth_of_field import DepthOfField
 from pvibr.effects.glow import Afterglow, Glow
 from pvibr.effects.outline import Outline
-from pvibr.effects.screen import Flash, Iris, NightVision, Picture, Vignette
+from pvibr.effects.screen import Flash, ImageOverlay, Iris, NightVision, Vignette
 from pvibr.effects.tone_mapping import ToneMapping
 from pvibr.gl import Quad, Target, Texture
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.picture import Picture as Canvas
+from pvibr.gl.picture import Picture
 from pvibr.pipeline import Pipeline
 
 FIVE = ('Glow', 'Bloom', 'ToneMapping', 'Outline', 'Vignette')
@@ -39,7 +39,7 @@ def scene(size) -> tuple[Any, dict[str, Effect]]:
     image = np.random.default_rng(0).integers(0, 256, (200, 300, 4), np.uint8)
     effects = (
         Sky(), DepthOfField((0, 0, 0)), Glow(ring), Afterglow(cube), Bloom(threshold=0.5),
-        ToneMapping(), Outline(), Picture(image, opacity=0.5), NightVision(intensity=0.5),
+        ToneMapping(), Outline(), ImageOverlay(image, opacity=0.5), NightVision(intensity=0.5),
         Vignette(), Flash(at=0), Iris(),
     )  # fmt: skip
     found: dict[str, Effect] = {}
@@ -138,7 +138,7 @@ class _Clock:
     def of_python(self):
         """Return replacements that count what Python takes, and leave out what GL does."""
         # Where Python hands over to GL, and those of the pipeline that VTK calls.
-        gl = (Canvas, '_blit'), (Texture, 'download'), (Drawer, 'draw'), (Target, '_clear')
+        gl = (Picture, '_blit'), (Texture, 'download'), (Drawer, 'draw'), (Target, '_clear')
         changes: list[tuple[Any, str, Any]] = [
             (owner, name, self._counted(getattr(owner, name), -1)) for owner, name in gl
         ]

@@ -59,7 +59,7 @@ def _camera(places):
 def _own(figure, places, times, camera, settings, results):
     """Return the milliseconds of a frame in which all move."""
     with Stage(settings.screen, view_angle=VIEW_ANGLE) as stage:
-        crowd = stage.plotter.ibr.add_figure(figure, places, times=times, progress=False)
+        crowd = stage.plotter.ibr.add_animated(figure, places, times=times, progress=False)
         stage.look(camera)
         stage.draw()
         found, python = [], []
@@ -129,7 +129,7 @@ def _error(figure, places, times, camera, settings, results):
     truth, covered = _full(*part, SAMPLES, seconds)
     once, _ = _full(*part, 1, seconds)
     with Stage(settings.screen, view_angle=VIEW_ANGLE) as stage:
-        stage.plotter.ibr.add_figure(figure, places[lot], times=times[lot], progress=False)
+        stage.plotter.ibr.add_animated(figure, places[lot], times=times[lot], progress=False)
         own = []
         for t in seconds:
             stage.plotter.ibr.time = t

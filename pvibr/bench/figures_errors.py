@@ -26,7 +26,7 @@ def shown(figure, **settings):
     """Show a figure in a small window."""
     plotter = pv.Plotter(off_screen=True, window_size=[64, 64])
     try:
-        actor = plotter.ibr.add_figure(figure, **settings)
+        actor = plotter.ibr.add_animated(figure, **settings)
         plotter.show(auto_close=False)
         yield actor
     finally:

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 import pvibr
-from pvibr.animation.body import Body
 from pvibr.animation.clip import Clip, Track
 from pvibr.animation.figure import Figure
-from pvibr.animation.frames import Frames
+from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.morphs import Morphs
 from pvibr.animation.pose import Pose
+from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.maths.quaternions import from_axis_angle
 
 LENGTH, RADIUS = 8.0, 0.6
@@ -64,7 +64,9 @@ def swelling(rings, around, *, offset=0.0, frames=5) -> Figure:
         shapes.append(shape + offset)
     still = Figure.from_arrays(shapes[0], faces)
     times = 0.5 * np.arange(frames)
-    body = Body(still.bodies[0].mesh, frames=Frames(times, np.stack(shapes), None, 'linear'))
+    body = FigureMesh(
+        still.bodies[0].mesh, frames=VertexAnimation(times, np.stack(shapes), None, 'linear')
+    )
     return Figure([body], clips=[Clip('swell', [], times[-1])])
 
 

@@ -10,7 +10,7 @@ from pvibr.animation.chain import Chain
 from pvibr.animation.correctives import Correctives, PoseSpace
 from pvibr.animation.figure import Figure
 from pvibr.animation.kinematics import solve
-from pvibr.animation.limits import Limit
+from pvibr.animation.limits import JointLimit
 from pvibr.animation.pose import Pose
 from pvibr.bench.figures_models import tube
 from pvibr.bench.rows import Row
@@ -67,8 +67,8 @@ def limited_chain(rng) -> tuple:
 def _limit(rng):
     low, high = -rng.uniform(0, 1), rng.uniform(0.1, 1)
     if rng.random() < 0.5:
-        return Limit.hinge(rng.normal(size=3), low, high)
-    return Limit(rng.normal(size=3), rng.uniform(0.1, 1), (low, high))
+        return JointLimit.hinge(rng.normal(size=3), low, high)
+    return JointLimit(rng.normal(size=3), rng.uniform(0.1, 1), (low, high))
 
 
 def correcting(settings, results):

@@ -101,7 +101,7 @@ def _milliseconds(way, moment=None):
 class _Gpu:
     def __init__(self, figure, screen):
         self.stage = Stage(screen)
-        self.stage.plotter.ibr.add_figure(figure)
+        self.stage.plotter.ibr.add_animated(figure)
         self.stage.look(CAMERA)
 
     def pose(self, moment):
@@ -165,7 +165,7 @@ def morph_times(around, rings, count, screen, rounds) -> dict:
 class _Weights:
     def __init__(self, figure, screen, count):
         self.stage = Stage(screen)
-        self.actor = self.stage.plotter.ibr.add_figure(figure)
+        self.actor = self.stage.plotter.ibr.add_animated(figure)
         self.actor.driver = None  # a clip would be sampled anew
         self.stage.look(CAMERA)
         self.weights = np.zeros(count)

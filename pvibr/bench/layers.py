@@ -84,7 +84,7 @@ def _track(settings, results):
 def _path(settings, results, name, cameras, bars):
     with _stage(settings) as stage:
         stage.look(cameras[0])
-        layers = stage.plotter.ibr.add_layers()
+        layers = stage.plotter.ibr.add_image_layers()
         for warp in ('affine', 'projective'):
             for max_error in settings.errors:
                 layers.warp, layers.max_error = warp, max_error
@@ -147,7 +147,7 @@ def _depth_of_field(settings, results):
     cameras = pan(settings.frames)
     with _stage(settings) as stage:
         stage.look(cameras[0])
-        layers = stage.plotter.ibr.add_layers()
+        layers = stage.plotter.ibr.add_image_layers()
         for blur in (0.0, 4.0):
             layers.blur = (0.0, blur)
             found = _timed(stage, layers, cameras)

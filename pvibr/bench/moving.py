@@ -65,7 +65,7 @@ def _drags(settings, results):
         camera = scene.path(1, share, share)[0]
         found[share] = {}
         for limit in settings.limits:
-            plotter.ibr.moving_ms = limit
+            plotter.ibr.interactive_frame_ms = limit
             found[share][limit] = mouse.drag(camera, settings.frames)
     results.settings['samples'] = plotter.render_window.GetMultiSamples()
     plotter.close()
@@ -98,7 +98,7 @@ def _rows(limit, drags):
 
 
 def _name(limit):
-    return f'moving_ms {limit:g}' if limit else 'full quality'
+    return f'interactive_frame_ms {limit:g}' if limit else 'full quality'
 
 
 class _Mouse:

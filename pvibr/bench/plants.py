@@ -10,7 +10,7 @@ import pyvista as pv
 
 from pvibr.bench.rows import Row
 from pvibr.bench.sprites import frame_ms
-from pvibr.instances.foliage_levels import plant_levels
+from pvibr.instances.foliage_levels import foliage_levels
 from pvibr.scenes.trees import tree_parts
 
 _TREE = 40_000  # triangles
@@ -19,7 +19,7 @@ _TREE = 40_000  # triangles
 def measure(settings, results):
     """Measure every level of a tree."""
     start = time.perf_counter()
-    levels = plant_levels(tree_parts('broadleaf', triangles=_TREE))
+    levels = foliage_levels(tree_parts('broadleaf', triangles=_TREE))
     results.rows.append(Row('levels of a tree: made', time.perf_counter() - start, 's'))
     levels.measure(settings.plant_pixels, settings.plant_views)
     ms = _times(levels, settings)

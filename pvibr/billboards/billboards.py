@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from pvibr.billboards.cards import Field, as_anchor, checked_cutout, checked_opacity
+from pvibr.billboards.cards import BillboardLayout, as_anchor, checked_cutout, checked_opacity
 from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
 from pvibr.core.frame import Frame
@@ -24,7 +24,7 @@ from pvibr.scene.anchor import Anchored, set_bounds
 from pvibr.scene.anchor import anchor as new_anchor
 from pvibr.scene.painted import Painted
 from pvibr.scene.picking import Hit, pixel_ray
-from pvibr.scene.translucent import MOST, InTurn
+from pvibr.scene.translucent import MOST, DepthSortedDraws
 
 _CHUNK = 65_536  # billboards of one draw
 _ROW, _WIDE = 1024, 3072  # texels; the second is a multiple of 3 and of 4
@@ -142,7 +142,7 @@ class Billboards(Painted, Anchored):
             self._sheet = Sheet(as_images(image, frames), cutout)
         if index is None and fps is not None:
             index = 0
-        self.field = Field(
+        self.field = BillboardLayout(
             points, self._image_sizes(), size, facing=facing, axis=axis, towards=towards,
             orientation=orientation, rotation=rotation, index=index, size_unit=size_unit,
             anchor=as_anchor(anchor), views=views, blend_views=blend_views, yaw=yaw,
@@ -157,11 +157,11 @@ class Billboards(Painted, Anchored):
 
     def _begin(self, lighting):
         self._anchor = new_anchor()
-        self._binder, self._in_turn = Binder(), InTurn()
+        self._binder, self._sorted_draws = Binder(), DepthSortedDraws()
         self._textures: dict[str, Texture] = {}
         self._uniforms: dict = {}
         self._window: Any = None
-        self._stamp: tuple | None = None
+        self._content_key: tuple | None = None
         self._stale: set = set()
         self._landed, self._failure = False, ''
         self._drawn_count = self._skipped = 0
@@ -261,7 +261,7 @@ class Billboards(Painted, Anchored):
         self._hide()
         super()._take_out(renderer)
 
-    def stamp(self) -> tuple:
+    def content_key(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
         shown = self.visibility and bool(self._anchor.GetVisibility())
         draws = self._live.draws if self._live is not None else 0
@@ -309,7 +309,7 @@ class Billboards(Painted, Anchored):
     def _hide(self):
         for actor in self.actors():
             actor.VisibilityOff()
-        self._stamp = None
+        self._content_key = None
 
     def prepare(self, frame):
         """Choose what is drawn, in which order."""
@@ -318,14 +318,14 @@ class Billboards(Painted, Anchored):
         self._upload(frame.window)
         props = frame.renderer.GetViewProps()
         camera = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
-        stamp: tuple = (*camera, frame.casting, self._changes, self._step(), self._revision)
+        content_key: tuple = (*camera, frame.casting, self._changes, self._step(), self._revision)
         others = []
         if self.blends and not frame.casting:
-            others = self._in_turn.others(frame, self.actors())
-            stamp += (self._in_turn.key(others), props.GetMTime())
-        if stamp != self._stamp:
+            others = self._sorted_draws.others(frame, self.actors())
+            content_key += (self._sorted_draws.key(others), props.GetMTime())
+        if content_key != self._content_key:
             self._choose(frame, others)
-            self._stamp = (*stamp[:-1], props.GetMTime()) if others else stamp
+            self._content_key = (*content_key[:-1], props.GetMTime()) if others else content_key
 
     def _choose(self, frame, others):
         dense = self._dense if frame.casting else []
@@ -358,12 +358,12 @@ class Billboards(Painted, Anchored):
         if others:
             free = iter(self._draws)
             groups = [[next(free) for _ in part] for part in parts]
-            self._in_turn.arrange(frame.renderer, groups, [actor for _, actor in others])
+            self._sorted_draws.arrange(frame.renderer, groups, [actor for _, actor in others])
 
     def finish(self, frame):
         """Give the texture units back."""
         self._binder.unbind()
-        self._in_turn.finish(frame.renderer)
+        self._sorted_draws.finish(frame.renderer)
 
     # -- the GPU ------------------------------------------------------------------------------
 
@@ -373,7 +373,7 @@ class Billboards(Painted, Anchored):
     def _drop(self, *names):
         """Have textures made anew for the next frame."""
         self._stale |= set(names)
-        self._stamp = None
+        self._content_key = None
         self._changes += 1
 
     def _upload(self, window):
@@ -453,7 +453,7 @@ class Billboards(Painted, Anchored):
                 actor.ReleaseGraphicsResources(self._window)
         for texture in self._textures.values():
             texture.release()
-        self._textures, self._window, self._stamp = {}, None, None
+        self._textures, self._window, self._content_key = {}, None, None
 
     def report(self) -> dict:
         """Return bytes, how many are drawn, and the texture that holds the images."""

@@ -15,7 +15,7 @@ ANCHORS = {'center': (0.5, 0.5), 'bottom': (0.5, 0.0), 'top': (0.5, 1.0)}
 UNITS = ('world', 'pixel')
 
 
-class Field:
+class BillboardLayout:
     """Points with cards."""
 
     def __init__(

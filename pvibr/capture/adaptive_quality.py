@@ -106,7 +106,7 @@ def _steps(ratio) -> int:
     return min(_LEAP, max(1, math.ceil(2 * math.log2(ratio))))
 
 
-class Pace:
+class AdaptiveQuality:
     """Tells moving frames of a window from others, times them, and says how good they must be."""
 
     def __init__(self, plotter, budget, playing=lambda: False):
@@ -214,7 +214,8 @@ class Pace:
             return
         self.budget.moved(ms)
         if quality < 1 or ms > self.budget.ms > 0:
-            self.why = f'{quality:.2g} while moving: {ms:.0f} ms, moving_ms is {self.budget.ms:g}'
+            budget = f'interactive_frame_ms is {self.budget.ms:g}'
+            self.why = f'{quality:.2g} while moving: {ms:.0f} ms, {budget}'
 
     # -- what moves ------------------------------------------------------------------------------
 

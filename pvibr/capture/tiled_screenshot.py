@@ -133,7 +133,7 @@ def _pixels(window, size, transparent):
     return _vtk.vtk_to_numpy(data).reshape(size[1], size[0], -1)
 
 
-class Shots:
+class TiledScreenshot:
     """Pictures of a plotter's window."""
 
     def __init__(self, plotter, effects, full):

@@ -96,7 +96,7 @@ def _stage(figure, clip, file, size, skinning, *, off_screen):
     plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), title=str(file))
     plotter.set_background(SKY)  # type: ignore[arg-type]
     plotter.enable_anti_aliasing('msaa')
-    actor = plotter.ibr.add_figure(figure, clip=clip, skinning=skinning)
+    actor = plotter.ibr.add_animated(figure, clip=clip, skinning=skinning)
     stands = Path(file).suffix.lower() in ('.glb', '.gltf')
     _look(plotter, _box(figure, clip), (0, 1, 0) if stands else (0, 0, 1))
     return plotter, actor

@@ -17,7 +17,7 @@ class deterministic(ContextDecorator):
 
     For pictures that are compared with earlier ones. While it is on,
 
-    - no frame is of less quality because the view moves (``pl.ibr.moving_ms`` is 0);
+    - no frame is of less quality because the view moves (``pl.ibr.interactive_frame_ms`` is 0);
     - what is drawn as an image and what as a mesh is chosen by costs that are written down, not
       by those of this machine, and budgets in milliseconds have no end;
     - ``pl.ibr.play()`` goes on by a sixtieth of a second at each look at the clock.

@@ -44,7 +44,7 @@ class Effect:
     #: Whether `prepare` also runs when a frame is drawn to pick.
     picks = False
     #: Whether `render` needs colours above 1: such a frame has no multisampling.
-    high_range = False
+    needs_hdr = False
     #: What it runs right before, of ``pvibr.effects.ORDER``; by default its class has a place.
     before: str | None = None
 

@@ -13,8 +13,8 @@ ORDER = (
     'Bloom',  # whatever is bright by now spreads, the glow too
     'ToneMapping',  # the last that sees light; from here on colours are those of a display
     'Outline',  # lines are drawn on the finished picture, in the colour that was asked for
-    'ImageEffect',  # a user's own, unless it says what it runs before
-    'Picture',  # laid over the finished picture, in its own colours
+    'ShaderEffect',  # a user's own, unless it says what it runs before
+    'ImageOverlay',  # laid over the finished picture, in its own colours
     'NightVision',  # a device looks at all that
     'Vignette',  # its lens is darker at the rim
     'Flash',  # light into that lens

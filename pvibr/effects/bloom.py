@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pvibr.core.params import Param
-from pvibr.effects.light_spread import Shine
+from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.feature import sections
@@ -14,7 +14,7 @@ from pvibr.maths.tones import to_display, to_light
 _WAYS = ('subtract', 'keep', 'soft')
 
 
-class Bloom(Shine):
+class Bloom(LightSpread):
     """Bright parts of the picture shine over their surroundings.
 
     What is brighter than a threshold is taken from a small copy of the picture, blurred by a
@@ -57,7 +57,7 @@ class Bloom(Shine):
     knee = Param(0.1, 'Half the width of the soft step.', range='(0, inf)')
     saturation = Param(1.0, 'Colour of the light: 1 its own, 0 white.', range='[0, 1]')
     background = Param(False, 'Whether a plain background shines too.')
-    high_range = Param(False, 'See colours above 1, which multisampling does not go with.')
+    needs_hdr = Param(False, 'See colours above 1, which multisampling does not go with.')
 
     _bright: Any = None
     _made: tuple = ()

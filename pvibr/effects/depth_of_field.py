@@ -70,7 +70,7 @@ class DepthOfField(Effect):
         48, 'Most looks around each pixel, in large circles: more is smoother and slower.',
         range=f'[{_LEAST}, 512]',
     )  # fmt: skip
-    high_range = Param(False, 'See colours above 1, which multisampling does not go with.')
+    needs_hdr = Param(False, 'See colours above 1, which multisampling does not go with.')
     debug = Param(
         '', 'Show the circles (red before, green behind the plane in focus) or one layer.',
         choices=_STAGES,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.core.params import Param
-from pvibr.effects.light_spread import Shine
+from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad, Target, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.drawer import Drawer
@@ -45,7 +45,7 @@ _EMISSIVE = _feature(
 )
 
 
-class Glow(Shine):
+class Glow(LightSpread):
     """Chosen actors shine over their surroundings, in the colours in which they are drawn.
 
     They are drawn once more, alone, and their light is blurred and added where something else

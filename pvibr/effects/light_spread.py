@@ -13,7 +13,7 @@ from pvibr.gl.scene_pass import is_marker
 from pvibr.scene.casters import address
 
 
-class Shine(Effect):
+class LightSpread(Effect):
     """Light, blurred on ever smaller images, on a picture.
 
     A screenshot larger than the window is drawn in tiles; their light is that of the last frame,
@@ -100,7 +100,7 @@ class Shine(Effect):
 
     def _marks(self):
         """Return what changes with the settings and with what things draw."""
-        return self._revision, [thing.stamp() for thing in self._things]
+        return self._revision, [thing.content_key() for thing in self._things]
 
     def _spread_light(self, frame, picture):
         """Return the light of a picture, None where there is none."""

@@ -20,10 +20,10 @@ _LINE = re.compile(r'^(?:ERROR:\s*)?\d+[:(](\d+)\)?(?:\(\d+\))?\s*:?\s*(.*)', re
 _SURFACES = re.compile(r'\b(normal_at|id_at)\b')
 _COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/', re.DOTALL)
 #: Settings that are the effect's own and no uniforms of the text.
-_OWN = ('intensity', 'high_range')
+_OWN = ('intensity', 'needs_hdr')
 
 
-class ImageEffect(Effect):
+class ShaderEffect(Effect):
     """An effect of your own: `source` has ``vec4 effect(vec2 uv)`` in GLSL, settings are uniforms.
 
     What the function may use, in which spaces and units, is written in the file that `template`
@@ -47,7 +47,7 @@ class ImageEffect(Effect):
         It may be set again, to mend it or while you work on it.
     before : str or None
         What it runs right before, of ``pvibr.effects.ORDER``: for light above 1, which needs
-        `high_range` too, ``'ToneMapping'``.
+        `needs_hdr` too, ``'ToneMapping'``.
     template : pathlib.Path
         The file that says what the text is given.
 
@@ -64,7 +64,7 @@ class ImageEffect(Effect):
     --------
     >>> import pyvista as pv
     >>> import pvibr
-    >>> class Sepia(pvibr.ImageEffect):
+    >>> class Sepia(pvibr.ShaderEffect):
     ...     source = '''vec4 effect(vec2 uv) {
     ...       vec4 c = color_at(uv);
     ...       float gray = dot(c.rgb, vec3(0.2126, 0.7152, 0.0722));
@@ -75,7 +75,7 @@ class ImageEffect(Effect):
     >>> _ = pl.add_mesh(pv.Sphere(), color='teal')
     >>> sepia = pl.ibr.add(Sepia(amount=0.8))
     >>> text = 'vec4 effect(vec2 uv) { return color_at(uv) * vec4(vec3(dim), 1.0); }'
-    >>> dim = pl.ibr.add(pvibr.ImageEffect(text, dim=0.5))
+    >>> dim = pl.ibr.add(pvibr.ShaderEffect(text, dim=0.5))
     >>> pl.show(auto_close=False)
     >>> pl.ibr.report().rows[1].state
     'ran'
@@ -87,7 +87,7 @@ class ImageEffect(Effect):
     template = Path(__file__).with_name('template.glsl')
 
     intensity = Param(1.0, 'Share of what it shows in the picture.', range='[0, 1]')
-    high_range = Param(False, 'See colours above 1, which multisampling does not go with.')
+    needs_hdr = Param(False, 'See colours above 1, which multisampling does not go with.')
 
     _quad: Quad | None = None
     _built: tuple = ()

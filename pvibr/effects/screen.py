@@ -233,7 +233,7 @@ class Iris(FullScreen):
         return {'bytes': self._distances.nbytes if self._distances else 0}
 
 
-class Picture(FullScreenImage):
+class ImageOverlay(FullScreenImage):
     """Lay an image, a sequence or a film over the picture: a title, a logo, a frame.
 
     Parameters
@@ -250,8 +250,8 @@ class Picture(FullScreenImage):
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr import Picture
-    >>> Picture(np.ones((8, 8, 3)), place=(0.8, 0.8, 1, 1), opacity=0.5).mode
+    >>> from pvibr import ImageOverlay
+    >>> ImageOverlay(np.ones((8, 8, 3)), place=(0.8, 0.8, 1, 1), opacity=0.5).mode
     'over'
     """
 

@@ -1,6 +1,6 @@
 // A template for an effect of your own: copy it, change it, and
 //
-//   pl.ibr.add(pvibr.ImageEffect('my.glsl', amount=0.5, tint=(1, 0.9, 0.7)))
+//   pl.ibr.add(pvibr.ShaderEffect('my.glsl', amount=0.5, tint=(1, 0.9, 0.7)))
 //
 // The text has one function, `vec4 effect(vec2 uv)`, called for each pixel; what it returns is the
 // pixel's new colour. It is GLSL 1.50 without `main`, may have functions and constants of its own,
@@ -15,7 +15,7 @@
 //   float scale       a large screenshot has so many times more pixels: width_in_pixels * scale
 //   float time        pl.ibr.time in seconds
 //   vec4 color_at(uv) the picture so far, bilinear. Red, green and blue are those of the display,
-//                     from 0 to 1, above with high_range. Alpha is how much of the pixel the scene
+//                     from 0 to 1, above with needs_hdr. Alpha is how much of the pixel the scene
 //                     covers, below 1 only where the background is to be seen; colours are
 //                     multiplied by it where that is transparent. Return it as it is, unless you
 //                     draw over the background. Where it is no number (NaN, infinity), it is 0.

@@ -50,7 +50,7 @@ class ToneMapping(Effect):
     >>> pl.show()
     """
 
-    high_range = True
+    needs_hdr = True
 
     curve = Param(
         'faithful', 'How light becomes colour. faithful leaves [0, 1] alone; the others change '

@@ -14,7 +14,7 @@ from pvibr.export.surfaces import Surface, surface_of_part, tiled
 from pvibr.gl.scene_pass import is_marker
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
-from pvibr.projection.silhouette_lines import outline
+from pvibr.projection.silhouette_lines import silhouette_lines
 from pvibr.scene.casters import address
 
 _SURFACE = 2  # VTK_SURFACE
@@ -287,7 +287,7 @@ def _outlined(surface, frame, crease):
     if surface.cutout is not None:
         return pv.PolyData()  # its outline is in its picture
     mesh = surface.mesh()
-    found = [outline(mesh, camera, hidden=True, size=size)]
+    found = [silhouette_lines(mesh, camera, hidden=True, size=size)]
     if crease is not None and surface.normals is None:
         creases = mesh.clean().extract_feature_edges(
             crease, boundary_edges=False, non_manifold_edges=False, manifold_edges=False

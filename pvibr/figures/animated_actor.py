@@ -20,7 +20,7 @@ from pvibr.scene.placing import Placed
 _SPARE = 8
 
 
-class FigureActor(FigurePlayer, Anchored, Placed):
+class AnimatedActor(FigurePlayer, Anchored, Placed):
     """A figure that moves: ordinary actors whose vertices are posed on the GPU.
 
     Parameters
@@ -51,11 +51,12 @@ class FigureActor(FigurePlayer, Anchored, Placed):
     --------
     >>> import numpy as np
     >>> import pyvista as pv
-    >>> from pvibr import Body, Figure, Skeleton
-    >>> from pvibr.figures.animated_actor import FigureActor
-    >>> wheel = Figure([Body(pv.Disc(), node=0)], Skeleton([-1], [np.eye(4)]))
+    >>> from pvibr import Figure
+    >>> from pvibr.animation import FigureMesh, Skeleton
+    >>> from pvibr.figures.animated_actor import AnimatedActor
+    >>> wheel = Figure([FigureMesh(pv.Disc(), node=0)], Skeleton([-1], [np.eye(4)]))
     >>> pl = pv.Plotter(off_screen=True)
-    >>> actor = pl.ibr.add(FigureActor(wheel, color='red'))
+    >>> actor = pl.ibr.add(AnimatedActor(wheel, color='red'))
     >>> turned = np.eye(4)
     >>> turned[2, 3] = 5.0
     >>> actor.pose = [turned]
@@ -157,7 +158,7 @@ class FigureActor(FigurePlayer, Anchored, Placed):
         """Return the numbers of the bodies that are not hidden."""
         return [i for i, b in enumerate(self._bodies) if b.actor.GetVisibility()]
 
-    def stamp(self) -> tuple:
+    def content_key(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
         return self._changes, self._revision, self._is_shown()
 
@@ -252,7 +253,7 @@ class FigureActor(FigurePlayer, Anchored, Placed):
             self.finish(frame)
             msg = (
                 'too many figures in one subplot: all of them keep textures bound. Draw figures '
-                'that are alike as a crowd: add_figure(figure, poses=...)'
+                'that are alike as a crowd: add_animated(figure, poses=...)'
             )
             raise PvibrError(msg)
         for body, row in zip(self._posed, self._posing.rows, strict=False):

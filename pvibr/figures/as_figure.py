@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pyvista as pv
 
-from pvibr.animation.body import Body
 from pvibr.animation.figure import Figure
+from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.sources import series_of
 from pvibr.meshes.trimesh_meshes import as_dataset, is_trimesh
 
@@ -35,14 +35,14 @@ def _of_file(path):
 
 
 def _as_body(thing):
-    if isinstance(thing, Body):
+    if isinstance(thing, FigureMesh):
         return thing
     if is_trimesh(thing, 'Trimesh'):
         mesh, look = as_dataset(thing)
-        return Body(mesh, look=look)
+        return FigureMesh(mesh, look=look)
     if isinstance(thing, pv.DataSet):
         (surface,), _ = series_of([thing])
-        return Body(surface)
+        return FigureMesh(surface)
     msg = (
         f'figure is a {type(thing).__name__}: must be a pvibr.Figure, a .glb or .gltf file, a '
         'trimesh.Scene, a mesh, or a list of meshes that are a series'

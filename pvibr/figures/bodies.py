@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.figures.posing import SAMPLERS, Mould, Place, posed_feature
+from pvibr.figures.posing import SAMPLERS, Place, RestMesh, posed_feature
 from pvibr.gl.doubles import is_cut_out
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import Part, as_parts, dressed
@@ -133,7 +133,7 @@ class PosedBody:
     def _mould(self, shapes):
         order = shapes.order
         points, normals = (values[order] for values in shapes.neutral)
-        mould = Mould(points, normals, shapes=shapes if len(shapes) else None)
+        mould = RestMesh(points, normals, shapes=shapes if len(shapes) else None)
         skin = self.body.skin
         if skin is not None:
             mould.joints, mould.weights = skin.joints[order], skin.weights[order]

@@ -6,7 +6,7 @@ import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.figures.bodies import as_bodies
-from pvibr.figures.crowd_group import Cast, CrowdKind, Moves
+from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Moves
 from pvibr.figures.pose_atlas import make_phases
 from pvibr.instances.instances import Instances
 from pvibr.instances.levels import progress_bar
@@ -65,12 +65,13 @@ class Crowd(Instances):
     --------
     >>> import pyvista as pv
     >>> import pvibr
-    >>> from pvibr import Body, Clip, Figure, Skeleton, Track
+    >>> from pvibr import Figure
+    >>> from pvibr.animation import FigureMesh, Clip, Skeleton, Track
     >>> rise = Clip('rise', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 2]])])
     >>> joint = [[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]]
-    >>> balloon = Figure([Body(pv.Sphere(), node=0)], Skeleton([-1], joint), [rise])
+    >>> balloon = Figure([FigureMesh(pv.Sphere(), node=0)], Skeleton([-1], joint), [rise])
     >>> pl = pv.Plotter(off_screen=True)
-    >>> balloons = pl.ibr.add_figure(
+    >>> balloons = pl.ibr.add_animated(
     ...     balloon, [[0, 0, 0], [2, 0, 0]], times=[0.0, 0.5], max_error=8, cache=False
     ... )
     >>> round(balloons.mesh(1).center[2], 3)
@@ -99,7 +100,9 @@ class Crowd(Instances):
         moves.offset = _each('times', times, count)
         moves.speed = _each('speeds', speeds, count)
         moves.loop = _each('loop', loop, count, bool)
-        self._cast = Cast(figure, as_bodies(figure, asked, theme), skinning, moves, self._now)
+        self._cast = CrowdState(
+            figure, as_bodies(figure, asked, theme), skinning, moves, self._now
+        )
         self._bake = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
         self._begin(poses, np.zeros(count, int), self._baked() if count else {}, pickable)
         self._paint(scalars, colors)
@@ -133,7 +136,7 @@ class Crowd(Instances):
         return {0: model}
 
     def _kind(self, *args):
-        return CrowdKind(self._cast, *args)
+        return CrowdGroup(self._cast, *args)
 
     # -- what each one plays -----------------------------------------------------------------
 
@@ -230,9 +233,9 @@ class Crowd(Instances):
 
     # -- the life of an effect ---------------------------------------------------------------
 
-    def stamp(self) -> tuple:
+    def content_key(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
-        return *super().stamp(), self._now()
+        return *super().content_key(), self._now()
 
     def prepare(self, frame):
         """Choose what is drawn, and show all as they are now."""

@@ -9,7 +9,7 @@ import numpy as np
 from pvibr.figures.bodies import posed_part
 from pvibr.figures.player import Moment
 from pvibr.figures.posed_meshes import PosedPool
-from pvibr.instances.group import Kind
+from pvibr.instances.group import InstanceGroup
 
 #: Seconds after which rounds are counted anew, at the same times whatever was shown before: floats
 #: of 32 bits keep a thousandth of a round so long.
@@ -44,7 +44,7 @@ class Moves:
         return np.stack([rounds, rate, self.clip, self.loop], 1).astype(np.float32)
 
 
-class CrowdKind(Kind):
+class CrowdGroup(InstanceGroup):
     """The members of a crowd."""
 
     def __init__(self, cast, *args):
@@ -110,7 +110,7 @@ class CrowdKind(Kind):
                 pool.release(window)
 
 
-class Cast:
+class CrowdState:
     """A figure with its looks, what it may play, and what each member plays."""
 
     def __init__(self, figure, bodies, skinning, moves, now):

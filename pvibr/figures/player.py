@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.animation.blending import crossfade
-from pvibr.animation.mixer import Play, Still, revision_of
+from pvibr.animation.mixer import ClipSource, PoseSource, revision_of
 from pvibr.animation.pose import Pose
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
@@ -90,7 +90,7 @@ class FigurePlayer(Effect):
     def __init__(self, figure, clip=None, **settings):
         super().__init__(**settings)
         self.figure = figure
-        self.driver = Play(figure, clip)
+        self.driver = ClipSource(figure, clip)
 
     @property
     def driver(self):
@@ -140,14 +140,14 @@ class FigurePlayer(Effect):
             raise ValueError(msg)
         now = self._now()
         start = now if start is None else float(start)
-        played = Play(self.figure, clip, speed, -start * speed, bool(loop))
+        played = ClipSource(self.figure, clip, speed, -start * speed, bool(loop))
         self.driver = _Fade(self._source(), played, now, fade) if fade else played
 
     def _source(self):
         """Return what gives the pose, which may be a fixed one."""
         if self._driver is not None:
             return self._driver
-        return Still(self._as_pose(self._fixed))
+        return PoseSource(self._as_pose(self._fixed))
 
     def _as_pose(self, pose) -> Pose:
         if isinstance(pose, Pose):

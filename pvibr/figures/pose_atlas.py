@@ -16,7 +16,7 @@ from pvibr.gl.offscreen import hidden_window
 from pvibr.instances.atlas import Atlas, pyramid
 from pvibr.instances.bake import Baker
 from pvibr.instances.cache import AtlasCache, key_of
-from pvibr.instances.levels import VERSION, Model, look_values
+from pvibr.instances.levels import VERSION, LodModel, look_values
 from pvibr.instances.measure import measure
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.maths import octahedral
@@ -35,7 +35,7 @@ _BYTES = 8 * 3 / 2  # of a texel with its smaller levels
 
 
 @dataclass
-class PhaseAtlas(Atlas):
+class PoseAtlas(Atlas):
     """Pictures of several phases: `geometry` and `albedo` have one axis more, the first one."""
 
     bins: Any = None
@@ -76,7 +76,7 @@ class PhaseAtlas(Atlas):
         return super().to_arrays() | {'bins': self.bins}
 
     @classmethod
-    def from_arrays(cls, arrays) -> PhaseAtlas:
+    def from_arrays(cls, arrays) -> PoseAtlas:
         """Make an atlas from named arrays, checking that they fit together."""
         try:
             pictures = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
@@ -128,7 +128,7 @@ class Motion:
         return np.minimum((share * phases).astype(int), phases - 1)
 
 
-class Sitter:
+class PoseSampler:
     """The meshes of a figure, put in poses on the CPU, about a middle."""
 
     def __init__(self, figure, bodies, skinning):
@@ -212,9 +212,9 @@ def phase_counts(ways, radius, max_error) -> tuple[int, list[int]]:
 
 
 def make_phases(figure, bodies, clips, *, skinning='linear', max_error=1.0, cache=True,
-                advance=None) -> tuple[Model, list[Motion]]:  # fmt: skip
+                advance=None) -> tuple[LodModel, list[Motion]]:  # fmt: skip
     """Return the levels of a figure that moves, baked and measured, or taken from the cache."""
-    sitter = Sitter(figure, bodies, skinning)
+    sitter = PoseSampler(figure, bodies, skinning)
     motions, boxes = zip(*[motion_of(sitter, clip) for clip in clips], strict=True)
     box = np.stack([np.min(boxes, 0)[0], np.max(boxes, 0)[1]])
     sitter.center = box.mean(0)
@@ -227,7 +227,7 @@ def make_phases(figure, bodies, clips, *, skinning='linear', max_error=1.0, cach
     found = None if store is None else store.get(key)
     if found is not None:
         try:
-            return Model(levels, PhaseAtlas.from_arrays(found)), list(motions)
+            return LodModel(levels, PoseAtlas.from_arrays(found)), list(motions)
         except ValueError:
             pass  # of an older layout: baked again below, and replaced
     try:
@@ -238,10 +238,10 @@ def make_phases(figure, bodies, clips, *, skinning='linear', max_error=1.0, cach
             'the graphics driver.'
         )
         warnings.warn(msg, PvibrWarning, stacklevel=3)
-        return Model(levels, Atlas.blank(box)), list(motions)
+        return LodModel(levels, Atlas.blank(box)), list(motions)
     if store is not None:
         store.put(key, atlas.to_arrays())
-    return Model(levels, atlas), list(motions)
+    return LodModel(levels, atlas), list(motions)
 
 
 def _key(sitter, poses, tile, counts):
@@ -276,7 +276,7 @@ def _baked(sitter, motions, counts, poses, grid, advance):
     geometry, albedo = (np.stack(p) for p in zip(*pictures, strict=True))
     firsts = np.cumsum([0, *counts])
     bins = [m.bins(n) + f for m, n, f in zip(motions, counts, firsts, strict=False)]
-    atlas = PhaseAtlas(
+    atlas = PoseAtlas(
         geometry, albedo, np.zeros(3), radius, box - sitter.center, VIEWS, tile,
         bins=np.array(bins, np.float32),
     )  # fmt: skip
@@ -294,7 +294,7 @@ def _measured(sitter, motions, counts, atlas):
     for motion, count in list(zip(motions, counts, strict=True))[:_MEASURED]:
         for k in np.unique(np.linspace(0, count - 1, 2 + some).astype(int)[1:-1]):
             between = motion.pose((k + 1) / count)
-            model = Model([MeshLevel(sitter.parts(between))], atlas.phase(first + int(k)))
+            model = LodModel([MeshLevel(sitter.parts(between))], atlas.phase(first + int(k)))
             tables.append(measure(model))
         first += count
     return {name: np.max([t[name] for t in tables], 0) for name in tables[0]}

@@ -21,7 +21,7 @@ _TEXELS = {'linear': 3, 'dual': 8}  # of a joint
 
 
 @dataclass(eq=False)
-class Mould:
+class RestMesh:
     """A mesh at rest, and what deforms it on the GPU."""
 
     points: np.ndarray

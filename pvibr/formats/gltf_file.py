@@ -33,7 +33,7 @@ class GltfError(PvibrError, ValueError):
     Examples
     --------
     >>> import pvibr
-    >>> issubclass(pvibr.GltfError, ValueError)
+    >>> issubclass(pvibr.animation.GltfError, ValueError)
     True
     """
 

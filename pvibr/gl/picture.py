@@ -26,7 +26,7 @@ class Picture:
         The subplot's place in the window, in pixels.
     fused : pvibr.gl.fused.Fused
         Draws what is applied.
-    high_range : bool
+    needs_hdr : bool
         Whether colours may be above 1.
 
     Attributes
@@ -37,10 +37,10 @@ class Picture:
         Depth from 0 (near plane) to 1 (far plane), of the scene as drawn.
     """
 
-    def __init__(self, window, origin, size, fused, high_range=False):
+    def __init__(self, window, origin, size, fused, needs_hdr=False):
         self.window, self.origin, self.size = window, origin, size
-        self.high_range = high_range
-        self._source = like_window(window, size, 'rgba32f' if high_range else 'rgba8')
+        self.needs_hdr = needs_hdr
+        self._source = like_window(window, size, 'rgba32f' if needs_hdr else 'rgba8')
         self._targets: list[Target] = []
         self._drawn: Target | None = None
         self._fused = fused
@@ -101,7 +101,7 @@ class Picture:
         self._draw_pending()
         free = [t for t in self._targets if t is not self._drawn]
         if not free:
-            kind = 'rgba32f' if self.high_range else 'rgba16f'
+            kind = 'rgba32f' if self.needs_hdr else 'rgba16f'
             free = [Target(self.window, self.size[0], self.size[1], (kind,))]
             self._targets += free
         with free[0].drawing():
@@ -143,9 +143,9 @@ class Picture:
         self._draw_pending()
         window = self.window.GetRenderFramebuffer()
         place, whole = self._place(), (0, 0, *self.size)
-        if self.high_range:
+        if self.needs_hdr:
             self._blit(self._source.object, window, _DEPTH, whole, place)
-        if self.high_range or self._drawn is not None:
+        if self.needs_hdr or self._drawn is not None:
             drawn = self._drawn or self._source
             self._blit(drawn.object, window, _COLOR, whole, place)
 

@@ -21,7 +21,7 @@ class ScenePass:
 
     def __init__(self, window):
         self.window = window
-        self.high_range = False
+        self.needs_hdr = False
         self._floats: Target | None = None
         self._surfaces: Texture | None = None
         self._marker: _Marker | None = None
@@ -30,7 +30,7 @@ class ScenePass:
     @property
     def framebuffer(self):
         """What has the colours and the depth of the frame."""
-        if self.high_range and self._floats is not None:
+        if self.needs_hdr and self._floats is not None:
             return self._floats.object
         return self.window.GetRenderFramebuffer()
 
@@ -39,17 +39,17 @@ class ScenePass:
         """Bytes on the GPU."""
         return sum(owner.nbytes for owner in (self._floats, self._surfaces) if owner is not None)
 
-    def begin(self, frame, high_range):
+    def begin(self, frame, needs_hdr):
         """Take the frame that VTK is about to draw."""
-        self.high_range = False
-        if high_range:
+        self.needs_hdr = False
+        if needs_hdr:
             size = _extent(frame)
             if self._floats is None or (self._floats.width, self._floats.height) != size:
                 if self._floats is not None:
                     self._floats.release()
                 self._floats = like_window(self.window, size, 'rgba32f')
             self.window.GetState().PushFramebufferBindings()
-            self.high_range = True
+            self.needs_hdr = True
             self._floats.object.Bind()
             self._floats.object.ActivateDrawBuffer(0)
 
@@ -95,7 +95,7 @@ class ScenePass:
     def end(self):
         """Leave the frame, which VTK has drawn; bindings are what they were before."""
         self._detach()
-        if self.high_range:
+        if self.needs_hdr:
             self.window.GetState().PopFramebufferBindings()
 
     def release(self):
@@ -105,7 +105,7 @@ class ScenePass:
             if owner is not None:
                 owner.release()
         self._floats = self._surfaces = self._marker = None
-        self.high_range = False
+        self.needs_hdr = False
 
 
 def _extent(frame):

@@ -9,7 +9,7 @@ import numpy as np
 from pvibr.gl import shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.cards import card_mesh
-from pvibr.scene.shader_actor import OneDraw
+from pvibr.scene.shader_actor import ShaderActor
 
 
 def layer_feature(*, blends) -> Feature:
@@ -33,7 +33,7 @@ def layer_feature(*, blends) -> Feature:
     )
 
 
-class LayerCard(OneDraw):
+class LayerCard(ShaderActor):
     """One quad, for one picture at a time."""
 
     def __init__(self):

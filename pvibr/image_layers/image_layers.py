@@ -23,7 +23,7 @@ from pvibr.scene.casters import Casters, Surfaces, address, listed
 _NEAR = 0.25
 
 
-class Layers(Effect):
+class ImageLayers(Effect):
     """Parts of the scene that are drawn as pictures, taken again only when they must be.
 
     A picture shows the actors of a layer, lit, beyond the edges of the screen as well. In every
@@ -57,7 +57,7 @@ class Layers(Effect):
     >>> pl = pv.Plotter(off_screen=True)
     >>> hills = pl.add_mesh(pv.Plane(i_size=9, j_size=9))
     >>> ball = pl.add_mesh(pv.Sphere(theta_resolution=300, phi_resolution=300))
-    >>> layers = pl.ibr.add_layers([hills, ball])
+    >>> layers = pl.ibr.add_image_layers([hills, ball])
     >>> pl.show(auto_close=False)
     >>> layers.report()['taken']
     2
@@ -155,7 +155,7 @@ class Layers(Effect):
         """Return the actors whose meshes throw its shadows."""
         return [m.actor for m in self._members.values() if m.why != 'hidden']
 
-    def stamp(self) -> tuple:
+    def content_key(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
         if self._frame is None:
             self._update_members()
@@ -183,7 +183,7 @@ class Layers(Effect):
                 raise ValueError(msg)
         for other in pipeline.things:
             taken = {address(a) for a in (*other.actors(), *other.props)}
-            both_all = isinstance(other, Layers) and self._groups is other._groups is None
+            both_all = isinstance(other, ImageLayers) and self._groups is other._groups is None
             if both_all or taken & self._members.keys():
                 msg = f'groups: {other.name} stands for some of these; remove it first'
                 raise ValueError(msg)
@@ -310,7 +310,7 @@ class Layers(Effect):
         resolution, blur = (
             v[min(k, len(v) - 1)] if v else d for v, d in zip(values, (smooth, 0.0), strict=True)
         )
-        wide = any(e.enabled and e.high_range for e in self.pipeline.effects)
+        wide = any(e.enabled and e.needs_hdr for e in self.pipeline.effects)
         share = self.memory / len(self._layers)
         return Settings(resolution, blur, self.overscan, 'rgba16f' if wide else 'rgba8', share)
 

@@ -140,7 +140,7 @@ class Layer:
             self._pause = max(self._pause - 1, 0)
             self.state = 'warped'
 
-    def _stamp(self, now) -> tuple:
+    def _content_key(self, now) -> tuple:
         return tuple((m.key, m.version) for m in self.members if not m.why), now.key
 
     def _stale(self, now) -> str:
@@ -149,7 +149,7 @@ class Layer:
             return 'new'
         if self._want != self._used:
             return 'settings'
-        motion = self._motion() if self._stamp(now) == self._key else False
+        motion = self._motion() if self._content_key(now) == self._key else False
         if motion is False or (motion is not None and now.key):
             return 'changed'
         fit = self.picture.fit(now.frame, motion, now.owner.warp)
@@ -218,7 +218,7 @@ class Layer:
         self._alone += news * (alone - self._alone)
         for member in shown:  # what drawing them did to them is no change
             member.settle()
-        self._key, self._start = self._stamp(now), [m.matrix for m in shown]
+        self._key, self._start = self._content_key(now), [m.matrix for m in shown]
         self._light, self._used = now.light, self._want
         self.fit = self.picture.fit(now.frame, None, now.owner.warp)
         self.residual_shown = self.fit.residual

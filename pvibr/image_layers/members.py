@@ -26,7 +26,7 @@ class Member:
         self.matrix, self.bounds = np.eye(4), (1.0, -1.0) * 3
         self.why, self.dull, self.gloss = 'not drawn yet', 1.0, 0.0
         self.version = 0
-        self._stamp: Any = None
+        self._content_key: Any = None
         self._draws: dict = {}
         self._shown = False
         self._hidden = False
@@ -34,12 +34,12 @@ class Member:
     def update(self, draws) -> bool:
         """Look at the actor; its own time is no help: that is also of being hidden."""
         self._draws = draws
-        data, stamp = self._look()
+        data, content_key = self._look()
         before, self.matrix = self.matrix, np.reshape(self._place().GetData(), (4, 4))
         self.bounds = self._box() or (1.0, -1.0) * 3
-        if stamp == self._stamp:
+        if content_key == self._content_key:
             return not np.array_equal(before, self.matrix)
-        self._stamp = stamp
+        self._content_key = content_key
         self.version += 1
         self.why = self._unfit(data)
         self._take_looks(self._prop())
@@ -47,7 +47,7 @@ class Member:
 
     def settle(self):
         """Take what it is now for what it was when last looked at: drawing may touch actors."""
-        self._stamp = self._look()[1]
+        self._content_key = self._look()[1]
 
     def _look(self) -> tuple:
         """Return the data that it draws, and what changes whenever its looks do."""

@@ -9,7 +9,7 @@ import numpy as np
 from pvibr.gl import Texture, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.cards import DULL, card_mesh
-from pvibr.scene.shader_actor import OneDraw
+from pvibr.scene.shader_actor import ShaderActor
 
 _ROW, _TEXELS = 128, 5  # cards of a row of the table, texels of a card
 
@@ -36,7 +36,7 @@ def card_feature(*, depth, shiny, several) -> Feature:
     )
 
 
-class ImpostorCards(OneDraw):
+class ImpostorCards(ShaderActor):
     """The actor that draws all cards."""
 
     def __init__(self):

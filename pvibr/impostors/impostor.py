@@ -130,7 +130,7 @@ class Impostor(Effect):
         """Return the actors whose meshes throw its shadows."""
         return self._leaves.shown()
 
-    def stamp(self) -> tuple:
+    def content_key(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
         if self._frame is None and not len(self._leaves.hidden):
             self._sync()

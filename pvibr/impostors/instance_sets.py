@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.impostors.sources import copied, unfit, unlit
+from pvibr.impostors.sources import copied, ineligibility, unlit
 from pvibr.instances.mesh_pool import MeshPool, lendable
 from pvibr.maths.impostors import box_corners, dop_corners
 from pvibr.meshes.parts import copy_property
@@ -30,15 +30,15 @@ class InstanceSet:
             for number, kind in enumerate(thing._kinds)
             for first in range(0, len(kind), self.per)
         ]
-        self._stamp: tuple | None = None
+        self._content_key: tuple | None = None
         self._imaged = b''
         self._pools: dict = {}
         self.looks: np.ndarray | None = None
 
     def changed(self) -> bool:
         """Tell whether anything changed since last asked."""
-        stamp, self._stamp = self._stamp, self.thing.stamp()
-        return stamp != self._stamp
+        content_key, self._content_key = self._content_key, self.thing.content_key()
+        return content_key != self._content_key
 
     def update(self):
         """Take over where the instances are and how they look."""
@@ -48,7 +48,7 @@ class InstanceSet:
         visible = self.looks[:, 3] > 0
         for number, kind in enumerate(thing._kinds):
             blocks = [block for block in self.blocks if block.number == number]
-            why = next((w for p in kind.levels[0].parts if (w := unfit(p.actor))), '')
+            why = next((w for p in kind.levels[0].parts if (w := ineligibility(p.actor))), '')
             fields = _placed(kind, self.per)
             cells = sum(part.mesh.n_cells for part in kind.levels[-1].parts)
             for k, block in enumerate(blocks):
@@ -101,7 +101,7 @@ class InstanceSet:
                 actor.SetTexture(None)  # the set's own
                 if window is not None:
                     actor.ReleaseGraphicsResources(window)
-        self._pools, self._stamp = {}, None
+        self._pools, self._content_key = {}, None
 
 
 class Block:

@@ -95,7 +95,7 @@ class Source:
 
     def update(self, dops):
         """Take over what the actor is now: whether it serves, and its box."""
-        self.why = unfit(self.actor)
+        self.why = ineligibility(self.actor)
         self._watch()
         if self.why:
             return
@@ -216,7 +216,7 @@ def _data(mapper):
     return mapper.GetInput()
 
 
-def unfit(actor) -> str:
+def ineligibility(actor) -> str:
     """Return why an image cannot stand for an actor, or nothing."""
     mapper, prop = actor.GetMapper(), actor.GetProperty()
     if mapper is None or mapper.GetClassName() not in _MAPPERS:

@@ -34,7 +34,7 @@ DULL = '#define pow(a, b) 0.0\n', '#undef pow\n'
 
 
 @dataclass(frozen=True)
-class Program:
+class CardShader:
     """How a card is drawn."""
 
     name: str
@@ -82,15 +82,15 @@ class Program:
         return Feature(f'card_{self.name}', vertex, fragment)
 
 
-DOT = Program('dot', views=1, steps=0, corners=1, splat=True, turns=2, least=3.0, largest=6.0)
-FLAT = Program('flat', views=1, steps=0)
-MIDDLE = Program('middle', views=1, steps=2)
-NEAR = Program('near', views=3, steps=2, depth=True)
-PROGRAMS = (DOT, FLAT, MIDDLE, NEAR)
-BILLBOARD = Program('billboard', views=1, steps=0, sides=1)
-TURNTABLE = Program('turntable', views=1, steps=0, sides=2)
+DOT = CardShader('dot', views=1, steps=0, corners=1, splat=True, turns=2, least=3.0, largest=6.0)
+FLAT = CardShader('flat', views=1, steps=0)
+MIDDLE = CardShader('middle', views=1, steps=2)
+NEAR = CardShader('near', views=3, steps=2, depth=True)
+CARD_SHADERS = (DOT, FLAT, MIDDLE, NEAR)
+BILLBOARD = CardShader('billboard', views=1, steps=0, sides=1)
+TURNTABLE = CardShader('turntable', views=1, steps=0, sides=2)
 #: In the order of their cost, those of a turntable included.
-ALL_PROGRAMS = (DOT, BILLBOARD, TURNTABLE, FLAT, MIDDLE, NEAR)
+ALL_CARD_SHADERS = (DOT, BILLBOARD, TURNTABLE, FLAT, MIDDLE, NEAR)
 _NEVER = (1e30, 1e30, 0.0, 0.0)
 
 
@@ -151,7 +151,7 @@ def slab_counts(instances, meshes, turned=False) -> dict[str, int]:
     """Return how many draws of each program a mesh may need."""
     # A block may be partly empty, and each mesh has one such block.
     full = -(-(instances + meshes * BLOCK) // _CHUNK)
-    used = ALL_PROGRAMS if turned else PROGRAMS
+    used = ALL_CARD_SHADERS if turned else CARD_SHADERS
     return {p.name: full + (p.turns if meshes > 1 else 0) for p in used}
 
 
@@ -185,7 +185,7 @@ class Cards:
             }
         self.unit = unit
         draws = draws or slab_counts(count, 1, turntable is not None)
-        used = [p for p in ALL_PROGRAMS if p.name in draws]
+        used = [p for p in ALL_CARD_SHADERS if p.name in draws]
         self.layers = {p.name: _Layer(self, p, prop, draws[p.name], bounds) for p in used}
 
     @property

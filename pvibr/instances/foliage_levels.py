@@ -22,7 +22,7 @@ _SHARES = (0.5, 0.2)  # of the triangles of what stays a mesh, beside quads
 
 
 @dataclass
-class PlantLevel:
+class FoliageLevel:
     """One level."""
 
     name: str
@@ -33,8 +33,8 @@ class PlantLevel:
     error: dict = field(default_factory=dict)
 
 
-class PlantLevels:
-    """Levels of a plant; :func:`plant_levels` makes them."""
+class FoliageLevels:
+    """Levels of a plant; :func:`foliage_levels` makes them."""
 
     def __init__(self, parts, counts, turntable):
         self.parts, self.turntable = parts, turntable
@@ -42,8 +42,8 @@ class PlantLevels:
         rows = zip(('mesh', 'parts', 'clusters'), self._meshes(), [0, *counts], strict=True)
         self.levels = [_of_meshes(*row) for row in rows]
         size = turntable['image'][0].shape[1::-1]
-        self.levels.append(PlantLevel('turntable', 4, 2, 1, [size] * turntable['views']))
-        self.levels.append(PlantLevel('billboard', 4, 2, 1, [size]))
+        self.levels.append(FoliageLevel('turntable', 4, 2, 1, [size] * turntable['views']))
+        self.levels.append(FoliageLevel('billboard', 4, 2, 1, [size]))
 
     def _meshes(self) -> list:
         """Return the parts of each level of meshes."""
@@ -58,7 +58,7 @@ class PlantLevels:
             raise ValueError(msg)
         return _actors(self._meshes()[names.index(name)])
 
-    def measure(self, size=128, directions=6) -> PlantLevels:
+    def measure(self, size=128, directions=6) -> FoliageLevels:
         """Measure the error of each level against the supersampled mesh."""
         shots = _Shots(self.parts, size, directions)
         truth = shots.take(_shown(self.parts), _SAMPLES)
@@ -88,10 +88,10 @@ class PlantLevels:
         return '\n'.join(lines)
 
 
-def plant_levels(
+def foliage_levels(
     mesh, labels=None, *, largest=0.25, n_clusters=None, crossed=3, views=16, view_size=256,
     texture=1024, axis=(0.0, 0.0, 1.0), **looks,
-) -> PlantLevels:  # fmt: skip
+) -> FoliageLevels:  # fmt: skip
     """Return ever cheaper levels of what consists of many small parts, such as leaves.
 
     The mesh; a textured quad for each part; for each cluster of parts; views about an axis, one of
@@ -124,7 +124,7 @@ def plant_levels(
 
     Returns
     -------
-    PlantLevels
+    FoliageLevels
         For instances, which draw each level up to the size at which it keeps their error. Its
         ``turntable`` and ``billboard`` are for billboards.
 
@@ -140,7 +140,7 @@ def plant_levels(
     >>> import pvibr
     >>> places = pv.PolyData(np.random.default_rng(0).uniform(size=(40, 3)))
     >>> ferns = places.glyph(geom=pv.Disc(inner=0, outer=0.03), scale=False, orient=False)
-    >>> levels = pvibr.plant_levels(ferns, views=4, view_size=32, texture=128, color='green')
+    >>> levels = pvibr.foliage_levels(ferns, views=4, view_size=32, texture=128, color='green')
     >>> [(level.name, level.quads) for level in levels.levels]
     [('mesh', 0), ('parts', 40), ('clusters', 39), ('turntable', 1), ('billboard', 1)]
     """
@@ -166,7 +166,7 @@ def plant_levels(
     axis = as_units('axis', axis)
     joined[0] = replace(joined[0], turns=Turns(tuple(axis.tolist()), int(views)))
     turntable = _turntable(parts, axis, views, view_size)
-    return PlantLevels(joined, counts.tolist(), turntable)
+    return FoliageLevels(joined, counts.tolist(), turntable)
 
 
 def _check(largest, crossed, views, view_size):
@@ -334,10 +334,10 @@ class _Shots:
         return [box_reduce(p, samples) for p in pictures]
 
 
-def _of_meshes(name, parts, count) -> PlantLevel:
+def _of_meshes(name, parts, count) -> FoliageLevel:
     textures = [t.GetInput().GetDimensions()[:2] for p in parts if (t := p.actor.GetTexture())]
     vertices, cells = (sum(getattr(p.mesh, n) for p in parts) for n in ('n_points', 'n_cells'))
-    return PlantLevel(name, vertices, cells, count, textures)
+    return FoliageLevel(name, vertices, cells, count, textures)
 
 
 def _on_white(picture):

@@ -57,7 +57,7 @@ def unit_of(count) -> int:
     return 1 if count <= SORTED else BLOCK
 
 
-class Kind:
+class InstanceGroup:
     """Instances of one mesh."""
 
     def __init__(self, model, ids, poses, binder, unit=1, draws=None):

@@ -12,7 +12,7 @@ from pvibr.core.errors import PvibrWarning
 from pvibr.core.params import Param
 from pvibr.gl.binder import Binder
 from pvibr.instances.cards import DOT, slab_counts, slabs
-from pvibr.instances.group import SORTED_SEEN, Kind, unit_of
+from pvibr.instances.group import SORTED_SEEN, InstanceGroup, unit_of
 from pvibr.instances.levels import limits_of, make_model
 from pvibr.meshes.parts import are_parts, as_meshes
 from pvibr.meshes.pose_files import read_poses_and
@@ -29,7 +29,7 @@ class Instances(Painted, Anchored):
 
     Parameters
     ----------
-    mesh : dataset, MultiBlock, actor, PlantLevels, trimesh object, path, or a list of these
+    mesh : dataset, MultiBlock, actor, FoliageLevels, trimesh object, path, or a list of these
         What is drawn. The graph of a trimesh scene, or a file with one (glTF, CityJSON), gives
         the poses where none are given.
     poses : array_like, shape (n, 3) or (n, 4, 4), or path, optional
@@ -194,7 +194,7 @@ class Instances(Painted, Anchored):
         set_bounds(self._anchor, self._bounds)
 
     def _kind(self, *args):
-        return Kind(*args)
+        return InstanceGroup(*args)
 
     @property
     def bounds(self) -> tuple[float, ...]:
@@ -283,7 +283,7 @@ class Instances(Painted, Anchored):
         self._covered = ids
 
     def _touch(self):
-        self._stamp = None
+        self._content_key = None
         self._changes += 1
 
     def scalar_mapper(self):
@@ -328,7 +328,7 @@ class Instances(Painted, Anchored):
             kind.hide()
         super()._take_out(renderer)
 
-    def stamp(self) -> tuple:
+    def content_key(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
         shown = self.visibility and bool(self._anchor.GetVisibility())
         return self._changes, self._revision, shown
@@ -348,10 +348,10 @@ class Instances(Painted, Anchored):
         return bool(self._kinds) or 'no instances'
 
     def _hide(self):
-        if self._stamp is not None:
+        if self._content_key is not None:
             for kind in self._kinds:
                 kind.hide()
-            self._stamp = None
+            self._content_key = None
 
     def prepare(self, frame):
         """Choose what is drawn, where camera, size or settings changed."""
@@ -363,14 +363,14 @@ class Instances(Painted, Anchored):
         covered = self._covered if frame.own and not frame.picking else None
         if covered is not self._worn:
             self._wear(covered)
-            self._stamp = None
+            self._content_key = None
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         how = frame.picking, frame.casting, frame.quality
-        stamp = (*camera, frame.size, self._revision, *how)
+        content_key = (*camera, frame.size, self._revision, *how)
         self._check_cards()
-        if stamp == self._stamp:
+        if content_key == self._content_key:
             return
-        self._stamp = stamp
+        self._content_key = content_key
         limits = [_coarser(self._limits(kind), frame.quality) for kind in self._kinds]
         chosen = [k.select(frame, limit) for k, limit in zip(self._kinds, limits, strict=True)]
         for program in self._kinds[0].cards.programs():
@@ -398,7 +398,7 @@ class Instances(Painted, Anchored):
         """Where a shader of the cards failed: warn once, and draw meshes from now on."""
         failure = next((k.cards.failure for k in self._kinds if k.cards.failure), None)
         if failure and not self._failure:
-            self._failure, self._stamp = failure, None
+            self._failure, self._content_key = failure, None
             msg = f'{self.name}: {failure}: meshes are drawn instead. Look at `pvibr doctor`.'
             warnings.warn(msg, PvibrWarning, stacklevel=2)
 
@@ -426,7 +426,7 @@ class Instances(Painted, Anchored):
         """Free what it holds on the GPU; the context is current."""
         for kind in self._kinds:
             kind.release()
-        self._uploaded, self._stamp = False, None
+        self._uploaded, self._content_key = False, None
 
     def report(self) -> dict:
         """Return bytes, what was drawn, and the error tables of the atlases."""

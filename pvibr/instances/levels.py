@@ -15,7 +15,7 @@ from pvibr.core.errors import PvibrWarning
 from pvibr.instances.atlas import Atlas
 from pvibr.instances.bake import bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
-from pvibr.instances.cards import ALL_PROGRAMS, PROGRAMS
+from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS
 from pvibr.instances.measure import measure
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.meshes.decimate import lighter
@@ -23,7 +23,7 @@ from pvibr.meshes.parts import as_parts
 
 VERSION = 20  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARES = (0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
-_SIDES = {p.name for p in ALL_PROGRAMS if p.sides}
+_SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
 _HEAVY = 2000  # triangles from which stand-ins pay
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
 _SLACK = 0.5  # px over max_error in the table, whose distances are whole pixels apart
@@ -43,7 +43,7 @@ class Limits:
 
 
 @dataclass
-class Model:
+class LodModel:
     """A mesh with everything that stands for it.
 
     Attributes
@@ -96,15 +96,15 @@ class Model:
 def limits_of(errors, mesh_levels, max_error) -> Limits:
     """Return the sizes up to which each level keeps an error."""
     if not errors:
-        never = tuple((p.name, 0.0, 0.0) for p in PROGRAMS)
+        never = tuple((p.name, 0.0, 0.0) for p in CARD_SHADERS)
         return Limits(never, 0.0, (float('inf'), *[0.0] * (mesh_levels - 1)))
-    cards = _spans(errors, PROGRAMS, max_error)
+    cards = _spans(errors, CARD_SHADERS, max_error)
     reached = cards[-1][2]
     level: tuple = ()
     if set(errors) >= _SIDES:
         level = tuple(
             (name, *np.minimum(span, reached).tolist())
-            for name, *span in _spans(errors, ALL_PROGRAMS, max_error)
+            for name, *span in _spans(errors, ALL_CARD_SHADERS, max_error)
         )
     meshes = [float('inf')]
     for i in range(1, mesh_levels):
@@ -150,7 +150,7 @@ def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **l
     return make_model(parts, cache=cache, progress=progress, **grid).atlas
 
 
-def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=128) -> Model:
+def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=128) -> LodModel:
     """Return the levels of a mesh, baked and measured, or taken from the cache."""
     levels = _levels(parts)
     folder = None if cache in (True, False) else cache
@@ -159,7 +159,7 @@ def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=1
     found = store.get(key) if store is not None else None
     if found is not None:
         try:
-            return Model(levels, Atlas.from_arrays(found))
+            return LodModel(levels, Atlas.from_arrays(found))
         except ValueError:
             pass  # of an older layout: baked again below, and replaced
     try:
@@ -170,7 +170,7 @@ def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=1
             'the graphics driver.'
         )
         warnings.warn(msg, PvibrWarning, stacklevel=3)
-        return Model(levels, Atlas.blank(np.concatenate([p.mesh.points for p in parts])))
+        return LodModel(levels, Atlas.blank(np.concatenate([p.mesh.points for p in parts])))
     if store is not None:
         store.put(key, model.atlas.to_arrays())
     return model
@@ -184,7 +184,7 @@ def _baked(levels, progress, **grid):
         shown = _bake_parts(levels[: level + 1])
         with progress_bar(progress) as advance:
             atlas = bake_parts(shown, turns=turns, progress=advance, **grid)
-        model = Model(levels, atlas)
+        model = LodModel(levels, atlas)
         atlas.errors = measure(model)
         if level == 0 or (atlas.errors['near'][:2, 1] < _BETTER).all():
             break  # else what the pictures show is not the mesh: once more, from the mesh itself

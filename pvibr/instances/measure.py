@@ -9,8 +9,8 @@ from pvibr.core.errors import ShaderError
 from pvibr.core.frame import Frame
 from pvibr.gl.binder import Binder
 from pvibr.gl.offscreen import hidden_window, read_rgba
-from pvibr.instances.cards import ALL_PROGRAMS, PROGRAMS
-from pvibr.instances.group import Kind
+from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS
+from pvibr.instances.group import InstanceGroup
 from pvibr.instances.mesh_pool import MeshPool
 from pvibr.maths.image_error import box_reduce, flip, outline_distances
 from pvibr.meshes.turntable import LEVEL
@@ -57,10 +57,10 @@ def _around(z):
 def measure(model) -> dict[str, np.ndarray]:
     """Return the error table of a model's levels."""
     atlas = model.atlas
-    table = {'sizes': np.array(SIZES, float)} | _measured(model, None, PROGRAMS, meshes=True)
+    table = {'sizes': np.array(SIZES, float)} | _measured(model, None, CARD_SHADERS, meshes=True)
     if atlas.turntable is not None:
         views = level_directions(_COLUMNS * _ROWS, atlas.turntable.turns, atlas.half)
-        sides = [p for p in ALL_PROGRAMS if p.sides]
+        sides = [p for p in ALL_CARD_SHADERS if p.sides]
         table |= _measured(model, views, sides, meshes=False)
     return table
 
@@ -166,7 +166,7 @@ class _Sheet:
         atlas = model.atlas
         self.spacing = 2 * atlas.radius * _CELL
         poses = _poses(atlas, self.spacing, views)
-        self.kind = Kind(model, np.arange(len(poses)), poses, Binder())
+        self.kind = InstanceGroup(model, np.arange(len(poses)), poses, Binder())
         self.kind.upload(self.window)
         for actor in self.kind.cards.actors():
             self.renderer.AddViewProp(actor)

@@ -37,8 +37,8 @@ class LiveTexture(Effect):
     """What another camera sees, as a texture that any mesh can wear, drawn when it changes.
 
     ``actor.texture = live.texture`` has a mesh wear it; the mesh needs texture coordinates. It is
-    also an image for whatever takes one: :class:`Projector`, :class:`Picture`, :class:`Backdrop`,
-    :class:`ImageEffect`. In its picture other live textures are seen, and itself too, each as it
+    also an image for whatever takes one: `Projector`, `ImageOverlay`, `Backdrop`,
+    `ShaderEffect`. In its picture other live textures are seen, and itself too, each as it
     is without any. Points and lines are as wide there, in pixels, as in the window. Seen small it
     is smooth: it has mip levels. Volumes and annotations are left out. Effects on pixels are not
     in it. Lights that go with the subplot's camera go with this one instead. Where the

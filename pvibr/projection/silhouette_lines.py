@@ -14,7 +14,9 @@ _BEFORE = 8.0  # texels by which what hides a line must be before it
 _PIECE = 4.0  # texels that are visible or hidden as one
 
 
-def outline(mesh, camera, *, casters=(), hidden=False, size=None, resolution=4096) -> pv.PolyData:
+def silhouette_lines(
+    mesh, camera, *, casters=(), hidden=False, size=None, resolution=4096
+) -> pv.PolyData:
     """Return the silhouette of a mesh and its open borders as lines in world space.
 
     Parameters
@@ -52,7 +54,7 @@ def outline(mesh, camera, *, casters=(), hidden=False, size=None, resolution=409
     >>> import pvibr
     >>> from pvibr.maths.cameras import Orthographic
     >>> above = Orthographic.from_extent(-1, 1, -1, 1, zmax=5)
-    >>> pvibr.outline(pv.Cube(), above, hidden=True).length ** 2
+    >>> pvibr.silhouette_lines(pv.Cube(), above, hidden=True).length ** 2
     2.0
     """
     if size is None:

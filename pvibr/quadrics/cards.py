@@ -37,7 +37,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Way:
+class DrawMode:
     """How the items of a block are drawn."""
 
     name: str
@@ -78,18 +78,18 @@ class Way:
         return Feature(f'{shape.name}_{self.name}', vertex, fragment)
 
 
-DOTS = Way('dots', 1, 65_536, depth=False, dots=True)
-SMALL = Way('small', 1, 65_536, depth=False)
-POINTS = Way('points', 1, 65_536)
-QUADS = Way('quads', 4, 16_384)
-BLENDED = Way('blended', 4, 65_536, blends=True)
+DOTS = DrawMode('dots', 1, 65_536, depth=False, dots=True)
+SMALL = DrawMode('small', 1, 65_536, depth=False)
+POINTS = DrawMode('points', 1, 65_536)
+QUADS = DrawMode('quads', 4, 16_384)
+BLENDED = DrawMode('blended', 4, 65_536, blends=True)
 #: What is drawn ahead to find what is behind it: as point sprites, and as quads.
 HIDING = (
-    Way('hiding_points', 1, 65_536, depth=False, hides=True),
-    Way('hiding_quads', 4, 16_384, depth=False, hides=True),
+    DrawMode('hiding_points', 1, 65_536, depth=False, hides=True),
+    DrawMode('hiding_quads', 4, 16_384, depth=False, hides=True),
 )
 #: What is near first: it hides much, and what is hidden need not be lit.
-WAYS = (QUADS, POINTS, SMALL, DOTS)
+DRAW_MODES = (QUADS, POINTS, SMALL, DOTS)
 _DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
 
 
@@ -264,9 +264,11 @@ def seen_blocks(blocks, frame, shape) -> Seen:
     around = (blocks.reach + blocks.largest)[index]
     planes = frustum_planes(frame.clip_from_view)
     inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > around
-    ways = np.where(inside & (large <= shape.largest_point), WAYS.index(POINTS), WAYS.index(QUADS))
-    ways[inside & (large <= _LARGEST_SMALL)] = WAYS.index(SMALL)
-    ways[inside & (large <= 1.0)] = WAYS.index(DOTS)
+    ways = np.where(
+        inside & (large <= shape.largest_point), DRAW_MODES.index(POINTS), DRAW_MODES.index(QUADS)
+    )
+    ways[inside & (large <= _LARGEST_SMALL)] = DRAW_MODES.index(SMALL)
+    ways[inside & (large <= 1.0)] = DRAW_MODES.index(DOTS)
     areas = shape.fill * BLOCK * np.pi / 16 * (small + np.minimum(large, frame.size[1])) ** 2
     return Seen(np.column_stack([origins, index]), ways, around, areas)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pvibr.gl import Quad, Target
 from pvibr.maths.occlusion import behind, likely_seen, on_screen
-from pvibr.quadrics.cards import HIDING, QUADS, WAYS, Layer
+from pvibr.quadrics.cards import DRAW_MODES, HIDING, QUADS, Layer
 
 _BLEND, _DEPTH_TEST = 0x0BE2, 0x0B71  # GL enums
 _TILE = 8  # px, side of the squares of which the farthest depth is kept
@@ -63,7 +63,7 @@ class Occlusion:
         first = self._likely(frame, seen)
         if first.mean() > _WORTH:
             return none
-        quads = seen.ways == WAYS.index(QUADS)
+        quads = seen.ways == DRAW_MODES.index(QUADS)
         farthest = self._draw(frame, seen.entries[first & ~quads], seen.entries[first & quads])
         found = behind(frame, farthest, _TILE, seen.entries[:, :3], seen.around)
         if found.mean() < _GAIN:

@@ -16,8 +16,8 @@ from pvibr.maths.blocks import Blocks, morton_order
 from pvibr.maths.quadric_rays import Meeting
 from pvibr.quadrics.cards import (
     BLENDED,
+    DRAW_MODES,
     ROW,
-    WAYS,
     Layer,
     Shape,
     seen_blocks,
@@ -28,7 +28,7 @@ from pvibr.scene.anchor import Anchored, set_bounds
 from pvibr.scene.anchor import anchor as new_anchor
 from pvibr.scene.painted import Painted
 from pvibr.scene.picking import Hit, pixel_ray
-from pvibr.scene.translucent import InTurn, depths_of
+from pvibr.scene.translucent import DepthSortedDraws, depths_of
 
 # Opacities in the alpha of looks: up to this with the material's colour, from the next on their
 # own, 0 hidden.
@@ -92,15 +92,15 @@ class Quadrics(Painted, Anchored):
             color=color, lighting=lighting, ambient=ambient, diffuse=diffuse, specular=specular,
             specular_power=specular_power, interpolation='Phong',
         )  # fmt: skip  # VTK lights flat points never
-        self._anchor, self.binder, self._in_turn = new_anchor(), Binder(), InTurn()
+        self._anchor, self.binder, self._sorted_draws = new_anchor(), Binder(), DepthSortedDraws()
         self.textures: dict[str, Texture] = {}
         self.uniforms: dict = {}
         self.window: Any = None
-        self._stamp: tuple | None = None
+        self._content_key: tuple | None = None
         self._blocks: Any = None
         self._stale = {'ibr_items', 'ibr_looks'}
         set_bounds(self._anchor, self.bounds)
-        self._layers = [Layer(self, way) for way in (*WAYS, BLENDED)]
+        self._layers = [Layer(self, way) for way in (*DRAW_MODES, BLENDED)]
         self._occlusion, self._hidden = Occlusion(self), 0
         self._share_opacity()
 
@@ -180,7 +180,7 @@ class Quadrics(Painted, Anchored):
         self.rest()
         super()._take_out(renderer)
 
-    def stamp(self) -> tuple:
+    def content_key(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
         shown = self.visibility and bool(self._anchor.GetVisibility())
         return self._changes, self._revision, shown, self.blends
@@ -203,7 +203,7 @@ class Quadrics(Painted, Anchored):
         """Draw nothing: frames are drawn without them now."""
         for actor in self.actors():
             actor.VisibilityOff()
-        self._stamp = None
+        self._content_key = None
 
     def prepare(self, frame):
         """Choose what is drawn, and how."""
@@ -213,15 +213,15 @@ class Quadrics(Painted, Anchored):
             layer.dress(shiny)
         camera = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
         props, others = frame.renderer.GetViewProps(), []
-        stamp: tuple = (*camera, self.blends, self._changes, self._revision)
+        content_key: tuple = (*camera, self.blends, self._changes, self._revision)
         if self.blends and not frame.casting:
-            others = self._in_turn.others(frame, self.actors())
-            stamp += (self._in_turn.key(others), props.GetMTime())
-        if stamp != self._stamp:
+            others = self._sorted_draws.others(frame, self.actors())
+            content_key += (self._sorted_draws.key(others), props.GetMTime())
+        if content_key != self._content_key:
             unit = 1 if self.blends else BLOCK
             self.uniforms = view_uniforms(frame, len(self), unit)
             (self._show_blended if self.blends else self._show_opaque)(frame, others)
-            self._stamp = (*stamp[:-1], props.GetMTime()) if others else stamp
+            self._content_key = (*content_key[:-1], props.GetMTime()) if others else content_key
 
     def _show_opaque(self, frame, _others):
         seen = seen_blocks(self._blocks, frame, self.shape)
@@ -247,12 +247,12 @@ class Quadrics(Painted, Anchored):
         cuts = np.searchsorted(-depths, [-d for d, _ in others], side='right')
         parts = self._layers[-1].show(entries, 1, cuts.tolist())
         if others:
-            self._in_turn.arrange(frame.renderer, parts, [actor for _, actor in others])
+            self._sorted_draws.arrange(frame.renderer, parts, [actor for _, actor in others])
 
     def finish(self, frame):
         """Give the texture units back."""
         self.binder.unbind()
-        self._in_turn.finish(frame.renderer)
+        self._sorted_draws.finish(frame.renderer)
 
     # -- the GPU ------------------------------------------------------------------------------
 
@@ -262,7 +262,7 @@ class Quadrics(Painted, Anchored):
     def _drop(self, *names):
         """Have textures made anew for the next frame."""
         self._stale |= set(names)
-        self._stamp = None
+        self._content_key = None
         self._changes += 1
 
     def _upload(self, window):
@@ -305,7 +305,7 @@ class Quadrics(Painted, Anchored):
         self._occlusion.release(self.window)
         for texture in self.textures.values():
             texture.release()
-        self.textures, self.window, self._stamp = {}, None, None
+        self.textures, self.window, self._content_key = {}, None, None
 
     def report(self) -> dict:
         """Return bytes, how many there are, and how many are drawn in which way."""

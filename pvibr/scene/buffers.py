@@ -69,7 +69,11 @@ class _Numbers:
         for actor, number in numbers:
             key = address(actor)
             worn = self._worn.get(key)
-            if worn is None or worn.stamp != (actor.GetMTime(), *_data_time(worn.mapper), lights):
+            if worn is None or worn.content_key != (
+                actor.GetMTime(),
+                *_data_time(worn.mapper),
+                lights,
+            ):
                 before = actor.GetShaderProperty().GetShaderMTime()
                 worn = self._worn[key] = self._dressed(actor, lights)
                 if worn.shader.GetShaderMTime() != before:
@@ -90,8 +94,8 @@ class _Numbers:
         (_UNLIT if lit else _LIT).detach(actor)
         (_LIT if lit else _UNLIT).attach(actor)
         mapper, shader = actor.GetMapper(), actor.GetShaderProperty()
-        stamp = actor.GetMTime(), *_data_time(mapper), lights
-        return _Worn(actor, mapper, shader, shader.GetFragmentCustomUniforms(), stamp)
+        content_key = actor.GetMTime(), *_data_time(mapper), lights
+        return _Worn(actor, mapper, shader, shader.GetFragmentCustomUniforms(), content_key)
 
     def clear(self):
         """Take the numbers away: VTK's own passes have second colours of their own."""
@@ -114,7 +118,7 @@ class _Worn(NamedTuple):
     mapper: Any
     shader: Any
     uniforms: Any
-    stamp: tuple
+    content_key: tuple
 
 
 def _data_time(mapper):

@@ -24,15 +24,15 @@ class Surfaces:
 
     def __init__(self, renderer):
         self.renderer = renderer
-        self._stamp: tuple = ()
+        self._content_key: tuple = ()
         self._all: dict = {}
         self._free: dict = {}
 
     def update(self, things):
         """Look again, where props came or went."""
-        stamp = self.renderer.GetViewProps().GetMTime(), *map(id, things)
-        if stamp != self._stamp:
-            self._stamp = stamp
+        content_key = self.renderer.GetViewProps().GetMTime(), *map(id, things)
+        if content_key != self._content_key:
+            self._content_key = content_key
             # Parts of assemblies and of widgets are not props of their own.
             box = getattr(self.renderer, 'bounding_box_actor', None)
             props = [p for p in self.renderer.GetViewProps() if p.IsA('vtkActor')]
@@ -230,7 +230,7 @@ class Casters:
     @cached_property
     def _key(self) -> tuple:
         actors = tuple((address(a), a.GetRedrawMTime()) for a in self.actors)
-        return actors, tuple((id(t), t.stamp()) for t in self.things)
+        return actors, tuple((id(t), t.content_key()) for t in self.things)
 
     def inherit(self, before):
         """Take over what is known of the casters of another frame, where nothing changed."""

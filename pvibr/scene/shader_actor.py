@@ -12,7 +12,7 @@ from pvibr.gl import set_uniforms
 from pvibr.gl.binder import Binder
 
 
-class OneDraw:
+class ShaderActor:
     """One actor, visible only within frames."""
 
     def __init__(self):

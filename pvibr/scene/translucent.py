@@ -8,7 +8,7 @@ import numpy as np
 MOST = 8
 
 
-class InTurn:
+class DepthSortedDraws:
     """Puts a thing's draws between the other translucent props of a renderer for its frames."""
 
     def __init__(self):

@@ -44,7 +44,7 @@ class ShadowVolumes:
 
     def update(self, frame, lights, casters, shown):
         """Draw the masks anew, unless nothing changed."""
-        key = self._stamp(frame, lights, casters, shown)
+        key = self._content_key(frame, lights, casters, shown)
         if key == self._key:
             return
         self._fit(frame.size, len(lights))
@@ -56,9 +56,9 @@ class ShadowVolumes:
         self.drawer.doubles.keep(shown.actors, self.window)
         self.drawer.done()
         self.drawn += len(lights)
-        self._key = self._stamp(frame, lights, casters, shown, again=True)
+        self._key = self._content_key(frame, lights, casters, shown, again=True)
 
-    def _stamp(self, frame, lights, casters, shown, *, again=False):
+    def _content_key(self, frame, lights, casters, shown, *, again=False):
         view = frame.view_from_world.tobytes() + frame.clip_from_view.tobytes()
         return frame.size, view, tuple(lights), casters.key(again=again), shown.key(again=again)
 

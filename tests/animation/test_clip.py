@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from pvibr import Clip, Pose, Track
+from pvibr.animation import Clip, Pose, Track
 from pvibr.maths import quaternions
 
 SEEDS = st.integers(0, 2**32 - 1)

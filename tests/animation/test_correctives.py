@@ -8,9 +8,9 @@ import pyvista as pv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pvibr.animation.body import Body, Skin
 from pvibr.animation.correctives import Correctives, PoseSpace
 from pvibr.animation.figure import Figure
+from pvibr.animation.figure_mesh import FigureMesh, Skin
 from pvibr.animation.morphs import Morphs
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
@@ -39,7 +39,7 @@ def arm(correctives=None, morphs=None):
     far = np.clip((cloud.points[:, 0] - 0.6) / 0.8, 0, 1)
     bind = np.linalg.inv(Skeleton([-1, 0, 1], REST).world(REST))[:2]
     skin = Skin([0, 1], bind, np.tile([0, 1], (len(far), 1)), np.column_stack([1 - far, far]))
-    body = Body(cloud, skin=skin, morphs=morphs)
+    body = FigureMesh(cloud, skin=skin, morphs=morphs)
     return Figure([body], Skeleton([-1, 0, 1], REST, ['root', 'elbow', 'hand']), (), correctives)
 
 
@@ -120,7 +120,7 @@ def test_sculpted_shapes_come_back_at_their_keys(skinning):
 
 def test_normals_follow_the_sculpted_shape():
     ball = pv.Sphere(theta_resolution=16, phi_resolution=12)
-    body = Body(
+    body = FigureMesh(
         ball,
         skin=Skin(
             [0], [np.eye(4)], np.zeros((ball.n_points, 1), int), np.ones((ball.n_points, 1))

@@ -8,8 +8,9 @@ import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pvibr import Body, Clip, Figure, Morphs, Pose, Skeleton, Skin, Track
-from pvibr.animation.frames import Frames
+from pvibr import Figure
+from pvibr.animation import Clip, FigureMesh, Morphs, Pose, Skeleton, Skin, Track
+from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.maths.transforms import transform_normals, transform_points
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -41,7 +42,9 @@ def random_figure(rng, n=6, v=30, k=4, targets=3, scale=0.0, frames=None):
     skin = Skin(np.arange(n), bind, rng.integers(0, n, (v, k)), weights)
     morphs = Morphs(rng.normal(size=(targets, v, 3)) * 0.3, rng.normal(size=(targets, v, 3)))
     mesh = sheet(rng.normal(size=(v, 3)))
-    return Figure([Body(mesh, -1, skin, morphs, frames), Body(mesh, node=n - 1)], skeleton)
+    return Figure(
+        [FigureMesh(mesh, -1, skin, morphs, frames), FigureMesh(mesh, node=n - 1)], skeleton
+    )
 
 
 def test_at_rest_nothing_moves():
@@ -67,7 +70,7 @@ def test_a_skinned_body_ignores_its_node():
     rng = np.random.default_rng(0)
     figure = random_figure(rng)
     body = figure.bodies[0]
-    hung = Figure([Body(body.mesh, 3, body.skin, body.morphs)], figure.skeleton)
+    hung = Figure([FigureMesh(body.mesh, 3, body.skin, body.morphs)], figure.skeleton)
     pose = random_pose(rng, 6, weights=3)
     assert np.array_equal(figure.posed(0, pose)[0], hung.posed(0, pose)[0])
 
@@ -84,8 +87,8 @@ def test_matrices_from_outside_are_a_pose():
 
 def test_weights_of_each_body_are_its_own():
     mesh = sheet(np.eye(3))
-    bodies = [Body(mesh, morphs=Morphs(np.full((n, 3, 3), float(n)))) for n in (1, 2)]
-    figure = Figure([bodies[0], Body(mesh), bodies[1]])
+    bodies = [FigureMesh(mesh, morphs=Morphs(np.full((n, 3, 3), float(n)))) for n in (1, 2)]
+    figure = Figure([bodies[0], FigureMesh(mesh), bodies[1]])
     pose = figure.rest.replaced(weights=[-0.5, 2.0, 3.0])
     assert np.allclose(figure.posed(0, pose)[0], np.eye(3) - 0.5)
     assert np.allclose(figure.posed(1, pose)[0], np.eye(3))
@@ -98,7 +101,7 @@ def test_bounds_hold_every_posed_vertex(seed, how, scale):
     rng = np.random.default_rng(seed)
     frames = None
     if rng.random() < 0.5:
-        frames = Frames(np.arange(4.0) / 3, rng.normal(size=(4, 30, 3)), None, 'cubic')
+        frames = VertexAnimation(np.arange(4.0) / 3, rng.normal(size=(4, 30, 3)), None, 'cubic')
     figure = random_figure(rng, scale=scale, frames=frames)
     poses = random_pose(rng, 6, (5,), scale, 3)
     bounds = figure.bounds(poses, how).reshape(5, 3, 2)
@@ -119,7 +122,7 @@ def test_bounds_at_rest_are_tight():
 
 def test_a_figure_of_nothing_has_empty_bounds():
     assert Figure([]).bounds().tolist() == [1, -1] * 3
-    assert Figure([Body(pv.PolyData())]).bounds().tolist() == [1, -1] * 3
+    assert Figure([FigureMesh(pv.PolyData())]).bounds().tolist() == [1, -1] * 3
     assert Figure([]).mesh().n_blocks == 0
 
 
@@ -128,7 +131,7 @@ def test_a_mesh_keeps_its_data_and_has_posed_normals():
     mesh['heat'] = mesh.points[:, 2]
     skeleton = Skeleton([-1], [np.eye(4)])
     up = Clip('up', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 4]])])
-    figure = Figure([Body(mesh, 0)], skeleton, [up])
+    figure = Figure([FigureMesh(mesh, 0)], skeleton, [up])
     posed = figure.mesh(0.5, 'up')
     assert np.allclose(posed.points - mesh.points, [0, 0, 2], atol=1e-6)
     assert np.array_equal(posed['heat'], mesh['heat'])
@@ -159,14 +162,14 @@ def test_skins_refuse_joints_out_of_range():
 def test_a_figure_refuses_what_does_not_fit():
     mesh = sheet(np.eye(3))
     with pytest.raises(ValueError, match=r'bodies\[0\] hangs on the joints 2 to 2'):
-        Figure([Body(mesh, 2)])
+        Figure([FigureMesh(mesh, 2)])
     with pytest.raises(ValueError, match='the skin has 1 vertices, the mesh 3'):
-        Body(mesh, skin=Skin([0], [np.eye(4)], [[0]], [[1.0]]))
+        FigureMesh(mesh, skin=Skin([0], [np.eye(4)], [[0]], [[1.0]]))
     with pytest.raises(ValueError, match=r'positions\[0\] has 4 rows; the mesh has 3'):
-        Body(mesh, morphs=Morphs(np.zeros((1, 4, 3))))
+        FigureMesh(mesh, morphs=Morphs(np.zeros((1, 4, 3))))
     with pytest.raises(ValueError, match='frames have 4 vertices, the mesh 3'):
-        Body(mesh, frames=Frames([0.0], np.zeros((1, 4, 3))))
-    figure = Figure([Body(mesh, 0)], Skeleton([-1], [np.eye(4)]))
+        FigureMesh(mesh, frames=VertexAnimation([0.0], np.zeros((1, 4, 3))))
+    figure = Figure([FigureMesh(mesh, 0)], Skeleton([-1], [np.eye(4)]))
     with pytest.raises(ValueError, match='pose has 2 matrices, the skeleton 1'):
         figure.posed(0, np.tile(np.eye(4), (2, 1, 1)))
     with pytest.raises(ValueError, match='skinning is'):
@@ -178,8 +181,10 @@ def test_a_figure_refuses_what_does_not_fit():
 
 
 def test_frames_come_before_morphs():
-    frames = Frames([0.0, 1.0], np.stack([np.eye(3), 3 * np.eye(3)]))
-    figure = Figure([Body(sheet(np.eye(3)), morphs=Morphs(np.ones((1, 3, 3))), frames=frames)])
+    frames = VertexAnimation([0.0, 1.0], np.stack([np.eye(3), 3 * np.eye(3)]))
+    figure = Figure(
+        [FigureMesh(sheet(np.eye(3)), morphs=Morphs(np.ones((1, 3, 3))), frames=frames)]
+    )
     assert np.array_equal(figure.bodies[0].points, np.eye(3))
     pose = figure.sample(0.5).replaced(weights=[2.0])
     points, normals = figure.posed(0, pose)
@@ -198,11 +203,11 @@ def test_colours_and_tangents_are_morphed_and_tangents_are_moved():
     )
     look = {'scalars': 'paint', 'rgb': True}
     skeleton = Skeleton([-1], Pose([[0, 0, 0]], scale=2.0))
-    figure = Figure([Body(mesh, 0, morphs=morphs, look=look)], skeleton)
+    figure = Figure([FigureMesh(mesh, 0, morphs=morphs, look=look)], skeleton)
     turned = Pose([[9, 9, 9]], [[1, 0, 0, 1]], weights=[1.0])
     posed = figure.mesh(pose=turned)
     assert posed['paint'].tolist() == [[1, 0, 0.5, 0.5], [0.5] * 4, [0.5] * 4]
     assert np.allclose(posed['Tangents'], [-1, 0, 0])
     assert np.allclose(figure.mesh()['Tangents'], [1, 0, 0])
-    assert Figure([Body(pv.Sphere())]).colors(0) is None
-    assert Figure([Body(pv.Sphere())]).tangents(0) is None
+    assert Figure([FigureMesh(pv.Sphere())]).colors(0) is None
+    assert Figure([FigureMesh(pv.Sphere())]).tangents(0) is None

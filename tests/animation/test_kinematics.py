@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pvibr.animation.chain import Chain
 from pvibr.animation.kinematics import METHODS, solve
-from pvibr.animation.limits import Limit
+from pvibr.animation.limits import JointLimit
 from pvibr.animation.sweeps import Sweeps
 from pvibr.maths import quaternions as quat
 
@@ -30,8 +30,8 @@ def rope(n, limits=None, rest=None):
 def a_limit(rng):
     low, high = -rng.uniform(0, 1), rng.uniform(0.1, 1)
     if rng.random() < 0.5:
-        return Limit.hinge(rng.normal(size=3), low, high)
-    return Limit(rng.normal(size=3), rng.uniform(0.1, 1), (low, high))
+        return JointLimit.hinge(rng.normal(size=3), low, high)
+    return JointLimit(rng.normal(size=3), rng.uniform(0.1, 1), (low, high))
 
 
 def a_tree(rng, n):
@@ -241,7 +241,7 @@ def test_the_knee_shows_the_pole(method, pole):
 
 def test_an_elbow_bends_the_way_its_hinge_allows():
     for low, high in ((0.0, 2.5), (-2.5, 0.0)):
-        limits = {1: Limit.hinge([1, 0, 0], low, high)}
+        limits = {1: JointLimit.hinge([1, 0, 0], low, high)}
         chain = Chain([-1, 0, 1], [[0, 0, 0], [0, 0, 1], [0, 0, 1]], limits)
         for method in METHODS:
             found = solve(chain, chain.limits.rest, [2], [[0.1, 0.2, 1.0]], method=method)
@@ -264,7 +264,7 @@ def test_size_does_not_matter(method, scale):
 
 @pytest.mark.parametrize('method', ['damped', 'fabrik'])
 def test_poses_follow_a_target_without_jumps(method):
-    limits = dict.fromkeys(range(12), Limit([0, 0, 1], 0.6, (-0.3, 0.3)))
+    limits = dict.fromkeys(range(12), JointLimit([0, 0, 1], 0.6, (-0.3, 0.3)))
     chain = rope(12, limits)
     pose, turns = chain.limits.rest, []
     for t in np.linspace(0, 2 * math.pi, 60):

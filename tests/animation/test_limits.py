@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from pvibr.animation.limits import Limit, Limits
+from pvibr.animation.limits import JointLimit, Limits
 from pvibr.maths import quaternions as quat
 
 AXES = arrays(np.float64, 3, elements=st.floats(-1, 1)).filter(lambda a: np.abs(a).max() > 1e-3)
@@ -25,7 +25,7 @@ UNITS = UNITS.map(quat.normalized)
 def some_limits(draw):
     low = draw(st.floats(-4, 4))
     swing = draw(st.sampled_from([0.0, math.pi]) | st.floats(0, math.pi))
-    return Limit(tuple(draw(AXES)), swing, (low, low + draw(st.floats(0, 2 * math.pi))))
+    return JointLimit(tuple(draw(AXES)), swing, (low, low + draw(st.floats(0, 2 * math.pi))))
 
 
 LIMITS = st.dictionaries(st.integers(0, 3), some_limits())
@@ -54,7 +54,7 @@ def test_what_keeps_the_limits_is_not_touched(limits, rest, rotations):
 @pytest.mark.parametrize('low', [-3.0, -0.5, 0.2, 2.0])
 @pytest.mark.parametrize('angle', [-3.1, -1.0, 0.0, 0.4, 2.9])
 def test_a_hinge_goes_to_the_end_that_is_nearer_round_the_circle(low, angle):
-    limits = Limits({0: Limit.hinge([0, 1, 0], low, low + 1.0)}, [[1, 0, 0, 0]])
+    limits = Limits({0: JointLimit.hinge([0, 1, 0], low, low + 1.0)}, [[1, 0, 0, 0]])
     cut = quat.log(limits.clamped(quat.from_axis_angle([[0, 1, 0]], angle)))[0, 1]
 
     def away(a, b):
@@ -68,7 +68,7 @@ def test_a_hinge_goes_to_the_end_that_is_nearer_round_the_circle(low, angle):
 
 @given(UNITS, AXES, st.floats(0, 3))
 def test_a_cone_bounds_where_its_axis_points(rotations, axis, swing):
-    limits = Limits(dict.fromkeys(range(4), Limit(tuple(axis), swing)), [[1, 0, 0, 0]] * 4)
+    limits = Limits(dict.fromkeys(range(4), JointLimit(tuple(axis), swing)), [[1, 0, 0, 0]] * 4)
     turned = Rotation.from_quat(limits.clamped(rotations), scalar_first=True).apply(axis)
     axis = axis / np.linalg.norm(axis)
     cosines = turned @ axis / np.linalg.norm(turned, axis=1)
@@ -77,7 +77,7 @@ def test_a_cone_bounds_where_its_axis_points(rotations, axis, swing):
 
 def test_limits_count_from_rest():
     rest = quat.from_axis_angle([[0, 0, 1]], 1.0)
-    limits = Limits({0: Limit.hinge([0, 0, 1], 0.0, 0.5)}, rest)
+    limits = Limits({0: JointLimit.hinge([0, 0, 1], 0.0, 0.5)}, rest)
     cut = limits.clamped(quat.from_axis_angle([[0, 0, 1]], 2.0))
     np.testing.assert_allclose(quat.log(cut), [[0, 0, 1.5]], atol=1e-12)
 
@@ -96,9 +96,9 @@ def test_limits_count_from_rest():
 )
 def test_bad_limits_are_named(arguments, message):
     with pytest.raises(ValueError, match=message):
-        Limit(*arguments)
+        JointLimit(*arguments)
 
 
 def test_limits_of_joints_that_are_not_there():
     with pytest.raises(ValueError, match='joint 2; there are joints 0 to 0'):
-        Limits({2: Limit([0, 0, 1])}, [[1, 0, 0, 0]])
+        Limits({2: JointLimit([0, 0, 1])}, [[1, 0, 0, 0]])

@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from pvibr.animation.blending import joint_mask
-from pvibr.animation.body import Body
 from pvibr.animation.clip import Clip, Track
 from pvibr.animation.curves import Curve
 from pvibr.animation.figure import Figure
-from pvibr.animation.mixer import Layer, Mixer, Play, Still, Synced
+from pvibr.animation.figure_mesh import FigureMesh
+from pvibr.animation.mixer import AnimationLayer, ClipSource, Mixer, PoseSource, SyncedClips
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
 from pvibr.maths import quaternions
@@ -30,7 +30,9 @@ def swing(name, seconds, degrees, joint=0):
 
 def figure():
     clips = [swing('walk', 1.0, 30), swing('run', 0.6, 60), swing('fire', 0.5, 45, joint=1)]
-    return Figure([Body(pv.Cube())], Skeleton([-1, 0, 1], REST, ['hip', 'spine', 'head']), clips)
+    return Figure(
+        [FigureMesh(pv.Cube())], Skeleton([-1, 0, 1], REST, ['hip', 'spine', 'head']), clips
+    )
 
 
 def turned(pose, joint):
@@ -40,14 +42,14 @@ def turned(pose, joint):
 
 def test_playing_is_sampling_at_another_time():
     fox = figure()
-    play = Play(fox, 'run', speed=2.0, offset=0.1)
+    play = ClipSource(fox, 'run', speed=2.0, offset=0.1)
     np.testing.assert_allclose(
         play.sample([0.0, 0.2]).rotation, fox.sample([0.1, 0.5], 'run').rotation
     )
     assert play.duration == pytest.approx(0.3)
-    once = Play(fox, 'run', loop=False).sample(99.0)
+    once = ClipSource(fox, 'run', loop=False).sample(99.0)
     np.testing.assert_allclose(once.rotation, fox.sample(0.6, 'run', loop=False).rotation)
-    assert Play(figure(), 'walk', speed=0.0).duration == np.inf
+    assert ClipSource(figure(), 'walk', speed=0.0).duration == np.inf
 
 
 @pytest.mark.parametrize('speed', [1.0, -2.0])
@@ -55,14 +57,14 @@ def test_a_root_gets_somewhere(speed):
     fox = figure()
     step = Clip('step', [Track(0, 'translation', [0, 1, 2], [[1, 0, 0], [2, 0, 1], [5, 0, 0]])])
     fox = Figure(fox.bodies, fox.skeleton, [step])
-    walk = Play(fox, 'step', speed=speed, root='hip')
+    walk = ClipSource(fox, 'step', speed=speed, root='hip')
     times = np.linspace(-5, 5, 1001)
     places = walk.sample(times).translation[:, 0]
     steps = np.diff(places[:, 0]) / (0.01 * speed)
     assert steps.min() > 0.99  # 1 m/s at first, then 3, and never back
     assert steps.max() < 3.01
     np.testing.assert_allclose(places[600] - places[200], [8 * speed, 0, 0], atol=1e-9)
-    stays = Play(fox, 'step', speed=speed).sample(times).translation[:, 0]
+    stays = ClipSource(fox, 'step', speed=speed).sample(times).translation[:, 0]
     np.testing.assert_allclose(places[:, 1:], stays[:, 1:])
     assert stays[:, 0].max() <= 5
 
@@ -75,9 +77,9 @@ def test_run_and_fire_and_look_up():
         quaternions.from_axis_angle([1, 0, 0], np.radians([[0], [0], [20]]))[:, 0],
     )
     mixer = Mixer(
-        Play(fox, 'run'),
-        Layer(Play(fox, 'fire'), Curve([0.0, 1.0], [1.0, 2.0]), upper),
-        Layer(Still(up), 0.5, reference=REST),
+        ClipSource(fox, 'run'),
+        AnimationLayer(ClipSource(fox, 'fire'), Curve([0.0, 1.0], [1.0, 2.0]), upper),
+        AnimationLayer(PoseSource(up), 0.5, reference=REST),
     )
     times = np.linspace(0, 4, 41)
     pose = mixer.sample(times)
@@ -93,8 +95,8 @@ def test_run_and_fire_and_look_up():
 def test_only_the_time_matters(times):
     fox = figure()
     mixer = Mixer(
-        Synced(fox, ['walk', 'run'], [[1, 0], [0, 1]], [0, 2]),
-        Layer(Play(fox, 'fire'), Curve([0, 1, 0.5], [0, 1, 2])),
+        SyncedClips(fox, ['walk', 'run'], [[1, 0], [0, 1]], [0, 2]),
+        AnimationLayer(ClipSource(fox, 'fire'), Curve([0, 1, 0.5], [0, 1, 2])),
     )
     whole = mixer.sample(times)
     for i in np.argsort(times)[::-1]:
@@ -103,7 +105,7 @@ def test_only_the_time_matters(times):
 
 def test_movements_in_step_have_the_same_phase():
     fox = figure()
-    gait = Synced(fox, ['walk', 'run'], [0.5, 0.5])
+    gait = SyncedClips(fox, ['walk', 'run'], [0.5, 0.5])
     times = np.linspace(0, 3, 50)
     rounds = times * (1 / 1.0 + 1 / 0.6) / 2
     np.testing.assert_allclose(gait.phase(times), rounds)
@@ -116,7 +118,9 @@ def test_movements_in_step_have_the_same_phase():
 @given(st.lists(st.floats(0, 1), min_size=2, max_size=5), st.floats(-2, 8))
 def test_the_phase_is_the_integral_of_the_rate(shares, time):
     keys = np.arange(len(shares)) * 1.5
-    gait = Synced(figure(), ['walk', 'run'], np.column_stack([shares, 1 - np.array(shares)]), keys)
+    gait = SyncedClips(
+        figure(), ['walk', 'run'], np.column_stack([shares, 1 - np.array(shares)]), keys
+    )
     rate = np.array(shares) + (1 - np.array(shares)) / 0.6
     exact = quad(lambda t: np.interp(t, keys, rate), 0, time, points=keys, limit=200)[0]
     assert gait.phase(time) == pytest.approx(exact, abs=1e-6)
@@ -124,7 +128,7 @@ def test_the_phase_is_the_integral_of_the_rate(shares, time):
 
 def test_movements_stay_in_step_while_shares_change():
     fox = figure()
-    gait = Synced(fox, ['walk', 'run'], [1, 0])
+    gait = SyncedClips(fox, ['walk', 'run'], [1, 0])
     gait.go([0, 1], at=1.0, fade=0.5)
     gait.go([1, 1], at=1.25, fade=0.5)
     times = np.linspace(0, 4, 4001)
@@ -138,7 +142,7 @@ def test_movements_stay_in_step_while_shares_change():
 def test_one_clip_alone_is_that_clip():
     fox = figure()
     times = np.linspace(0, 2, 30)
-    alone = Synced(fox, ['walk', 'run'], [0, 3]).sample(times)
+    alone = SyncedClips(fox, ['walk', 'run'], [0, 3]).sample(times)
     np.testing.assert_allclose(
         np.abs((alone.rotation * fox.sample(times, 'run').rotation).sum(-1)), 1, atol=1e-12
     )
@@ -146,7 +150,7 @@ def test_one_clip_alone_is_that_clip():
 
 def test_a_crowd_is_one_call():
     fox = figure()
-    mixer = Mixer(Play(fox, 'walk'), Layer(Play(fox, 'fire'), 0.5, [0, 1, 1]))
+    mixer = Mixer(ClipSource(fox, 'walk'), AnimationLayer(ClipSource(fox, 'fire'), 0.5, [0, 1, 1]))
     times = np.random.default_rng(0).uniform(0, 9, (100, 100))
     pose = mixer.sample(times)
     assert pose.shape == (100, 100)
@@ -154,19 +158,19 @@ def test_a_crowd_is_one_call():
 
 
 def test_bad_input_is_named():
-    fox, rest = figure(), Still(REST)
+    fox, rest = figure(), PoseSource(REST)
     with pytest.raises(ValueError, match=r"no clip 'fly'.*'walk'"):
-        Play(fox, 'fly')
+        ClipSource(fox, 'fly')
     with pytest.raises(ValueError, match=r'weight is 2\.0'):
-        Layer(rest, 2.0)
+        AnimationLayer(rest, 2.0)
     with pytest.raises(ValueError, match=r'values are \[nan\]'):
-        Layer(rest, np.nan)
+        AnimationLayer(rest, np.nan)
     with pytest.raises(ValueError, match=r'values have the shape \(1, 2\) for 3 times'):
-        Synced(fox, ['walk', 'run'], [0.5, 0.5], [0, 1, 2])
+        SyncedClips(fox, ['walk', 'run'], [0.5, 0.5], [0, 1, 2])
     with pytest.raises(ValueError, match=r'weights has the shape \(1, 1\) for 2 clips'):
-        Synced(fox, ['walk', 'run'], [0.5])
+        SyncedClips(fox, ['walk', 'run'], [0.5])
     with pytest.raises(ValueError, match=r'weights has the shape \(3,\) for 2 clips'):
-        Synced(fox, ['walk', 'run'], [0.5, 0.5]).go([1, 1, 1], 2.0)
+        SyncedClips(fox, ['walk', 'run'], [0.5, 0.5]).go([1, 1, 1], 2.0)
     still = Figure(fox.bodies, fox.skeleton, [Clip('still', [])])
     with pytest.raises(ValueError, match="'still' has no length"):
-        Synced(still, ['still'], [1.0])
+        SyncedClips(still, ['still'], [1.0])

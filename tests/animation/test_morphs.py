@@ -8,7 +8,8 @@ import pyvista as pv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pvibr import Body, Figure, Morphs
+from pvibr import Figure
+from pvibr.animation import FigureMesh, Morphs
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -73,7 +74,7 @@ def test_normals_follow_the_shape():
     stretch = ball.points * [0.0, 0.0, 1.0]
     sparse = ([0], stretch[:1])
     morphs = Morphs([stretch, sparse], names=['long', 'peak'], weights=[1, 0]).with_normals(ball)
-    figure = Figure([Body(ball, morphs=morphs)])
+    figure = Figure([FigureMesh(ball, morphs=morphs)])
     other = ball.copy()
     other.points = ball.points + stretch
     expected = other.compute_normals(cell_normals=False, split_vertices=False).active_normals

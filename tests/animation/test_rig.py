@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pvibr import (
+from pvibr import Figure
+from pvibr.animation import (
     Aim,
+    ClampToLimits,
     Clip,
-    Copy,
-    Figure,
-    KeepLimits,
-    Limit,
-    Play,
+    ClipSource,
+    CopyTransform,
+    InverseKinematics,
+    JointLimit,
     Pose,
-    Reach,
     Rig,
     Skeleton,
     Track,
@@ -60,7 +60,7 @@ def axis_of(skeleton, pose, name, axis):
 def test_a_hand_reaches_and_only_its_limb_turns(seed, method):
     rng = np.random.default_rng(seed)
     skeleton = body(rng)
-    rig = Rig(skeleton, [Reach('hand', root='shoulder', method=method)])
+    rig = Rig(skeleton, [InverseKinematics('hand', root='shoulder', method=method)])
     goal = a_pose(rng, skeleton)
     start = a_pose(rng, skeleton)
     keep = [skeleton.index(name) for name in ('hip', 'chest')]
@@ -83,11 +83,11 @@ def test_limits_of_a_rig_hold_with_several_effectors(seed, method):
     rng = np.random.default_rng(seed)
     skeleton = body(rng)
     limits = {
-        'elbow': Limit.hinge(rng.normal(size=3), 0.0, 2.0),
-        'chest': Limit(rng.normal(size=3), 0.3, (-0.2, 0.2)),
-        3: Limit(rng.normal(size=3), 1.0, (-1, 1)),
+        'elbow': JointLimit.hinge(rng.normal(size=3), 0.0, 2.0),
+        'chest': JointLimit(rng.normal(size=3), 0.3, (-0.2, 0.2)),
+        3: JointLimit(rng.normal(size=3), 1.0, (-1, 1)),
     }
-    rig = Rig(skeleton, [Reach(['hand', 'other hand'], method=method)], limits)
+    rig = Rig(skeleton, [InverseKinematics(['hand', 'other hand'], method=method)], limits)
     targets = {'hand': rng.normal(size=3) * 2, 'other hand': rng.normal(size=3) * 2}
     pose = rig.solve(a_pose(rng, skeleton), targets)
     assert rig.limits.excess(pose.rotation).max() < 1e-9
@@ -99,7 +99,7 @@ def test_a_pole_is_a_point_of_the_figure():
     pose = a_pose(rng, skeleton)
     pole = np.array([3.0, -2.0, 5.0])
     for given_, targets in ((pole, {}), ('behind', {'behind': pole})):
-        step = Reach('hand', method='two_bone', poles={'hand': given_})
+        step = InverseKinematics('hand', method='two_bone', poles={'hand': given_})
         shoulder, elbow, hand = (origin(skeleton, pose, n) for n in ('shoulder', 'elbow', 'hand'))
         target = shoulder + 0.9 * (hand - shoulder)
         found = Rig(skeleton, [step]).solve(pose, {'hand': target} | targets)
@@ -113,7 +113,7 @@ def test_both_arms_by_two_bones_are_each_for_themselves():
     bones = [[0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1], [0, -1, 0], [0, 0, 1], [0, 0, 1]]
     names = ['hip', 'a', 'b', 'c', 'd', 'e', 'f']
     skeleton = Skeleton([-1, 0, 1, 2, 0, 4, 5], Pose(bones), names)
-    rig = Rig(skeleton, [Reach(['c', 'f'], method='two_bone')])
+    rig = Rig(skeleton, [InverseKinematics(['c', 'f'], method='two_bone')])
     targets = {'c': np.array([0.5, 1.2, 0.9]), 'f': np.array([-0.5, -1.2, 0.9])}
     pose = rig.solve(skeleton.rest, targets)
     for name, target in targets.items():
@@ -149,7 +149,7 @@ def test_aim_in_part_and_inside_of_a_limit():
     for step, limits, expected in (
         (Aim('eye', [5, 0, 0]), None, math.pi / 2),
         (Aim('eye', [5, 0, 0], weight=0.5), None, math.pi / 4),
-        (Aim('eye', [5, 0, 0]), {'eye': Limit([0, 0, 1], 0.3)}, 0.3),
+        (Aim('eye', [5, 0, 0]), {'eye': JointLimit([0, 0, 1], 0.3)}, 0.3),
         (Aim('eye', [0, 0, 0]), None, 0.0),
     ):
         turned = quat.log(Rig(eye, [step], limits).solve(eye.rest).rotation[0])
@@ -162,7 +162,7 @@ def test_copy_makes_both_lie_alike(seed):
     rng = np.random.default_rng(seed)
     skeleton = body(rng)
     pose = a_pose(rng, skeleton)
-    found = Rig(skeleton, [Copy('head', 'hand', position=True)]).solve(pose)
+    found = Rig(skeleton, [CopyTransform('head', 'hand', position=True)]).solve(pose)
     head, hand = skeleton.world(found)[[5, 0]]
     np.testing.assert_allclose(head[:3, 3], hand[:3, 3], atol=1e-9)
     ratio = head[:3, :3] @ np.linalg.inv(hand[:3, :3])
@@ -178,7 +178,7 @@ def test_copy_of_what_left_its_rest():
     translation = skeleton.rest.translation.copy()
     translation[3] += [1, 2, 3]
     pose = skeleton.rest.replaced(rotation=rotation, translation=translation)
-    step = Copy('other shoulder', 'shoulder', space='local', position=True)
+    step = CopyTransform('other shoulder', 'shoulder', space='local', position=True)
     found = Rig(skeleton, [step]).solve(pose)
     expected = quat.multiply(skeleton.rest.rotation[6], turn)
     np.testing.assert_allclose(found.rotation[6], expected, atol=1e-12)
@@ -191,7 +191,7 @@ def test_steps_are_done_in_order():
     skeleton = body(rng)
     pose = a_pose(rng, skeleton)
     target = {'hand': origin(skeleton, a_pose(rng, skeleton), 'hand')}
-    aim, reach = Aim('head', [9, 9, 9]), Reach('hand')
+    aim, reach = Aim('head', [9, 9, 9]), InverseKinematics('hand')
 
     def shown(steps):
         found = Rig(skeleton, steps).solve(pose, target)
@@ -204,8 +204,8 @@ def test_steps_are_done_in_order():
 
 def test_limits_of_a_clip_are_kept_where_asked():
     skeleton = body(np.random.default_rng(0))
-    limits = {'elbow': Limit([0, 0, 1], 0.1, (0.0, 0.0)), 'head': Limit([0, 0, 1], 0.2)}
-    rig = Rig(skeleton, [KeepLimits()], limits)
+    limits = {'elbow': JointLimit([0, 0, 1], 0.1, (0.0, 0.0)), 'head': JointLimit([0, 0, 1], 0.2)}
+    rig = Rig(skeleton, [ClampToLimits()], limits)
     pose = a_pose(np.random.default_rng(5), skeleton)
     assert rig.limits.excess(pose.rotation).max() > 0.1
     assert rig.limits.excess(rig.solve(pose).rotation).max() < 1e-9
@@ -215,8 +215,10 @@ def test_poses_of_a_source_are_rigged_at_any_times():
     arm = Skeleton([-1, 0, 1], Pose([[0, 0, 0], [1, 0, 0], [1, 0, 0]]), ['a', 'b', 'hand'])
     times = [0.0, 0.5, 1.0]
     bent = Track(0, 'rotation', times, quat.exp([[0, 0, t] for t in times]), 'linear')
-    played = Play(Figure([], arm, [Clip('bend', [bent])]), 'bend', loop=False)
-    rig = Rig(arm, [Reach('hand', root='b'), Copy('hand', 'a', position=True)])
+    played = ClipSource(Figure([], arm, [Clip('bend', [bent])]), 'bend', loop=False)
+    rig = Rig(
+        arm, [InverseKinematics('hand', root='b'), CopyTransform('hand', 'a', position=True)]
+    )
 
     def targets(time):
         return {'hand': [1.0, 1 + time, 0.0]}
@@ -235,7 +237,7 @@ def test_poses_of_a_source_are_rigged_at_any_times():
 
 def test_bones_may_change_their_length():
     arm = Skeleton([-1, 0, 1], Pose([[0, 0, 0], [1, 0, 0], [1, 0, 0]]), ['a', 'b', 'hand'])
-    rig = Rig(arm, [Reach('hand')])
+    rig = Rig(arm, [InverseKinematics('hand')])
     for length in (1.0, 2.0, 1.0):
         pose = arm.rest.replaced(translation=[[7, 0, 0], [length, 0, 0], [1, 0, 0]])
         found = rig.solve(pose, {'hand': [7, 9, 0]})
@@ -245,21 +247,33 @@ def test_bones_may_change_their_length():
 @pytest.mark.parametrize(
     ('make', 'message'),
     [
-        (lambda s: Rig(s, [Reach('foot')]), "there is no joint 'foot'; there are hand"),
-        (lambda s: Rig(s, [], {'foot': Limit([0, 0, 1])}), "no joint 'foot'"),
-        (lambda s: Rig(s, [Reach('hand', root='head')]), "does not hang on the root 'head'"),
-        (lambda s: Rig(s, [Reach('chest', method='two_bone')]), 'two bones need 2'),
-        (lambda s: Reach('hand', method='magic'), "method is 'magic'"),
-        (lambda s: Reach('hand', weights=[1, 2]), 'weights has 2 for 1'),
-        (lambda s: Reach('hand', poles={'head': [0, 0, 0]}), "poles has 'head'"),
+        (
+            lambda s: Rig(s, [InverseKinematics('foot')]),
+            "there is no joint 'foot'; there are hand",
+        ),
+        (lambda s: Rig(s, [], {'foot': JointLimit([0, 0, 1])}), "no joint 'foot'"),
+        (
+            lambda s: Rig(s, [InverseKinematics('hand', root='head')]),
+            "does not hang on the root 'head'",
+        ),
+        (lambda s: Rig(s, [InverseKinematics('chest', method='two_bone')]), 'two bones need 2'),
+        (lambda s: InverseKinematics('hand', method='magic'), "method is 'magic'"),
+        (lambda s: InverseKinematics('hand', weights=[1, 2]), 'weights has 2 for 1'),
+        (lambda s: InverseKinematics('hand', poles={'head': [0, 0, 0]}), "poles has 'head'"),
         (lambda s: Aim('head', [0, 0]), 'at is'),
         (lambda s: Aim('head', [0, 0, 1], axis=[0, 0, 0]), 'axis is'),
         (lambda s: Aim('head', [0, 0, 1], [0, 1, 0], up=[0, 1, 0]), 'is along axis'),
         (lambda s: Aim('head', [0, 0, 1], weight=1.5), 'weight is 1.5'),
-        (lambda s: Copy('head', 'hand', rotation=False), 'nothing to copy'),
-        (lambda s: Copy('head', 'hand', space='moon'), "space is 'moon'"),
-        (lambda s: Rig(s, [Reach('hand')]).solve(s.rest, {'fist': [0, 0, 0]}), "'fist'; they ask"),
-        (lambda s: Rig(s, [Reach('hand')]).solve(s.rest, {'hand': [0, 0]}), r"targets\['hand'\]"),
+        (lambda s: CopyTransform('head', 'hand', rotation=False), 'nothing to copy'),
+        (lambda s: CopyTransform('head', 'hand', space='moon'), "space is 'moon'"),
+        (
+            lambda s: Rig(s, [InverseKinematics('hand')]).solve(s.rest, {'fist': [0, 0, 0]}),
+            "'fist'; they ask",
+        ),
+        (
+            lambda s: Rig(s, [InverseKinematics('hand')]).solve(s.rest, {'hand': [0, 0]}),
+            r"targets\['hand'\]",
+        ),
         (lambda s: Rig(s, []).solve(s.rest, [0, 0]), 'must map names to points'),
         (lambda s: Rig(s, []).solve(Pose(np.zeros((2, 8, 3)))), 'must be one pose'),
     ],
@@ -273,4 +287,4 @@ def test_uneven_scales_of_joints_that_turn_are_named():
     bones = Pose([[0, 0, 0], [1, 0, 0], [1, 0, 0]], scale=[[1, 1, 1], [1, 2, 1], [1, 2, 3]])
     arm = Skeleton([-1, 0, 1], bones, ['shoulder', 'elbow', 'hand'])
     with pytest.raises(ValueError, match=r"joint 'elbow' has the scale \[1.0, 2.0, 1.0\]"):
-        Rig(arm, [Reach('hand')]).solve(arm.rest, {'hand': [1, 1, 0]})
+        Rig(arm, [InverseKinematics('hand')]).solve(arm.rest, {'hand': [1, 1, 0]})

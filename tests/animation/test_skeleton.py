@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pvibr import Pose, Skeleton
+from pvibr.animation import Pose, Skeleton
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -7,7 +7,8 @@ import pytest
 import pyvista as pv
 import trimesh
 
-from pvibr import Figure, Pose, PvibrWarning
+from pvibr import Figure, PvibrWarning
+from pvibr.animation import Pose
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = [[0, 1, 2], [0, 2, 3]]

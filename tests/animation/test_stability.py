@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pvibr import Clip, Figure, Morphs, Pose, Skin, Track
+from pvibr import Figure
+from pvibr.animation import Clip, Morphs, Pose, Skin, Track
 from pvibr.animation.blending import crossfade, mix
 from pvibr.bench.figures_errors import gpu_errors, shown
 from pvibr.bench.figures_models import tube

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pvibr.animation.mixer import Layer, Mixer, Still
+from pvibr.animation.mixer import AnimationLayer, Mixer, PoseSource
 from pvibr.animation.pose import Pose
 from pvibr.animation.states import StateGraph, Visit
 
@@ -162,7 +162,7 @@ def test_a_graph_is_a_source_of_poses():
     walker = graph()
     walker.go('run', at=0.0)
     rest = Pose([[0.0, 0.0, 0.0]])
-    up = Layer(Still(Pose([[0.0, 0.0, 1.0]])), reference=rest)
+    up = AnimationLayer(PoseSource(Pose([[0.0, 0.0, 1.0]])), reference=rest)
     np.testing.assert_allclose(Mixer(walker, up).sample(3.0).translation, [[13, 0, 1]])
 
 

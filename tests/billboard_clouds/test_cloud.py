@@ -173,7 +173,7 @@ def test_a_read_glb_looks_the_same(cloud, torus, tmp_path):
 
     def add(pl):
         with pytest.warns(pvibr.PvibrWarning, match='normal texture'):
-            pl.ibr.add_figure(pvibr.read_gltf(glb))
+            pl.ibr.add_animated(pvibr.read_gltf(glb))
 
     read = coverage(picture(add, VIEWS[0], torus.bounds))
     own = coverage(picture(cloud.add_to, VIEWS[0], torus.bounds))

@@ -153,13 +153,13 @@ def test_a_flipbook_goes_by_time(see):
     thing = pl.ibr.add_billboards([[-1, 0, 0], [1, 0, 0]], np.tile(grey, (8, 1)), frames=(4, 1),
                                   fps=2.0, index=[0, 1], size=1.0)  # fmt: skip
     spots = pixels(pl, thing.points).astype(int)
-    before = thing.stamp()
+    before = thing.content_key()
     for time, expected in ((0.0, (10, 60)), (0.5, (60, 110)), (1.6, (160, 10)), (2.0, (10, 60))):
         pl.ibr.time = time
         picture = grab(pl, see)
         assert tuple(picture[y, x, 0] for x, y in spots) == expected
     pl.ibr.time = 0.5
-    assert thing.stamp() != before
+    assert thing.content_key() != before
     pl.close()
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pyvista as pv
 
 import pvibr
+from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 
 _Y, _X = np.mgrid[-1:1:64j, -1:1:64j]
 _DISC = np.stack([200 + 0 * _X, 60 + 0 * _X, 150 + 0 * _X, 255.0 * (np.hypot(_X, _Y) < 0.9)], -1)
@@ -34,12 +35,12 @@ def _ball(pl):
 
 def _figure():
     still = np.eye(4)[None, :, :]
-    clip = pvibr.Clip('rise', [pvibr.Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 2]])])
-    body = pvibr.Body(
+    clip = Clip('rise', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 2]])])
+    body = FigureMesh(
         pv.Sphere(radius=0.8, center=(0.6, -0.6, 0.5), theta_resolution=12, phi_resolution=12),
         node=0,
     )
-    return pvibr.Figure([body], pvibr.Skeleton([-1], still), [clip])
+    return pvibr.Figure([body], Skeleton([-1], still), [clip])
 
 
 def _cone(pl):
@@ -88,8 +89,8 @@ EFFECTS = {
     'Bloom': _add('Bloom', threshold=0.2, intensity=1.0),
     'ToneMapping': _add('ToneMapping', curve='aces', exposure=1.0),
     'Outline': _add('Outline', width=6.0),
-    'ImageEffect': _add('ImageEffect', INVERT, amount=1.0),
-    'Picture': _add('Picture', STRIPES, place=(0.1, 0.1, 0.4, 0.4)),
+    'ShaderEffect': _add('ShaderEffect', INVERT, amount=1.0),
+    'ImageOverlay': _add('ImageOverlay', STRIPES, place=(0.1, 0.1, 0.4, 0.4)),
     'NightVision': _add('NightVision'),
     'Vignette': _add('Vignette', intensity=1.0),
     'Flash': _add('Flash', at=0.2),
@@ -104,9 +105,9 @@ THINGS = {
     'Cylinders': lambda pl: pl.ibr.add_cylinders(RINGS, RINGS + np.eye(3)[2], 0.3, color='navy'),
     'Ellipsoids': lambda pl: pl.ibr.add_ellipsoids(RINGS, (0.6, 0.4, 0.2), color='navy'),
     'Impostor': lambda pl: pl.ibr.add_impostor(_cone(pl)),
-    'Layers': lambda pl: pl.ibr.add_layers([_cone(pl)]),
-    'FigureActor': lambda pl: pl.ibr.add_figure(_figure(), clip='rise'),
-    'Crowd': lambda pl: pl.ibr.add_figure(_figure(), RINGS, clip='rise', max_error=8),
+    'ImageLayers': lambda pl: pl.ibr.add_image_layers([_cone(pl)]),
+    'AnimatedActor': lambda pl: pl.ibr.add_animated(_figure(), clip='rise'),
+    'Crowd': lambda pl: pl.ibr.add_animated(_figure(), RINGS, clip='rise', max_error=8),
 }
 EVERYTHING = EFFECTS | THINGS
 

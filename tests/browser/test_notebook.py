@@ -114,7 +114,7 @@ def test_in_the_browser(page, start, picture_of, until, quiet, tmp_path, look):
         "show_only(pl, 'DepthOfField')\npl.show(jupyter_backend='server', jupyter_kwargs=options)",
         "show_only(pl, 'Vignette')\npl.render()",
         'import json\nprint(json.dumps(everything.view_of(pl)))',
-        "show_only(pl, 'FigureActor')\npl.ibr.play()",
+        "show_only(pl, 'AnimatedActor')\npl.ibr.play()",
         'pl.close()',
         "pl = plotter(size=(400, 300))\nshow_only(pl, 'Outline')\n"
         "pl.show(jupyter_backend='trame', jupyter_kwargs=options)",

@@ -134,7 +134,7 @@ def test_two_tabs_and_a_page_that_is_opened_again(off_screen, view, served, pict
 
 
 def test_time_goes_on_in_the_page(off_screen, view, until):
-    view.tell('show', 'FigureActor')
+    view.tell('show', 'AnimatedActor')
     begin = view.tell('look')['time']
     view.tell('play', 1.0)
     pictures = []
@@ -147,7 +147,7 @@ def test_time_goes_on_in_the_page(off_screen, view, until):
     view.tell('play', 0)
     look = view.tell('look')
     assert begin + 0.3 < look['time'] < begin + 30
-    assert view.shows(off_screen(look, 'FigureActor'), 1.0) <= 1.0
+    assert view.shows(off_screen(look, 'AnimatedActor'), 1.0) <= 1.0
     assert view.tell('look') == look
 
 

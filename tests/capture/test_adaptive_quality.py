@@ -170,7 +170,7 @@ def test_a_drag_lowers_and_its_end_is_full(slow):
     drag(pl)
     assert show.seen[-1] == pytest.approx(0.25)
     assert pl.ibr.quality == show.seen[-1]
-    assert 'moving_ms is 100' in str(pl.ibr.report())
+    assert 'interactive_frame_ms is 100' in str(pl.ibr.report())
     release(pl)
     assert show.seen[-1] == pl.ibr.quality == 1.0
 
@@ -189,7 +189,7 @@ def test_frames_in_time_are_full(slow):
 def test_no_limit_is_full_quality(slow):
     pl = stage()
     show = pl.ibr.add(Show())
-    pl.ibr.moving_ms = 0
+    pl.ibr.interactive_frame_ms = 0
     pl.show(auto_close=False)
     drag(pl)
     assert set(show.seen) == {1.0}
@@ -198,9 +198,9 @@ def test_no_limit_is_full_quality(slow):
 @pytest.mark.parametrize('value', [-1, np.nan, np.inf, 'fast'])
 def test_limits_that_are_none(value):
     pl = stage()
-    with pytest.raises((TypeError, ValueError), match='moving_ms'):
-        pl.ibr.moving_ms = value
-    assert pl.ibr.moving_ms == 100.0
+    with pytest.raises((TypeError, ValueError), match='interactive_frame_ms'):
+        pl.ibr.interactive_frame_ms = value
+    assert pl.ibr.interactive_frame_ms == 100.0
 
 
 def test_scripts_that_move_the_camera_are_full(slow):
@@ -221,7 +221,7 @@ def test_the_wheel_ends_with_a_full_frame(slow):
         event(pl, 'MouseWheelForwardEvent', 40)
         assert show.seen[-1] == 1.0
     assert min(show.seen) < 1.0
-    assert not pl.ibr._pace.lowered
+    assert not pl.ibr._adaptive_quality.lowered
 
 
 def test_multisampling_is_back_after_each_frame(slow):
@@ -271,7 +271,7 @@ def test_at_rest_every_bit_is_as_before(slow, beside):
     camera = _vtk.vtkCamera()
     camera.DeepCopy(pl.camera)
     drag(pl)
-    assert pl.ibr._pace.lowered
+    assert pl.ibr._adaptive_quality.lowered
     pl.camera.DeepCopy(camera)
     pl.render_window.Render()
     less = picture(pl)
@@ -286,9 +286,9 @@ def test_a_screenshot_in_a_drag_is_full(slow):
     busy(pl)
     pl.show(auto_close=False)
     drag(pl)
-    assert pl.ibr._pace.lowered
+    assert pl.ibr._adaptive_quality.lowered
     taken = pl.screenshot(return_img=True)
-    assert not pl.ibr._pace.lowered
+    assert not pl.ibr._adaptive_quality.lowered
     release(pl)
     np.testing.assert_array_equal(taken, pl.screenshot(return_img=True))
 
@@ -394,7 +394,7 @@ def test_the_wheel_in_a_page(slow):
             event(pl, 'MouseWheelForwardEvent', 40)
         assert show.seen[-1] < 1.0
         slow.now += SETTLE
-        while pl.ibr._pace.lowered:
+        while pl.ibr._adaptive_quality.lowered:
             await asyncio.sleep(0.01)
 
     asyncio.run(asyncio.wait_for(turn(), 60))
@@ -472,7 +472,7 @@ def test_a_plotter_that_moved_is_forgotten(slow):
     pl.ibr.add(Show())
     pl.show(auto_close=False)
     drag(pl)
-    pace = weakref.ref(pl.ibr._pace)
+    pace = weakref.ref(pl.ibr._adaptive_quality)
     pl.close()
     del pl
     gc.collect()

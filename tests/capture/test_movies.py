@@ -8,6 +8,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
+from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 from pvibr.capture.movies import Film
 
 
@@ -123,10 +124,10 @@ def test_a_full_disk_keeps_the_frames_and_the_old_movie(pl, tmp_path, monkeypatc
 
 
 def test_what_moves_is_filmed_at_its_time(pl, tmp_path):
-    clip = pvibr.Clip('up', [pvibr.Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 9]])])
-    ball = pvibr.Body(pv.Sphere(radius=0.2), node=0)
-    figure = pvibr.Figure([ball], pvibr.Skeleton([-1], [np.eye(4)]), [clip])
-    actor = pl.ibr.add_figure(figure, clip='up')
+    clip = Clip('up', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 9]])])
+    ball = FigureMesh(pv.Sphere(radius=0.2), node=0)
+    figure = pvibr.Figure([ball], Skeleton([-1], [np.eye(4)]), [clip])
+    actor = pl.ibr.add_animated(figure, clip='up')
     heights = []
     pl.ibr.movie(tmp_path / 'a', 1, fps=4, each=lambda _: heights.append(actor.center[2]))
     np.testing.assert_allclose(heights, [0, 2.25, 4.5, 6.75], atol=1e-3)

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import Body, Clip, Figure, Skeleton, Track
+from pvibr import Figure
+from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 from pvibr.cli.app import main
 from pvibr.cli.play import _Keys
 
@@ -17,7 +18,9 @@ def file(tmp_path_factory):
     rise = Clip('rise', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 9, 0]])])
     turn = Clip('turn', [Track(0, 'translation', [0, 2], [[0, 0, 0], [0, 0, 1]])])
     still = Skeleton([-1], [np.eye(4)])
-    Figure([Body(pv.Sphere(), node=0, look={'color': 'red'})], still, [rise, turn]).save(path)
+    Figure([FigureMesh(pv.Sphere(), node=0, look={'color': 'red'})], still, [rise, turn]).save(
+        path
+    )
     return str(path)
 
 
@@ -101,7 +104,7 @@ def test_bad_files(tmp_path, capsys):
     assert main(['play', str(tmp_path / 'nothing.glb')]) == 2
     assert 'nothing.glb' in capsys.readouterr().err
     still, text = tmp_path / 'still.glb', tmp_path / 'text.glb'
-    Figure([Body(pv.Cube().triangulate())]).save(still)
+    Figure([FigureMesh(pv.Cube().triangulate())]).save(still)
     text.write_text('no glTF')
     assert main(['play', str(still), '--movie', str(tmp_path / 'a.gif')]) == 2
     assert 'moves' in capsys.readouterr().err
@@ -111,7 +114,7 @@ def test_bad_files(tmp_path, capsys):
 
 def test_keys_pause_and_change_the_clip(file):
     pl = pv.Plotter(window_size=(32, 32))
-    actor = pl.ibr.add_figure(file)
+    actor = pl.ibr.add_animated(file)
     keys = _Keys(pl, actor.figure, actor, actor.figure.clips[0], 1.0)
     keys.pause()
     assert pl.ibr.playing

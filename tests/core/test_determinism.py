@@ -27,7 +27,7 @@ for _ in range(2):
         knot.position = (3 * k, 9.0 * (k % 2), 0)
     pl.ibr.add_impostor(knots, budget_ms=0.01)
     balls = [pl.add_mesh(pv.Sphere(center=(3 * k, -9, 2))) for k in range(4)]
-    pl.ibr.add_layers([balls[:2], balls[2:]], budget_ms=0.01)
+    pl.ibr.add_image_layers([balls[:2], balls[2:]], budget_ms=0.01)
     pl.ibr.add(pvibr.Bloom(threshold=0.5))
     pl.ibr.add(pvibr.ToneMapping())
     pl.subplot(0, 1)
@@ -95,7 +95,7 @@ def test_what_is_measured_is_what_is_written_down():
 
 def test_frames_that_move_are_full():
     pl = pv.Plotter(off_screen=True)
-    pl.ibr.moving_ms = 1e-6
+    pl.ibr.interactive_frame_ms = 1e-6
     with pvibr.deterministic():
         pl.show(auto_close=False)
         for _ in range(5):

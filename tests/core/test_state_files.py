@@ -24,7 +24,7 @@ def pl():
     pl.ibr.add(pvibr.Bloom(threshold=0.5))
     pl.subplot(0, 1)
     pl.ibr.add(pvibr.Vignette(color=(1, 0, 0))).enabled = False
-    pl.ibr.time, pl.ibr.moving_ms = 1.5, 50
+    pl.ibr.time, pl.ibr.interactive_frame_ms = 1.5, 50
     return pl
 
 
@@ -33,7 +33,7 @@ def changed(pl):
     bloom, vignette = pl.ibr.contents['0']['Bloom'], pl.ibr.contents['1']['Vignette']
     bloom.threshold, bloom.enabled = 0.9, False
     vignette.color, vignette.enabled = (0, 0, 0), True
-    pl.ibr.time, pl.ibr.moving_ms = 0, 80
+    pl.ibr.time, pl.ibr.interactive_frame_ms = 0, 80
     return bloom, vignette
 
 
@@ -56,7 +56,7 @@ def test_a_file_of_another_version_is_applied_as_far_as_it_is_known(pl, tmp_path
     values = json.loads(path.read_text())
     values['version'] = 99
     values['moon'] = 'full'
-    values['moving_ms'] = 'swift'
+    values['interactive_frame_ms'] = 'swift'
     values['subplots']['0']['Bloom'] |= {'hue': 3, 'blend': 'multiply', 'intensity': 0.25}
     values['subplots']['0']['Ripples'] = {}
     path.write_text(json.dumps(values))
@@ -71,7 +71,7 @@ def test_a_file_of_another_version_is_applied_as_far_as_it_is_known(pl, tmp_path
     assert caught[0].filename == again[0].filename == __file__
     for name in (
         'moon',
-        'plotter.moving_ms',
+        'plotter.interactive_frame_ms',
         'Bloom.hue',
         "Bloom.blend = 'multiply'",
         'subplot 0: Ripples',
@@ -91,8 +91,8 @@ def test_a_file_of_another_version_is_applied_as_far_as_it_is_known(pl, tmp_path
         {'subplots': {'0': 'Bloom'}},
         {'subplots': [1]},
         {'time': 'noon'},
-        {'moving_ms': -1, 'subplots': {'0': {'Bloom': {'threshold': 0.1}}}},
-        {'time': 3.0, 'moving_ms': None},
+        {'interactive_frame_ms': -1, 'subplots': {'0': {'Bloom': {'threshold': 0.1}}}},
+        {'time': 3.0, 'interactive_frame_ms': None},
         {'time': 10**400},
         {'time': None, 'subplots': {'0': {'Bloom': {'threshold': 0.1}}}},
     ],

@@ -379,7 +379,7 @@ def test_text_and_other_subplots_stay():
 @pytest.mark.parametrize('size', [(1, 1), (200, 20), (33, 190)])
 def test_any_window_and_again(size, high):
     pl = bright(size)
-    bloom = pl.ibr.add(pvibr.Bloom(high_range=high, threshold=0.5))
+    bloom = pl.ibr.add(pvibr.Bloom(needs_hdr=high, threshold=0.5))
     pl.show(auto_close=False)
     first = grab(pl)
     pl.window_size = (64, 64)
@@ -421,7 +421,7 @@ def test_light_is_the_same_in_place_and_anew(blend, high):
     pl = bright()
     pl.set_background('black')
     pl.show(auto_close=False)
-    pl.ibr.add(pvibr.Bloom(blend=blend, intensity=0.7, high_range=high))
+    pl.ibr.add(pvibr.Bloom(blend=blend, intensity=0.7, needs_hdr=high))
     found = [pl.screenshot(transparent_background=True).astype(int)]
     pl.ibr.add(Nothing())
     found.append(pl.screenshot(transparent_background=True).astype(int))

@@ -225,7 +225,7 @@ def test_light_above_white_stays_light(half_plane):
         pl.remove_all_lights()
         pl.add_light(pv.Light(position=(0, 0, 0), light_type='headlight', intensity=4.0))
         pl.add_mesh(pv.Disc(center=(-1, 0, -19), inner=0, outer=0.15, c_res=24), color='white')
-        pl.ibr.add(pvibr.DepthOfField(radius=0.4, distance=10, limit=0.2, high_range=high))
+        pl.ibr.add(pvibr.DepthOfField(radius=0.4, distance=10, limit=0.2, needs_hdr=high))
         found.append(shot(pl)[..., 0].max())
         pl.close()
     assert found[1] > 2 * found[0]

@@ -31,8 +31,8 @@ EVERY = {
     'Bloom': (lambda _: pvibr.Bloom(threshold=0.2), {'intensity': 0}),
     'ToneMapping': (lambda _: pvibr.ToneMapping(exposure=2, curve='aces'), {'intensity': 0}),
     'Outline': (lambda _: pvibr.Outline(color=(1, 0, 1)), {'opacity': 0}),
-    'ImageEffect': (lambda _: pvibr.ImageEffect(INVERT), {'intensity': 0}),
-    'Picture': (lambda _: pvibr.Picture(SMOOTH), {'opacity': 0}),
+    'ShaderEffect': (lambda _: pvibr.ShaderEffect(INVERT), {'intensity': 0}),
+    'ImageOverlay': (lambda _: pvibr.ImageOverlay(SMOOTH), {'opacity': 0}),
     'NightVision': (lambda _: pvibr.NightVision(), {'intensity': 0}),
     'Vignette': (lambda _: pvibr.Vignette(radius=0, softness=0.5), {'intensity': 0}),
     'Flash': (lambda _: pvibr.Flash(at=0), {'at': None}),
@@ -41,7 +41,7 @@ EVERY = {
 #: Light spreads over shares of the picture, whatever its pixels: that of the window is shown.
 LIGHT = ('Bloom', 'Glow', 'Afterglow')
 #: Those that draw over the background, which is opaque then.
-COVERS = ('Picture', 'Flash', 'Iris', 'Outline', 'Glow', 'Afterglow', 'Bloom', 'DepthOfField')
+COVERS = ('ImageOverlay', 'Flash', 'Iris', 'Outline', 'Glow', 'Afterglow', 'Bloom', 'DepthOfField')
 
 
 def scene(pl, *, text=False):
@@ -188,7 +188,7 @@ def test_a_pixel_that_is_no_number_does_not_spread(name):
     for value in (Hole.value, '0.0'):
         pl = plotter()
         hole = Hole()
-        hole.value, hole.high_range = value, True
+        hole.value, hole.needs_hdr = value, True
         pl.ibr.add(hole)
         add(pl, name)
         found.append(shot(pl))

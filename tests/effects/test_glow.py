@@ -392,7 +392,7 @@ def test_beside_what_plotters_enable(name, high):
         actor.prop.lighting = True  # VTK's shadows do not compile on what is not lit
     BESIDE[name](pl)
     before = grab(pl)
-    bloom = pl.ibr.add(pvibr.Bloom(threshold=0.9, high_range=high))
+    bloom = pl.ibr.add(pvibr.Bloom(threshold=0.9, needs_hdr=high))
     glow = pl.ibr.add(pvibr.Glow(actors[1]))
     trail = pl.ibr.add(pvibr.Afterglow(actors[0]))
     lit = grab(pl)

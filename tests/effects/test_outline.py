@@ -66,7 +66,7 @@ def test_polylines_are_around_what_is_covered(name):
     places = inner(mesh, pl.camera, SIZE)
     off, _ = cKDTree(places).query(contour(mesh, pl.camera, SIZE))
     assert (off <= 0.5).mean() >= 0.98
-    every = pvibr.outline(mesh, pl.camera, hidden=True, size=SIZE)
+    every = pvibr.silhouette_lines(mesh, pl.camera, hidden=True, size=SIZE)
     assert cKDTree(mesh.points).query(every.points)[0].max() < 1e-6
 
 

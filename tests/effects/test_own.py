@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr import ImageEffect, Param
+from pvibr import Param, ShaderEffect
 from pvibr.core.errors import PvibrWarning
 
 SIZE = (96, 64)
@@ -41,12 +41,12 @@ def places():
 
 def test_the_picture_itself(pl):
     before = shot(pl)
-    pl.ibr.add(ImageEffect(body('return color_at(uv);')))
+    pl.ibr.add(ShaderEffect(body('return color_at(uv);')))
     np.testing.assert_array_equal(shot(pl), before)
 
 
 def test_settings_are_uniforms_of_their_types(pl):
-    class Mixed(ImageEffect):
+    class Mixed(ShaderEffect):
         source = body(
             'return vec4(on ? pair.x : 0.0, count == 3 ? tint.g : 0.0,'
             ' way == 1 ? level * four.w : 0.0, 1.0);'
@@ -69,8 +69,8 @@ def test_settings_are_uniforms_of_their_types(pl):
 
 
 def test_values_given_with_a_text_are_settings(pl):
-    one = ImageEffect(body('return vec4(vec3(amount), 1.0);'), amount=0.5)
-    two = ImageEffect(body('return vec4(0.0);'))
+    one = ShaderEffect(body('return vec4(vec3(amount), 1.0);'), amount=0.5)
+    two = ShaderEffect(body('return vec4(0.0);'))
     assert not hasattr(two, 'amount')
     pl.ibr.add(one)
     assert np.abs(shot(pl) - 127.5).max() <= 1
@@ -82,28 +82,28 @@ def test_values_given_with_a_text_are_settings(pl):
 
 def test_intensity_mixes(pl):
     before = shot(pl)
-    effect = pl.ibr.add(ImageEffect(body('return vec4(1.0);'), intensity=0.25))
+    effect = pl.ibr.add(ShaderEffect(body('return vec4(1.0);'), intensity=0.25))
     assert np.abs(shot(pl) - (0.75 * before + 0.25 * 255)).max() <= 1
     effect.intensity = 0
     np.testing.assert_array_equal(shot(pl), before)
 
 
 def test_places_size_and_time(pl):
-    pl.ibr.add(ImageEffect(body('return vec4(uv, time / 10.0, 1.0);')))
+    pl.ibr.add(ShaderEffect(body('return vec4(uv, time / 10.0, 1.0);')))
     pl.ibr.time = 4.0
     expected = 255 * np.dstack([places(), np.full(SIZE[::-1], 0.4)])
     assert np.abs(shot(pl) - expected).max() <= 1
     large = shot(pl, scale=2).reshape(SIZE[1], 2, SIZE[0], 2, 3).mean(axis=(1, 3))
     assert np.abs(large - expected).max() <= 1
     pl.ibr.clear()
-    pl.ibr.add(ImageEffect(body('return vec4(size / 256.0, scale / 4.0, 1.0);')))
+    pl.ibr.add(ShaderEffect(body('return vec4(size / 256.0, scale / 4.0, 1.0);')))
     assert np.abs(shot(pl) - 255 * np.array([96 / 256, 64 / 256, 0.25])).max() <= 1
     assert np.abs(shot(pl, scale=2) - 255 * np.array([192 / 256, 0.5, 0.5])).max() <= 1
 
 
 def test_colours_of_other_places(pl):
     before = shot(pl)
-    pl.ibr.add(ImageEffect(body('return color_at(vec2(1.0 - uv.x, uv.y));')))
+    pl.ibr.add(ShaderEffect(body('return color_at(vec2(1.0 - uv.x, uv.y));')))
     np.testing.assert_array_equal(shot(pl), before[:, ::-1])
 
 
@@ -112,7 +112,7 @@ def test_depth_is_in_world_units(pl, parallel):
     pl.camera.parallel_projection = parallel
     depth = pl.ibr.buffer('depth')
     text = 'float d = depth_at(uv); return vec4(d == nothing ? 1.0 : 0.0, d / 8.0, 0.0, 1.0);'
-    pl.ibr.add(ImageEffect(body(text)))
+    pl.ibr.add(ShaderEffect(body(text)))
     found = shot(pl) / 255
     nothing = np.isinf(depth)
     assert 0.1 < nothing.mean() < 0.9
@@ -123,29 +123,29 @@ def test_depth_is_in_world_units(pl, parallel):
 def test_normals_and_ids_are_drawn_where_the_text_names_them(pl):
     normal, number = pl.ibr.buffer('normal'), pl.ibr.buffer('id')
     text = 'return vec4(0.5 + 0.5 * normal_at(uv), 1.0);'
-    effect = pl.ibr.add(ImageEffect(body(text)))
+    effect = pl.ibr.add(ShaderEffect(body(text)))
     assert np.abs(shot(pl) - 255 * (0.5 + 0.5 * normal)).max() <= 1
     effect.source = body('return vec4(vec3(float(id_at(uv) + 1) / 4.0), 1.0);')
     assert np.abs(shot(pl) - 255 * (number[..., None] + 1) / 4).max() <= 1
     held = pl.ibr.report().picture_bytes
     pl.ibr.remove(effect)
-    pl.ibr.add(ImageEffect(body('return color_at(uv); /* no normal_at here */')))
+    pl.ibr.add(ShaderEffect(body('return color_at(uv); /* no normal_at here */')))
     shot(pl)
     assert pl.ibr.report().picture_bytes < held
 
 
 def test_images(pl):
     image = np.random.default_rng(5).integers(0, 256, (*SIZE[::-1], 3), np.uint8)
-    pl.ibr.add(ImageEffect(body('return texture(paper, uv);'), images={'paper': image}))
+    pl.ibr.add(ShaderEffect(body('return texture(paper, uv);'), images={'paper': image}))
     assert np.abs(shot(pl) - image).max() <= 1
 
 
 def test_light_above_one_before_tone_mapping(pl):
-    class Lamp(ImageEffect):
+    class Lamp(ShaderEffect):
         source = body('return vec4(vec3(4.0), 1.0);')
         before = 'ToneMapping'
 
-    lamp = pl.ibr.add(Lamp(high_range=True))
+    lamp = pl.ibr.add(Lamp(needs_hdr=True))
     pl.ibr.add(pvibr.ToneMapping(exposure=-6))
     light = ((4 + 0.055) / 1.055) ** 2.4 / 64  # six stops less of it
     assert np.abs(shot(pl) - 255 * (1.055 * light ** (1 / 2.4) - 0.055)).max() <= 1
@@ -159,7 +159,7 @@ def test_light_above_one_before_tone_mapping(pl):
 def test_what_is_no_number_leaves_the_pixel(pl):
     before = shot(pl)
     text = 'float zero = min(uv.x, 0.0); return vec4(uv.x < 0.5 ? zero / zero : 1.0);'
-    pl.ibr.add(ImageEffect(body(text)))
+    pl.ibr.add(ShaderEffect(body(text)))
     after = shot(pl)
     np.testing.assert_array_equal(after[:, :48], before[:, :48])
     assert (after[:, 48:] == 255).all()
@@ -172,8 +172,8 @@ def test_errors_name_file_line_and_text(pl, tmp_path, text):
     path.write_text(
         f'// mine\nvec4 effect(vec2 uv)\n{{\n  vec4 c = color_at(uv);\n  return {text};\n}}'
     )
-    effect = pl.ibr.add(ImageEffect(path))
-    with pytest.warns(PvibrWarning, match='ImageEffect is off') as caught:
+    effect = pl.ibr.add(ShaderEffect(path))
+    with pytest.warns(PvibrWarning, match='ShaderEffect is off') as caught:
         after = shot(pl)
     np.testing.assert_array_equal(after, before)
     said = str(caught[0].message)
@@ -184,14 +184,14 @@ def test_errors_name_file_line_and_text(pl, tmp_path, text):
 
 
 def test_a_text_without_the_function(pl):
-    pl.ibr.add(ImageEffect('vec4 efect(vec2 uv) { return vec4(1.0); }'))
-    with pytest.warns(PvibrWarning, match="shader 'ImageEffect' does not compile.*effect"):
+    pl.ibr.add(ShaderEffect('vec4 efect(vec2 uv) { return vec4(1.0); }'))
+    with pytest.warns(PvibrWarning, match="shader 'ShaderEffect' does not compile.*effect"):
         shot(pl)
 
 
 def test_the_template_is_an_effect(pl):
     before = shot(pl) / 255
-    pl.ibr.add(ImageEffect(ImageEffect.template, amount=0.5, tint=(1, 0.9, 0.7)))
+    pl.ibr.add(ShaderEffect(ShaderEffect.template, amount=0.5, tint=(1, 0.9, 0.7)))
     gray = (before @ [0.2126, 0.7152, 0.0722])[..., None]
     expected = 0.5 * before + 0.5 * gray * [1, 0.9, 0.7]
     assert np.abs(shot(pl) - 255 * expected).max() <= 1
@@ -199,15 +199,15 @@ def test_the_template_is_an_effect(pl):
 
 def test_bad_arguments(tmp_path):
     with pytest.raises(ValueError, match=r'source is empty'):
-        ImageEffect()
+        ShaderEffect()
     with pytest.raises(FileNotFoundError):
-        ImageEffect(tmp_path / 'none.glsl')
-    with pytest.raises(ValueError, match=r'ImageEffect\.size: the name is taken'):
-        ImageEffect(body('return vec4(size);'), size=2.0)
-    with pytest.raises(TypeError, match=r'ImageEffect\.word: no uniform can be made of it'):
-        ImageEffect(body('return vec4(0.0);'), word='x')
+        ShaderEffect(tmp_path / 'none.glsl')
+    with pytest.raises(ValueError, match=r'ShaderEffect\.size: the name is taken'):
+        ShaderEffect(body('return vec4(size);'), size=2.0)
+    with pytest.raises(TypeError, match=r'ShaderEffect\.word: no uniform can be made of it'):
+        ShaderEffect(body('return vec4(0.0);'), word='x')
     with pytest.raises(TypeError, match='five'):
-        ImageEffect(body('return vec4(0.0);'), five=(1, 2, 3, 4, 5))
+        ShaderEffect(body('return vec4(0.0);'), five=(1, 2, 3, 4, 5))
 
 
 ENABLED = {
@@ -226,7 +226,7 @@ def test_normals_beside_what_a_plotter_enables(pl, name, high):
     normal = pl.ibr.buffer('normal')
     ENABLED[name](pl)
     text = 'return vec4(0.5 + 0.5 * normal_at(uv), 1.0);'
-    pl.ibr.add(ImageEffect(body(text), high_range=high))
+    pl.ibr.add(ShaderEffect(body(text), needs_hdr=high))
     shot(pl)
     differ = np.abs(shot(pl) - 255 * (0.5 + 0.5 * normal)).max(axis=2)
     assert (differ > 3).mean() < 0.02  # along edges, where there are several samples

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import Backdrop, Flash, Iris, LiveTexture, NightVision, Picture, Sky, Vignette
+from pvibr import Backdrop, Flash, ImageOverlay, Iris, LiveTexture, NightVision, Sky, Vignette
 from pvibr.effects import screen
 
 SIZE = (120, 80)
@@ -43,7 +43,7 @@ EVERY = {
     'flash': (lambda: Flash(at=0), {'at': None}),
     'night': (lambda: NightVision(), {'intensity': 0}),
     'iris': (lambda: Iris(opening=0.2, color=(1, 0, 0)), {'opening': 1}),
-    'picture': (lambda: Picture(SMOOTH), {'opacity': 0}),
+    'picture': (lambda: ImageOverlay(SMOOTH), {'opacity': 0}),
     'backdrop': (lambda: Backdrop(SMOOTH), {'opacity': 0}),
     'sky': (lambda: Sky(), {'opacity': 0}),
 }
@@ -193,7 +193,7 @@ def test_shape_without_light():
 @pytest.mark.parametrize('mode', screen._MODES)
 def test_picture_modes(pl, mode):
     before = shot(pl) / 255
-    pl.ibr.add(Picture(IMAGE, mode=mode, opacity=0.7))
+    pl.ibr.add(ImageOverlay(IMAGE, mode=mode, opacity=0.7))
     k, a = IMAGE[..., :3] / 255, 0.7 * IMAGE[..., 3:] / 255
     expected = {
         'over': before * (1 - a) + k * a,
@@ -207,7 +207,7 @@ def test_picture_modes(pl, mode):
 
 def test_picture_lies_where_it_should(pl):
     before = shot(pl)
-    picture = pl.ibr.add(Picture(np.ones((10, 10, 3)), place=(0.5, 0.5, 1, 1)))
+    picture = pl.ibr.add(ImageOverlay(np.ones((10, 10, 3)), place=(0.5, 0.5, 1, 1)))
     white = (shot(pl) == 255).all(axis=2)
     expected = np.zeros((80, 120), bool)
     expected[:40, 70:110] = True  # 40 x 40 in the middle of 60 x 40
@@ -221,7 +221,9 @@ def test_picture_lies_where_it_should(pl):
 
 
 def test_pictures_of_a_sequence_follow_the_clock(pl):
-    pl.ibr.add(Picture([np.full((4, 4, 3), g) for g in (0.0, 0.5, 1.0)], fps=2, fit='stretch'))
+    pl.ibr.add(
+        ImageOverlay([np.full((4, 4, 3), g) for g in (0.0, 0.5, 1.0)], fps=2, fit='stretch')
+    )
     for time, grey in ((0, 0), (0.5, 128), (1.0, 255), (1.5, 0)):
         pl.ibr.time = time
         assert (shot(pl) == grey).all()
@@ -236,7 +238,7 @@ def test_backdrop_shows_where_the_scene_does_not(pl, opacity, high):
     pl.set_background((0.2, 0.6, 0.4), top=(0.9, 0.1, 0.3))
     before = shot(pl)
     backdrop = pl.ibr.add(Backdrop(IMAGE, opacity=0.8))
-    backdrop.high_range = high
+    backdrop.needs_hdr = high
     a = 0.8 * IMAGE[..., 3:] / 255
     v = places()[..., 1:]
     ground = 255 * ((1 - v) * [0.2, 0.6, 0.4] + v * [0.9, 0.1, 0.3])
@@ -373,12 +375,12 @@ def test_tiles_of_subplots_show_the_same():
 def test_images_seen_small_are_their_mean(pl):
     """Levels: a chessboard of single pixels is grey, not one of its colours."""
     board = np.indices((512, 512)).sum(axis=0) % 2 * np.ones((512, 512))
-    pl.ibr.add(Picture(board, place=(0.3, 0.3, 0.5, 0.5), fit='stretch'))
+    pl.ibr.add(ImageOverlay(board, place=(0.3, 0.3, 0.5, 0.5), fit='stretch'))
     found = shot(pl)[43:53, 40:56]
     assert np.abs(found - 127.5).max() < 3
 
 
-@pytest.mark.parametrize('kind', [Picture, Backdrop])
+@pytest.mark.parametrize('kind', [ImageOverlay, Backdrop])
 def test_an_image_may_be_a_live_texture(pl, kind):
     camera = pv.Camera()
     camera.position, camera.focal_point, camera.up = (0, -4, 0), (0, 0, 0), (0, 0, 1)

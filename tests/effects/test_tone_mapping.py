@@ -17,7 +17,7 @@ SIZE = (96, 64)
 class Chart(Effect):
     """Colours up to 8 that are known everywhere, in place of the scene."""
 
-    high_range = True
+    needs_hdr = True
     code = 'vec3(8.0 * uv.x * uv.x, 4.0 * uv.y * uv.y, 2.0 * uv.x * uv.y)'
     quad = None
 

@@ -11,7 +11,8 @@ import pyvista as pv
 import trimesh
 
 import pvibr
-from pvibr import Body, Clip, Figure, Skeleton, Track
+from pvibr import Figure
+from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 from pvibr.core import _vtk
 from pvibr.core.frame import Frame
 from pvibr.export.copies import Copies, chosen_levels
@@ -341,14 +342,14 @@ def test_billboards_and_their_shadows():
 
 def balloon():
     rise = Clip('rise', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 2.0]])])
-    body = Body(pv.Sphere(radius=0.6), node=0)
+    body = FigureMesh(pv.Sphere(radius=0.6), node=0)
     return Figure([body], Skeleton([-1], np.eye(4)[None]), [rise])
 
 
 def test_figures_are_posed_as_they_are_now():
     pl = plotter()
     ground(pl)
-    pl.ibr.add_figure(balloon(), color='red')
+    pl.ibr.add_animated(balloon(), color='red')
     look(pl)
     pl.ibr.time = 0.5
     assert differ(pl) < 0.6
@@ -362,7 +363,7 @@ def test_figures_are_posed_as_they_are_now():
 def test_crowds_are_posed_each_at_its_time():
     pl = plotter()
     ground(pl)
-    pl.ibr.add_figure(
+    pl.ibr.add_animated(
         balloon(), [[-2, 0, 0.6], [2, 0, 0.6]], times=[0.0, 0.5], max_error=8, cache=False,
         colors=[[255, 0, 0], [0, 0, 255]],
     )  # fmt: skip

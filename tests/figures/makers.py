@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
-from pvibr import Body, Clip, Figure, Morphs, Pose, Skeleton, Skin, Track
-from pvibr.animation.frames import Frames
+from pvibr import Figure
+from pvibr.animation import Clip, FigureMesh, Morphs, Pose, Skeleton, Skin, Track
+from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.maths.quaternions import from_axis_angle
 
 JOINTS = 5
@@ -48,7 +49,7 @@ def worm(offset=0.0, k=4, n_morphs=0, clips=()):
     """A tube on a chain of joints."""
     mesh, bones = tube(offset), skeleton(offset)
     targets = morphs(mesh.n_points, n_morphs) if n_morphs else None
-    body = Body(mesh, skin=skin(mesh, bones, k), morphs=targets)
+    body = FigureMesh(mesh, skin=skin(mesh, bones, k), morphs=targets)
     return Figure([body], bones, clips)
 
 
@@ -75,5 +76,5 @@ def growing(n=6, interpolation='linear'):
     mesh = pv.Sphere(theta_resolution=16, phi_resolution=16)
     points = np.asarray(mesh.points, float)
     positions = np.stack([points * [1, 1, 1 + 0.3 * i] + [0, 0, 0.2 * i] for i in range(n)])
-    frames = Frames(np.arange(float(n)), positions, None, interpolation)
-    return Figure([Body(mesh, frames=frames)])
+    frames = VertexAnimation(np.arange(float(n)), positions, None, interpolation)
+    return Figure([FigureMesh(mesh, frames=frames)])

@@ -7,7 +7,8 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr import Body, Figure, Pose, Skeleton
+from pvibr import Figure
+from pvibr.animation import FigureMesh, Pose, Skeleton
 from tests.figures.makers import bend, bending, growing, worm
 
 VIEW = [(6.0, 5.0, 3.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
@@ -38,7 +39,7 @@ def scene(figure, pose, look, effect=None, *, as_mesh=False):
         thing = pl.add_mesh(figure.mesh(pose=pose), **look)
         actors = [thing]
     else:
-        thing = pl.ibr.add_figure(figure, **look)
+        thing = pl.ibr.add_animated(figure, **look)
         thing.pose = pose
         actors = thing.actors()
     if effect is not None:
@@ -120,7 +121,7 @@ def test_a_moving_figure_throws_a_moving_shadow():
         pl = plotter(lighting='none')
         pl.add_light(pv.Light(position=(6, -6, 8), light_type='scene light'))
         pl.add_mesh(pv.Plane(center=(0, 0, -2.5), i_size=12, j_size=12), color='white')
-        pl.ibr.add_figure(figure)
+        pl.ibr.add_animated(figure)
         shadows = pl.ibr.add(pvibr.Shadows(method=method, resolution=512))
         drawn = []
         for time in (0.0, 0.0, 1.0, 1.0):
@@ -136,7 +137,7 @@ def test_depth_is_never_that_of_the_rest_pose():
     from pvibr.gl.doubles import Doubles
 
     pl = plotter()
-    actor = pl.ibr.add_figure(worm()).actors()[0]
+    actor = pl.ibr.add_animated(worm()).actors()[0]
     assert Doubles().of(actor) is actor
 
 
@@ -146,7 +147,7 @@ def test_depth_is_never_that_of_the_rest_pose():
 def test_time_poses_and_stillness_uploads_nothing():
     figure = worm(clips=[bending()])
     pl = plotter()
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     pictures = []
     for time in (0.0, 0.0, 1.0, 1.0, 2.0):
         pl.ibr.time = time
@@ -161,7 +162,7 @@ def test_time_poses_and_stillness_uploads_nothing():
 def test_play_and_stop():
     figure = worm(clips=[bending(2.0)])
     pl = plotter()
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     pl.ibr.time = 10.0
     actor.play('bend', speed=2.0, loop=False)
     pl.ibr.time = 10.5
@@ -179,7 +180,7 @@ def test_play_and_stop():
 def test_a_fade_goes_from_what_is_shown_to_the_clip():
     figure = worm(clips=[bending(2.0)])
     pl = plotter()
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     actor.pose = before = bend(figure, 0.2)
     actor.play('bend', fade=1.0)
     shown = []
@@ -199,7 +200,7 @@ def test_any_sampler_drives_it():
             return bend(figure, 0.3 * np.sin(time))
 
     pl = plotter()
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     actor.driver = Wave()
     pl.ibr.time = 1.0
     assert np.allclose(actor.pose.rotation, bend(figure, 0.3 * np.sin(1.0)).rotation)
@@ -214,7 +215,7 @@ def test_an_error_of_a_driver_puts_it_off_and_says_so():
             raise RuntimeError(msg)
 
     pl = plotter()
-    actor = pl.ibr.add_figure(worm())
+    actor = pl.ibr.add_animated(worm())
     pl.show(auto_close=False)
     actor.driver = Broken()
     with pytest.warns(pvibr.PvibrWarning, match='out of joint'):
@@ -225,7 +226,7 @@ def test_an_error_of_a_driver_puts_it_off_and_says_so():
 def test_matrices_of_a_simulator():
     figure = worm()
     pl = plotter()
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     actor.pose = figure.world(bend(figure, 0.3))
     by_matrices = shot(pl)
     actor.pose = bend(figure, 0.3)
@@ -239,7 +240,7 @@ def test_matrices_of_a_simulator():
 def test_weights_win_over_the_clip():
     figure = worm(n_morphs=3, clips=[bending()])
     pl = plotter()
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     actor.weights = [0.0, 2.0, -1.0]
     pl.ibr.time = 0.5
     assert actor.pose.weights.tolist() == [0.0, 2.0, -1.0]
@@ -253,7 +254,7 @@ def test_weights_win_over_the_clip():
 def test_a_pose_without_weights_rests_its_morphs():
     figure = worm(n_morphs=2)
     pl = plotter()
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     bent = bend(figure, 0.2)
     actor.pose = Pose(bent.translation, bent.rotation)
     assert actor.weights.tolist() == [0.0, 0.0]
@@ -267,7 +268,7 @@ def test_a_pose_without_weights_rests_its_morphs():
 def test_bounds_hold_every_pose_and_follow_it():
     figure = worm()
     pl = plotter()
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     for move in (0.0, 3.0, 1e4):
         for angle in (0.0, 0.4, -0.8):
             actor.pose = pose = bend(figure, angle, move)
@@ -283,7 +284,7 @@ def test_it_is_drawn_wherever_its_pose_takes_it():
     """VTK's culler must not think of the pose at rest."""
     figure = worm()
     pl = plotter()
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     for move in ([0, 0, 0], [40.0, 0, 0], [0, -300.0, 20.0]):
         actor.pose = bend(figure, 0.2, np.array(move))
         center = np.array(actor.center)
@@ -297,7 +298,7 @@ def test_it_is_drawn_wherever_its_pose_takes_it():
 def test_a_figure_that_outgrows_the_camera_is_not_cut():
     figure = worm()
     pl = plotter()
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     pl.camera_position = [(9.0, 0, 0), (0, 0, 0), (0, 0, 1)]
     pl.show(auto_close=False)
     actor.pose = bend(figure, 0.0, np.array([-30.0, 0, 0]))
@@ -310,7 +311,7 @@ def test_a_figure_that_outgrows_the_camera_is_not_cut():
 def test_a_still_box_uploads_no_vertices():
     figure = worm(clips=[bending()])
     pl = plotter()
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     pl.show(auto_close=False)
     for time in np.linspace(0, 2, 9):
         pl.ibr.time = time
@@ -327,9 +328,9 @@ def test_a_still_box_uploads_no_vertices():
 
 def test_unskinned_bodies_move_with_their_joints():
     bones = Skeleton([-1, 0], Pose([[0.0, 0, 0], [0, 0, 2.0]]))
-    figure = Figure([Body(pv.Cube(), node=1), Body(pv.Sphere(), node=-1)], bones)
+    figure = Figure([FigureMesh(pv.Cube(), node=1), FigureMesh(pv.Sphere(), node=-1)], bones)
     pl = plotter()
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     actor.pose = Pose([[1.0, 0, 0], [0, 0, 2.0]])
     cube, ball = actor.actors()
     pl.show(auto_close=False)
@@ -345,7 +346,7 @@ def test_user_matrix():
     figure = worm()
     turn = pv.Transform().rotate_x(70).translate(1, 0, 0.5).matrix
     pl = plotter()
-    actor = pl.ibr.add_figure(figure, color='tan', smooth_shading=True)
+    actor = pl.ibr.add_animated(figure, color='tan', smooth_shading=True)
     actor.pose = bend(figure, 0.3)
     actor.user_matrix = turn
     mesh = plotter()
@@ -359,7 +360,7 @@ def test_user_matrix():
 def test_key_framed_body_is_drawn():
     figure = growing()
     pl, mesh = plotter(), plotter()
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     pl.ibr.time = 2.5
     mesh.add_mesh(figure.mesh(2.5), color='tan')
     assert differing(shot(pl), shot(mesh)) <= 5
@@ -372,9 +373,9 @@ def test_key_framed_body_is_drawn():
 def test_a_name_is_replaced_and_a_figure_can_come_again():
     figure = worm()
     pl = plotter()
-    first = pl.ibr.add_figure(figure, name='worm')
+    first = pl.ibr.add_animated(figure, name='worm')
     shown = shot(pl)
-    second = pl.ibr.add_figure(figure, name='worm', color='tan')
+    second = pl.ibr.add_animated(figure, name='worm', color='tan')
     assert first.pipeline is None
     assert pl.ibr.effects == (second,)
     pl.ibr.remove(second)
@@ -392,7 +393,7 @@ def test_two_subplots_show_two_times():
     pl = plotter((200, 100), shape=(1, 2))
     for column, start in enumerate((0.0, -1.0)):
         pl.subplot(0, column)
-        pl.ibr.add_figure(figure, color='tan').play('bend', start=start)
+        pl.ibr.add_animated(figure, color='tan').play('bend', start=start)
         pl.camera_position = VIEW
     picture = pl.screenshot(None).astype(int)
     assert differing(picture[:, :100], picture[:, 100:]) > 50
@@ -401,7 +402,7 @@ def test_two_subplots_show_two_times():
 def test_hidden_figures_are_not_posed():
     figure = worm()
     pl = plotter()
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     actor.visibility = False
     empty = shot(pl)
     assert actor.posed == 0
@@ -413,9 +414,9 @@ def test_hidden_figures_are_not_posed():
 
 
 def test_one_body_can_be_hidden():
-    both = Figure([worm().bodies[0], Body(pv.Cube(center=(0, 1.5, 0)))], worm().skeleton)
+    both = Figure([worm().bodies[0], FigureMesh(pv.Cube(center=(0, 1.5, 0)))], worm().skeleton)
     pl = plotter()
-    actor = pl.ibr.add_figure(both, color='tan')
+    actor = pl.ibr.add_animated(both, color='tan')
     whole = shot(pl)
     actor.actors()[0].visibility = False
     without = shot(pl)
@@ -433,7 +434,7 @@ def test_one_body_can_be_hidden():
 def test_skinning_can_be_changed():
     figure = worm()
     pl = plotter()
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     actor.pose = bend(figure, 0.5)
     linear = shot(pl)
     actor.skinning = 'dual'
@@ -444,7 +445,7 @@ def test_skinning_can_be_changed():
 
 def test_report_counts():
     pl = plotter()
-    actor = pl.ibr.add_figure(worm())
+    actor = pl.ibr.add_animated(worm())
     shot(pl)
     report = actor.report()
     assert report['poses'] == 1
@@ -454,13 +455,13 @@ def test_report_counts():
 
 def test_scalar_bar():
     pl = plotter()
-    pl.ibr.add_figure(worm(), scalars='height')
+    pl.ibr.add_animated(worm(), scalars='height')
     assert 'height' in pl.scalar_bars
 
 
 def test_looks_that_split_points_are_refused():
     with pytest.raises(ValueError, match='split'):
-        plotter().ibr.add_figure(
+        plotter().ibr.add_animated(
             worm(), smooth_shading=True, split_sharp_edges=True, feature_angle=5
         )
 
@@ -471,7 +472,7 @@ def test_looks_that_split_points_are_refused():
 def picked_scene():
     figure = worm()
     pl = plotter((200, 200))
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     actor.pose = bend(figure, 0.4)
     shot(pl)
     vertex = 700

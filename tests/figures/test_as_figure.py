@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import Body, Figure
+from pvibr import Figure
+from pvibr.animation import FigureMesh
 from pvibr.figures.as_figure import as_figure
 
 
@@ -18,7 +19,7 @@ def test_a_series_is_one_mesh_a_second(wrap):
 
 
 def test_a_mesh_and_a_body_are_figures_of_one_body():
-    body = Body(pv.Cube())
+    body = FigureMesh(pv.Cube())
     assert as_figure(body).bodies[0] is body
     assert as_figure(pv.Cube()).mesh().n_cells == 6
     assert as_figure(pv.ImageData(dimensions=(3, 3, 3))).mesh().n_cells == 24
@@ -35,7 +36,7 @@ def test_trimesh():
 def test_files(tmp_path, kind):
     path = tmp_path / 'cube.GLB'
     saved = tmp_path / 'cube.glb'
-    Figure([Body(pv.Cube().triangulate())]).save(saved)
+    Figure([FigureMesh(pv.Cube().triangulate())]).save(saved)
     saved.rename(path)
     np.testing.assert_allclose(as_figure(kind(path)).mesh().bounds, pv.Cube().bounds)
     with pytest.raises(FileNotFoundError, match='nothing'):
@@ -55,11 +56,11 @@ def test_what_is_no_figure_is_said(wrong):
 
 def test_add_figure_takes_them_all():
     pl = pv.Plotter(off_screen=True)
-    growing = pl.ibr.add_figure(series())
+    growing = pl.ibr.add_animated(series())
     assert growing.bounds[1] == pytest.approx(1.0, rel=1e-2)
     pl.ibr.time = 1.0
     assert growing.bounds[1] == pytest.approx(2.0, rel=1e-2)
     with pytest.raises(TypeError, match='NoneType'):
-        pl.ibr.add_figure(None)
+        pl.ibr.add_animated(None)
     assert len(pl.ibr.effects) == 1
     pl.close()

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import Body, Clip, Crowd, Figure, Shadows, Skeleton, Track
+from pvibr import Crowd, Figure, Shadows
+from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 from pvibr.figures import pose_atlas as phases
 from pvibr.figures.crowd_group import Moves
-from pvibr.figures.pose_atlas import PhaseAtlas, phase_counts
+from pvibr.figures.pose_atlas import PoseAtlas, phase_counts
 from tests.figures.makers import bending, growing, worm
 from tests.instance_scenes import grab, place
 
@@ -42,7 +43,7 @@ def show(atlases):
         pl.disable_anti_aliasing()
         opened.append(pl)
         kwargs = {'cache': atlases, 'show_scalar_bar': False, 'smooth_shading': True} | kwargs
-        crowd = pl.ibr.add_figure(figure, poses, **kwargs)
+        crowd = pl.ibr.add_animated(figure, poses, **kwargs)
         return place(pl, **camera), crowd
 
     yield make
@@ -215,7 +216,7 @@ def test_shadows_move(figure, show):
     assert np.abs(grab(pl) - first).mean() > 0.005
 
 
-@pytest.mark.parametrize('make', [growing, lambda: Figure([Body(pv.Cube())])])
+@pytest.mark.parametrize('make', [growing, lambda: Figure([FigureMesh(pv.Cube())])])
 def test_other_figures(make, show):
     pl, crowd = show(make(), apart(), NEAR, times=[0.0, 2.5], clips=None)
     pl.ibr.time = 0.5
@@ -240,7 +241,7 @@ def test_life(figure, show):
     assert silhouette(grab(pl)).max() == 0
     pl.ibr.add(crowd)
     assert np.array_equal(grab(pl), first)
-    again = pl.ibr.add_figure(figure, apart(), name='worms', cache=False)
+    again = pl.ibr.add_animated(figure, apart(), name='worms', cache=False)
     assert pl.ibr.effects == (again,)
     crowd = again
     crowd.poses = apart() + np.array([0, 0, 1])
@@ -257,14 +258,14 @@ def test_an_atlas_goes_into_a_file(figure, show, tmp_path):
     _, crowd = show(figure, apart())
     (atlas,) = crowd.atlases
     atlas.save(tmp_path / 'worms.npz')
-    loaded = PhaseAtlas.load(tmp_path / 'worms.npz')
+    loaded = PoseAtlas.load(tmp_path / 'worms.npz')
     assert np.array_equal(loaded.geometry, atlas.geometry)
     assert np.array_equal(loaded.bins, atlas.bins)
     assert atlas.contact_sheet().shape == (2 * 192, 192, 3)
     arrays = atlas.to_arrays()
     for broken in ({'bins': arrays['bins'] + 1e6}, {'geometry': arrays['geometry'][:0]}):
         with pytest.raises(ValueError, match='not an atlas'):
-            PhaseAtlas.from_arrays(arrays | broken)
+            PoseAtlas.from_arrays(arrays | broken)
 
 
 def test_what_is_wrong_is_said(figure):
@@ -305,7 +306,7 @@ def test_baking_leaves_rigid_bodies_as_they_are(show, tmp_path, cached):
     joint = np.eye(4)[None]
     rise = Clip('rise', [Track(0, 'translation', [0, 1], [[0, 0, 0], [0, 0, 2]])])
     cone = pv.Cone(center=(0, 1, 0), direction=(0, 0, 1))
-    figure = Figure([Body(cone, node=0)], Skeleton([-1], joint), [rise])
+    figure = Figure([FigureMesh(cone, node=0)], Skeleton([-1], joint), [rise])
     for _ in range(1 + cached):
         pl, crowd = show(figure, apart(1), NEAR, cache=tmp_path, max_error=4.0)
         pl.ibr.time = 0.5

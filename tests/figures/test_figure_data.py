@@ -20,7 +20,7 @@ MODELS = [
 def test_models_are_posed_as_the_reference_has_them(name, data_dir):
     figure = pvibr.read_gltf(data_dir / 'gltf' / name)
     pl = pv.Plotter(off_screen=True, window_size=(64, 64))
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     pl.show(auto_close=False)
     for time in np.linspace(0, figure.clips[0].duration, 4):
         pl.ibr.time = time

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pvibr import (
-    Body,
+from pvibr import Figure
+from pvibr.animation import (
+    AnimationLayer,
+    ClipSource,
     Correctives,
-    Figure,
+    FigureMesh,
     FrameRange,
-    FrameStates,
-    Layer,
     Mixer,
-    Play,
+    PoseSource,
     StateGraph,
-    Still,
+    VertexAnimationStates,
     joint_mask,
 )
 from pvibr.animation.pose import Pose
@@ -34,7 +34,7 @@ def beside(figure, time, driver=None):
             pose = figure.sample(time) if driver is None else driver.sample(time)
             pl.add_mesh(figure.mesh(pose=pose), color='tan')
         else:
-            actor = pl.ibr.add_figure(figure, color='tan')
+            actor = pl.ibr.add_animated(figure, color='tan')
             actor.driver = actor.driver if driver is None else driver
             pl.ibr.time = time
         pictures.append(shot(pl))
@@ -45,10 +45,12 @@ def beside(figure, time, driver=None):
 @pytest.mark.parametrize('time', [0.4, 1.2, 2.0])
 def test_states_and_layers_drive_a_figure(time):
     figure = worm(clips=[bending()])
-    still = Still(figure.rest)
-    graph = StateGraph({'rest': still, 'bend': Play(figure, 'bend')}, fade=0.5)
+    still = PoseSource(figure.rest)
+    graph = StateGraph({'rest': still, 'bend': ClipSource(figure, 'bend')}, fade=0.5)
     graph.go('bend', at=1.0)
-    twist = Layer(Still(bend(figure, 0.3)), 0.8, joint_mask(figure.skeleton, [2], 1), figure.rest)
+    twist = AnimationLayer(
+        PoseSource(bend(figure, 0.3)), 0.8, joint_mask(figure.skeleton, [2], 1), figure.rest
+    )
     apart, seen = beside(figure, time, Mixer(graph, twist))
     assert apart <= 2
     assert seen > 500
@@ -56,9 +58,11 @@ def test_states_and_layers_drive_a_figure(time):
 
 def test_an_order_is_given_while_it_plays():
     figure = worm(clips=[bending()])
-    graph = StateGraph({'rest': Still(figure.rest), 'bend': Play(figure, 'bend')}, fade=0.5)
+    graph = StateGraph(
+        {'rest': PoseSource(figure.rest), 'bend': ClipSource(figure, 'bend')}, fade=0.5
+    )
     pl = plotter()
-    actor = pl.ibr.add_figure(figure, color='tan')
+    actor = pl.ibr.add_animated(figure, color='tan')
     actor.driver = graph
     pl.ibr.time = 3.0
     before = shot(pl)
@@ -74,13 +78,13 @@ def test_an_order_is_given_while_it_plays():
 
 @pytest.mark.parametrize('time', [0.3, 1.0, 1.6, 4.0])
 def test_states_choose_key_frames(time):
-    states = FrameStates(
+    states = VertexAnimationStates(
         {'low': FrameRange(0, 2, fps=2.0), 'high': FrameRange(3, 5, fps=2.0)}, fade=1.0
     )
     states.go('high', at=0.75)
     states.go('low', at=1.25)
     body = growing().bodies[0]
-    figure = Figure([Body(body.mesh, frames=replace(body.frames, states=states))])
+    figure = Figure([FigureMesh(body.mesh, frames=replace(body.frames, states=states))])
     apart, seen = beside(figure, time)
     assert apart <= 2
     assert seen > 100
@@ -105,7 +109,7 @@ def test_corrected_poses(skinning):
         if as_mesh:
             pl.add_mesh(figure.mesh(pose=pose, skinning=skinning), color='tan')
         else:
-            pl.ibr.add_figure(figure, color='tan', skinning=skinning).pose = pose
+            pl.ibr.add_animated(figure, color='tan', skinning=skinning).pose = pose
         pictures.append(shot(pl))
         pl.close()
     assert differing(*pictures[:2]) <= 2
@@ -115,9 +119,9 @@ def test_corrected_poses(skinning):
 def test_an_order_without_a_fade_is_seen_at_once():
     figure = worm()
     here, there = bend(figure, 0.0), bend(figure, 0.5)
-    graph = StateGraph({'here': Still(here), 'there': Still(there)}, fade=0.0)
+    graph = StateGraph({'here': PoseSource(here), 'there': PoseSource(there)}, fade=0.0)
     pl = plotter()
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     for driver in (graph, Mixer(graph)):
         actor.driver = driver
         graph.go('there' if graph.state(0.0) == 'here' else 'here', at=0.0)

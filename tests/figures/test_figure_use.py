@@ -7,7 +7,8 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr import Body, Figure, Morphs, Play
+from pvibr import Figure
+from pvibr.animation import ClipSource, FigureMesh, Morphs
 from pvibr.animation.pose import Pose
 from tests.figures.makers import bend, bending, worm
 from tests.figures.test_animated_actor import differing, plotter, shot
@@ -49,7 +50,7 @@ def by_user_matrix(actor, figure, pose):
 def test_the_first_camera_sees_what_is_shown(give):
     figure, pose = leaving()
     meshes = camera_of(lambda pl: pl.add_mesh(figure.mesh(pose=pose)))
-    figures = camera_of(lambda pl: give(pl.ibr.add_figure(figure), figure, pose))
+    figures = camera_of(lambda pl: give(pl.ibr.add_animated(figure), figure, pose))
     # Bounds of joints are those of a box that holds the mesh.
     np.testing.assert_allclose(figures[3:], meshes[3:], atol=0.6)
 
@@ -58,7 +59,7 @@ def test_the_first_camera_sees_the_figure_at_its_time():
     growing = [pv.Sphere(radius=0.1), pv.Sphere(radius=0.1, center=(9, 0, 0))]
 
     def fill(pl):
-        pl.ibr.add_figure(growing)
+        pl.ibr.add_animated(growing)
         pl.ibr.time = 0.75
 
     assert camera_of(fill)[3] == pytest.approx(6.75)
@@ -68,7 +69,7 @@ def test_the_first_frame_is_not_cut():
     """The camera was put before a figure where it was when it was added."""
     far = [pv.Sphere(radius=0.1), pv.Sphere(radius=0.1, center=(0, 0, -9))]
     pl = pv.Plotter(window_size=(60, 60))
-    pl.ibr.add_figure(far, color='red')
+    pl.ibr.add_animated(far, color='red')
     pl.camera_position = [(0, 0, 2), (0, 0, 0), (0, 1, 0)]
     pl.reset_camera_clipping_range()
     pl.ibr.time = 0.75
@@ -80,11 +81,11 @@ def test_the_first_frame_is_not_cut():
 def test_play_without_a_clip_plays_the_first():
     figure, _ = leaving()
     pl = pv.Plotter(window_size=(60, 60))
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     actor.pose = figure.rest
     actor.play()
     pl.ibr.time = 0.7
-    expected = Play(figure).sample(0.7)
+    expected = ClipSource(figure).sample(0.7)
     assert isinstance(actor.pose, Pose)
     np.testing.assert_allclose(actor.pose.rotation, expected.rotation)
     pl.close()
@@ -93,7 +94,7 @@ def test_play_without_a_clip_plays_the_first():
 def test_closing_while_it_plays(tmp_path):
     figure, _ = leaving()
     pl = pv.Plotter(window_size=(60, 60))
-    actor = pl.ibr.add_figure(figure, name='worm')
+    actor = pl.ibr.add_animated(figure, name='worm')
     pl.ibr.play()
     pl.open_gif(tmp_path / 'worm.gif', fps=5)
     for _ in range(3):
@@ -106,9 +107,9 @@ def test_closing_while_it_plays(tmp_path):
 def test_one_figure_in_two_subplots_and_back_again():
     figure, _ = leaving()
     pl = pv.Plotter(shape=(1, 2), window_size=(120, 60))
-    left = pl.ibr.add_figure(figure, name='worm')
+    left = pl.ibr.add_animated(figure, name='worm')
     pl.subplot(0, 1)
-    right = pl.ibr.add_figure(figure, name='worm')
+    right = pl.ibr.add_animated(figure, name='worm')
     assert [r.actors['worm'] for r in pl.renderers] == [left.actor, right.actor]
     pl.remove_actor('worm')
     pl.show(auto_close=False)
@@ -122,7 +123,7 @@ def test_one_figure_in_two_subplots_and_back_again():
 def test_it_is_placed_as_actors_are():
     figure = worm()
     pl = pv.Plotter()
-    ours, theirs = pl.ibr.add_figure(figure), pl.add_mesh(figure.mesh())
+    ours, theirs = pl.ibr.add_animated(figure), pl.add_mesh(figure.mesh())
     for actor in (ours, theirs):
         actor.position, actor.orientation = (1, 2, 3), (10, 20, 30)
         actor.origin, actor.scale = (0, 0, 1), (1, 2, 0.5)
@@ -137,7 +138,7 @@ def test_it_is_placed_as_actors_are():
 
 
 def test_places_that_are_none_are_refused():
-    actor = pv.Plotter().ibr.add_figure(worm())
+    actor = pv.Plotter().ibr.add_animated(worm())
     with pytest.raises(ValueError, match='position'):
         actor.position = (0, np.nan, 0)
     with pytest.raises(ValueError, match='user_matrix'):
@@ -148,7 +149,7 @@ def test_places_that_are_none_are_refused():
 
 def test_data_of_it_bulge_as_it_does():
     figure = worm()
-    actor = pv.Plotter().ibr.add_figure(figure, skinning='dual')
+    actor = pv.Plotter().ibr.add_animated(figure, skinning='dual')
     actor.pose, actor.bulge = bend(figure, 0.4), 0.3
     points, _ = figure.posed(0, actor.pose, 'dual', 0.3)
     np.testing.assert_allclose(actor.mesh().points, points, atol=1e-6)
@@ -160,9 +161,9 @@ def test_colours_morph():
     blush = np.zeros((mesh.n_points, 3))
     blush[mesh.points[:, 2] > 0] = [0.6, 0.0, -0.3]
     targets = Morphs([np.zeros((mesh.n_points, 3))], colors=[blush])
-    figure = Figure([Body(mesh, morphs=targets, look={'scalars': 'paint', 'rgb': True})])
+    figure = Figure([FigureMesh(mesh, morphs=targets, look={'scalars': 'paint', 'rgb': True})])
     pl = plotter()
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     plain = shot(pl)
     pictures = []
     for weight in (0.5, 1.0, 0.0):
@@ -183,7 +184,7 @@ def test_too_many_figures_say_so_and_the_others_are_drawn():
     def crowded(count):
         pl = plotter()
         for k in range(count):
-            pl.ibr.add_figure(worm(clips=[bending()])).position = (k / 4, 0, 0)
+            pl.ibr.add_animated(worm(clips=[bending()])).position = (k / 4, 0, 0)
         pl.camera_position = [(3, -20, 2), (3, 0, 2), (0, 0, 1)]
         return pl
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import Body, Figure, Morphs
-from pvibr.animation.frames import Frames
+from pvibr import Figure
+from pvibr.animation import FigureMesh, Morphs
+from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.figures import shapes as shapes_module
 from tests.figures.makers import bend, growing, morphs, skeleton, skin, tube, worm
 
@@ -23,7 +24,7 @@ def read_back(actor, body=0):
 
 def check(figure, pose=None, how='linear', bulge=1.0, time=0.0):
     pl = pv.Plotter(off_screen=True, window_size=(64, 64))
-    actor = pl.ibr.add_figure(figure, skinning=how, bulge=bulge)
+    actor = pl.ibr.add_animated(figure, skinning=how, bulge=bulge)
     if pose is not None:
         actor.pose = pose
     pl.ibr.time = time
@@ -55,7 +56,7 @@ def test_any_number_of_joints_a_vertex(k, how):
     joints = np.concatenate([few.joints, np.zeros((len(rows), max(k - 5, 0)), int)], 1)
     weights = np.concatenate([few.weights, np.zeros((len(rows), max(k - 5, 0)))], 1)
     few.joints, few.weights = joints[:, ::-1].copy(), weights[:, ::-1].copy()
-    figure = Figure([Body(mesh, skin=few)], bones)
+    figure = Figure([FigureMesh(mesh, skin=few)], bones)
     check(figure, bend(figure, 0.4), how)
 
 
@@ -78,14 +79,14 @@ def test_morphs_and_joints():
 
 def test_morphs_alone():
     mesh = tube()
-    figure = Figure([Body(mesh, morphs=morphs(mesh.n_points))])
+    figure = Figure([FigureMesh(mesh, morphs=morphs(mesh.n_points))])
     check(figure, figure.rest.replaced(weights=[1.0, -0.5, 0.25]))
 
 
 def test_sparse_morphs():
     mesh = tube()
     shapes = [(np.array([3, 5]), np.ones((2, 3))), None]
-    figure = Figure([Body(mesh, morphs=Morphs(shapes))])
+    figure = Figure([FigureMesh(mesh, morphs=Morphs(shapes))])
     check(figure, figure.rest.replaced(weights=[2.0, 1.0]))
 
 
@@ -100,8 +101,8 @@ def test_key_frames_morphs_and_joints_in_their_order(how):
     mesh, bones = tube(), skeleton()
     points = np.asarray(mesh.points, float)
     positions = np.stack([points, points * [1.3, 0.8, 1.0], points - [0, 0, 0.2]])
-    frames = Frames([0.0, 1.0, 2.0], positions)
-    body = Body(mesh, skin=skin(mesh, bones), morphs=morphs(mesh.n_points), frames=frames)
+    frames = VertexAnimation([0.0, 1.0, 2.0], positions)
+    body = FigureMesh(mesh, skin=skin(mesh, bones), morphs=morphs(mesh.n_points), frames=frames)
     figure = Figure([body], bones)
     pose = bend(figure, 0.3, weights=[0.3, 0.0, -0.6])
     check(figure, pose.replaced(time=1.3), how)
@@ -135,7 +136,7 @@ def test_shapes_stream_through_a_small_store(monkeypatch):
     monkeypatch.setattr(shapes_module, '_FEW', 1)
     figure = worm(n_morphs=6)
     pl = pv.Plotter(off_screen=True, window_size=(64, 64))
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     pl.show(auto_close=False)
     for shown in ([0], [1, 2], [5], [3, 4], [0, 1, 2, 3, 4, 5]):
         weights = np.zeros(6)
@@ -152,7 +153,7 @@ def test_shapes_stream_through_a_small_store(monkeypatch):
 def test_each_shape_is_uploaded_once():
     figure = worm(n_morphs=4)
     pl = pv.Plotter(off_screen=True, window_size=(64, 64))
-    actor = pl.ibr.add_figure(figure)
+    actor = pl.ibr.add_animated(figure)
     pl.show(auto_close=False)
     for weight in (0.1, 0.2, 0.3):
         actor.weights = [weight, 0, 0, 1]
@@ -168,7 +169,7 @@ def test_several_poses_of_one_mould():
 
     figure = worm()
     pl = pv.Plotter(off_screen=True)
-    mould = pl.ibr.add_figure(figure)._posed[0].mould
+    mould = pl.ibr.add_animated(figure)._posed[0].mould
     poses = [bend(figure, angle) for angle in (0.0, 0.2, 0.4)]
     places = [Place(figure.bodies[0].skin.matrices(figure.world(p)), np.zeros(3)) for p in poses]
     mould.shapes = None

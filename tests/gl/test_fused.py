@@ -16,7 +16,7 @@ def plotter(**options):
     pl.add_mesh(pv.Sphere(), color='tan')
     image = np.random.default_rng(0).integers(0, 256, (20, 30, 4), np.uint8)
     for effect in (
-        pvibr.Picture(image, opacity=0.6), pvibr.Picture(image, mode='multiply'),
+        pvibr.ImageOverlay(image, opacity=0.6), pvibr.ImageOverlay(image, mode='multiply'),
         pvibr.NightVision(intensity=0.6), pvibr.Vignette(), pvibr.Flash(at=-0.1),
         pvibr.Iris(opening=0.6),
     ):  # fmt: skip
@@ -55,7 +55,7 @@ def test_what_has_many_textures_is_drawn_in_parts(monkeypatch):
     pl = plotter()
     images = np.random.default_rng(1).integers(0, 256, (9, 8, 8, 4), np.uint8)
     for image in images:
-        pl.ibr.add(pvibr.Picture(image, opacity=0.3))
+        pl.ibr.add(pvibr.ImageOverlay(image, opacity=0.3))
     drawn = []
     draw = fused.Fused._draw
     monkeypatch.setattr(

@@ -49,7 +49,7 @@ class Scene:
             self.actors.append(made)
             pl.show(auto_close=False)
         settings.setdefault('refuse', False)
-        self.layers = self.plotters[1].ibr.add_layers(self.groups(), **settings)
+        self.layers = self.plotters[1].ibr.add_image_layers(self.groups(), **settings)
 
     def groups(self):
         ground, *others = self.actors[1]
@@ -296,7 +296,7 @@ def test_by_depth_all_actors_are_in_layers_those_that_come_later_too():
     scene = Scene()
     scene.layers.remove()
     pl = scene.plotters[1]
-    layers = pl.ibr.add_layers(count=3, refuse=False)
+    layers = pl.ibr.add_image_layers(count=3, refuse=False)
     plain, drawn = scene.pictures()
     assert np.abs(plain - drawn).mean() < 0.05
     assert 2 <= len(layers) <= 4
@@ -430,7 +430,7 @@ def test_soft_edges_are_before_the_ground_that_is_behind_them(blur):
     if blur is None:
         scene.plotters[1].ibr.remove(scene.layers)
         near, *others = scene.actors[1][1:]
-        scene.layers = scene.plotters[1].ibr.add_layers([near, others], refuse=False)
+        scene.layers = scene.plotters[1].ibr.add_image_layers([near, others], refuse=False)
     else:
         scene.layers.blur = (0, 0, blur)
     plain, drawn = scene.pictures()
@@ -555,7 +555,7 @@ def test_subplots_and_two_plotters_have_their_own():
         pl.subplot(0, k)
         actor = pl.add_mesh(TORUS, color='gold', smooth_shading=True)
         if k:
-            pl.ibr.add_layers([actor], refuse=False)
+            pl.ibr.add_image_layers([actor], refuse=False)
     pl.show(auto_close=False)
     picture = grab(pl)
     assert np.abs(picture[5:-5, 5:195] - picture[5:-5, 205:-5]).mean() < 0.2
@@ -582,15 +582,15 @@ def test_bad_input_changes_nothing():
     stranger = pv.Actor(mapper=pv.DataSetMapper(BALL))
     for wrong in ([], [[]], [actor, actor], [actor, [actor]], [stranger]):
         with pytest.raises(ValueError, match='groups'):
-            pl.ibr.add_layers(wrong)
+            pl.ibr.add_image_layers(wrong)
     for alien in ([[3]], [None], BALL, 'layers'):
         with pytest.raises(TypeError, match='groups holds a'):
-            pl.ibr.add_layers(alien)
+            pl.ibr.add_image_layers(alien)
     for settings in ({'max_error': -1}, {'blur': -1}, {'resolution': 0.0}, {'warp': 'x'}):
         with pytest.raises(ValueError, match=next(iter(settings))):
-            pl.ibr.add_layers([actor], **settings)
-    pl.ibr.add_layers([actor])
+            pl.ibr.add_image_layers([actor], **settings)
+    pl.ibr.add_image_layers([actor])
     with pytest.raises(ValueError, match='stands for'):
-        pl.ibr.add_layers([actor])
+        pl.ibr.add_image_layers([actor])
     assert len(pl.ibr.effects) == 1
     assert not pl.ibr.effects[0].report()['taken']

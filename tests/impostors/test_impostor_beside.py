@@ -179,7 +179,7 @@ def test_a_frame_that_may_be_coarser_keeps_images_for_longer():
     picture(pl)
     drawn = impostor.rendered
     pace = SimpleNamespace(quality=lambda _: 0.1)
-    pl.ibr.pipeline._pace = pace
+    pl.ibr.pipeline._adaptive_quality = pace
     pl.camera.azimuth = 5.0
     pl.render()
     assert impostor.rendered == drawn

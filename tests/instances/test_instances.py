@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import pvibr
 from pvibr.core import _vtk
 from pvibr.gl import Texture
-from pvibr.instances.cards import PROGRAMS
+from pvibr.instances.cards import CARD_SHADERS
 
 SIZE = (160, 120)
 CAMERA = {'eye': (9, -7, 5), 'focus': (-1, 0, 0.2), 'angle': 30}
@@ -58,7 +58,7 @@ def test_crowd_is_that_of_plain_actors(scenes, see, bean):
     assert off(drawn, truth) < 0.006
     counts = pl.ibr.report().rows[0].details
     assert counts['instances'] == 24
-    assert sum(counts[p.name] for p in PROGRAMS) > 0
+    assert sum(counts[p.name] for p in CARD_SHADERS) > 0
     assert things.n_instances == len(things) == 24
 
 

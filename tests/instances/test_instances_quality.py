@@ -43,7 +43,7 @@ def test_less_quality_is_no_finer_at_any_size(quality):
 def test_less_quality_draws_fewer_meshes_and_full_quality_every_bit(scenes, see, bean):
     poses = np.random.default_rng(0).uniform(-4, 4, (40, 3)) * [1, 1, 0]
     pl, things = scenes.instances(bean, poses, size=(600, 450), camera=CAMERA)
-    pace = pl.ibr.pipeline._pace = Level()
+    pace = pl.ibr.pipeline._adaptive_quality = Level()
     full, before = see.grab(pl), meshes(things)
     pace.level = 0.25
     less, fewer = see.grab(pl), meshes(things)

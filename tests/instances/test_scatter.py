@@ -130,7 +130,7 @@ def test_dilation_leaves_what_is_covered():
 
 
 def test_a_ladder_of_levels(plant):
-    levels = pvibr.plant_levels(plant, texture=256, view_size=64, views=8, **LOOK)
+    levels = pvibr.foliage_levels(plant, texture=256, view_size=64, views=8, **LOOK)
     names = [level.name for level in levels.levels]
     assert names == ['mesh', 'parts', 'clusters', 'turntable', 'billboard']
     assert levels.levels[1].quads == 60
@@ -148,23 +148,23 @@ def test_labels_say_what_parts_are(plant):
     trunk = components(plant)[0]
     small = components(plant) != trunk
     labels[small] = np.arange(small.sum()) % 3
-    levels = pvibr.plant_levels(plant, labels, texture=128, view_size=16, views=2, **LOOK)
+    levels = pvibr.foliage_levels(plant, labels, texture=128, view_size=16, views=2, **LOOK)
     assert levels.levels[1].quads == 3
     for wrong in (labels[:-1], labels.astype(float)):
         with pytest.raises(ValueError, match='labels'):
-            pvibr.plant_levels(plant, wrong, **LOOK)
+            pvibr.foliage_levels(plant, wrong, **LOOK)
 
 
 def test_what_has_no_small_parts_is_refused():
     with pytest.raises(ValueError, match='no part below'):
-        pvibr.plant_levels(pv.Sphere())
+        pvibr.foliage_levels(pv.Sphere())
     for wrong in ({'largest': 0}, {'crossed': 4}, {'views': 0}):
         with pytest.raises(ValueError, match=next(iter(wrong))):
-            pvibr.plant_levels(pv.Sphere(), **wrong)
+            pvibr.foliage_levels(pv.Sphere(), **wrong)
 
 
 def test_a_turntable_shows_the_side_that_the_eye_sees(plant, see):
-    levels = pvibr.plant_levels(plant, texture=128, view_size=96, views=16, **LOOK)
+    levels = pvibr.foliage_levels(plant, texture=128, view_size=96, views=16, **LOOK)
     truth = levels._meshes()[0]
     for azimuth in (0.0, np.pi / 2, 4.3):
         pictures = []
@@ -186,7 +186,7 @@ def test_a_turntable_shows_the_side_that_the_eye_sees(plant, see):
 
 
 def test_the_ladder_joins_the_levels_of_instances(plant, atlases):
-    levels = pvibr.plant_levels(plant, texture=256, view_size=32, views=2, **LOOK)
+    levels = pvibr.foliage_levels(plant, texture=256, view_size=32, views=2, **LOOK)
     meshes = _levels(levels.parts)
     assert [m.triangles for m in meshes] == [level.triangles for level in levels.levels[:3]]
     plain = as_parts(plant, **LOOK)

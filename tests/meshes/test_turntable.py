@@ -71,7 +71,7 @@ LOOK = {'scalars': 'paint', 'rgb': True}
 
 @pytest.fixture(scope='module')
 def ladder(fir):
-    return pvibr.plant_levels(fir, texture=256, view_size=32, views=12, **LOOK)
+    return pvibr.foliage_levels(fir, texture=256, view_size=32, views=12, **LOOK)
 
 
 def forced(things, **spans):

@@ -53,7 +53,7 @@ def test_nothing_that_is_seen_is_left_out(kind, smooth, parallel, see, always):
         picture, far = see.grab(pl), see.depths(pl)
         hidden = max(hidden, things.report()['hidden'])
         always(0.0)
-        things._stamp = None
+        things._content_key = None
         assert (see.grab(pl) == picture).all()
         assert things.report()['hidden'] == 0
         assert np.array_equal(see.depths(pl), far, equal_nan=True)
@@ -72,7 +72,7 @@ def test_other_sizes_and_subplots(see, always):
         picture = see.grab(pl)
         assert things.report()['hidden'] > 0
         always(0.0)
-        things._stamp = None
+        things._content_key = None
         assert (see.grab(pl) == picture).all()
         always(1.0)
     held = things.report()['bytes']

@@ -121,7 +121,7 @@ def volume(pl):
     pl.add_volume(grid, show_scalar_bar=False)
 
 
-def high_range(pl):
+def needs_hdr(pl):
     pl.ibr.add(pvibr.ToneMapping())
     translucent(pl)
 
@@ -134,7 +134,7 @@ def layered(pl):
     pl.renderer.SetPreserveColorBuffer(True)
 
 
-FREE = (translucent, peeled, volume, high_range, many, layered, pv.Plotter.add_axes)
+FREE = (translucent, peeled, volume, needs_hdr, many, layered, pv.Plotter.add_axes)
 BUSY = (
     lambda pl: pl.set_background('black', top='white'),
     lambda pl: pl.enable_anti_aliasing('msaa', multi_samples=4),

@@ -121,15 +121,15 @@ def test_why_an_effect_went_off_is_there(pl):
 def test_settings_of_the_plotter_itself(pl):
     model, told = Model(pl), []
     model.listen(told.append)
-    assert [row.name for row in model.own] == ['moving_ms']
+    assert [row.name for row in model.own] == ['interactive_frame_ms']
     model.do(model.own[0].write, '50')
-    assert (pl.ibr.moving_ms, told) == (50.0, [False])
-    assert model.code().endswith('pl.ibr.moving_ms = 50.0')
-    pl.ibr.moving_ms = 80
+    assert (pl.ibr.interactive_frame_ms, told) == (50.0, [False])
+    assert model.code().endswith('pl.ibr.interactive_frame_ms = 50.0')
+    pl.ibr.interactive_frame_ms = 80
     pl.render()
     assert (model.own[0].text, told) == ('80', [False, False])
     model.do(model.reset)
-    assert pl.ibr.moving_ms == 100.0
+    assert pl.ibr.interactive_frame_ms == 100.0
 
 
 def test_presets_of_a_group(pl):

@@ -96,7 +96,7 @@ def test_switches_choices_colours_and_ticks(panel, pl):
 
 def test_settings_of_the_plotter_itself(panel, pl):
     sent(panel.rows[0].controls['text'], '50')
-    assert pl.ibr.moving_ms == 50.0
+    assert pl.ibr.interactive_frame_ms == 50.0
     click(panel, 'Reset all')
     assert panel.rows[0].controls['text'].value == '100'
 

@@ -82,8 +82,8 @@ def test_what_pages_ask_for_is_done(panel, pl, server):
 
 
 def test_settings_of_the_plotter_itself(panel, pl):
-    assert panel.act('write', '', 'moving_ms', '50') == '50'
-    assert pl.ibr.moving_ms == 50.0
+    assert panel.act('write', '', 'interactive_frame_ms', '50') == '50'
+    assert pl.ibr.interactive_frame_ms == 50.0
     assert panel.shown['own']['rows'][0]['text'] == '50'
     assert panel.act('remove', '') == panel.act('write', '', 'time', '3') == ''
 

@@ -39,7 +39,7 @@ def test_what_is_made_of_data_is_set():
         pl.ibr.add_spheres([[0, 0, 0]], 1.0, name='atoms')
         pl.ibr.add(pvibr.Glow(ball, **settings))
         pl.ibr.add(pvibr.Outline(actors=[ball], **settings and {'width': 7}))
-        pl.ibr.add(pvibr.Picture(np.ones((4, 4))))
+        pl.ibr.add(pvibr.ImageOverlay(np.ones((4, 4))))
 
     pl, other = plotter(), plotter()
     add(pl, intensity=0.5)

@@ -102,7 +102,7 @@ def test_a_text_is_taken_or_said(dock, pl, app):
 
 def test_settings_of_the_plotter_itself(dock, pl):
     write(dock.rows[0].controls['text'], '50')
-    assert pl.ibr.moving_ms == 50.0
+    assert pl.ibr.interactive_frame_ms == 50.0
 
 
 def test_leaving_a_field_changes_nothing(dock, pl):

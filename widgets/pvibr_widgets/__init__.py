@@ -12,7 +12,7 @@ Examples
 
 from __future__ import annotations
 
-import importlib
+from pvibr import lazy_exports
 
 _EXPORTS = {
     'Model': 'pvibr_widgets.model',
@@ -30,16 +30,4 @@ _EXPORTS = {
 }
 
 __all__ = [*_EXPORTS]  # noqa: PLE0604, RUF100
-
-
-def __getattr__(name):
-    if name not in _EXPORTS:
-        msg = f'module {__name__!r} has no attribute {name!r}'
-        raise AttributeError(msg)
-    value = getattr(importlib.import_module(_EXPORTS[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__():
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy_exports(__name__, _EXPORTS)

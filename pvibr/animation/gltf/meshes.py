@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pyvista as pv
 
-from pvibr.animation.body import Skin
+from pvibr.animation.figure_mesh import Skin
 from pvibr.animation.gltf.looks import COLORS, Looks
 from pvibr.animation.gltf.nodes import bind_of
 from pvibr.animation.morphs import Morphs

@@ -6,8 +6,8 @@ import copy
 
 import numpy as np
 
-from pvibr.animation.body import Body
 from pvibr.animation.figure import Figure
+from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.gltf.lights import cameras_of, lights_of
 from pvibr.animation.gltf.looks import Looks
 from pvibr.animation.gltf.meshes import Primitives
@@ -46,7 +46,7 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     pbr : bool, optional
         Whether looks are physically based, as the file asks, but dark without an environment
         texture (``plotter.set_environment_texture``): ``pbr``, ``metallic`` and ``roughness`` of
-        ``add_mesh``, and ``pbr_textures`` and ``emissive_factor``, which ``add_figure`` knows.
+        ``add_mesh``, and ``pbr_textures`` and ``emissive_factor``, which ``add_animated`` knows.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
 
     Raises
     ------
-    pvibr.GltfError
+    pvibr.animation.GltfError
         If the file is broken or requires an extension that is not supported; a ``ValueError``
         whose message names the place.
     ValueError
@@ -124,14 +124,14 @@ class _Bodies:
     def __init__(self, file, accessors, pbr, skeleton):
         self._file = file
         self._looks = Looks(file, pbr)
-        self._first: dict[int, Body] = {}
+        self._first: dict[int, FigureMesh] = {}
         self._primitives = Primitives(file, accessors, self._looks)
         self._mirrored = np.linalg.det(skeleton.world(skeleton.rest)[:, :3, :3]) < 0
 
     def read(self, nodes):
         """Return the bodies, and for each node with morph targets its columns of weights."""
         document = self._file.document
-        bodies: list[Body] = []
+        bodies: list[FigureMesh] = []
         targets: dict[int, tuple[int, int, int]] = {}
         columns = 0
         nodes = [number for number in nodes if document.nodes[number].mesh is not None]
@@ -178,7 +178,7 @@ class _Bodies:
             name = name if len(mesh.primitives) == 1 else f'{name}.{i}'
             with naming(place):
                 morphs = _resting(surface.morphs, weights)
-                body = Body(surface.mesh, number, skin, morphs, None, look, name)
+                body = FigureMesh(surface.mesh, number, skin, morphs, None, look, name)
             first = self._first.setdefault(id(surface), body)
             body.points, body.normals = first.points, first.normals
             bodies.append(body)

@@ -479,7 +479,7 @@ def lit_quarters(figure, light=0.0):
     """As quarters_shown, of a figure, in the light of one lamp."""
     plotter = pv.Plotter(off_screen=True, window_size=(40, 40), lighting='none')
     plotter.add_light(pv.Light(position=(0, 0, 9), light_type='scene light', intensity=light))
-    plotter.ibr.add_figure(figure)
+    plotter.ibr.add_animated(figure)
     plotter.view_xy()
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = 0.5
@@ -587,7 +587,7 @@ def test_one_warning_names_all_that_is_left_out(glb):
 def test_an_extension_that_is_required_and_unknown(glb):
     glb.shown(glb.primitive())
     glb.json['extensionsRequired'] = ['KHR_draco_mesh_compression']
-    with pytest.raises(pvibr.GltfError, match='extensionsRequired asks for KHR_draco'):
+    with pytest.raises(pvibr.animation.GltfError, match='extensionsRequired asks for KHR_draco'):
         figure(glb)
 
 

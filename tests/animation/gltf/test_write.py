@@ -12,19 +12,9 @@ import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pvibr import (
-    Body,
-    Clip,
-    Figure,
-    Morphs,
-    Pose,
-    PvibrWarning,
-    Skeleton,
-    Skin,
-    Track,
-    read_gltf,
-)
-from pvibr.animation.frames import Frames
+from pvibr import Figure, PvibrWarning, read_gltf
+from pvibr.animation import Clip, FigureMesh, Morphs, Pose, Skeleton, Skin, Track
+from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.core import _vtk
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -56,10 +46,10 @@ def random_figure(rng, n=4, v=12):
     ]
     mesh = strip(rng.normal(size=(v, 3)))
     bodies = [
-        Body(mesh, skin=skin, morphs=morphs[0], name='skinned'),
-        Body(mesh, node=1, morphs=morphs[1], name='joint1'),
-        Body(mesh, node=1, name='also held'),
-        Body(mesh, name='free'),
+        FigureMesh(mesh, skin=skin, morphs=morphs[0], name='skinned'),
+        FigureMesh(mesh, node=1, morphs=morphs[1], name='joint1'),
+        FigureMesh(mesh, node=1, name='also held'),
+        FigureMesh(mesh, name='free'),
     ]
     paths = [('translation', 3), ('rotation', 4), ('scale', 3)]
     tracks = [random_track(rng, joint, *paths[rng.integers(3)]) for joint in range(n)]
@@ -109,7 +99,7 @@ def test_vtk_reads_the_same_poses(tmp_path):
     all_of_it = figure.bodies[0].skin
     four = all_of_it.joints[:, :4], all_of_it.weights[:, :4]
     skin = Skin(all_of_it.nodes, all_of_it.inverse_bind, *four)
-    body = Body(figure.bodies[0].mesh, skin=skin)
+    body = FigureMesh(figure.bodies[0].mesh, skin=skin)
     path = [Track(2, 'translation', [0, 1], [[0, 0, 0], [1, 2, 3]])]
     Figure([body], figure.skeleton, [Clip('move', path)]).save(tmp_path / 'x.glb')
     reader = _vtk.vtkGLTFReader()
@@ -129,9 +119,9 @@ def test_key_frames_become_morph_targets(tmp_path):
     rng = np.random.default_rng(0)
     shapes = rng.normal(size=(4, 9, 3))
     for how in ('linear', 'step'):
-        frames = Frames([0.0, 0.5, 2.0, 3.0], shapes, None, how)
+        frames = VertexAnimation([0.0, 0.5, 2.0, 3.0], shapes, None, how)
         morphs = Morphs(rng.normal(size=(1, 9, 3)), weights=[0.5])
-        figure = Figure([Body(strip(shapes[0]), frames=frames, morphs=morphs, name='x')])
+        figure = Figure([FigureMesh(strip(shapes[0]), frames=frames, morphs=morphs, name='x')])
         assert_same(figure, written(figure, tmp_path), None, [0.1, 0.7, 2.9])
     short = Figure(figure.bodies, clips=[Clip('short', [], 1.25)])
     assert_same(short, written(short, tmp_path), 'short', [0.1, 0.7, 1.2, 1.4])
@@ -139,7 +129,9 @@ def test_key_frames_become_morph_targets(tmp_path):
 
 def test_several_tracks_of_weights_become_one(tmp_path):
     rng = np.random.default_rng(0)
-    body = Body(strip(np.eye(3)), morphs=Morphs(rng.normal(size=(3, 3, 3)), weights=[1, 2, 3]))
+    body = FigureMesh(
+        strip(np.eye(3)), morphs=Morphs(rng.normal(size=(3, 3, 3)), weights=[1, 2, 3])
+    )
     tracks = [Track(i, 'weights', [0, 1], rng.normal(size=(2, 1))) for i in (2, 0)]
     figure = Figure([body], clips=[Clip('x', tracks, duration=2.0)])
     again = written(figure, tmp_path)
@@ -151,7 +143,7 @@ def test_several_tracks_of_weights_become_one(tmp_path):
 def test_a_track_may_drive_several_bodies(tmp_path):
     rng = np.random.default_rng(0)
     bodies = [
-        Body(strip(np.eye(3)), morphs=Morphs(rng.normal(size=(n, 3, 3))), name=str(n))
+        FigureMesh(strip(np.eye(3)), morphs=Morphs(rng.normal(size=(n, 3, 3))), name=str(n))
         for n in (1, 3, 2)
     ]
     track = Track(0, 'weights', [0, 1], rng.normal(size=(2, 5)))
@@ -175,7 +167,7 @@ def test_looks_come_back(tmp_path):
     textured = {'texture': pv.Texture(image), 'culling': 'back'}
     looks = [{'color': (0.2, 0.4, 0.8), 'opacity': 0.5}, textured, textured, paint]
     bodies = [
-        Body(shown if look is paint else mesh, look=look, name=str(i))
+        FigureMesh(shown if look is paint else mesh, look=look, name=str(i))
         for i, look in enumerate(looks)
     ]
     again = written(Figure(bodies), tmp_path)
@@ -203,7 +195,7 @@ def test_physically_based_looks_come_back(tmp_path):
         'emissive_factor': (1.0, 0.5, 0.0),
     }  # fmt: skip
     path = tmp_path / 'figure.glb'
-    Figure([Body(mesh, look=look)]).save(path)
+    Figure([FigureMesh(mesh, look=look)]).save(path)
     again = read_gltf(path, pbr=True).bodies[0].look
     for name in ('color', 'metallic', 'roughness', 'emissive_factor'):
         assert np.allclose(again[name], look[name], atol=1e-6)
@@ -215,8 +207,8 @@ def test_what_is_left_out_is_said(tmp_path):
     mesh = strip(np.eye(3))
     mesh['heat'] = [1.0, 2.0, 3.0]
     morphs = Morphs(np.ones((1, 3, 3)), colors=np.ones((1, 3, 3)))
-    bodies = [Body(mesh, look={'scalars': 'heat'}), Body(mesh, morphs=morphs)]
-    bodies.append(Body(pv.PolyData(np.eye(3))))
+    bodies = [FigureMesh(mesh, look={'scalars': 'heat'}), FigureMesh(mesh, morphs=morphs)]
+    bodies.append(FigureMesh(pv.PolyData(np.eye(3))))
     figure = Figure(bodies, clips=[Clip('still', [])], lights=[object()])
     words = 'lights, scalars that are no colours of points, colors of morph targets, bodies '
     with pytest.warns(PvibrWarning, match=words + "without polygons, the empty clip 'still'"):
@@ -227,7 +219,9 @@ def test_what_is_left_out_is_said(tmp_path):
 
 
 def test_what_gltf_cannot_say_is_refused(tmp_path):
-    body = Body(strip(np.eye(3)), frames=Frames([0, 1], np.stack([np.eye(3)] * 2), None, 'cubic'))
+    body = FigureMesh(
+        strip(np.eye(3)), frames=VertexAnimation([0, 1], np.stack([np.eye(3)] * 2), None, 'cubic')
+    )
     path = tmp_path / 'x.glb'
     path.write_bytes(b'before')
     with pytest.raises(ValueError, match='key frames of cubic are no morph targets'):
@@ -237,7 +231,7 @@ def test_what_gltf_cannot_say_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"clip 'up' ends at 0.5 s, before its last key at 1.0"):
         Figure([], skeleton, [Clip('up', [up], 0.5)]).save(path)
     two = [Track(i, 'weights', [0, i + 1.0], np.ones((2, 1))) for i in range(2)]
-    twice = Body(strip(np.eye(3)), morphs=Morphs(np.ones((2, 3, 3))))
+    twice = FigureMesh(strip(np.eye(3)), morphs=Morphs(np.ones((2, 3, 3))))
     with pytest.raises(ValueError, match='tracks with different keys'):
         Figure([twice], clips=[Clip('x', two)]).save(path)
     with pytest.raises(ValueError, match=r'written as .glb'):
@@ -261,7 +255,7 @@ def test_a_failed_write_leaves_what_was_there(tmp_path, monkeypatch):
 def test_a_clip_is_a_series():
     up = Track(0, 'translation', [0, 0.3], [[0, 0, 0], [0, 0, 3]])
     skeleton = Skeleton([-1], [np.eye(4)])
-    figure = Figure([Body(pv.Cube(), 0)], skeleton, [Clip('up', [up])])
+    figure = Figure([FigureMesh(pv.Cube(), 0)], skeleton, [Clip('up', [up])])
     times, meshes = figure.series('up', 10)
     assert np.allclose(times, [0, 0.1, 0.2, 0.3])
     assert np.allclose([mesh.center[2] for mesh in meshes], [0, 1, 2, 3])

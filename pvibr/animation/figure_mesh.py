@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 import pyvista as pv
 
-from pvibr.animation.frames import Frames
 from pvibr.animation.morphs import Morphs
 from pvibr.animation.normals import normals_at, point_normals
 from pvibr.animation.pose import as_matrices
 from pvibr.animation.skeleton import whole_numbers
+from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.maths import skinning
 
 SKINNINGS = ('linear', 'dual')
@@ -41,7 +41,7 @@ class Skin:
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr import Skin
+    >>> from pvibr.animation import Skin
     >>> Skin([0], [np.eye(4)], [[0]], [[2.0]]).weights.tolist()
     [[1.0]]
     """
@@ -97,7 +97,7 @@ class Skin:
         Examples
         --------
         >>> import numpy as np
-        >>> from pvibr import Skin
+        >>> from pvibr.animation import Skin
         >>> Skin([0], [np.eye(4)], [[0]], [[1.0]]).matrices(2 * np.eye(4)[None])[0, 0, 0]
         np.float64(2.0)
         """
@@ -128,7 +128,7 @@ class Skin:
         Examples
         --------
         >>> import numpy as np
-        >>> from pvibr import Skin
+        >>> from pvibr.animation import Skin
         >>> Skin([0], [np.eye(4)], [[0]], [[1.0]]).blend(np.eye(4)[None], 'dual')[0, 0].tolist()
         [1.0, 0.0, 0.0, 0.0]
         """
@@ -142,7 +142,7 @@ class Skin:
 
 
 @dataclass(eq=False)
-class Body:
+class FigureMesh:
     """One mesh of a figure and what deforms it.
 
     In this order: key frames, morph targets, correctives, skin or else the node.
@@ -173,8 +173,8 @@ class Body:
     Examples
     --------
     >>> import pyvista as pv
-    >>> from pvibr import Body
-    >>> Body(pv.Sphere(), look={'color': 'red'}).points.dtype
+    >>> from pvibr.animation import FigureMesh
+    >>> FigureMesh(pv.Sphere(), look={'color': 'red'}).points.dtype
     dtype('float64')
     """
 
@@ -182,7 +182,7 @@ class Body:
     node: int = -1
     skin: Skin | None = None
     morphs: Morphs | None = None
-    frames: Frames | None = None
+    frames: VertexAnimation | None = None
     look: dict = field(default_factory=dict)
     name: str = ''
 

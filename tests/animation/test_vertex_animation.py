@@ -6,14 +6,14 @@ import pyvista as pv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pvibr.animation.frames import Frames
+from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.maths.keyframes import SLOTS
 
 
 def swelling(period=None, interpolation='linear'):
     """A sphere whose radius is 1, 2, 4 at 0, 1, 3 seconds."""
     meshes = [pv.Sphere(radius=r, theta_resolution=8, phi_resolution=6) for r in (1, 2, 4)]
-    return meshes, Frames.from_meshes(meshes, [0.0, 1.0, 3.0], interpolation, period)
+    return meshes, VertexAnimation.from_meshes(meshes, [0.0, 1.0, 3.0], interpolation, period)
 
 
 @pytest.mark.parametrize('interpolation', ['step', 'linear', 'quadratic', 'cubic'])
@@ -41,7 +41,7 @@ def test_it_begins_again_after_the_period():
 
 
 def test_normals_are_blended_and_made_one_long():
-    frames = Frames([0, 1], np.zeros((2, 1, 3)), [[[1, 0, 0]], [[0, 1, 0]]])
+    frames = VertexAnimation([0, 1], np.zeros((2, 1, 3)), [[[1, 0, 0]], [[0, 1, 0]]])
     np.testing.assert_allclose(frames.sample(0.5)[1], [[np.sqrt(0.5), np.sqrt(0.5), 0]])
 
 
@@ -55,7 +55,7 @@ def test_many_times_are_one_call():
 
 def test_a_file_stays_a_file(tmp_path):
     np.save(tmp_path / 'frames.npy', np.ones((4, 5, 3), np.float32))
-    frames = Frames(np.arange(4), np.load(tmp_path / 'frames.npy', mmap_mode='r'))
+    frames = VertexAnimation(np.arange(4), np.load(tmp_path / 'frames.npy', mmap_mode='r'))
     assert isinstance(frames.positions.base, np.memmap)
     assert frames.positions.dtype == np.float32
     assert frames.sample(0.5)[0].dtype == np.float64
@@ -64,22 +64,22 @@ def test_a_file_stays_a_file(tmp_path):
 def test_bad_input_is_named():
     sphere = pv.Sphere()
     with pytest.raises(ValueError, match=r'meshes\[1\] has 8 points.*same vertices'):
-        Frames.from_meshes([sphere, pv.Cube().clean()])
+        VertexAnimation.from_meshes([sphere, pv.Cube().clean()])
     turned = sphere.copy()
     turned.flip_faces(inplace=True)
     with pytest.raises(ValueError, match=r'meshes\[2\] has other faces'):
-        Frames.from_meshes([sphere, sphere, turned])
+        VertexAnimation.from_meshes([sphere, sphere, turned])
     with pytest.raises(ValueError, match='empty'):
-        Frames.from_meshes([])
+        VertexAnimation.from_meshes([])
     with pytest.raises(ValueError, match=r'positions has the shape \(2, 4\)'):
-        Frames([0, 1], np.zeros((2, 4)))
+        VertexAnimation([0, 1], np.zeros((2, 4)))
     with pytest.raises(ValueError, match=r'normals has the shape.*\(2, 4, 3\)'):
-        Frames([0, 1], np.zeros((2, 4, 3)), np.zeros((2, 5, 3)))
+        VertexAnimation([0, 1], np.zeros((2, 4, 3)), np.zeros((2, 5, 3)))
     with pytest.raises(ValueError, match=r'times\[1\] is 0.0 after 1.0'):
-        Frames([1, 0], np.zeros((2, 4, 3)))
+        VertexAnimation([1, 0], np.zeros((2, 4, 3)))
     with pytest.raises(ValueError, match=r'positions\[1\] is not finite'):
-        Frames([0, 1], [np.zeros((1, 3)), np.full((1, 3), np.nan)])
+        VertexAnimation([0, 1], [np.zeros((1, 3)), np.full((1, 3), np.nan)])
     with pytest.raises(ValueError, match='interpolation is'):
-        Frames([0, 1], np.zeros((2, 4, 3)), None, 'septic')
+        VertexAnimation([0, 1], np.zeros((2, 4, 3)), None, 'septic')
     with pytest.raises(ValueError, match=r'period is 0\.5'):
-        Frames([0, 1], np.zeros((2, 4, 3)), period=0.5)
+        VertexAnimation([0, 1], np.zeros((2, 4, 3)), period=0.5)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pvibr.animation.frame_states import FrameStates
+from pvibr.animation.vertex_animation_states import VertexAnimationStates
 from pvibr.maths.keyframes import blend, blend_directions, checked_keys, frame_weights
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
+class VertexAnimation:
     """Shapes of one mesh over time: the same vertices and triangles, other places.
 
     Parameters
@@ -27,7 +27,7 @@ class Frames:
         How frames are blended: see :func:`pvibr.maths.keyframes.frame_weights`.
     period : float, optional
         Seconds after which it begins again; without one the ends stay.
-    states : pvibr.animation.frame_states.FrameStates, optional
+    states : pvibr.animation.vertex_animation_states.VertexAnimationStates, optional
         Chooses the frames, in place of times, interpolation and period.
 
     Raises
@@ -38,8 +38,8 @@ class Frames:
 
     Examples
     --------
-    >>> from pvibr.animation.frames import Frames
-    >>> up = Frames([0.0, 1.0], [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]])
+    >>> from pvibr.animation.vertex_animation import VertexAnimation
+    >>> up = VertexAnimation([0.0, 1.0], [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]])
     >>> up.sample(0.25)[0].tolist()
     [[0.0, 0.0, 0.5]]
     """
@@ -49,7 +49,7 @@ class Frames:
     normals: np.ndarray | None = None
     interpolation: str = 'linear'
     period: float | None = None
-    states: FrameStates | None = None
+    states: VertexAnimationStates | None = None
 
     def __post_init__(self):
         times = checked_keys(self.times, 'times')
@@ -94,8 +94,8 @@ class Frames:
 
         Examples
         --------
-        >>> from pvibr.animation.frames import Frames
-        >>> Frames([0.0, 1.0], [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]]).at(0.25)
+        >>> from pvibr.animation.vertex_animation import VertexAnimation
+        >>> VertexAnimation([0.0, 1.0], [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]]).at(0.25)
         (array([0, 1]), array([0.75, 0.25]))
         """
         if self.states is not None:
@@ -121,8 +121,8 @@ class Frames:
 
         Examples
         --------
-        >>> from pvibr.animation.frames import Frames
-        >>> frames = Frames([0.0, 1.0], [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]])
+        >>> from pvibr.animation.vertex_animation import VertexAnimation
+        >>> frames = VertexAnimation([0.0, 1.0], [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]])
         >>> frames.blend([0, 1], [0.5, 0.5])[0].tolist()
         [[0.0, 0.0, 1.0]]
         """
@@ -153,8 +153,10 @@ class Frames:
 
         Examples
         --------
-        >>> from pvibr.animation.frames import Frames
-        >>> fall = Frames([0, 1, 2], [[[0, 0, 4.0]], [[0, 0, 3.0]], [[0, 0, 0.0]]], None, 'cubic')
+        >>> from pvibr.animation.vertex_animation import VertexAnimation
+        >>> fall = VertexAnimation(
+        ...     [0, 1, 2], [[[0, 0, 4.0]], [[0, 0, 3.0]], [[0, 0, 0.0]]], None, 'cubic'
+        ... )
         >>> fall.sample(1.5)[0].tolist()
         [[0.0, 0.0, 1.75]]
         """
@@ -190,8 +192,8 @@ class Frames:
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr.animation.frames import Frames
-        >>> Frames.from_meshes([pv.Sphere(radius=r) for r in (1, 2, 3)]).n_points
+        >>> from pvibr.animation.vertex_animation import VertexAnimation
+        >>> VertexAnimation.from_meshes([pv.Sphere(radius=r) for r in (1, 2, 3)]).n_points
         842
         """
         meshes = list(meshes)

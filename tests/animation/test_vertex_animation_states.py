@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pvibr.animation.frame_states import FrameRange, FrameStates
-from pvibr.animation.frames import Frames
+from pvibr.animation.vertex_animation import VertexAnimation
+from pvibr.animation.vertex_animation_states import FrameRange, VertexAnimationStates
 
 orders = st.lists(
     st.tuples(st.floats(0, 6), st.sampled_from(['stand', 'run', 'fall']), st.floats(0.2, 2)),
@@ -20,7 +20,7 @@ def soldier(**options):
         'run': FrameRange(10, 15, fps=6.0),
         'fall': FrameRange(16, 20, fps=4.0, loop=False),
     }
-    return FrameStates(ranges, **{'fade': 1.0, **options})
+    return VertexAnimationStates(ranges, **{'fade': 1.0, **options})
 
 
 def shown(states, times, values=None):
@@ -72,12 +72,12 @@ def test_frames_of_a_state_that_ends_lead_on():
 def test_frames_of_a_mesh_are_chosen_by_states():
     positions = np.arange(21.0)[:, None, None] * np.ones((21, 2, 3))
     states = soldier()
-    frames = Frames(np.arange(21), positions, states=states)
+    frames = VertexAnimation(np.arange(21), positions, states=states)
     states.go('run', at=0.45)
     points, _ = frames.sample([0.45, 0.95])
     np.testing.assert_allclose(points[..., 0], [[4.5, 4.5], [7.25, 7.25]])
     with pytest.raises(ValueError, match='states show frame 20; there are 20 frames'):
-        Frames(np.arange(20), positions[:20], states=states)
+        VertexAnimation(np.arange(20), positions[:20], states=states)
 
 
 def test_bad_input_is_named():

@@ -30,7 +30,7 @@ class FrameRange:
 
     Examples
     --------
-    >>> from pvibr.animation.frame_states import FrameRange
+    >>> from pvibr.animation.vertex_animation_states import FrameRange
     >>> FrameRange(40, 45, fps=10.0).at(0.55)  # between the last and the first
     (array([45, 40]), array([0.5, 0.5]))
     """
@@ -72,7 +72,7 @@ class FrameRange:
 
         Examples
         --------
-        >>> from pvibr.animation.frame_states import FrameRange
+        >>> from pvibr.animation.vertex_animation_states import FrameRange
         >>> FrameRange(66, 71, fps=10.0, loop=False).at(9.0)
         (array([70, 71]), array([0., 1.]))
         """
@@ -82,7 +82,7 @@ class FrameRange:
         return indices + self.first, weights
 
 
-class FrameStates(States):
+class VertexAnimationStates(States):
     """States of a mesh that is animated by key frames, and the ways between them.
 
     On the way from one state to another the weight goes from 0 to 1 between what is shown when
@@ -109,8 +109,10 @@ class FrameStates(States):
 
     Examples
     --------
-    >>> from pvibr.animation.frame_states import FrameRange, FrameStates
-    >>> soldier = FrameStates({'stand': FrameRange(0, 39), 'run': FrameRange(40, 45)}, fade=0.5)
+    >>> from pvibr.animation.vertex_animation_states import FrameRange, VertexAnimationStates
+    >>> soldier = VertexAnimationStates(
+    ...     {'stand': FrameRange(0, 39), 'run': FrameRange(40, 45)}, fade=0.5
+    ... )
     >>> soldier.go('run', at=1.05)
     >>> indices, weights = soldier.at(1.3)
     >>> indices, weights  # half of what was shown at 1.05, half of the first frame of run
@@ -154,8 +156,8 @@ class FrameStates(States):
 
         Examples
         --------
-        >>> from pvibr.animation.frame_states import FrameRange, FrameStates
-        >>> FrameStates({'stand': FrameRange(0, 9, fps=1.0)}).at(2.5)
+        >>> from pvibr.animation.vertex_animation_states import FrameRange, VertexAnimationStates
+        >>> VertexAnimationStates({'stand': FrameRange(0, 9, fps=1.0)}).at(2.5)
         (array([2, 3]), array([0.5, 0.5]))
         """
         times = np.asarray(times, dtype=np.float64)

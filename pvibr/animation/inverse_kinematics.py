@@ -11,7 +11,7 @@ from pvibr.animation.rig import as_point, placed
 _EVEN = 1e-3  # of a scale, that its axes may differ: files hold rounded ones
 
 
-class Reach:
+class InverseKinematics:
     """Turn joints so that others, the effectors, come to their targets.
 
     Parameters
@@ -44,8 +44,8 @@ class Reach:
 
     Examples
     --------
-    >>> from pvibr import Reach
-    >>> Reach(['left', 'right'], root='chest', poles={'left': 'behind'}).asks
+    >>> from pvibr.animation import InverseKinematics
+    >>> InverseKinematics(['left', 'right'], root='chest', poles={'left': 'behind'}).asks
     ('left', 'right', 'behind')
     """
 
