@@ -9,7 +9,17 @@ import numpy as np
 import pyvista as pv
 
 import pvibr
-from pvibr.animation import Clip, ClipSource, FigureMesh, Mixer, Pose, Skeleton, Track, joint_mask
+from pvibr.animation import (
+    AnimationLayer,
+    Clip,
+    ClipSource,
+    FigureMesh,
+    Mixer,
+    Pose,
+    Skeleton,
+    Track,
+    joint_mask,
+)
 from pvibr.maths import quaternions
 
 # %%

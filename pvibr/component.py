@@ -43,9 +43,12 @@ class IBRComponent:
     """
 
     interactive_frame_ms = Param(
-        100.0, 'What a frame may take while the view moves: quality is lowered where it takes '
-        'longer, and is full again at rest; 0 never lowers it.', range='[0, inf)', unit='ms',
-    )  # fmt: skip
+        100.0,
+        'What a frame may take while the view moves: quality is lowered where it takes '
+        'longer, and is full again at rest; 0 never lowers it.',
+        range='[0, inf)',
+        unit='ms',
+    )
 
     def __init__(self, plotter):
         self._plotter = plotter
@@ -191,9 +194,17 @@ class IBRComponent:
         return self.pipeline.add(effect)
 
     def add_instances(
-        self, mesh, poses=None, *, name=None, show_scalar_bar=None, scalar_bar_args=None,
-        reset_camera=None, render=False, **kwargs,
-    ):  # fmt: skip
+        self,
+        mesh,
+        poses=None,
+        *,
+        name=None,
+        show_scalar_bar=None,
+        scalar_bar_args=None,
+        reset_camera=None,
+        render=False,
+        **kwargs,
+    ):
         """Draw a mesh many times: near as a mesh, far as images, within an error.
 
         Parameters
@@ -236,9 +247,19 @@ class IBRComponent:
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
     def add_animated(
-        self, figure, poses=None, *, name=None, clip=None, skinning='linear',
-        show_scalar_bar=None, scalar_bar_args=None, reset_camera=None, render=False, **kwargs,
-    ):  # fmt: skip
+        self,
+        figure,
+        poses=None,
+        *,
+        name=None,
+        clip=None,
+        skinning='linear',
+        show_scalar_bar=None,
+        scalar_bar_args=None,
+        reset_camera=None,
+        render=False,
+        **kwargs,
+    ):
         """Draw a figure that moves, or a crowd of them, posed on the GPU.
 
         Parameters
@@ -401,9 +422,17 @@ class IBRComponent:
         return self._add_thing(made, name, None, None, None, render)
 
     def add_billboards(
-        self, points, image, *, name=None, show_scalar_bar=None, scalar_bar_args=None,
-        reset_camera=None, render=False, **kwargs,
-    ):  # fmt: skip
+        self,
+        points,
+        image,
+        *,
+        name=None,
+        show_scalar_bar=None,
+        scalar_bar_args=None,
+        reset_camera=None,
+        render=False,
+        **kwargs,
+    ):
         """Draw an image at each point, turned toward the eye, all in one draw.
 
         Parameters
@@ -458,9 +487,17 @@ class IBRComponent:
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
     def add_spheres(
-        self, centers, radius=0.5, *, name=None, show_scalar_bar=None, scalar_bar_args=None,
-        reset_camera=None, render=False, **kwargs,
-    ):  # fmt: skip
+        self,
+        centers,
+        radius=0.5,
+        *,
+        name=None,
+        show_scalar_bar=None,
+        scalar_bar_args=None,
+        reset_camera=None,
+        render=False,
+        **kwargs,
+    ):
         """Draw spheres, by the million, exact to the pixel.
 
         Parameters
@@ -512,9 +549,18 @@ class IBRComponent:
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
     def add_cylinders(
-        self, points_a, points_b, radius=0.5, *, name=None, show_scalar_bar=None,
-        scalar_bar_args=None, reset_camera=None, render=False, **kwargs,
-    ):  # fmt: skip
+        self,
+        points_a,
+        points_b,
+        radius=0.5,
+        *,
+        name=None,
+        show_scalar_bar=None,
+        scalar_bar_args=None,
+        reset_camera=None,
+        render=False,
+        **kwargs,
+    ):
         """Draw cylinders, capsules or tubes, by the million, exact to the pixel.
 
         Parameters
@@ -566,9 +612,18 @@ class IBRComponent:
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
     def add_ellipsoids(
-        self, centers, radii=0.5, orientations=None, *, name=None, show_scalar_bar=None,
-        scalar_bar_args=None, reset_camera=None, render=False, **kwargs,
-    ):  # fmt: skip
+        self,
+        centers,
+        radii=0.5,
+        orientations=None,
+        *,
+        name=None,
+        show_scalar_bar=None,
+        scalar_bar_args=None,
+        reset_camera=None,
+        render=False,
+        **kwargs,
+    ):
         """Draw ellipsoids, by the million, exact to the pixel.
 
         Parameters
@@ -770,9 +825,8 @@ class IBRComponent:
         return list(self._numbered)
 
     def screenshot(
-        self, filename=None, *, scale=None, size=None, transparent_background=None,
-        return_img=True,
-    ):  # fmt: skip
+        self, filename=None, *, scale=None, size=None, transparent_background=None, return_img=True
+    ):
         """Take a picture, of any size, in which effects have no seams.
 
         As ``plotter.screenshot``, but tiles of large pictures overlap by as much as the effects
@@ -828,9 +882,17 @@ class IBRComponent:
         return image if return_img else None
 
     def movie(
-        self, path, seconds, *, fps=30.0, start=None, speed=1.0, each=None, resume=True,
+        self,
+        path,
+        seconds,
+        *,
+        fps=30.0,
+        start=None,
+        speed=1.0,
+        each=None,
+        resume=True,
         progress=None,
-    ):  # fmt: skip
+    ):
         """Film what happens: each frame is of its own moment, however long it takes to draw.
 
         Frames are kept beside the movie until it is whole. What was broken off, by an error, a

@@ -170,6 +170,12 @@ def scenes(atlases):
 def see():
     """How to look at scenes."""
     return SimpleNamespace(
-        grab=grab, depths=depths, rgba=rgba, place=place, force=force, reduce=reduce,
-        centroid=centroid, matrices=matrices,
-    )  # fmt: skip
+        grab=grab,
+        depths=depths,
+        rgba=rgba,
+        place=place,
+        force=force,
+        reduce=reduce,
+        centroid=centroid,
+        matrices=matrices,
+    )

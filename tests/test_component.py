@@ -100,9 +100,14 @@ def test_closed_by_show(pl):
     assert holder.released == 1
     ibr = pl.ibr
     for use in (
-        lambda: ibr.add(Fade()), ibr.clear, ibr.report, ibr.state, lambda: ibr.restore({}),
-        lambda: ibr.effects, lambda: ibr.add_instances(pv.Sphere(), np.zeros((1, 3))),
-    ):  # fmt: skip
+        lambda: ibr.add(Fade()),
+        ibr.clear,
+        ibr.report,
+        ibr.state,
+        lambda: ibr.restore({}),
+        lambda: ibr.effects,
+        lambda: ibr.add_instances(pv.Sphere(), np.zeros((1, 3))),
+    ):
         with pytest.raises(ClosedError, match='the plotter is closed: make a new one'):
             use()
 

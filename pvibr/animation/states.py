@@ -69,9 +69,17 @@ class States:
     _holds = False
 
     def __init__(
-        self, states, start=None, *, fade=0.2, fades=None, then=None, rules=(), parameters=None,
+        self,
+        states,
+        start=None,
+        *,
+        fade=0.2,
+        fades=None,
+        then=None,
+        rules=(),
+        parameters=None,
         smooth=False,
-    ):  # fmt: skip
+    ):
         self.states = dict(states)
         if not self.states:
             msg = 'states is empty; there must be at least one.'

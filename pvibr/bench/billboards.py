@@ -25,17 +25,26 @@ class Settings:
 
 
 QUICK = Settings(
-    size=(320, 180), counts=(1_000,), slow=1_000, quadrics=500, sprite_sizes=(75,),
-    plant_pixels=32, plant_views=1, plants=2, copies=2,
-)  # fmt: skip
+    size=(320, 180),
+    counts=(1_000,),
+    slow=1_000,
+    quadrics=500,
+    sprite_sizes=(75,),
+    plant_pixels=32,
+    plant_views=1,
+    plants=2,
+    copies=2,
+)
 
 
 def measure(out, *, quick=False) -> list:
     """Run every part, print and write the table and the plot, and return the rows."""
     parts = {
-        'sprites': sprites.measure, 'spheres': spheres.measure, 'quadrics': quadrics.measure,
+        'sprites': sprites.measure,
+        'spheres': spheres.measure,
+        'quadrics': quadrics.measure,
         'plants': plants.measure,
-    }  # fmt: skip
+    }
     return run('billboards', parts, QUICK if quick else Settings(), plot, out, quick=quick)
 
 

@@ -98,8 +98,13 @@ def _rows(name, found):
     yield Row(f'{label}: time', first['seconds'], 's')
     yield Row(f'{label}: bytes', first['bytes'])
     same = planes_at(found['k-means'], first['flip'])
-    yield Row(f'{label}: planes of k-means at the same FLIP over its own', same / first['planes'],
-              'x', 1, at_least=True)  # fmt: skip
+    yield Row(
+        f'{label}: planes of k-means at the same FLIP over its own',
+        same / first['planes'],
+        'x',
+        1,
+        at_least=True,
+    )
     for point in found['quadrics']:
         yield Row(f'{name}: FLIP of quadrics at {point["bytes"]} bytes', point['flip'])
 
@@ -144,9 +149,12 @@ class _Mesh:
             size = file.stat().st_size
         moved = cloud.displacement / (cloud.epsilon or self.diagonal)
         found = {
-            'planes': len(cloud.planes), 'bytes': size, 'seconds': cloud.seconds,
-            'fill': cloud.fill, 'moved': moved,
-        }  # fmt: skip
+            'planes': len(cloud.planes),
+            'bytes': size,
+            'seconds': cloud.seconds,
+            'fill': cloud.fill,
+            'moved': moved,
+        }
         return how | found | self._error(cloud.add_to)
 
     def _decimated(self, size):

@@ -34,9 +34,12 @@ QUICK = Settings((320, 180), 1, (160, 120), (0.1,), (16,), 16)
 def measure(out, *, quick=False) -> list:
     """Run every part, print and write the table and the plot, and return the rows."""
     parts = {
-        'bloom': _bloom, 'screen': _screen, 'outline': _outline, 'depth of field': _lens,
+        'bloom': _bloom,
+        'screen': _screen,
+        'outline': _outline,
+        'depth of field': _lens,
         'together': _together,
-    }  # fmt: skip
+    }
     return run('effects', parts, QUICK if quick else Settings(), plot_effects, out, quick=quick)
 
 

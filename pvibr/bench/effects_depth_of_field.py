@@ -17,9 +17,7 @@ def stage(size=(640, 480)):
     pl: Any = pv.Plotter(off_screen=True, window_size=size)
     pl.disable_anti_aliasing()
     pl.set_background('#405060')
-    floor = pv.Plane(
-        center=(0, 0, -0.5), i_size=30, j_size=30, i_resolution=30, j_resolution=30
-    )  # fmt: skip
+    floor = pv.Plane(center=(0, 0, -0.5), i_size=30, j_size=30, i_resolution=30, j_resolution=30)
     floor.cell_data['odd'] = np.indices((30, 30)).sum(axis=0).ravel() % 2
     looks: dict[str, Any] = {
         'cmap': ['#808080', '#c0b090'],
@@ -91,10 +89,15 @@ def measure(size=(640, 480), radii=(0.1, 0.2), samples=(16, 48, 128), lenses=256
         for count in samples:
             lens = pl.ibr.add(DepthOfField(radius=radius, samples=count, limit=0.1))
             on = shot(pl)
-            rows.append({
-                'radius': radius, 'samples': count, 'ms': 1e3 * (_seconds(pl) - plain),
-                'psnr': psnr(on, reference), 'psnr_off': psnr(off, reference),
-            })  # fmt: skip
+            rows.append(
+                {
+                    'radius': radius,
+                    'samples': count,
+                    'ms': 1e3 * (_seconds(pl) - plain),
+                    'psnr': psnr(on, reference),
+                    'psnr_off': psnr(off, reference),
+                }
+            )
             pl.ibr.remove(lens)
     pl.close()
     return rows

@@ -45,7 +45,7 @@ def contour(mesh, camera, size) -> np.ndarray:
 
 
 def inner(mesh, camera, size) -> np.ndarray:
-    """Return places along the polylines that :func:`pvibr.silhouette_lines` gives, inner ones included."""
+    """Return places along the polylines of :func:`pvibr.silhouette_lines`, inner ones included."""
     found, places = silhouette_lines(mesh, camera, size=size), []
     uv, _ = as_camera(camera, size).project(np.asarray(found.points, float))
     xy = np.array([0, size[1]]) + uv * size * [1, -1]

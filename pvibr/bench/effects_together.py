@@ -38,10 +38,19 @@ def scene(size) -> tuple[Any, dict[str, Effect]]:
     pl.camera_position = [(1.4, -2.2, 1.5), (0, 0, 0), (0, 0, 1)]
     image = np.random.default_rng(0).integers(0, 256, (200, 300, 4), np.uint8)
     effects = (
-        Sky(), DepthOfField((0, 0, 0)), Glow(ring), Afterglow(cube), Bloom(threshold=0.5),
-        ToneMapping(), Outline(), ImageOverlay(image, opacity=0.5), NightVision(intensity=0.5),
-        Vignette(), Flash(at=0), Iris(),
-    )  # fmt: skip
+        Sky(),
+        DepthOfField((0, 0, 0)),
+        Glow(ring),
+        Afterglow(cube),
+        Bloom(threshold=0.5),
+        ToneMapping(),
+        Outline(),
+        ImageOverlay(image, opacity=0.5),
+        NightVision(intensity=0.5),
+        Vignette(),
+        Flash(at=0),
+        Iris(),
+    )
     found: dict[str, Effect] = {}
     for effect in effects:
         found[effect.name] = pl.ibr.add(effect)

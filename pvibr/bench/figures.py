@@ -29,9 +29,20 @@ class Settings:
 
 
 QUICK = Settings(
-    (320, 180), 1, (20, 12), (1e6,), 2, 2, figures=((20, 30), (40, 50)), joints=8, face=(20, 30),
-    targets=16, chains=3, crowd=300, crowd_part=20,
-)  # fmt: skip
+    (320, 180),
+    1,
+    (20, 12),
+    (1e6,),
+    2,
+    2,
+    figures=((20, 30), (40, 50)),
+    joints=8,
+    face=(20, 30),
+    targets=16,
+    chains=3,
+    crowd=300,
+    crowd_part=20,
+)
 
 
 def measure(out, *, quick=False) -> list:

@@ -33,10 +33,17 @@ def tube(rings, around, joints, *, offset=0.0, morphs=None, look=None, every=1) 
     nearest = np.argsort(apart, axis=1, kind='stable')[:, : min(4, joints)]
     weights = np.exp(-(np.take_along_axis(apart, nearest, 1) ** 2))
     return Figure.from_arrays(
-        points + offset, faces[::every], nearest, weights, np.arange(joints) - 1, Pose(rest),
-        normals=points * [1 / RADIUS, 1 / RADIUS, 0], morphs=morphs, look=look,
+        points + offset,
+        faces[::every],
+        nearest,
+        weights,
+        np.arange(joints) - 1,
+        Pose(rest),
+        normals=points * [1 / RADIUS, 1 / RADIUS, 0],
+        morphs=morphs,
+        look=look,
         clips=[swaying(joints)],
-    )  # fmt: skip
+    )
 
 
 def swaying(joints) -> Clip:

@@ -39,9 +39,11 @@ QUICK = Settings((160, 90), 8, 40, 2000, 500, 500, 10, (1.0,))
 def measure(out, *, quick=False) -> list:
     """Measure everything, and write the table and the plot."""
     parts = {
-        'orbit and fly-by': _paths, 'outlines': _outlines, 'nailboards': _nailboards,
+        'orbit and fly-by': _paths,
+        'outlines': _outlines,
+        'nailboards': _nailboards,
         'hierarchy': _hierarchy,
-    }  # fmt: skip
+    }
     return run('impostors', parts, QUICK if quick else Settings(), plot, out, quick=quick)
 
 
@@ -135,9 +137,14 @@ def _timed(stage, impostor, cameras, every=10) -> dict:
         worst = max(worst, impostor.report()['error_px'])
     (ms, cpu), (mesh_ms, mesh_cpu) = (np.mean(times[k], axis=0).tolist() for k in (True, False))
     return {
-        'ms': ms, 'cpu': cpu, 'mesh_ms': mesh_ms, 'mesh_cpu': mesh_cpu, 'error': worst,
-        'drawn': (impostor.rendered - before) / len(cameras), 'frames': frames / len(cameras),
-    }  # fmt: skip
+        'ms': ms,
+        'cpu': cpu,
+        'mesh_ms': mesh_ms,
+        'mesh_cpu': mesh_cpu,
+        'error': worst,
+        'drawn': (impostor.rendered - before) / len(cameras),
+        'frames': frames / len(cameras),
+    }
 
 
 def _tell(results, name, count, found, bar):

@@ -27,9 +27,18 @@ class Settings:
 
 
 QUICK = Settings(
-    size=(320, 180), trees=300, cameras=1, part=30, steps=3, meshes=2, sizes=(32,),
-    errors=(1.0,), directions=2, crowd=20_000, extremes=1,
-)  # fmt: skip
+    size=(320, 180),
+    trees=300,
+    cameras=1,
+    part=30,
+    steps=3,
+    meshes=2,
+    sizes=(32,),
+    errors=(1.0,),
+    directions=2,
+    crowd=20_000,
+    extremes=1,
+)
 
 
 def measure(out, *, quick=False) -> list:

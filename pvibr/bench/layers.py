@@ -116,10 +116,15 @@ def _timed(stage, layers, cameras) -> dict:
     told = layers.report()
     (ms, cpu), (full_ms, full_cpu) = (np.mean(times[k], axis=0).tolist() for k in (True, False))
     return {
-        'ms': ms, 'cpu': cpu, 'full_ms': full_ms, 'full_cpu': full_cpu,
-        'flip': float(np.mean(errors)), 'residual': worst,
-        'taken': (told['taken'] - before) / len(cameras), 'layers': len(layers),
-    }  # fmt: skip
+        'ms': ms,
+        'cpu': cpu,
+        'full_ms': full_ms,
+        'full_cpu': full_cpu,
+        'flip': float(np.mean(errors)),
+        'residual': worst,
+        'taken': (told['taken'] - before) / len(cameras),
+        'layers': len(layers),
+    }
 
 
 def _spent(stage) -> tuple[float, float]:

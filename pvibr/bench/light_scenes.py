@@ -123,9 +123,11 @@ def _spheres():
         over = 0.0 if k % 2 else rng.uniform(0.1, 1.2)
         aside = rng.uniform(-0.1, 0.1, 2)
         ball = pv.Sphere(
-            radius=radius, center=(x[k] + aside[0], y[k] + aside[1], radius + over),
-            theta_resolution=100, phi_resolution=102,
-        )  # fmt: skip
+            radius=radius,
+            center=(x[k] + aside[0], y[k] + aside[1], radius + over),
+            theta_resolution=100,
+            phi_resolution=102,
+        )
         meshes.append(_bare(ball.points, ball.regular_faces))
     return LightScene(
         'spheres', meshes, _lights((0, 0, 0), 12.0), ((6.0, -17.0, 11.0), (0, 0, 0.3), (0, 0, 1))
@@ -194,9 +196,12 @@ def _lights(middle, size):
 
 def _light(position, focus, cone=None):
     light = pv.Light(
-        position=tuple(position), focal_point=tuple(focus), color='white', intensity=1.0,
+        position=tuple(position),
+        focal_point=tuple(focus),
+        color='white',
+        intensity=1.0,
         light_type='scene light',
-    )  # fmt: skip
+    )
     if cone is not None:
         light.positional, light.cone_angle = True, cone
     return light

@@ -80,20 +80,33 @@ def _rows(limit, drags):
     every = np.concatenate([drag['ms'] for drag in drags])
     rows = [
         Row(f'{name}: a frame, median', np.median(every), 'ms', bars[0]),
-        Row(f'{name}: a frame, median at the slowest place',
-            max(np.median(drag['ms']) for drag in drags), 'ms', bars[0]),
+        Row(
+            f'{name}: a frame, median at the slowest place',
+            max(np.median(drag['ms']) for drag in drags),
+            'ms',
+            bars[0],
+        ),
         Row(f'{name}: a frame, 95 of 100 are faster', np.percentile(every, 95), 'ms'),
-        Row(f'{name}: a frame, of all processors, mean at the slowest place',
-            max(drag['processor'] for drag in drags), 'ms'),
-        Row(f'{name}: full picture after the release, slowest',
-            max(drag['release'] for drag in drags), 's', bars[1]),
-    ]  # fmt: skip
+        Row(
+            f'{name}: a frame, of all processors, mean at the slowest place',
+            max(drag['processor'] for drag in drags),
+            'ms',
+        ),
+        Row(
+            f'{name}: full picture after the release, slowest',
+            max(drag['release'] for drag in drags),
+            's',
+            bars[1],
+        ),
+    ]
     if limit:
         rows += [
             Row(f'{name}: quality, least', min(min(drag['quality']) for drag in drags)),
-            Row(f'{name}: FLIP, last moving frame against the full one',
-                max(drag['flip'] for drag in drags)),
-        ]  # fmt: skip
+            Row(
+                f'{name}: FLIP, last moving frame against the full one',
+                max(drag['flip'] for drag in drags),
+            ),
+        ]
     return rows
 
 

@@ -43,9 +43,11 @@ def measure(settings, results):
 
 def _lamp(kind, toward, distance, cone=30.0):
     lamp = pv.Light(
-        position=tuple(np.array(toward) * distance), focal_point=(0, 0, 0), color='white',
+        position=tuple(np.array(toward) * distance),
+        focal_point=(0, 0, 0),
+        color='white',
         light_type='scene light',
-    )  # fmt: skip
+    )
     if kind == 'spot':
         lamp.positional, lamp.cone_angle = True, cone
     return lamp
@@ -93,14 +95,17 @@ def acne_on_ball(kind, setting) -> int:
 def gap(thick, kind, setting) -> float:
     """Return the widest light between a wall's foot and its shadow, in texels."""
     floor = _triangles(pv.Plane(i_size=12, j_size=12))
-    wall = pv.Box((-2, 2, -thick, 0, 0, 2)) if thick else pv.Plane(
-        center=(0, 0, 1), direction=(0, 1, 0), i_size=2, j_size=4
-    )  # fmt: skip
+    wall = (
+        pv.Box((-2, 2, -thick, 0, 0, 2))
+        if thick
+        else pv.Plane(center=(0, 0, 1), direction=(0, 1, 0), i_size=2, j_size=4)
+    )
     around = np.radians(20.0)  # so that the texels lie across the wall
     toward = np.array([np.sin(around), -np.cos(around), 1.0]) / np.sqrt(2)
     lamp = _lamp(kind, toward, 9.0)
-    scene = LightScene('wall', [floor, _triangles(wall)], {kind: lamp},
-                       ((0, 0, 20), (0, 0, 0), (0, 1, 0)))  # fmt: skip
+    scene = LightScene(
+        'wall', [floor, _triangles(wall)], {kind: lamp}, ((0, 0, 20), (0, 0, 0), (0, 1, 0))
+    )
     window = (16 * _PIXELS, 2 * int(_ROOM + 2) * _PIXELS)
     with scene.stage(kind, window) as stage, shown(stage, setting) as effect:
         camera = stage.plotter.camera

@@ -47,8 +47,9 @@ class Sight:
     def unsure(self, asked) -> np.ndarray:
         """Return where the reference is not sure, for a light without size."""
         rng = np.random.default_rng(1)
-        points, normals, lit = (a[asked] for a in (self.surface.points, self.surface.normals,
-                                                   self.lit))  # fmt: skip
+        points, normals, lit = (
+            a[asked] for a in (self.surface.points, self.surface.normals, self.lit)
+        )
         found = np.zeros(len(points), bool)
         for _ in range(_TRIES):
             aside = rng.normal(size=points.shape) * _NEAR * self.rays.size
@@ -181,8 +182,12 @@ def _odd_lights(scene):
     lights = {}
     for where, position in places.items():
         for kind in ('directional', 'spot'):
-            lamp = pv.Light(position=tuple(position), focal_point=tuple(floor),
-                            light_type='scene light', color='white')  # fmt: skip
+            lamp = pv.Light(
+                position=tuple(position),
+                focal_point=tuple(floor),
+                light_type='scene light',
+                color='white',
+            )
             if kind == 'spot':
                 lamp.positional, lamp.cone_angle = True, 30.0
             lights[f'{kind} light {where}'] = lamp

@@ -86,10 +86,12 @@ def extra_ms(scene, light, choices, settings, moves=('camera', 'light')) -> dict
     }
     plain = times.pop(None)
     return {
-        name: {w: dict(zip(('wall', 'cpu'), map(float, ms - plain[w]), strict=True))
-               for w, ms in by.items()}
+        name: {
+            w: dict(zip(('wall', 'cpu'), map(float, ms - plain[w]), strict=True))
+            for w, ms in by.items()
+        }
         for name, by in times.items()
-    }  # fmt: skip
+    }
 
 
 def _frames(scene, stage, found, settings):

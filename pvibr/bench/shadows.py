@@ -33,11 +33,23 @@ class Settings:
 
 
 QUICK = Settings(
-    scenes=('airplane',), windows=((640, 360),), lights=('spot',), moved=(1e6,),
-    extreme='airplane', angles=(80.0, 89.0), soft=('airplane',), blurs=(8.0,), small=(96, 54),
-    screen=(320, 180), timed='airplane', repeats=1, frames=1, plotted='airplane', points=1,
+    scenes=('airplane',),
+    windows=((640, 360),),
+    lights=('spot',),
+    moved=(1e6,),
+    extreme='airplane',
+    angles=(80.0, 89.0),
+    soft=('airplane',),
+    blurs=(8.0,),
+    small=(96, 54),
+    screen=(320, 180),
+    timed='airplane',
+    repeats=1,
+    frames=1,
+    plotted='airplane',
+    points=1,
     triangles=100_000,
-)  # fmt: skip
+)
 
 
 def measure(out, *, quick=False) -> list:

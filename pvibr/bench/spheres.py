@@ -52,9 +52,12 @@ def _gaussian(pl, points):
     # In units of the diagonal of the bounds over 1300: as large as the others.
     size = _RADIUS * 1300 / np.linalg.norm(np.ptp(points, 0))
     pl.add_mesh(
-        pv.PolyData(points), style='points_gaussian', render_points_as_spheres=True,
-        emissive=False, point_size=size,
-    )  # fmt: skip
+        pv.PolyData(points),
+        style='points_gaussian',
+        render_points_as_spheres=True,
+        emissive=False,
+        point_size=size,
+    )
 
 
 _WAYS = {

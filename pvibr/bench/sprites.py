@@ -58,8 +58,9 @@ def _times(count, size, slow) -> dict:
     image, single = disc(), points.astype(np.float32)
 
     def glyph(pl):
-        plane = pv.Plane(direction=(0, -1, 0), i_resolution=1, j_resolution=1, i_size=_SIDE,
-                         j_size=_SIDE)  # fmt: skip
+        plane = pv.Plane(
+            direction=(0, -1, 0), i_resolution=1, j_resolution=1, i_size=_SIDE, j_size=_SIDE
+        )
         cards = pv.PolyData(single).glyph(geom=plane, scale=False, orient=False)
         pl.add_mesh(cards, texture=pv.Texture(image), lighting=False)
 
@@ -113,8 +114,14 @@ def _coverage(settings, results):
             curves[way].append((pixels, drawn / share))
         worst = max(abs(1 - c) for _, c in curves[way])
         name = 'levels that keep coverage' if way == 'kept' else 'plain levels'
-        results.rows.append(Row(f'cut-outs by {name}: worst error of what they cover',
-                                100 * worst, '%', 20 if way == 'kept' else None))  # fmt: skip
+        results.rows.append(
+            Row(
+                f'cut-outs by {name}: worst error of what they cover',
+                100 * worst,
+                '%',
+                20 if way == 'kept' else None,
+            )
+        )
     results.points['coverage'] = curves
 
 

@@ -181,10 +181,16 @@ def billboard_cloud(
     area = int(sheet.texels.prod(1).sum())
     found = Planes(found.normals, found.offsets + found.normals @ origin, found.owner)
     return BillboardCloud(
-        _mesh(sheet, origin, which), pv.Texture(color), pv.Texture(normal), found, bound,
-        float(away.max()), float((color[..., 3] > 0).sum() / area), area / size**2,
+        _mesh(sheet, origin, which),
+        pv.Texture(color),
+        pv.Texture(normal),
+        found,
+        bound,
+        float(away.max()),
+        float((color[..., 3] > 0).sum() / area),
+        area / size**2,
         time.perf_counter() - start,
-    )  # fmt: skip
+    )
 
 
 def _check(epsilon, planes, size, supersample):

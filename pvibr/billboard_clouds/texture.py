@@ -104,8 +104,10 @@ def draw(parts, origin, planes, sheet, reach, supersample):
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     normal = np.where(length > 1e-6, normal / np.maximum(length, 1e-6), [0.0, 0.0, 1.0])
     normal = _spread(normal, coverage > 0) * 0.5 + 0.5
-    return tuple(np.ascontiguousarray(np.rint(255 * a.clip(0, 1))[::-1].astype(np.uint8))
-                 for a in (shown, normal))  # fmt: skip
+    return tuple(
+        np.ascontiguousarray(np.rint(255 * a.clip(0, 1))[::-1].astype(np.uint8))
+        for a in (shown, normal)
+    )
 
 
 def _laid_out(part, origin, planes, owner, sheet, reach):
@@ -148,8 +150,12 @@ def _pairs(corners, planes, owner, sheet, reach):
         texel = sheet.flattened(some[face], plane)[..., :2] - sheet.corners[plane][:, None]
         inside = ((texel >= 0) & (texel <= sheet.texels[plane][:, None])).all((1, 2))
         other = inside & (plane != mine[face])
-        found.append((np.concatenate([np.arange(len(some)), face[other]]) + start,
-                      np.concatenate([mine, plane[other]])))  # fmt: skip
+        found.append(
+            (
+                np.concatenate([np.arange(len(some)), face[other]]) + start,
+                np.concatenate([mine, plane[other]]),
+            )
+        )
     face, plane = (np.concatenate(a) for a in zip(*found, strict=True))
     return face, plane
 

@@ -128,11 +128,34 @@ class Billboards(Painted, Anchored):
     _changes = 0
 
     def __init__(
-        self, points, image, *, size=1.0, facing='spherical', axis=None, towards='point',
-        orientation=None, rotation=0.0, index=None, frames=None, fps=None, cutout=0.5,
-        size_unit='world', anchor='center', views=1, blend_views=False, yaw=0.0, colors=None,
-        scalars=None, visible=None, opacity=1.0, lighting=False, pickable=True, name=None, **table,
-    ):  # fmt: skip
+        self,
+        points,
+        image,
+        *,
+        size=1.0,
+        facing='spherical',
+        axis=None,
+        towards='point',
+        orientation=None,
+        rotation=0.0,
+        index=None,
+        frames=None,
+        fps=None,
+        cutout=0.5,
+        size_unit='world',
+        anchor='center',
+        views=1,
+        blend_views=False,
+        yaw=0.0,
+        colors=None,
+        scalars=None,
+        visible=None,
+        opacity=1.0,
+        lighting=False,
+        pickable=True,
+        name=None,
+        **table,
+    ):
         super().__init__(fps=fps)
         self.name = name
         self.cutout = checked_cutout(cutout)
@@ -143,10 +166,21 @@ class Billboards(Painted, Anchored):
         if index is None and fps is not None:
             index = 0
         self.field = BillboardLayout(
-            points, self._image_sizes(), size, facing=facing, axis=axis, towards=towards,
-            orientation=orientation, rotation=rotation, index=index, size_unit=size_unit,
-            anchor=as_anchor(anchor), views=views, blend_views=blend_views, yaw=yaw,
-        )  # fmt: skip
+            points,
+            self._image_sizes(),
+            size,
+            facing=facing,
+            axis=axis,
+            towards=towards,
+            orientation=orientation,
+            rotation=rotation,
+            index=index,
+            size_unit=size_unit,
+            anchor=as_anchor(anchor),
+            views=views,
+            blend_views=blend_views,
+            yaw=yaw,
+        )
         self._opacity = checked_opacity(opacity, len(self.field), self.cutout is not None)
         self._begin_looks(table, scalars, colors, visible)
         self.pickable = pickable
@@ -483,10 +517,14 @@ class Billboards(Painted, Anchored):
         rects = rects[self._shown_images(frame, rows)].reshape(-1, 2, 2)
         places = rects[:, :1] + shares * (rects[:, 1:] - rects[:, :1])
         scene.quads(
-            self, corners, places / [width, height], image, colors=self._tints()[rows],
+            self,
+            corners,
+            places / [width, height],
+            image,
+            colors=self._tints()[rows],
             lighting=bool(self.property.GetLighting()),
             cutout=None if self.blends else self.cutout,
-        )  # fmt: skip
+        )
 
     def _picture(self):
         """Return all images as one, row 0 at the top, and the places of each, from below."""

@@ -19,9 +19,23 @@ class BillboardLayout:
     """Points with cards."""
 
     def __init__(
-        self, points, images, size, *, facing, axis, towards, orientation, rotation, index,
-        size_unit, anchor, views=1, blend_views=False, yaw=0.0,
-    ):  # fmt: skip
+        self,
+        points,
+        images,
+        size,
+        *,
+        facing,
+        axis,
+        towards,
+        orientation,
+        rotation,
+        index,
+        size_unit,
+        anchor,
+        views=1,
+        blend_views=False,
+        yaw=0.0,
+    ):
         self.points = as_points(points)
         _one_of('facing', facing, FACINGS)
         _one_of('towards', towards, TOWARDS)
@@ -49,8 +63,9 @@ class BillboardLayout:
     def set_index(self, index):
         """Choose which image each shows."""
         count = self.n_images
-        self.index = _checked_index(np.arange(len(self)) % count if index is None else index,
-                                    len(self), count)  # fmt: skip
+        self.index = _checked_index(
+            np.arange(len(self)) % count if index is None else index, len(self), count
+        )
         self.sizes = _full_sizes(self.given_size, self._images[self.index])
 
     def resize(self, size):
@@ -214,11 +229,15 @@ class BillboardLayout:
         """Return how some are turned, (k, 3, 3), and their widths and heights, (k, 2)."""
         turn = self.turn[near] if self.turn.ndim == 2 else self.turn
         axes = cards(
-            self.points[near], frame.view_from_world, self.facing, towards=self.towards,
+            self.points[near],
+            frame.view_from_world,
+            self.facing,
+            towards=self.towards,
             axis=turn[..., :3] if self.facing == 'cylindrical' or self.own_up else None,
             orientation=turn if self.facing == 'world' else None,
-            rotation=self.rotation[near], parallel=frame.parallel,
-        )  # fmt: skip
+            rotation=self.rotation[near],
+            parallel=frame.parallel,
+        )
         sizes = self.sizes[near]
         if self.size_unit == 'pixel':
             z = self.points[near] @ frame.view_from_world[2, :3] + frame.view_from_world[2, 3]

@@ -169,10 +169,16 @@ class TiledScreenshot:
             yield {
                 'size': list(window.GetActualSize()),
                 'cameras': [
-                    [*c.GetPosition(), *c.GetFocalPoint(), *c.GetViewUp(), c.GetViewAngle(),
-                     c.GetParallelScale()] for c in cameras
+                    [
+                        *c.GetPosition(),
+                        *c.GetFocalPoint(),
+                        *c.GetViewUp(),
+                        c.GetViewAngle(),
+                        c.GetParallelScale(),
+                    ]
+                    for c in cameras
                 ],
-            }  # fmt: skip
+            }
         finally:
             for camera, copy in zip(cameras, copies, strict=True):
                 camera.DeepCopy(copy)

@@ -58,9 +58,15 @@ class Numbers:
 
 
 def main(
-    *, out=Path('out'), count=10_000, max_error=1.0, frames=None, window=False, movie=None,
+    *,
+    out=Path('out'),
+    count=10_000,
+    max_error=1.0,
+    frames=None,
+    window=False,
+    movie=None,
     size=(1280, 720),
-):  # fmt: skip
+):
     """Draw, measure and write; with `window` or `movie` only show that."""
     if movie is not None:
         require('imageio_ffmpeg', 'movie', 'Movies')
@@ -178,12 +184,14 @@ def _write(out, off, on, errors, numbers):
     (vtk_flip, own_flip) = flips.values()
     save(
         out / 'demo.png',
-        compose([
-            (off, f'VTK: full meshes, one sample a pixel. FLIP {vtk_flip:.3f}'),
-            (on, f'pvibr: max_error={numbers.max_error:g} px. FLIP {own_flip:.3f}'),
-            (error, 'FLIP of pvibr against 16 samples a pixel (black 0, white 1)'),
-        ]),
-    )  # fmt: skip
+        compose(
+            [
+                (off, f'VTK: full meshes, one sample a pixel. FLIP {vtk_flip:.3f}'),
+                (on, f'pvibr: max_error={numbers.max_error:g} px. FLIP {own_flip:.3f}'),
+                (error, 'FLIP of pvibr against 16 samples a pixel (black 0, white 1)'),
+            ]
+        ),
+    )
 
 
 def _tell(numbers, out):

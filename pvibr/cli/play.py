@@ -23,9 +23,18 @@ FADE = 0.3
 
 
 def main(
-    file, *, clip=None, movie=None, frame=None, out=None, fps=30.0, size=(1280, 720), speed=1.0,
-    seconds=None, skinning='linear',
-):  # fmt: skip
+    file,
+    *,
+    clip=None,
+    movie=None,
+    frame=None,
+    out=None,
+    fps=30.0,
+    size=(1280, 720),
+    speed=1.0,
+    seconds=None,
+    skinning='linear',
+):
     """Play a file: in a window, or off screen where a movie or a frame is asked for."""
     _check(movie, frame, out)
     figure = as_figure(file)

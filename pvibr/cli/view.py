@@ -18,9 +18,18 @@ FRAMES, TURN = 12, 2.0
 
 
 def main(
-    mesh, poses, *, max_error=1.0, out=None, size=(1280, 720), scalars=None, cmap=None,
-    columns=None, scale=1.0, window=False,
-):  # fmt: skip
+    mesh,
+    poses,
+    *,
+    max_error=1.0,
+    out=None,
+    size=(1280, 720),
+    scalars=None,
+    cmap=None,
+    columns=None,
+    scale=1.0,
+    window=False,
+):
     """Draw a mesh at every pose of a file, and say what was drawn and how fast."""
     matrices, found = read_poses(poses, columns)
     looks = _looks(poses, found, scalars, cmap)

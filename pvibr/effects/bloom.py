@@ -51,9 +51,11 @@ class Bloom(LightSpread):
         choices=_WAYS,
     )
     calm = Param(
-        0.0, 'How much less lone bright pixels count, so that they do not flicker: 0 as others, '
-        'keeping energy, to 1 the partial average of Karis.', range='[0, 1]',
-    )  # fmt: skip
+        0.0,
+        'How much less lone bright pixels count, so that they do not flicker: 0 as others, '
+        'keeping energy, to 1 the partial average of Karis.',
+        range='[0, 1]',
+    )
     knee = Param(0.1, 'Half the width of the soft step.', range='(0, inf)')
     saturation = Param(1.0, 'Colour of the light: 1 its own, 0 white.', range='[0, 1]')
     background = Param(False, 'Whether a plain background shines too.')
@@ -91,9 +93,12 @@ class Bloom(LightSpread):
     def _quad(self, window, side, is_float):
         step = 1 if self.calm else 2
         defines = {
-            'TAPS': side // step, 'STEP': step, 'WAY': _WAYS.index(self.operator),
-            'FLOATS': int(is_float), 'CALM': int(self.calm > 0),
-        }  # fmt: skip
+            'TAPS': side // step,
+            'STEP': step,
+            'WAY': _WAYS.index(self.operator),
+            'FLOATS': int(is_float),
+            'CALM': int(self.calm > 0),
+        }
         made = window, defines
         if self._made != made:
             self._forget()

@@ -50,31 +50,44 @@ class DepthOfField(Effect):
         2.8, 'Focal length over the width of the opening: less is more blur.', range='(0, inf)'
     )
     focal_length = Param(
-        None, 'Of the lens, which with the f-number tells how wide it opens; by default a tenth '
-        'of the distance in focus. The angle of view is the camera\'s own.',
-        range='(0, inf)', unit='world', kind=float,
-    )  # fmt: skip
+        None,
+        'Of the lens, which with the f-number tells how wide it opens; by default a tenth '
+        "of the distance in focus. The angle of view is the camera's own.",
+        range='(0, inf)',
+        unit='world',
+        kind=float,
+    )
     radius = Param(
-        None, 'Of the opening, in place of f-number and focal length; 0 is a pinhole and no blur.',
-        range='[0, inf)', unit='world', kind=float,
-    )  # fmt: skip
+        None,
+        'Of the opening, in place of f-number and focal length; 0 is a pinhole and no blur.',
+        range='[0, inf)',
+        unit='world',
+        kind=float,
+    )
     distance = Param(
-        None, 'From the camera to the plane in focus; by default that of the target.',
-        range='(0, inf)', unit='world', kind=float,
-    )  # fmt: skip
+        None,
+        'From the camera to the plane in focus; by default that of the target.',
+        range='(0, inf)',
+        unit='world',
+        kind=float,
+    )
     limit = Param(
-        0.05, 'Largest radius of a circle as a share of the height of the picture: looks that are '
-        'too far apart make large circles coarse.', range='(0, 0.5]',
-    )  # fmt: skip
+        0.05,
+        'Largest radius of a circle as a share of the height of the picture: looks that are '
+        'too far apart make large circles coarse.',
+        range='(0, 0.5]',
+    )
     samples = Param(
-        48, 'Most looks around each pixel, in large circles: more is smoother and slower.',
+        48,
+        'Most looks around each pixel, in large circles: more is smoother and slower.',
         range=f'[{_LEAST}, 512]',
-    )  # fmt: skip
+    )
     needs_hdr = Param(False, 'See colours above 1, which multisampling does not go with.')
     debug = Param(
-        '', 'Show the circles (red before, green behind the plane in focus) or one layer.',
+        '',
+        'Show the circles (red before, green behind the plane in focus) or one layer.',
         choices=_STAGES,
-    )  # fmt: skip
+    )
 
     def __init__(self, target=None, **settings):
         self.target = target
@@ -182,8 +195,12 @@ class DepthOfField(Effect):
             'spread', 'spread', {'reach': reach}, {'tiles': self._targets['tiles'].colors[0]}
         )
         samples = max(_LEAST, round(self.samples * frame.quality))
-        self._draw('gather', 'layers', {'samples': samples},
-                   {'color': small.colors[0], 'circle': circle, 'tiles': tiles})  # fmt: skip
+        self._draw(
+            'gather',
+            'layers',
+            {'samples': samples},
+            {'color': small.colors[0], 'circle': circle, 'tiles': tiles},
+        )
         found = dict(zip(('behind', 'near', 'cover'), layers.colors, strict=True))
         with picture.drawing():
             self._quads['compose'].draw(

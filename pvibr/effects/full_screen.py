@@ -85,16 +85,19 @@ class FullScreenImage(FullScreen):
 
     opacity = Param(1.0, 'How much of the picture is seen.', range='[0, 1]')
     fit = Param(
-        'contain', 'How it fills its place: whole, cut to the shape of the place, or stretched.',
+        'contain',
+        'How it fills its place: whole, cut to the shape of the place, or stretched.',
         choices=('contain', 'cover', 'stretch'),
-    )  # fmt: skip
+    )
     place = Param(
         (0.0, 0.0, 1.0, 1.0), 'Left, bottom, right, top of where it is, as shares of the subplot.'
     )
     fps = Param(
-        None, "Pictures of a sequence per second of pl.ibr.time; by default the film's own.",
-        range='(0, inf)', kind=float,
-    )  # fmt: skip
+        None,
+        "Pictures of a sequence per second of pl.ibr.time; by default the film's own.",
+        range='(0, inf)',
+        kind=float,
+    )
     loop = Param(True, 'Whether a sequence begins again after its end, or its last is held.')
 
     def __init__(self, image, **settings):

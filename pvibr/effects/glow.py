@@ -81,10 +81,12 @@ class Glow(LightSpread):
     """
 
     source = Param(
-        'color', 'What shines: the colours that are drawn, by their opacity; the same, by the '
+        'color',
+        'What shines: the colours that are drawn, by their opacity; the same, by the '
         'alpha of a texture, which is then drawn opaque; or the emissive texture of physically '
-        'based materials alone.', choices=('color', 'alpha', 'emissive'),
-    )  # fmt: skip
+        'based materials alone.',
+        choices=('color', 'alpha', 'emissive'),
+    )
 
     _gpu: Any = None
     _lit: tuple | list = ()

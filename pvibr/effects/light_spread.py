@@ -31,18 +31,23 @@ class LightSpread(Effect):
 
     intensity = Param(1.0, 'How much of the light is added; 0 adds none.', range='[0, inf)')
     reduction = Param(
-        8, 'Size of the picture to that of its first blur; less is sharper and slower.',
+        8,
+        'Size of the picture to that of its first blur; less is sharper and slower.',
         choices=(4, 8, 16),
-    )  # fmt: skip
+    )
     chain = Param(
-        'gaussian', 'How each blur is made: a Gaussian along each axis, or the 13 taps and tents '
-        'of Jimenez (SIGGRAPH 2014), fewer passes of one width.', choices=CHAINS,
-    )  # fmt: skip
+        'gaussian',
+        'How each blur is made: a Gaussian along each axis, or the 13 taps and tents '
+        'of Jimenez (SIGGRAPH 2014), fewer passes of one width.',
+        choices=CHAINS,
+    )
     kernel = Param(5, 'Texels of each Gaussian, odd.', choices=tuple(range(3, 33, 2)), unit='px')
     levels = Param(
-        None, 'How many blurs, each on an image of half the size; from the picture unless given.',
-        kind=int, range='[1, 10]',
-    )  # fmt: skip
+        None,
+        'How many blurs, each on an image of half the size; from the picture unless given.',
+        kind=int,
+        range='[1, 10]',
+    )
     spread = Param(0.5, 'Share of the wider blurs, 0 narrow to 1 wide.', range='[0, 1]')
     blend = Param(
         'add', 'add light, or screen: it fills what is left to white.', choices=('add', 'screen')
@@ -75,10 +80,13 @@ class LightSpread(Effect):
             self._drawn_at.Modified()
         if self._light is not None:
             self._blur.blend(
-                picture, self._light, tile=tile,
+                picture,
+                self._light,
+                tile=tile,
                 intensity=1.0 if self.debug else self.intensity,
-                screen=self.blend == 'screen', alone=bool(self.debug),
-            )  # fmt: skip
+                screen=self.blend == 'screen',
+                alone=bool(self.debug),
+            )
 
     def _is_part(self, frame):
         """Tell whether a frame is a tile of a picture whose light is known."""

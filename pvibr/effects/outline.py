@@ -53,26 +53,41 @@ class Outline(Effect):
     """
 
     web = 'baked', 'lines: silhouettes from the eye as it is now, and creases'
-    width = Param(2.0, 'Of the lines, whatever the size of the window.', range='[0.5, 16]',
-                  unit='px')  # fmt: skip
+    width = Param(
+        2.0, 'Of the lines, whatever the size of the window.', range='[0.5, 16]', unit='px'
+    )
     color = Param((0.0, 0.0, 0.0), 'Of the lines, red, green, blue.', range='[0, 1]')
     opacity = Param(1.0, 'Of the lines; 0 draws none.', range='[0, 1]')
     ids = Param(True, 'Lines where one object ends and another begins.')
     depth = Param(True, 'Lines where a surface jumps in depth.')
-    jump = Param(4.0, 'Least jump in depth, as deep as so many pixels are wide; more where the '
-                 'surface is seen at a grazing angle.', range='(0, inf)', unit='px')  # fmt: skip
+    jump = Param(
+        4.0,
+        'Least jump in depth, as deep as so many pixels are wide; more where the '
+        'surface is seen at a grazing angle.',
+        range='(0, inf)',
+        unit='px',
+    )
     normal = Param(True, 'Lines along creases.')
     crease = Param(30.0, 'Least angle between normals.', range='(0, 180]', unit='degrees')
-    grazing = Param(80.0, 'Angle between normal and line of sight above which creases are left '
-                    'out.', range='[0, 90]', unit='degrees')  # fmt: skip
+    grazing = Param(
+        80.0,
+        'Angle between normal and line of sight above which creases are left out.',
+        range='[0, 90]',
+        unit='degrees',
+    )
     luminance = Param(False, 'Lines where luminance changes, of whatever there is in the picture.')
-    contrast = Param(0.2, 'Least step of luminance, 0 to 1 from black to white.',
-                     range='(0, inf)')  # fmt: skip
-    hidden = Param('absent', 'What is drawn of chosen actors where others hide them.',
-                   choices=('absent', 'dashed'))  # fmt: skip
+    contrast = Param(0.2, 'Least step of luminance, 0 to 1 from black to white.', range='(0, inf)')
+    hidden = Param(
+        'absent',
+        'What is drawn of chosen actors where others hide them.',
+        choices=('absent', 'dashed'),
+    )
     dash = Param(4.0, 'Length of a dash along an axis, and of a gap.', range='[1, 100]', unit='px')
-    debug = Param('', 'Shows a stage: boundaries to the right red, above green, luminance blue.',
-                  choices=('', 'edges'))  # fmt: skip
+    debug = Param(
+        '',
+        'Shows a stage: boundaries to the right red, above green, luminance blue.',
+        choices=('', 'edges'),
+    )
 
     def __init__(self, *, actors=None, **settings):
         self._actors = _checked(actors)
@@ -140,9 +155,12 @@ class Outline(Effect):
         """Hand its lines to a scene without pvibr."""
         if self.ids or self.depth or self.normal:
             scene.lines(
-                self._actors, color=self.color, width=self.width, opacity=self.opacity,
+                self._actors,
+                color=self.color,
+                width=self.width,
+                opacity=self.opacity,
                 crease=self.crease if self.normal else None,
-            )  # fmt: skip
+            )
 
     def _edges(self, frame, picture, reach):
         """Draw the edges, choose the tiles that lines reach, and return the edges' texture."""
@@ -192,9 +210,11 @@ class Outline(Effect):
 
     def _uniforms(self, frame):
         size, clip = 1 / frame.pixel_scale, frame.clip_from_view
-        lens = (0.0,) * 4 if frame.parallel else (
-            1 / clip[0, 0], 1 / clip[1, 1], clip[0, 2], clip[1, 2]
-        )  # fmt: skip
+        lens = (
+            (0.0,) * 4
+            if frame.parallel
+            else (1 / clip[0, 0], 1 / clip[1, 1], clip[0, 2], clip[1, 2])
+        )
         return {
             'some': int(self.surfaces and self._actors is not None),
             'by_id': int(self.ids),

@@ -36,13 +36,15 @@ class Vignette(FullScreen):
 
     intensity = Param(0.5, 'How much is taken away at the outside.', range='[0, 1]')
     radius = Param(
-        0.4, 'Where it begins, as a share of half the diagonal: colours within stay.',
+        0.4,
+        'Where it begins, as a share of half the diagonal: colours within stay.',
         range='[0, 4]',
-    )  # fmt: skip
+    )
     softness = Param(
-        0.6, 'Width of the ring in which it grows, as a share of half the diagonal.',
+        0.6,
+        'Width of the ring in which it grows, as a share of half the diagonal.',
         range='(0, 4]',
-    )  # fmt: skip
+    )
     center = Param((0.5, 0.5), 'The middle, from (0, 0) lower left to (1, 1).')
     color = Param(_BLACK, 'What the picture turns to.', range='[0, 1]')
 
@@ -82,9 +84,12 @@ class Flash(FullScreen):
     covers = True
 
     at = Param(
-        None, 'When it is fired, by pl.ibr.time; None is never.', range='(-inf, inf)', unit='s',
+        None,
+        'When it is fired, by pl.ibr.time; None is never.',
+        range='(-inf, inf)',
+        unit='s',
         kind=float,
-    )  # fmt: skip
+    )
     duration = Param(0.3, 'Time in which it fades by 63 %.', range='(0, inf)', unit='s')
     intensity = Param(1.0, 'How much it covers when it is fired.', range='[0, 1]')
     color = Param((1.0, 1.0, 1.0), 'The light.', range='[0, 1]')
@@ -137,14 +142,17 @@ class NightVision(FullScreen):
 
     intensity = Param(1.0, 'Share of what the tube shows in the picture.', range='[0, 1]')
     gain = Param(
-        4.0, 'How much dark parts are amplified: about gain times, white stays white.',
+        4.0,
+        'How much dark parts are amplified: about gain times, white stays white.',
         range='(0, 80]',
-    )  # fmt: skip
+    )
     grain = Param(0.1, 'How much noise there is, from darkest to brightest.', range='[0, 1]')
     rate = Param(
-        25.0, 'Times a second of pl.ibr.time that the noise changes; 0 keeps it.',
-        range='[0, 1000]', unit='Hz',
-    )  # fmt: skip
+        25.0,
+        'Times a second of pl.ibr.time that the noise changes; 0 keeps it.',
+        range='[0, 1000]',
+        unit='Hz',
+    )
     seed = Param(0, 'Another one, another noise.', range='[0, 65535]')
     color = Param((0.35, 1.0, 0.45), 'The light of the tube.', range='[0, 1]')
 

@@ -53,17 +53,21 @@ class ToneMapping(Effect):
     needs_hdr = True
 
     curve = Param(
-        'faithful', 'How light becomes colour. faithful leaves [0, 1] alone; the others change '
-        'every colour: not where values are read off colours.', choices=CURVES,
-    )  # fmt: skip
+        'faithful',
+        'How light becomes colour. faithful leaves [0, 1] alone; the others change '
+        'every colour: not where values are read off colours.',
+        choices=CURVES,
+    )
     exposure = Param(
         0.0, 'How much more light; each stop doubles it.', range='[-32, 32]', unit='stops'
     )
     auto = Param(False, 'Whether the exposure follows how bright the picture is.')
     adaptation = Param(
-        1.0, 'Time in which automatic exposure goes 63 % of its way; 0 is at once.',
-        range='[0, inf)', unit='s',
-    )  # fmt: skip
+        1.0,
+        'Time in which automatic exposure goes 63 % of its way; 0 is at once.',
+        range='[0, inf)',
+        unit='s',
+    )
     least = Param(-6.0, 'Least automatic exposure.', range='[-32, 32]', unit='stops')
     most = Param(6.0, 'Largest automatic exposure.', range='[-32, 32]', unit='stops')
     white = Param(4.0, 'Luminance that reinhard makes white.', range='(0, inf)')

@@ -89,11 +89,17 @@ def _surface_of_cloud(cloud, copies) -> Surface:
     material = material_of(copies.levels[0][0].actor.GetProperty())
     material.SetColor(1.0, 1.0, 1.0)
     return Surface(
-        np.array(mesh.points, float), np.asarray(mesh.regular_faces, int),
+        np.array(mesh.points, float),
+        np.asarray(mesh.regular_faces, int),
         np.array(mesh.point_data.active_normals, float),
-        np.array(mesh.active_texture_coordinates, float), None,
-        np.asarray(cloud.texture.to_array()), material, copies.owner, cutout=0.5, repeat=False,
-    )  # fmt: skip
+        np.array(mesh.active_texture_coordinates, float),
+        None,
+        np.asarray(cloud.texture.to_array()),
+        material,
+        copies.owner,
+        cutout=0.5,
+        repeat=False,
+    )
 
 
 def chosen_levels(groups, frame, most) -> list[np.ndarray]:

@@ -254,7 +254,7 @@ def _vertices(surface, known) -> Places:
     count = len(new)
     samples = Samples(
         inward, normals, np.arange(count), count, surface.faces[face], np.zeros(count)
-    )  # fmt: skip
+    )
     return Places(samples, points, surface.normals[new], albedo[new])
 
 

@@ -31,8 +31,10 @@ def baked(host, pipelines, *, triangles=1_000_000, texture=1024, detail=1 / 1024
             pipeline = next((p for p in pipelines if p.renderer is renderer), None)
             scene = BakedScene(
                 Frame.of(renderer, time=0.0 if pipeline is None else pipeline.time),
-                triangles=int(triangles), detail=float(detail), texels=int(texture),
-            )  # fmt: skip
+                triangles=int(triangles),
+                detail=float(detail),
+                texels=int(texture),
+            )
             here = effects.get(renderer, [])
             for effect in here:
                 if effect.web[0] == 'baked' and effect.needed(scene.frame) is True:

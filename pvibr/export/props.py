@@ -24,15 +24,18 @@ def _axes(prop, plotter):
     """Have a plotter draw axes like some; None, since it has them then."""
     if hasattr(plotter, 'show_bounds') and not plotter.renderer.cube_axes_actor:
         plotter.show_bounds(
-            bounds=prop.GetBounds(), color=prop.GetTitleTextProperty(0).GetColor(),
-            grid='back' if prop.GetDrawXGridlines() else None, render=False,
+            bounds=prop.GetBounds(),
+            color=prop.GetTitleTextProperty(0).GetColor(),
+            grid='back' if prop.GetDrawXGridlines() else None,
+            render=False,
             location='outer' if prop.GetDrawXGridlines() else 'closest',
-            show_xaxis=bool(prop.GetXAxisVisibility()), show_yaxis=bool(prop.GetYAxisVisibility()),
+            show_xaxis=bool(prop.GetXAxisVisibility()),
+            show_yaxis=bool(prop.GetYAxisVisibility()),
             show_zaxis=bool(prop.GetZAxisVisibility()),
             show_xlabels=bool(prop.GetXAxisLabelVisibility()),
             show_ylabels=bool(prop.GetYAxisLabelVisibility()),
             show_zlabels=bool(prop.GetZAxisLabelVisibility()),
-        )  # fmt: skip
+        )
 
 
 def _like(prop):

@@ -67,10 +67,17 @@ class BakedScene:
         normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
         faces = 4 * np.arange(count)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
         made = Surface(
-            corners.reshape(-1, 3), faces.reshape(-1, 3), normals.repeat(4, 0),
-            coordinates.reshape(-1, 2), colors.repeat(4, 0), image, material, owner,
-            cutout=cutout, repeat=False,
-        )  # fmt: skip
+            corners.reshape(-1, 3),
+            faces.reshape(-1, 3),
+            normals.repeat(4, 0),
+            coordinates.reshape(-1, 2),
+            colors.repeat(4, 0),
+            image,
+            material,
+            owner,
+            cutout=cutout,
+            repeat=False,
+        )
         self._cards.append(made)
 
     def shadow(self, casts, receives, extents=None):
@@ -156,9 +163,15 @@ class BakedScene:
             lines = found[0] if len(found) == 1 else found[0].append_polydata(*found[1:])
             lines.points = _before(self.frame, np.asarray(lines.points, float))
             plotter.add_mesh(
-                lines, color=color, line_width=width, opacity=opacity, lighting=False,
-                reset_camera=False, render=False, copy_mesh=False,
-            )  # fmt: skip
+                lines,
+                color=color,
+                line_width=width,
+                opacity=opacity,
+                lighting=False,
+                reset_camera=False,
+                render=False,
+                copy_mesh=False,
+            )
 
     def _add_dome(self, plotter):
         if self._dome is None:
@@ -176,9 +189,17 @@ class BakedScene:
         dome = pv.PolyData.from_regular_faces(points, np.asarray(ball.regular_faces)[:, ::-1])
         dome['colors'] = colors
         plotter.add_mesh(
-            dome, scalars='colors', rgb=True, lighting=False, name=SKY, reset_camera=False,
-            render=False, copy_mesh=False, culling='back', pickable=False,
-        )  # fmt: skip
+            dome,
+            scalars='colors',
+            rgb=True,
+            lighting=False,
+            name=SKY,
+            reset_camera=False,
+            render=False,
+            copy_mesh=False,
+            culling='back',
+            pickable=False,
+        )
 
 
 class _Plain:
@@ -216,9 +237,12 @@ class _Plain:
         prop = copied(self.prop, plotter)
         if prop is not None:
             plotter.add_actor(
-                prop, name=self.name, reset_camera=False, render=False,
+                prop,
+                name=self.name,
+                reset_camera=False,
+                render=False,
                 pickable=bool(self.prop.GetPickable()),
-            )  # fmt: skip
+            )
             if prop.IsA('vtkScalarBarActor'):
                 plotter.add_actor(range_teller(prop), reset_camera=False, render=False)
 

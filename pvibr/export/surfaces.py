@@ -96,9 +96,14 @@ class Surface:
         if self.colors is not None:
             look = {'scalars': _COLORS, 'rgb': True}
         actor = plotter.add_mesh(
-            self.dataset(), **look, reset_camera=False, render=False, copy_mesh=False,
-            show_scalar_bar=False, name=self.name or None,
-        )  # fmt: skip
+            self.dataset(),
+            **look,
+            reset_camera=False,
+            render=False,
+            copy_mesh=False,
+            show_scalar_bar=False,
+            name=self.name or None,
+        )
         copy_property(actor.prop, self.material)
         if self.texture is not None:
             actor.SetTexture(self._wrapped(self.texture))
@@ -142,11 +147,18 @@ def surface_of_part(part, owner) -> Surface:
     texture = _image_of(part.actor)
     colors, of_cells = _colors_of(part)
     surface = Surface(
-        np.array(mesh.points, float), faces, None if normals is None else np.array(normals, float),
+        np.array(mesh.points, float),
+        faces,
+        None if normals is None else np.array(normals, float),
         None if coordinates is None else np.array(coordinates, float),
-        None if of_cells else colors, texture, material_of(prop), owner,
-        closed=sides_of(mesh, None) == 1, cutout=part.alpha_cutoff, smooth=_is_smooth(part.actor),
-    )  # fmt: skip
+        None if of_cells else colors,
+        texture,
+        material_of(prop),
+        owner,
+        closed=sides_of(mesh, None) == 1,
+        cutout=part.alpha_cutoff,
+        smooth=_is_smooth(part.actor),
+    )
     if of_cells:
         surface = surface.exploded()
         surface.colors = np.repeat(colors, 3, axis=0)

@@ -81,9 +81,17 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
     _framed: tuple = (-1, (1.0, -1.0) * 3)
 
     def __init__(
-        self, figure, *, name=None, clip=None, pickable=True, theme=None, skinning='linear',
-        bulge=1.0, **mesh_kwargs,
-    ):  # fmt: skip
+        self,
+        figure,
+        *,
+        name=None,
+        clip=None,
+        pickable=True,
+        theme=None,
+        skinning='linear',
+        bulge=1.0,
+        **mesh_kwargs,
+    ):
         super().__init__(figure, clip, skinning=skinning, bulge=bulge)
         self.name = name
         given = {key: value for key, value in mesh_kwargs.items() if value is not None}

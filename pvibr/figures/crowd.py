@@ -80,10 +80,28 @@ class Crowd(Instances):
     """
 
     def __init__(
-        self, figure, poses, *, times=0.0, clips=None, speeds=1.0, loop=True, skinning='linear',
-        max_error=1.0, name=None, scalars=None, colors=None, blend='replace', cmap=None,
-        clim=None, pickable=True, cache=True, progress=None, theme=None, **mesh_kwargs,
-    ):  # fmt: skip
+        self,
+        figure,
+        poses,
+        *,
+        times=0.0,
+        clips=None,
+        speeds=1.0,
+        loop=True,
+        skinning='linear',
+        max_error=1.0,
+        name=None,
+        scalars=None,
+        colors=None,
+        blend='replace',
+        cmap=None,
+        clim=None,
+        pickable=True,
+        cache=True,
+        progress=None,
+        theme=None,
+        **mesh_kwargs,
+    ):
         Effect.__init__(self, max_error=max_error)
         self.name = name
         self.figure = figure
@@ -129,9 +147,13 @@ class Crowd(Instances):
         cast, wanted = self._cast, dict(self._bake)
         with progress_bar(wanted.pop('progress')) as advance:
             model, cast.motions = make_phases(
-                self.figure, cast.bodies, self._clips, skinning=cast.skinning, advance=advance,
+                self.figure,
+                cast.bodies,
+                self._clips,
+                skinning=cast.skinning,
+                advance=advance,
                 **wanted,
-            )  # fmt: skip
+            )
         cast.box = model.atlas.box.T.ravel()
         return {0: model}
 

@@ -76,9 +76,10 @@ class FigurePlayer(Effect):
 
     skinning = Param('linear', 'How joints are blended.', choices=('linear', 'dual'))
     bulge = Param(
-        1.0, 'Share of dual quaternions: 1 keeps the cross-section of a twist, less of it bulges '
-        'less.', range='[0, 1]',
-    )  # fmt: skip
+        1.0,
+        'Share of dual quaternions: 1 keeps the cross-section of a twist, less of it bulges less.',
+        range='[0, 1]',
+    )
 
     figure: Any = None
     _changes = 0

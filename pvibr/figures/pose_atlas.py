@@ -55,9 +55,14 @@ class PoseAtlas(Atlas):
     def phase(self, number) -> Atlas:
         """Return the atlas of one phase, without an error table."""
         return Atlas(
-            self.geometry[number], self.albedo[number], self.center, self.radius, self.box,
-            self.views, self.tile,
-        )  # fmt: skip
+            self.geometry[number],
+            self.albedo[number],
+            self.center,
+            self.radius,
+            self.box,
+            self.views,
+            self.tile,
+        )
 
     def textures(self):
         """Return geometry and albedo with all levels of detail of all phases, page by page."""
@@ -93,9 +98,17 @@ class PoseAtlas(Atlas):
             msg = f'not an atlas of phases: pictures must be {shape}, bins must be of these phases'
             raise ValueError(msg)
         return cls(
-            pictures[0], pictures[1], first.center, first.radius, first.box, first.views,
-            first.tile, errors=first.errors, seconds=first.seconds, bins=bins,
-        )  # fmt: skip
+            pictures[0],
+            pictures[1],
+            first.center,
+            first.radius,
+            first.box,
+            first.views,
+            first.tile,
+            errors=first.errors,
+            seconds=first.seconds,
+            bins=bins,
+        )
 
     def contact_sheet(self, path=None, background=1.0, phase=0) -> np.ndarray:
         """Return all views of a phase side by side as a picture to look at, optionally saved."""
@@ -211,8 +224,9 @@ def phase_counts(ways, radius, max_error) -> tuple[int, list[int]]:
     return tile, [max(1, int(n * share)) for n in wanted]
 
 
-def make_phases(figure, bodies, clips, *, skinning='linear', max_error=1.0, cache=True,
-                advance=None) -> tuple[LodModel, list[Motion]]:  # fmt: skip
+def make_phases(
+    figure, bodies, clips, *, skinning='linear', max_error=1.0, cache=True, advance=None
+) -> tuple[LodModel, list[Motion]]:
     """Return the levels of a figure that moves, baked and measured, or taken from the cache."""
     sitter = PoseSampler(figure, bodies, skinning)
     motions, boxes = zip(*[motion_of(sitter, clip) for clip in clips], strict=True)
@@ -277,9 +291,15 @@ def _baked(sitter, motions, counts, poses, grid, advance):
     firsts = np.cumsum([0, *counts])
     bins = [m.bins(n) + f for m, n, f in zip(motions, counts, firsts, strict=False)]
     atlas = PoseAtlas(
-        geometry, albedo, np.zeros(3), radius, box - sitter.center, VIEWS, tile,
+        geometry,
+        albedo,
+        np.zeros(3),
+        radius,
+        box - sitter.center,
+        VIEWS,
+        tile,
         bins=np.array(bins, np.float32),
-    )  # fmt: skip
+    )
     atlas.errors = _measured(sitter, motions, counts, atlas)
     atlas.center, atlas.box = sitter.center, box
     atlas.seconds = time.perf_counter() - start

@@ -144,10 +144,15 @@ class _Cast:
         self.store = None if mould.shapes is None else ShapeStore(window, mould.shapes, WIDTH)
         joints = 0 if mould.centers is None else len(mould.centers) * _TEXELS[how]
         most = joints + 1 + (0 if self.store is None else len(mould.shapes))
-        self.quad = _quad(window, {
-            'GROUPS': groups, 'DUAL': how == 'dual' and groups > 0,
-            'SHAPES': self.store is not None, 'WRAP': most > _STATE_WIDTH,
-        })  # fmt: skip
+        self.quad = _quad(
+            window,
+            {
+                'GROUPS': groups,
+                'DUAL': how == 'dual' and groups > 0,
+                'SHAPES': self.store is not None,
+                'WRAP': most > _STATE_WIDTH,
+            },
+        )
         self.uniforms: dict[str, float | tuple] = {'ibr_poses': float(poses)}
 
     @property

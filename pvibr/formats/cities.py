@@ -102,12 +102,14 @@ class _City:
         templates = tree.get('geometry-templates', {})
         self._templates = templates.get('templates', [])
         self._template_points = _points(templates.get('vertices-templates', []))
-        self._names = sorted({
-            name
-            for thing in self._objects
-            for name, value in thing.get('attributes', {}).items()
-            if isinstance(value, int | float) and not isinstance(value, bool)
-        })  # fmt: skip
+        self._names = sorted(
+            {
+                name
+                for thing in self._objects
+                for name, value in thing.get('attributes', {}).items()
+                if isinstance(value, int | float) and not isinstance(value, bool)
+            }
+        )
 
     def instances(self):
         """Return meshes, index and matrices."""

@@ -93,8 +93,10 @@ class StencilTarget:
         """Say which surfaces count from now on: those turned to the eye as 1, others as -1."""
         state = self.window.GetState()
         state.SetEnumState(_DEPTH_CLAMP, behind)
-        for face, change in ((_FRONT, _FEWER if behind else _MORE),
-                             (_BACK, _MORE if behind else _FEWER)):  # fmt: skip
+        for face, change in (
+            (_FRONT, _FEWER if behind else _MORE),
+            (_BACK, _MORE if behind else _FEWER),
+        ):
             fails, passes = (change, _KEEP) if behind else (_KEEP, change)
             state.vtkglStencilOpSeparate(face, _KEEP, fails, passes)
 

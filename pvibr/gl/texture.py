@@ -23,9 +23,15 @@ SPARE_UNIT = 0x84C0 + 47
 _FRAGMENT_UNITS = 0x8872  # GL_MAX_TEXTURE_IMAGE_UNITS
 _PACK_ALIGNMENT = 0x0D05  # GL_PACK_ALIGNMENT
 _BYTES = {
-    'rgba8': 4, 'rgb8': 3, 'rgba16f': 8, 'rgba32f': 16, 'rg32f': 8, 'r32f': 4, 'r8': 1,
+    'rgba8': 4,
+    'rgb8': 3,
+    'rgba16f': 8,
+    'rgba32f': 16,
+    'rg32f': 8,
+    'r32f': 4,
+    'r8': 1,
     'depth32f': 4,
-}  # fmt: skip
+}
 
 
 def texture_limit(window) -> int:

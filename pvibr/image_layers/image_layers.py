@@ -69,34 +69,47 @@ class ImageLayers(Effect):
         1.0, 'How far from where it is anything may be shown.', range='(0, inf)', unit='px'
     )
     max_shade = Param(
-        0.02, 'How much lighter or darker than it is anything may be shown, of white.',
+        0.02,
+        'How much lighter or darker than it is anything may be shown, of white.',
         range='(0, 1]',
-    )  # fmt: skip
+    )
     warp = Param(
-        'projective', 'What a warp may be: affine alone, or after that of the plane which fits '
-        'best, and which is exact where the eye stays.', choices=('affine', 'projective'),
-    )  # fmt: skip
+        'projective',
+        'What a warp may be: affine alone, or after that of the plane which fits '
+        'best, and which is exact where the eye stays.',
+        choices=('affine', 'projective'),
+    )
     overscan = Param(
-        0.15, 'What pictures show beyond each side of the screen, of its width and height.',
+        0.15,
+        'What pictures show beyond each side of the screen, of its width and height.',
         range='[0, 1]',
-    )  # fmt: skip
+    )
     resolution = Param(
-        (), 'Texels of a pixel along a side, of each layer or of all; by default 1, and 2 where '
-        'the window smooths edges.', range='[0.05, 4]',
-    )  # fmt: skip
+        (),
+        'Texels of a pixel along a side, of each layer or of all; by default 1, and 2 where '
+        'the window smooths edges.',
+        range='[0.05, 4]',
+    )
     blur = Param(
-        (), 'Standard deviation of a low-pass filter, of each layer or of all; by default none.',
-        range='[0, 100]', unit='px',
-    )  # fmt: skip
+        (),
+        'Standard deviation of a low-pass filter, of each layer or of all; by default none.',
+        range='[0, 100]',
+        unit='px',
+    )
     count = Param(4, 'Layers at most where they are made by depth.', range='[1, 16]')
     budget_ms = Param(
-        None, 'What may be taken again in a frame, the worst first; None for all that is wrong.',
-        range='[0, inf)', unit='ms', kind=float,
-    )  # fmt: skip
+        None,
+        'What may be taken again in a frame, the worst first; None for all that is wrong.',
+        range='[0, inf)',
+        unit='ms',
+        kind=float,
+    )
     memory = Param(
-        2**29, 'What pictures may take; their resolution is less where it is short.',
-        range='[65536, inf)', unit='bytes',
-    )  # fmt: skip
+        2**29,
+        'What pictures may take; their resolution is less where it is short.',
+        range='[65536, inf)',
+        unit='bytes',
+    )
     refuse = Param(True, 'Whether what is cheaper drawn by VTK is left to it, as measured here.')
 
     def __init__(self, groups=None, *, name=None, **settings):
@@ -318,9 +331,10 @@ class ImageLayers(Effect):
         """Return the effects that the look of surfaces depends on, and when they changed."""
         lives = [e for e in self.pipeline.effects if hasattr(e, 'draws')]
         effects = [
-            e for e in self.pipeline.effects
+            e
+            for e in self.pipeline.effects
             if e.enabled and not hasattr(e, 'render') and e not in (*self.pipeline.things, *lives)
-        ]  # fmt: skip
+        ]
         if not effects:
             return [], ()
         key = tuple((id(e), e._revision, _draws(getattr(e, 'lives', ()))) for e in effects)
@@ -328,9 +342,10 @@ class ImageLayers(Effect):
         self._surfaces.update([t for t in self.pipeline.things if t is not self])
         actors, _ = self._surfaces.chosen(None)
         free = [
-            a for k, a in actors.items()
+            a
+            for k, a in actors.items()
             if a.GetVisibility() and k not in self._members and a not in self.props
-        ]  # fmt: skip
+        ]
         return effects, (key, Casters(free, others).key(), self._version)
 
     def _take(self, now):

@@ -19,8 +19,10 @@ class Member:
         self.actor, self.key = actor, address(actor)
         # Asked for in every frame: an attribute of a PyVista actor takes its time.
         self._mapper, self._prop, self._back = (
-            actor.GetMapper, actor.GetProperty, actor.GetBackfaceProperty
-        )  # fmt: skip
+            actor.GetMapper,
+            actor.GetProperty,
+            actor.GetBackfaceProperty,
+        )
         self._texture, self._visible = actor.GetTexture, actor.GetVisibility
         self._place, self._box = actor.GetMatrix, actor.GetBounds
         self.matrix, self.bounds = np.eye(4), (1.0, -1.0) * 3

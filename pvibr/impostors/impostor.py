@@ -72,9 +72,12 @@ class Impostor(Effect):
         1.0, 'How far from where it is anything may be shown.', range='(0, inf)', unit='px'
     )
     budget_ms = Param(
-        None, 'What may be drawn again in a frame, the worst first; None for all that is wrong.',
-        range='[0, inf)', unit='ms', kind=float,
-    )  # fmt: skip
+        None,
+        'What may be drawn again in a frame, the worst first; None for all that is wrong.',
+        range='[0, inf)',
+        unit='ms',
+        kind=float,
+    )
     depth = Param(True, 'Whether images have depth, so that they meet others as their actors do.')
     hierarchical = Param(False, 'Whether actors beside each other may share an image.')
     memory = Param(2**28, 'What the images may take.', range='[65536, inf)', unit='bytes')

@@ -151,9 +151,18 @@ class Atlas:
         box = sphere[5:].reshape(2, 3)
         geometry, albedo = pictures
         return cls(
-            geometry, albedo, sphere[:3], float(sphere[3]), box, views, tile, bool(half), errors,
-            seconds=float(sphere[4]), turntable=Turntable.from_arrays(arrays),
-        )  # fmt: skip
+            geometry,
+            albedo,
+            sphere[:3],
+            float(sphere[3]),
+            box,
+            views,
+            tile,
+            bool(half),
+            errors,
+            seconds=float(sphere[4]),
+            turntable=Turntable.from_arrays(arrays),
+        )
 
     def save(self, path):
         """Write to an ``.npz`` file, whole or not at all.

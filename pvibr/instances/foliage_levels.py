@@ -89,9 +89,18 @@ class FoliageLevels:
 
 
 def foliage_levels(
-    mesh, labels=None, *, largest=0.25, n_clusters=None, crossed=3, views=16, view_size=256,
-    texture=1024, axis=(0.0, 0.0, 1.0), **looks,
-) -> FoliageLevels:  # fmt: skip
+    mesh,
+    labels=None,
+    *,
+    largest=0.25,
+    n_clusters=None,
+    crossed=3,
+    views=16,
+    view_size=256,
+    texture=1024,
+    axis=(0.0, 0.0, 1.0),
+    **looks,
+) -> FoliageLevels:
     """Return ever cheaper levels of what consists of many small parts, such as leaves.
 
     The mesh; a textured quad for each part; for each cluster of parts; views about an axis, one of
@@ -258,9 +267,13 @@ def _turntable(parts, axis, views, size) -> dict:
     pictures = _pictures(_shown(parts), cameras, [n * _SAMPLES for n in window])
     images = [dilated(box_reduce(p, _SAMPLES)) for p in pictures]
     return {
-        'image': images, 'size': np.array([[2 * radius, height]]), 'facing': 'cylindrical',
-        'axis': axis, 'anchor': (0.5, -low / height), 'views': views,
-    }  # fmt: skip
+        'image': images,
+        'size': np.array([[2 * radius, height]]),
+        'facing': 'cylindrical',
+        'axis': axis,
+        'anchor': (0.5, -low / height),
+        'views': views,
+    }
 
 
 def _shown(parts):

@@ -93,10 +93,26 @@ class Instances(Painted, Anchored):
     _changes = 0
 
     def __init__(
-        self, mesh, poses=None, *, index=None, max_error=1.0, name=None, scalars=None,
-        colors=None, blend='replace', cmap=None, clim=None, opacity=None, pickable=True,
-        cache=True, progress=None, views='full', theme=None, **mesh_kwargs,
-    ):  # fmt: skip
+        self,
+        mesh,
+        poses=None,
+        *,
+        index=None,
+        max_error=1.0,
+        name=None,
+        scalars=None,
+        colors=None,
+        blend='replace',
+        cmap=None,
+        clim=None,
+        opacity=None,
+        pickable=True,
+        cache=True,
+        progress=None,
+        views='full',
+        theme=None,
+        **mesh_kwargs,
+    ):
         super().__init__(max_error=max_error)
         self.name = name
         poses, scalars = _from_file(poses, scalars)
@@ -108,10 +124,11 @@ class Instances(Painted, Anchored):
         parts = as_meshes(meshes, theme=theme, **asked)
         used = np.unique(index)
         models = {
-            int(k): make_model(parts[k], half=_checked_views(views), cache=cache,
-                               progress=progress)
+            int(k): make_model(
+                parts[k], half=_checked_views(views), cache=cache, progress=progress
+            )
             for k in used
-        }  # fmt: skip
+        }
         self._begin(poses, index, models, pickable)
         self._paint(scalars, colors)
 
@@ -305,11 +322,13 @@ class Instances(Painted, Anchored):
         for k, model in self._models.items():
             ids = np.flatnonzero((self._index == k) & self.visible)
             scene.copies(
-                self, [level.parts for level in model.levels], self._poses[ids],
+                self,
+                [level.parts for level in model.levels],
+                self._poses[ids],
                 largest=model.limits(self.max_error).meshes if model.atlas.errors else None,
                 colors=None if self._colors is None else self._colors[ids],
                 multiply=self._blend == 'multiply',
-            )  # fmt: skip
+            )
 
     def _parts(self):
         return [p for model in self._models.values() for p in model.levels[0].parts]

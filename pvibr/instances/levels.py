@@ -79,8 +79,9 @@ class LodModel:
         """Return views, bake time and the sizes at which levels change, in one line."""
         limits, a = self.limits(max_error), self.atlas
         sides = [(f'{n} from the side', *span) for n, *span in limits.level if n in _SIDES]
-        cards = [f'{name} to {high:.0f} px' for name, low, high in (*sides, *limits.cards)
-                 if high > low]  # fmt: skip
+        cards = [
+            f'{name} to {high:.0f} px' for name, low, high in (*sides, *limits.cards) if high > low
+        ]
         meshes = [
             f'{level.triangles} triangles '
             + (f'to {limit:.0f} px' if limit < 1e5 else 'at any size')
@@ -201,8 +202,9 @@ def _levels(parts):
     levels = [MeshLevel(list(parts))]
     given = max(len(p.stand_ins) for p in parts)
     if given:
-        rungs = [[q for p in parts for q in (p.stand_ins or ((p,),) * given)[k]]
-                 for k in range(given)]  # fmt: skip
+        rungs = [
+            [q for p in parts for q in (p.stand_ins or ((p,),) * given)[k]] for k in range(given)
+        ]
         return levels + [MeshLevel(rung) for rung in rungs]
     if levels[0].triangles < _HEAVY:
         return levels
@@ -269,8 +271,10 @@ def look_values(actor) -> list:
 def _table_values(table):
     if table is None or not hasattr(table, 'GetTable'):
         return [str(table)] if table is not None else []
-    colors = [list(c) for c in (table.GetNanColor(), table.GetBelowRangeColor(),
-                                table.GetAboveRangeColor())]  # fmt: skip
+    colors = [
+        list(c)
+        for c in (table.GetNanColor(), table.GetBelowRangeColor(), table.GetAboveRangeColor())
+    ]
     flags = [table.GetUseBelowRangeColor(), table.GetUseAboveRangeColor(), table.GetScale()]
     return [_vtk.vtk_to_numpy(table.GetTable()), list(table.GetRange()), colors, flags]
 

@@ -32,9 +32,14 @@ _COLOR = """//VTK::Color::Impl
   }
 """
 # VTK turns normals by the winding that it sees, which a mirrored pose turns around.
-_MIRROR = Feature('mirrored', fragment={'VTK::Normal::Impl': """//VTK::Normal::Impl
+_MIRROR = Feature(
+    'mirrored',
+    fragment={
+        'VTK::Normal::Impl': """//VTK::Normal::Impl
   if (ibr_mirrored == 1) normalVCVSOutput = -normalVCVSOutput;
-"""})  # fmt: skip
+"""
+    },
+)
 _PLAIN = (0.0, 0.0, 0.0, 0.5)
 #: How well a place on a card is known, in radii: lights may see a mesh as a card.
 BLUR = 0.02

@@ -48,8 +48,9 @@ def clusters(centers, count, seed=0) -> np.ndarray:
         near = cKDTree(means).query(centers)[1]
         sums = [np.bincount(near, c, minlength=count) for c in centers.T]
         sizes = np.bincount(near, minlength=count)
-        means = np.where(sizes[:, None] > 0, np.stack(sums, 1) / np.maximum(sizes, 1)[:, None],
-                         means)  # fmt: skip
+        means = np.where(
+            sizes[:, None] > 0, np.stack(sums, 1) / np.maximum(sizes, 1)[:, None], means
+        )
     return np.unique(cKDTree(means).query(centers)[1], return_inverse=True)[1].ravel()
 
 
@@ -141,8 +142,9 @@ class Layout:
 
 def quads(part, groups, *, texture=1024) -> Part:
     """Return one textured quad per group of a part's triangles."""
-    low, high = (np.concatenate([getattr(g, name)[:, :2] for g in groups])
-                 for name in ('low', 'high'))  # fmt: skip
+    low, high = (
+        np.concatenate([getattr(g, name)[:, :2] for g in groups]) for name in ('low', 'high')
+    )
     extents = high - low
     extents = np.maximum(extents, _THIN * extents.max(1, keepdims=True) + 1e-30)
     layout = Layout.of(extents, texture)

@@ -70,9 +70,16 @@ def eye_of(view_from_world) -> Eye:
 
 
 def cards(
-    points, view_from_world, facing='spherical', *, axis=None, towards='point', orientation=None,
-    rotation=0.0, parallel=False,
-):  # fmt: skip
+    points,
+    view_from_world,
+    facing='spherical',
+    *,
+    axis=None,
+    towards='point',
+    orientation=None,
+    rotation=0.0,
+    parallel=False,
+):
     """Return the axes of cards: right, up, and the normal toward the eye.
 
     Parameters

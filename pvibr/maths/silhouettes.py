@@ -167,8 +167,12 @@ def _placed(points, triangles, welded):
     unit = float(2.0 ** np.frexp(half_box.max() or 1.0)[1])
     planes = _planes(points / unit, triangles)
     return {
-        'origin': origin, 'half_box': half_box, 'points': points, 'planes': planes, 'unit': unit,
-    }  # fmt: skip
+        'origin': origin,
+        'half_box': half_box,
+        'points': points,
+        'planes': planes,
+        'unit': unit,
+    }
 
 
 def facing(edges, light):

@@ -88,9 +88,11 @@ class LiveTexture(Effect):
     web = 'lost', 'is drawn anew with each frame; what wears it shows its last picture'
     what = Param('color', 'Colours, or depth: white near, black far.', choices=('color', 'depth'))
     background = Param(
-        None, "Red, green, blue and alpha of its background; by default the subplot's colour.",
-        range='[0, 1]', kind=tuple,
-    )  # fmt: skip
+        None,
+        "Red, green, blue and alpha of its background; by default the subplot's colour.",
+        range='[0, 1]',
+        kind=tuple,
+    )
 
     def __init__(self, camera, actors=None, size=(512, 512), **settings):
         self.camera, self.actors, self.size = camera, actors, _size(size)
@@ -208,9 +210,10 @@ class LiveTexture(Effect):
     def _scene_effects(self):
         """Return what is drawn otherwise for each view: shadows, projectors, things."""
         return [
-            e for e in self.pipeline.effects
+            e
+            for e in self.pipeline.effects
             if e.enabled and not isinstance(e, LiveTexture) and not hasattr(e, 'render')
-        ]  # fmt: skip
+        ]
 
     def _clear_color(self, frame) -> tuple:
         if self.what == 'depth':
@@ -225,10 +228,17 @@ class LiveTexture(Effect):
             with drawn.drawing(clear=self._clear_color(frame)):
                 return
         seen = replace(
-            frame, size=(drawn.width, drawn.height), origin=(0, 0), parallel=view.parallel,
-            view_from_world=view.view_from_world, clip_from_view=view.clip_from_view,
-            near=view.near, far=view.far, eye=view.eye, quality=1.0,
-        )  # fmt: skip
+            frame,
+            size=(drawn.width, drawn.height),
+            origin=(0, 0),
+            parallel=view.parallel,
+            view_from_world=view.view_from_world,
+            clip_from_view=view.clip_from_view,
+            near=view.near,
+            far=view.far,
+            eye=view.eye,
+            quality=1.0,
+        )
         effects = [e for e in self._scene_effects() if e.needed(seen) is True]
         for effect in effects:
             effect.prepare(seen)

@@ -145,42 +145,54 @@ class _Projection(Effect):
 
     web = 'baked', 'colours or textures of surfaces'
     mode = Param(
-        'replace', 'What the picture does: takes the place of the surface, lights it as a slide '
+        'replace',
+        'What the picture does: takes the place of the surface, lights it as a slide '
         'projector does, covers it by its alpha, or is added.',
         choices=('replace', 'modulate', 'decal', 'add'),
-    )  # fmt: skip
+    )
     lit = Param(
-        False, 'Whether the scene lights the picture; else it is shown as it was photographed. '
+        False,
+        'Whether the scene lights the picture; else it is shown as it was photographed. '
         'For replace and decal.',
-    )  # fmt: skip
+    )
     occlusion = Param(True, 'Whether what is hidden from the camera stays as it is.')
     opacity = Param(1.0, 'How much of the picture is seen.', range='[0, 1]')
     feather = Param(
-        0.0, "Width of the picture's border over which it fades, as a share of its sides.",
+        0.0,
+        "Width of the picture's border over which it fades, as a share of its sides.",
         range='[0, 0.5]',
-    )  # fmt: skip
+    )
     dim = Param(
         1.0, 'What the surface is multiplied by where no picture covers it.', range='[0, 1]'
     )
     facing = Param(
-        90.0, 'Largest angle between a surface and the direction to the camera at which it is '
+        90.0,
+        'Largest angle between a surface and the direction to the camera at which it is '
         'painted: less than 90 leaves out what is seen at a flat angle, 180 paints both sides.',
-        range='(0, 180]', unit='degrees',
-    )  # fmt: skip
+        range='(0, 180]',
+        unit='degrees',
+    )
     gain = Param((1.0, 1.0, 1.0), 'What red, green and blue are multiplied by.', range='[0, inf)')
     resolution = Param(
-        None, 'Texels along a side of the depth view; by default two a pixel of the picture, '
-        'from 2048 to 4096.', range='[16, 16384]', kind=int,
-    )  # fmt: skip
+        None,
+        'Texels along a side of the depth view; by default two a pixel of the picture, '
+        'from 2048 to 4096.',
+        range='[16, 16384]',
+        kind=int,
+    )
     offset = Param(
-        0.25, 'How far a receiver is moved along its normal: less shows holes where surfaces are '
+        0.25,
+        'How far a receiver is moved along its normal: less shows holes where surfaces are '
         'concave, more paints what lies just behind an edge.',
-        range='[0, 16]', unit='texels',
-    )  # fmt: skip
+        range='[0, 16]',
+        unit='texels',
+    )
     fps = Param(
-        None, "Pictures of a sequence per second of pl.ibr.time; by default the film's own.",
-        range='(0, inf)', kind=float,
-    )  # fmt: skip
+        None,
+        "Pictures of a sequence per second of pl.ibr.time; by default the film's own.",
+        range='(0, inf)',
+        kind=float,
+    )
     loop = Param(True, 'Whether a sequence begins again after its end, or its last is held.')
 
     blend: Any = 'feather'
@@ -307,8 +319,9 @@ class _Projection(Effect):
         # Edges and tubes are made by a geometry shader, which hands nothing on that is not VTK's.
         between = bool(prop.GetEdgeVisibility() or prop.GetRenderLinesAsTubes())
         lenses = tuple(_has_lens(s.camera()) for s in self._slides)
-        seen = tuple(self.occlusion and s.depth is not None and s.view is not None
-                     for s in self._slides)  # fmt: skip
+        seen = tuple(
+            self.occlusion and s.depth is not None and s.view is not None for s in self._slides
+        )
         lit = self.lit and self.mode in ('replace', 'decal')
         return _feature(self.number, lenses, seen, self.mode, lit, self.blend == 'best', between)
 
@@ -318,12 +331,17 @@ class _Projection(Effect):
         inverse = np.linalg.inv(view)
         matrices = [m for s in self._slides for m in s.matrices(inverse, size)]
         numbers = [
-            x for s, gain in zip(self._slides, gains, strict=True)
+            x
+            for s, gain in zip(self._slides, gains, strict=True)
             for x in s.numbers(view, size, gain * self.gain)
-        ]  # fmt: skip
+        ]
         settings = [
-            self.feather, np.cos(np.radians(self.facing)), self.opacity, self.dim, self.offset
-        ]  # fmt: skip
+            self.feather,
+            np.cos(np.radians(self.facing)),
+            self.opacity,
+            self.dim,
+            self.offset,
+        ]
         # In perspective depth is taken from w, in a parallel view from z.
         clip = frame.clip_from_view
         rows = np.stack([clip[0], clip[1], clip[2 if frame.parallel else 3], [0, 0, 0, 1.0]])
@@ -400,8 +418,14 @@ class _Projection(Effect):
         points = np.concatenate([p.points for p in parts])
         normals = np.concatenate([p.normals for p in parts])
         rows = np.arange(len(points))[:: -(-len(points) // _GAIN_POINTS) or 1]
-        samples = Samples(points[rows], normals[rows], np.arange(len(rows)), len(rows),
-                          np.zeros((len(rows), 3), int), np.zeros(len(rows)))  # fmt: skip
+        samples = Samples(
+            points[rows],
+            normals[rows],
+            np.arange(len(rows)),
+            len(rows),
+            np.zeros((len(rows), 3), int),
+            np.zeros(len(rows)),
+        )
         looks = self._looks(samples, casters, 0.0, 0)
         colors, shown = np.stack([k.colors for k in looks]), np.stack([k.cover for k in looks])
         return exposure_gains(np.nan_to_num(colors), shown)
@@ -478,17 +502,23 @@ class _Projection(Effect):
             return self._mixed(samples, surfaces, scene.frame.time, side)[0]
 
         scene.drape(
-            draped, mode=self.mode, lit=self.lit, dim=self.dim, receives=self.actors,
+            draped,
+            mode=self.mode,
+            lit=self.lit,
+            dim=self.dim,
+            receives=self.actors,
             casts=self.casters,
-        )  # fmt: skip
+        )
 
     def _mixed(self, samples, surfaces, time, side):
         """Return colours (n, 4) uint8, whether any picture shows there, and how many do."""
         looks = self._looks(samples, surfaces, time, side)
         shares = weights(
-            np.stack([k.cosine for k in looks]), np.stack([k.texel for k in looks]),
-            masks=np.stack([k.cover for k in looks]), method=self.blend,
-        )  # fmt: skip
+            np.stack([k.cosine for k in looks]),
+            np.stack([k.texel for k in looks]),
+            masks=np.stack([k.cover for k in looks]),
+            method=self.blend,
+        )
         colors = np.stack([k.colors for k in looks])
         if self.gains == 'auto':
             colors *= exposure_gains(colors, np.stack([k.cover for k in looks]))[:, None]
@@ -615,13 +645,15 @@ class Projectors(_Projection):
     """
 
     blend = Param(
-        'feather', 'How pictures share a place: by angle, distance and border, or the best alone.',
+        'feather',
+        'How pictures share a place: by angle, distance and border, or the best alone.',
         choices=('feather', 'best'),
-    )  # fmt: skip
+    )
     gains = Param(
-        'none', 'Whether the brightness of the pictures is made alike where they overlap.',
+        'none',
+        'Whether the brightness of the pictures is made alike where they overlap.',
         choices=('none', 'auto'),
-    )  # fmt: skip
+    )
 
     def __init__(self, views, *, actors=None, casters=None, **settings):
         views = [tuple(view) for view in views]

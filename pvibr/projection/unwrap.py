@@ -84,11 +84,15 @@ def texels_of(mesh, size) -> tuple[Samples, TexelImage]:
     count = len(cell)
     return (
         Samples(
-            np.einsum('nk,nkd->nd', share, corner[cell]), normals[cell], np.arange(count), count,
-            faces[cell], length[cell] / 2,
+            np.einsum('nk,nkd->nd', share, corner[cell]),
+            normals[cell],
+            np.arange(count),
+            count,
+            faces[cell],
+            length[cell] / 2,
         ),
         TexelImage(inside),
-    )  # fmt: skip
+    )
 
 
 def _barycentric(corners, at):

@@ -96,9 +96,16 @@ def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=4096
 
 
 def shadow_mask(
-    mesh, light, casters=(), *, to='points', resolution=4096, samples=1, extent=None,
+    mesh,
+    light,
+    casters=(),
+    *,
+    to='points',
+    resolution=4096,
+    samples=1,
+    extent=None,
     two_sided=None,
-):  # fmt: skip
+):
     """Return how much of a light reaches a mesh.
 
     Parameters

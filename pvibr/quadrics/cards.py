@@ -53,10 +53,13 @@ class DrawMode:
         part, own = (sections(shader_source(__file__, stem)) for stem in (None, shape.name))
         values = {
             'HIDES': int(self.hides),
-            'CORNERS': self.corners, 'DEPTH': int(self.depth), 'TEXELS': shape.texels,
-            'LOOKS': shape.looks, 'INSIDES': int(shape.open or self.corners == 4),
+            'CORNERS': self.corners,
+            'DEPTH': int(self.depth),
+            'TEXELS': shape.texels,
+            'LOOKS': shape.looks,
+            'INSIDES': int(shape.open or self.corners == 4),
             **dict(shape.defines),
-        }  # fmt: skip
+        }
         defines = ''.join(f'#define {name} {value}\n' for name, value in values.items())
         vertex = {
             'VTK::PositionVC::Dec': defines + part['vertex.declare'] + own['vertex.declare'],

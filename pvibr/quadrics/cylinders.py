@@ -65,9 +65,14 @@ class Cylinders(Quadrics):
         self.caps, self.blend = caps, bool(blend)
         kind = {None: 0, 'flat': 1, 'round': 2}[caps]
         self.shape = Shape(
-            'cylinders', texels=2, looks=2, largest_point=12.0, fill=0.4, open=caps is None,
+            'cylinders',
+            texels=2,
+            looks=2,
+            largest_point=12.0,
+            fill=0.4,
+            open=caps is None,
             defines=(('CAPS', kind), ('BLEND', int(self.blend))),
-        )  # fmt: skip
+        )
         super().__init__(**looks)
 
     def __len__(self):

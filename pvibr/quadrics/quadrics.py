@@ -79,19 +79,36 @@ class Quadrics(Painted, Anchored):
     _changes = 0
 
     def __init__(
-        self, *, color=None, colors=None, scalars=None, visible=None, opacity=1.0, lighting=True,
-        ambient=None, diffuse=None, specular=None, specular_power=None, pickable=True, name=None,
+        self,
+        *,
+        color=None,
+        colors=None,
+        scalars=None,
+        visible=None,
+        opacity=1.0,
+        lighting=True,
+        ambient=None,
+        diffuse=None,
+        specular=None,
+        specular_power=None,
+        pickable=True,
+        name=None,
         **table,
-    ):  # fmt: skip
+    ):
         super().__init__()
         self.name = name
         self._opacity = checked_opacity(opacity, len(self), cut=False)
         self._begin_looks(table, scalars, colors, visible)
         self.pickable = pickable
         self.property = pv.Property(
-            color=color, lighting=lighting, ambient=ambient, diffuse=diffuse, specular=specular,
-            specular_power=specular_power, interpolation='Phong',
-        )  # fmt: skip  # VTK lights flat points never
+            color=color,
+            lighting=lighting,
+            ambient=ambient,
+            diffuse=diffuse,
+            specular=specular,
+            specular_power=specular_power,
+            interpolation='Phong',
+        )  # VTK lights flat points never
         self._anchor, self.binder, self._sorted_draws = new_anchor(), Binder(), DepthSortedDraws()
         self.textures: dict[str, Texture] = {}
         self.uniforms: dict = {}

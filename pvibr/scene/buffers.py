@@ -160,8 +160,9 @@ class Drawn:
         self._surfaces.update(things)
         actors, chosen = self._surfaces.chosen(choice, things)
         seen = replace(frame, casting=True)
-        view = View(frame.view_from_world, frame.clip_from_view, frame.near, frame.far,
-                    frame.parallel)  # fmt: skip
+        view = View(
+            frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
+        )
         target = self._sized_target(frame.size)
         with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
             self._drawer.look(view, (0, 0, *frame.size))

@@ -160,10 +160,18 @@ def _set_veil(actor, mode):
 def seen_from(frame, view, resolution):
     """Return a frame as it would be from another view, drawn for its depth alone."""
     return replace(
-        frame, size=(resolution, resolution), origin=(0, 0), parallel=view.parallel,
-        view_from_world=view.view_from_world, clip_from_view=view.clip_from_view,
-        near=view.near, far=view.far, eye=view.eye, casting=True, quality=1.0,
-    )  # fmt: skip
+        frame,
+        size=(resolution, resolution),
+        origin=(0, 0),
+        parallel=view.parallel,
+        view_from_world=view.view_from_world,
+        clip_from_view=view.clip_from_view,
+        near=view.near,
+        far=view.far,
+        eye=view.eye,
+        casting=True,
+        quality=1.0,
+    )
 
 
 def receiver_shader() -> dict[str, str]:

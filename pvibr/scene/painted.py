@@ -9,8 +9,14 @@ from pvibr.scene import looks as look
 
 #: What the table of the scalars takes from the arguments of ``add_mesh``.
 TABLE_OPTIONS = (
-    'cmap', 'clim', 'n_colors', 'nan_color', 'below_color', 'above_color', 'log_scale',
-)  # fmt: skip
+    'cmap',
+    'clim',
+    'n_colors',
+    'nan_color',
+    'below_color',
+    'above_color',
+    'log_scale',
+)
 
 
 class Painted:

@@ -57,11 +57,17 @@ def walker(triangles=5000) -> Figure:
     mesh = pv.merge(meshes, merge_points=False)
     mesh = mesh.extract_surface(algorithm=None) if not isinstance(mesh, pv.PolyData) else mesh
     figure = Figure.from_arrays(
-        mesh.points, mesh.regular_faces, np.concatenate(joints)[:, None],
-        np.ones((mesh.n_points, 1)), *_rest(), names=_NAMES, clips=[_walk(), _wave()],
-        normals=mesh.point_data['Normals'], name='walker',
+        mesh.points,
+        mesh.regular_faces,
+        np.concatenate(joints)[:, None],
+        np.ones((mesh.n_points, 1)),
+        *_rest(),
+        names=_NAMES,
+        clips=[_walk(), _wave()],
+        normals=mesh.point_data['Normals'],
+        name='walker',
         look={'scalars': 'paint', 'rgb': True, 'smooth_shading': True},
-    )  # fmt: skip
+    )
     figure.bodies[0].mesh['paint'] = np.concatenate(colors).astype(np.uint8)
     return figure
 

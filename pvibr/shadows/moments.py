@@ -51,10 +51,14 @@ class Moments:
         x, y = self.view.corner(k)
         view = self.view.views[k]
         uniforms = {
-            'parallel': int(view.parallel), 'near': float(view.near), 'far': float(view.far),
-            'sigma': max(sigma / 2, 1e-3), 'reach': min(int(1.5 * sigma + 0.5), 48),
-            'side': float(side), 'corner': (x / 2, y / 2),
-        }  # fmt: skip
+            'parallel': int(view.parallel),
+            'near': float(view.near),
+            'far': float(view.far),
+            'sigma': max(sigma / 2, 1e-3),
+            'reach': min(int(1.5 * sigma + 0.5), 48),
+            'side': float(side),
+            'corner': (x / 2, y / 2),
+        }
         steps = (
             (self._passes[0], self._half, self.view.texture),
             (self._passes[1], self.target, self._half.colors[0]),

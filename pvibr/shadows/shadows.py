@@ -63,46 +63,66 @@ class Shadows(Effect):
 
     web = 'baked', 'darker colours of surfaces'
     method = Param(
-        'pcf', 'How a shadow is found: compared once, compared and filtered, softer with '
+        'pcf',
+        'How a shadow is found: compared once, compared and filtered, softer with '
         'distance as the size of the light has it, from blurred moments of depth, or counted by '
         'volumes, exact to the pixel.',
         choices=('hard', 'pcf', 'pcss', *KINDS, 'volume'),
-    )  # fmt: skip
+    )
     resolution = Param(2048, "Texels along a side of a light's view.", range='[16, 16384]')
     softness = Param(
-        None, 'Radius of the filter of pcf, standard deviation of the blur of moments; by default '
-        '0.5 and 2.', range='[0, 64]', unit='texels', kind=float,
-    )  # fmt: skip
+        None,
+        'Radius of the filter of pcf, standard deviation of the blur of moments; by default '
+        '0.5 and 2.',
+        range='[0, 64]',
+        unit='texels',
+        kind=float,
+    )
     taps = Param(
-        None, 'Places on a disk where pcf and pcss compare; by default pcf compares every texel '
+        None,
+        'Places on a disk where pcf and pcss compare; by default pcf compares every texel '
         'of a small filter, 16 places of a large one, and pcss 32.',
-        range='[1, 64]', kind=int,
-    )  # fmt: skip
+        range='[1, 64]',
+        kind=int,
+    )
     angle = Param(
-        0.53, 'Apparent diameter of directional lights, for pcss; the sun has 0.53.',
-        range='(0, 90)', unit='degrees',
-    )  # fmt: skip
+        0.53,
+        'Apparent diameter of directional lights, for pcss; the sun has 0.53.',
+        range='(0, 90)',
+        unit='degrees',
+    )
     radius = Param(
-        None, 'Radius of spot and point lights, for pcss; by default a fiftieth of how far their '
-        'casters reach.', range='(0, inf)', unit='world', kind=float,
-    )  # fmt: skip
+        None,
+        'Radius of spot and point lights, for pcss; by default a fiftieth of how far their '
+        'casters reach.',
+        range='(0, inf)',
+        unit='world',
+        kind=float,
+    )
     bias = Param(
-        'plane', 'What keeps a surface from shadowing itself: depth is compared on its own plane, '
-        'or behind it by the polygon offset.', choices=('plane', 'polygon_offset'),
-    )  # fmt: skip
+        'plane',
+        'What keeps a surface from shadowing itself: depth is compared on its own plane, '
+        'or behind it by the polygon offset.',
+        choices=('plane', 'polygon_offset'),
+    )
     polygon_offset = Param(
-        (1.1, 4.0), 'Factor of the slope and units of depth as of glPolygonOffset, for that bias.',
+        (1.1, 4.0),
+        'Factor of the slope and units of depth as of glPolygonOffset, for that bias.',
         range='[0, 1e6]',
-    )  # fmt: skip
+    )
     faces = Param(
-        'both', 'Which sides of polygons cast: back faces alone leave no acne on closed meshes, '
-        'and gaps under thin ones.', choices=('both', 'back'),
-    )  # fmt: skip
+        'both',
+        'Which sides of polygons cast: back faces alone leave no acne on closed meshes, '
+        'and gaps under thin ones.',
+        choices=('both', 'back'),
+    )
     offset = Param(
-        0.35, 'How far a receiver is moved along its normal: less shows acne where surfaces '
+        0.35,
+        'How far a receiver is moved along its normal: less shows acne where surfaces '
         'are concave, more opens gaps under what touches the ground.',
-        range='[0, 16]', unit='texels',
-    )  # fmt: skip
+        range='[0, 16]',
+        unit='texels',
+    )
 
     def __init__(self, *, casts=None, receives=None, **settings):
         for name, choice in (('casts', casts), ('receives', receives)):
@@ -285,15 +305,19 @@ class Shadows(Effect):
         on_plane, offsets = self.bias == 'plane', list(self.polygon_offset)
         ranges = [x for m in lit for v in m.views for x in (v.near, v.far, *self._size(v))]
         uniforms = [
-            ('SetUniformMatrix4x4v', 'ibr_shadow_from_view', len(matrices),
-             np.concatenate([m.T.ravel() for m in matrices]).tolist()),
+            (
+                'SetUniformMatrix4x4v',
+                'ibr_shadow_from_view',
+                len(matrices),
+                np.concatenate([m.T.ravel() for m in matrices]).tolist(),
+            ),
             ('SetUniform1fv', 'ibr_shadow_texel', len(texels), texels),
             ('SetUniformf', 'ibr_shadow_offset', self.offset if on_plane else 0.0),
             ('SetUniform2f', 'ibr_shadow_polygon', [-1.0, 0.0] if on_plane else offsets),
             ('SetUniform1fv', 'ibr_shadow_range', len(ranges), ranges),
             ('SetUniformf', 'ibr_shadow_softness', self._softness()),
             ('SetUniformi', 'ibr_shadow_taps', max(1, round(self._filter()[1] * frame.quality))),
-        ]  # fmt: skip
+        ]
         for maps in lit:
             n = maps.light.number
             uniforms += [
@@ -442,9 +466,13 @@ class _LightMaps:
 
     def signature(self):
         return (
-            self.light.number, self.light.positional, len(self.views), self.view.columns,
-            self.view.rows, bool(self.view.veils),
-        )  # fmt: skip
+            self.light.number,
+            self.light.positional,
+            len(self.views),
+            self.view.columns,
+            self.view.rows,
+            bool(self.view.veils),
+        )
 
     def release(self):
         if self.moments is not None:
@@ -512,9 +540,13 @@ def _map_parts(text, method, taps, lights) -> list[str]:
     first = 0
     for number, positional, count, columns, rows, veiled in lights:
         values = {
-            'POSITIONAL': str(bool(positional)).lower(), 'FIRST': first, 'COUNT': count,
-            'COLUMNS': columns, 'ROWS': rows, 'VEILED': int(veiled),
-        }  # fmt: skip
+            'POSITIONAL': str(bool(positional)).lower(),
+            'FIRST': first,
+            'COUNT': count,
+            'COLUMNS': columns,
+            'ROWS': rows,
+            'VEILED': int(veiled),
+        }
         parts += [f'#define {k} {v}\n' for k, v in values.items()]
         parts.append(text['light'].replace('NUMBER', str(number)))
         parts += [f'#undef {k}\n' for k in values]

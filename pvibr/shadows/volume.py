@@ -149,9 +149,11 @@ class ShadowVolumes:
         return [
             ('SetUniformMatrix4x4', 'ibr_shadow_clip', frame.clip_from_view.T.ravel().tolist()),
             ('SetUniform4f', 'ibr_shadow_tile', tile),
-            *(('SetUniformi', f'ibr_shadow_mask_{k}', texture.activate())
-              for k, texture in enumerate(self.target.textures)),
-        ]  # fmt: skip
+            *(
+                ('SetUniformi', f'ibr_shadow_mask_{k}', texture.activate())
+                for k, texture in enumerate(self.target.textures)
+            ),
+        ]
 
     def finish(self):
         """Give the texture units back."""
@@ -182,9 +184,11 @@ def receiver_text(lights) -> tuple[dict[str, str], str]:
     text = parts['declare']
     for k, (number, positional) in enumerate(lights):
         values = {
-            'NUMBER': str(number), 'POSITIONAL': str(bool(positional)).lower(),
-            'MASK': f'ibr_shadow_mask_{k // 4}', 'CHANNEL': 'rgba'[k % 4],
-        }  # fmt: skip
+            'NUMBER': str(number),
+            'POSITIONAL': str(bool(positional)).lower(),
+            'MASK': f'ibr_shadow_mask_{k // 4}',
+            'CHANNEL': 'rgba'[k % 4],
+        }
         light = parts['light']
         for name, value in values.items():
             light = light.replace(name, value)

@@ -23,10 +23,15 @@ def scaled(figure, scale):
     """The same figure in another unit."""
     body, rest = figure.bodies[0], figure.skeleton.rest
     return Figure.from_arrays(
-        scale * body.points, body.mesh.regular_faces, body.skin.joints, body.skin.weights,
-        figure.skeleton.parents, rest.replaced(translation=scale * rest.translation),
-        normals=body.normals, clips=figure.clips,
-    )  # fmt: skip
+        scale * body.points,
+        body.mesh.regular_faces,
+        body.skin.joints,
+        body.skin.weights,
+        figure.skeleton.parents,
+        rest.replaced(translation=scale * rest.translation),
+        normals=body.normals,
+        clips=figure.clips,
+    )
 
 
 def on_the_gpu(figure, pose, how):
@@ -87,10 +92,11 @@ def test_weights_of_zero_pull_at_nothing(how):
     pose = figure.sample(0.7)
     expected = figure.posed(0, pose, how)
     figure.bodies[0].skin = Skin(
-        skin.nodes, skin.inverse_bind,
+        skin.nodes,
+        skin.inverse_bind,
         np.concatenate([np.full((n, 2), 4), skin.joints], 1),
         np.concatenate([np.zeros((n, 1)), np.full((n, 1), 5e-324), skin.weights], 1),
-    )  # fmt: skip
+    )
     for found, wanted in zip(figure.posed(0, pose, how), expected, strict=True):
         np.testing.assert_allclose(found, wanted, atol=1e-12)
     assert on_the_gpu(figure, pose, how)[0] < 1e-5
@@ -178,9 +184,13 @@ def test_bones_without_length(how):
     figure = tube(16, 12, 4)
     body = figure.bodies[0]
     bunch = Figure.from_arrays(
-        body.points, body.mesh.regular_faces, body.skin.joints, body.skin.weights,
-        [-1, 0, 1, 2], rest,
-    )  # fmt: skip
+        body.points,
+        body.mesh.regular_faces,
+        body.skin.joints,
+        body.skin.weights,
+        [-1, 0, 1, 2],
+        rest,
+    )
     turn = quaternions.from_axis_angle([0, 1.0, 0], 0.3)
     pose = rest.replaced(rotation=np.tile(turn, (4, 1)))
     points, _ = bunch.posed(0, pose, how)

@@ -212,8 +212,14 @@ def scene(add, bounds, view, *, light=(1, -1, 2), floor=False, **kwargs):
     pl = pv.Plotter(off_screen=True, window_size=(120, 120), lighting='none', **kwargs)
     pl.background_color = 'white'
     position = tuple(middle + 5 * size * np.array(light))
-    pl.add_light(pv.Light(position=position, focal_point=tuple(middle), light_type='scene light',
-                          positional=False))  # fmt: skip
+    pl.add_light(
+        pv.Light(
+            position=position,
+            focal_point=tuple(middle),
+            light_type='scene light',
+            positional=False,
+        )
+    )
     if floor:
         pl.add_mesh(pv.Plane(center=(0, 0, low[2] - 0.1), i_size=9, j_size=9), color='lightblue')
     add(pl)
@@ -237,8 +243,10 @@ def ways(torus, cloud):
 
 def test_its_normals_follow_a_light_that_moves(torus, ways):
     lights = [(1, 0, 0.5), (-1, 0.3, 0.5), (0, 1, 1), (0.2, -1, 0.1), (0.3, 0.2, -1)]
-    mesh, card = ([taken(scene(add, torus.bounds, VIEWS[0], light=light)) for light in lights]
-                  for add in ways)  # fmt: skip
+    mesh, card = (
+        [taken(scene(add, torus.bounds, VIEWS[0], light=light)) for light in lights]
+        for add in ways
+    )
     both = coverage(mesh[0]) * coverage(card[0]) > 0
     away = np.array([[np.abs(a - b)[both].mean() for b in mesh] for a in card])
     assert (away.argmin(1) == np.arange(len(lights))).all()

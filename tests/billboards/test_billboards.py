@@ -150,8 +150,14 @@ def test_each_shows_its_own_image_and_no_neighbour(see):
 def test_a_flipbook_goes_by_time(see):
     grey = np.repeat(np.array([[10, 60, 110, 160]], np.uint8), 8, 1)
     pl = plotter((0, -10, 0))
-    thing = pl.ibr.add_billboards([[-1, 0, 0], [1, 0, 0]], np.tile(grey, (8, 1)), frames=(4, 1),
-                                  fps=2.0, index=[0, 1], size=1.0)  # fmt: skip
+    thing = pl.ibr.add_billboards(
+        [[-1, 0, 0], [1, 0, 0]],
+        np.tile(grey, (8, 1)),
+        frames=(4, 1),
+        fps=2.0,
+        index=[0, 1],
+        size=1.0,
+    )
     spots = pixels(pl, thing.points).astype(int)
     before = thing.content_key()
     for time, expected in ((0.0, (10, 60)), (0.5, (60, 110)), (1.6, (160, 10)), (2.0, (10, 60))):
@@ -171,8 +177,16 @@ def test_the_view_from_the_right_side_is_shown(axis, blend_views, see):
     images = [np.full((8, 8), g, np.uint8) for g in grey]
     points = np.array([[-1.0, 0, 0], [1, 0, 0]])
     pl = plotter()
-    thing = pl.ibr.add_billboards(points, images, facing='cylindrical', axis=axis, views=views,
-                                  blend_views=blend_views, yaw=yaws, size=0.8)  # fmt: skip
+    thing = pl.ibr.add_billboards(
+        points,
+        images,
+        facing='cylindrical',
+        axis=axis,
+        views=views,
+        blend_views=blend_views,
+        yaw=yaws,
+        size=0.8,
+    )
     for angle in np.linspace(0, 2 * np.pi, 13)[:-1] + 0.1:
         eye = 12 * np.array([np.cos(angle), np.sin(angle), 0.4])
         aim(pl, eye)
@@ -400,8 +414,14 @@ def test_of_those_that_blend_what_is_half_opaque_throws_shadows(looks, casts, se
 def test_shadows_of_pixel_sizes_are_as_large_as_the_camera_sees_them(parallel, cutout, see):
     pl = plotter(lighting='none')
     lamp(pl, (1, 0, 1))
-    thing = pl.ibr.add_billboards([[0, 0, 8.0]], WHITE, size=[[14, 10]], size_unit='pixel',
-                                  cutout=cutout, colors=[[1.0, 0, 0]])  # fmt: skip
+    thing = pl.ibr.add_billboards(
+        [[0, 0, 8.0]],
+        WHITE,
+        size=[[14, 10]],
+        size_unit='pixel',
+        cutout=cutout,
+        colors=[[1.0, 0, 0]],
+    )
     for far in (60.0, 80.0, 60.0):
         scale = parallel and parallel * far / 60
         aim(pl, (0, 0, far), (0, 0, 0), (0, 1, 0), scale)
@@ -464,8 +484,9 @@ def test_bounds_hold_the_cards_and_the_camera_sees_them():
     pl = pv.Plotter(off_screen=True, window_size=SIZE)
     thing = pl.ibr.add_billboards([[1, 2, 3], [5, 6, 7]], WHITE, size=2)
     half = np.sqrt(2)
-    np.testing.assert_allclose(thing.bounds, [1 - half, 5 + half, 2 - half, 6 + half, 3 - half,
-                                              7 + half])  # fmt: skip
+    np.testing.assert_allclose(
+        thing.bounds, [1 - half, 5 + half, 2 - half, 6 + half, 3 - half, 7 + half]
+    )
     np.testing.assert_allclose(pl.camera.focal_point, thing.center)
     np.testing.assert_allclose(pl.bounds, thing.bounds)
     pl.close()
@@ -659,10 +680,15 @@ def test_bad_input_is_refused_and_adds_nothing(wrong, words):
 @pytest.mark.parametrize(
     'wrong',
     [
-        {'points': 'here'}, {'points': [[0, 0], [0, 0, 0]]}, {'size': 'large'}, {'rotation': 'x'},
-        {'facing': 'cylindrical', 'axis': 'z'}, {'image': None}, {'image': pv.ImageData()},
+        {'points': 'here'},
+        {'points': [[0, 0], [0, 0, 0]]},
+        {'size': 'large'},
+        {'rotation': 'x'},
+        {'facing': 'cylindrical', 'axis': 'z'},
+        {'image': None},
+        {'image': pv.ImageData()},
     ],
-)  # fmt: skip
+)
 def test_what_is_of_another_kind_is_named(wrong):
     pl = plotter()
     with pytest.raises(TypeError, match=list(wrong)[-1]):

@@ -73,8 +73,13 @@ def fill(pl):
     image[..., 0], image[..., 1] = 255, 8 * y
     image[..., 3] = np.where((x - 16) ** 2 + (y - 16) ** 2 < 200, 255, 0)
     pl.ibr.add_billboards([[-2, -2, 0.5]], image)
-    pl.ibr.add_spheres([[2, 0, 0.4], [2.5, 1, 0.4]], 0.4, scalars=[0.0, 1.0], cmap='viridis',
-                       show_scalar_bar=False)  # fmt: skip
+    pl.ibr.add_spheres(
+        [[2, 0, 0.4], [2.5, 1, 0.4]],
+        0.4,
+        scalars=[0.0, 1.0],
+        cmap='viridis',
+        show_scalar_bar=False,
+    )
     pl.ibr.add_cylinders([[-2, 1, 0]], [[-2, 1, 1.5]], 0.3, color='red')
     pl.ibr.add(pvibr.Shadows())
 

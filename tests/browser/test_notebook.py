@@ -124,10 +124,17 @@ def test_in_the_browser(page, start, picture_of, until, quiet, tmp_path, look):
     )
     nbformat.write(made, tmp_path / 'a.ipynb')
     program = start(
-        '-m', 'jupyterlab', '--no-browser', '--allow-root', '--ServerApp.ip=127.0.0.1',
-        '--ServerApp.port=0', '--IdentityProvider.token=', f'--ServerApp.root_dir={tmp_path}',
-        '--LabApp.extension_manager=readonly', '--LabApp.news_url=None',
-    )  # fmt: skip
+        '-m',
+        'jupyterlab',
+        '--no-browser',
+        '--allow-root',
+        '--ServerApp.ip=127.0.0.1',
+        '--ServerApp.port=0',
+        '--IdentityProvider.token=',
+        f'--ServerApp.root_dir={tmp_path}',
+        '--LabApp.extension_manager=readonly',
+        '--LabApp.news_url=None',
+    )
     reference = Reference()
     lab = Lab(page, f'{program.url.removesuffix("lab")}doc/tree/a.ipynb')
     lab.run()

@@ -499,9 +499,15 @@ def window(slow):
         ibr._plotter.off_screen = False  # here windows may have no screen
         show = ibr.add(Show())
         made.Render()
-        yield SimpleNamespace(ibr=ibr, show=show, timers=timers, window=made, slow=slow,
-                              iren=SimpleNamespace(interactor=interactor),
-                              tick=lambda: interactor.InvokeEvent('TimerEvent'))  # fmt: skip
+        yield SimpleNamespace(
+            ibr=ibr,
+            show=show,
+            timers=timers,
+            window=made,
+            slow=slow,
+            iren=SimpleNamespace(interactor=interactor),
+            tick=lambda: interactor.InvokeEvent('TimerEvent'),
+        )
     assert not timers
 
 

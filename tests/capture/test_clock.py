@@ -45,8 +45,9 @@ def window():
     interactor.AddObserver('DestroyTimerEvent', lambda *_: timers.append('off'))
     with attach(renderer) as ibr:
         ibr._plotter.off_screen = False  # here windows may have no screen
-        yield SimpleNamespace(ibr=ibr, tick=lambda: interactor.InvokeEvent('TimerEvent'),
-                              timers=timers, window=made)  # fmt: skip
+        yield SimpleNamespace(
+            ibr=ibr, tick=lambda: interactor.InvokeEvent('TimerEvent'), timers=timers, window=made
+        )
 
 
 def test_a_window_shows_the_time_of_the_wall(window, wall):

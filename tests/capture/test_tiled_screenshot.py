@@ -114,10 +114,16 @@ def test_files_are_written_whole(tmp_path):
 @pytest.mark.parametrize(
     'wrong',
     [
-        {'scale': 0}, {'scale': 1.5}, {'scale': True}, {'size': (0, 5)}, {'size': (5,)},
-        {'size': (5.5, 5)}, {'size': 7}, {'scale': 2, 'size': (5, 5)},
+        {'scale': 0},
+        {'scale': 1.5},
+        {'scale': True},
+        {'size': (0, 5)},
+        {'size': (5,)},
+        {'size': (5.5, 5)},
+        {'size': 7},
+        {'scale': 2, 'size': (5, 5)},
     ],
-)  # fmt: skip
+)
 def test_wrong_sizes_are_named(wrong):
     pl = pv.Plotter(off_screen=True, window_size=(20, 10))
     with pytest.raises(ValueError, match=next(iter(wrong))):

@@ -76,6 +76,10 @@ def test_a_statue_at_every_stem(data_dir, tmp_path):
     main(
         data_dir / 'meshes' / 'koala.obj',
         data_dir / 'instances' / 'scbi_forestgeo' / 'scbi_alive_stems_2018.csv.gz',
-        columns=('gx', 'gy', None), scalars='dbh_mm', scale=0.4, out=tmp_path / 'a.png', size=SIZE,
-    )  # fmt: skip
+        columns=('gx', 'gy', None),
+        scalars='dbh_mm',
+        scale=0.4,
+        out=tmp_path / 'a.png',
+        size=SIZE,
+    )
     assert covered(iio.imread(tmp_path / 'a.png').astype(float)).mean() > 0.03

@@ -51,11 +51,13 @@ def test_ten_runs_have_the_same_bits(tmp_path):
     runs = [
         subprocess.run(
             [sys.executable, '-W', 'error', '-c', RUN, rate],
-            capture_output=True, text=True, check=False,
+            capture_output=True,
+            text=True,
+            check=False,
             env={**__import__('os').environ, 'PVIBR_CACHE': str(tmp_path)},
         )
         for rate in ('1', '0.001', '1000', '0', '7')
-    ]  # fmt: skip
+    ]
     assert not [run.stderr for run in runs if run.returncode]
     digests = [line for run in runs for line in run.stdout.split()]
     assert len(digests) == 10

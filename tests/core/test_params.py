@@ -43,8 +43,13 @@ def test_good_values_are_kept_in_their_own_type():
     lamp = Lamp(**GOOD)
     kinds = {n: type(getattr(lamp, n)) for n in GOOD}
     assert kinds == {
-        'amount': float, 'power': float, 'count': int, 'on': bool, 'mode': str, 'tint': tuple,
-    }  # fmt: skip
+        'amount': float,
+        'power': float,
+        'count': int,
+        'on': bool,
+        'mode': str,
+        'tint': tuple,
+    }
 
 
 @pytest.mark.parametrize(('name', 'value'), WRONG_TYPE)

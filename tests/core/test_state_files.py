@@ -108,13 +108,23 @@ def test_a_wrong_value_changes_nothing(pl, change):
 @pytest.mark.parametrize(
     'text',
     [
-        '', '[]', '3', 'null', '{', '{"version": 1}', '{"pvibr": "presets", "version": 1}',
-        '{"pvibr": "state", "version": true}', '{"pvibr": "state", "version": "1"}',
-        '{"pvibr": "state", "version": 1, "time": NaN}', b'\xff\xfe\x00',
-        '{"pvibr": "state", "version": 1, "time": -Infinity}', '[' * 100_000,
-        '{"pvibr": "state", "version": 1, "time": ' + '9' * 10_000 + '}', b'\x80\x04K\x01.',
+        '',
+        '[]',
+        '3',
+        'null',
+        '{',
+        '{"version": 1}',
+        '{"pvibr": "presets", "version": 1}',
+        '{"pvibr": "state", "version": true}',
+        '{"pvibr": "state", "version": "1"}',
+        '{"pvibr": "state", "version": 1, "time": NaN}',
+        b'\xff\xfe\x00',
+        '{"pvibr": "state", "version": 1, "time": -Infinity}',
+        '[' * 100_000,
+        '{"pvibr": "state", "version": 1, "time": ' + '9' * 10_000 + '}',
+        b'\x80\x04K\x01.',
     ],
-)  # fmt: skip
+)
 def test_what_is_no_state_is_refused(pl, text):
     before = pl.ibr.state()
     with pytest.raises(ValueError, match=r'the text is no JSON|the text holds no|must be'):

@@ -176,10 +176,14 @@ def noise(size=SIZE, seed=0):
 @pytest.mark.parametrize('operator', ['subtract', 'keep', 'soft'])
 @pytest.mark.parametrize(
     'settings',
-    [{}, {'reduction': 4, 'kernel': 3}, {'reduction': 16, 'kernel': 9, 'levels': 1},
-     {'levels': 4, 'spread': 0.9, 'saturation': 0.0, 'background': True},
-     {'chain': 'tent', 'levels': 3}],
-)  # fmt: skip
+    [
+        {},
+        {'reduction': 4, 'kernel': 3},
+        {'reduction': 16, 'kernel': 9, 'levels': 1},
+        {'levels': 4, 'spread': 0.9, 'saturation': 0.0, 'background': True},
+        {'chain': 'tent', 'levels': 3},
+    ],
+)
 @pytest.mark.parametrize('size', [SIZE, (157, 91)])
 def test_it_is_what_it_says(window, operator, settings, size):
     array = noise(size)
@@ -265,9 +269,14 @@ def natural(name):
 def test_small_kernels_on_small_images_are_a_large_one(window, name, chain, kernel, reduction):
     grey = natural(name)
     bloom = pvibr.Bloom(
-        threshold=0.0, operator='keep', spread=1.0, debug='blur',
-        chain=chain, kernel=kernel, reduction=reduction,
-    )  # fmt: skip
+        threshold=0.0,
+        operator='keep',
+        spread=1.0,
+        debug='blur',
+        chain=chain,
+        kernel=kernel,
+        reduction=reduction,
+    )
     picture = FakePicture(window, np.dstack([grey] * 3 + [np.ones_like(grey)]))
     bloom.render(picture, picture)
     sigma = effects_bloom.width_of(bloom)

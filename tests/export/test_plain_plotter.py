@@ -261,9 +261,11 @@ def test_instances_keep_places_colours_and_holes():
     pl = plotter()
     ground(pl)
     cones = pl.ibr.add_instances(
-        pv.Cone(direction=(0, 0, 1)), [[2, 2, 0.5], [-2, 1, 0.5], [0, -1, 0.5], [0, 2, 0.5]],
-        colors=[[255, 0, 0], [0, 255, 0], [0, 0, 255], [0, 0, 0]], cache=False,
-    )  # fmt: skip
+        pv.Cone(direction=(0, 0, 1)),
+        [[2, 2, 0.5], [-2, 1, 0.5], [0, -1, 0.5], [0, 2, 0.5]],
+        colors=[[255, 0, 0], [0, 255, 0], [0, 0, 255], [0, 0, 0]],
+        cache=False,
+    )
     cones.update([3], visible=False)
     look(pl)
     assert differ(pl) < 1.5
@@ -314,9 +316,12 @@ def test_quadrics_and_their_opacity():
     pl = plotter()
     pl.ibr.add_spheres([[0, 0, 1], [2, 0, 1]], [1.0, 0.5], colors=[[255, 0, 0], [0, 255, 0]])
     pl.ibr.add_cylinders(
-        [[-3, 0, 0], [-2, 2, 0], [-2, -2, 1]], [[-3, 0, 2], [-2, 3, 1], [-2, -2, 1]], 0.3,
-        caps='round', color='blue',
-    )  # fmt: skip
+        [[-3, 0, 0], [-2, 2, 0], [-2, -2, 1]],
+        [[-3, 0, 2], [-2, 3, 1], [-2, -2, 1]],
+        0.3,
+        caps='round',
+        color='blue',
+    )
     pl.ibr.add_ellipsoids([[2, -2, 0]], [[1.0, 0.5, 0.3]], opacity=0.5)
     look(pl)
     assert differ(pl) < 2
@@ -364,9 +369,13 @@ def test_crowds_are_posed_each_at_its_time():
     pl = plotter()
     ground(pl)
     pl.ibr.add_animated(
-        balloon(), [[-2, 0, 0.6], [2, 0, 0.6]], times=[0.0, 0.5], max_error=8, cache=False,
+        balloon(),
+        [[-2, 0, 0.6], [2, 0, 0.6]],
+        times=[0.0, 0.5],
+        max_error=8,
+        cache=False,
         colors=[[255, 0, 0], [0, 0, 255]],
-    )  # fmt: skip
+    )
     look(pl)
     pl.show(auto_close=False)
     made = pl.ibr.baked()

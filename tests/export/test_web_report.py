@@ -45,8 +45,10 @@ def test_every_class_says_what_becomes_of_it(kind):
 def test_rows_of_all_subplots(plotter):
     report = plotter.ibr.web_report('html')
     assert [(r.effect, r.state, r.subplot) for r in report.rows] == [
-        ('Impostor', 'shown', 0), ('Bloom', 'lost', 0), ('Spheres', 'baked', 1)
-    ]  # fmt: skip
+        ('Impostor', 'shown', 0),
+        ('Bloom', 'lost', 0),
+        ('Spheres', 'baked', 1),
+    ]
     assert [r.effect for r in report.missing] == ['Bloom', 'Spheres']
     assert report.as_dict()['rows'][2]['what'] == 'meshes'
     assert '1: Spheres' in str(report)

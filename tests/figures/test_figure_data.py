@@ -9,9 +9,16 @@ import pyvista as pv
 import pvibr
 
 MODELS = [
-    'AnimatedMorphCube.glb', 'BoxAnimated.glb', 'CesiumMan.glb', 'Fox.glb', 'MorphStressTest.glb',
-    'RiggedSimple.glb', 'SimpleMorph/SimpleMorph.gltf', 'SimpleSkin/SimpleSkin.gltf', 'robot.glb',
-]  # fmt: skip
+    'AnimatedMorphCube.glb',
+    'BoxAnimated.glb',
+    'CesiumMan.glb',
+    'Fox.glb',
+    'MorphStressTest.glb',
+    'RiggedSimple.glb',
+    'SimpleMorph/SimpleMorph.gltf',
+    'SimpleSkin/SimpleSkin.gltf',
+    'robot.glb',
+]
 
 
 @pytest.mark.data

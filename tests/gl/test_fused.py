@@ -16,10 +16,13 @@ def plotter(**options):
     pl.add_mesh(pv.Sphere(), color='tan')
     image = np.random.default_rng(0).integers(0, 256, (20, 30, 4), np.uint8)
     for effect in (
-        pvibr.ImageOverlay(image, opacity=0.6), pvibr.ImageOverlay(image, mode='multiply'),
-        pvibr.NightVision(intensity=0.6), pvibr.Vignette(), pvibr.Flash(at=-0.1),
+        pvibr.ImageOverlay(image, opacity=0.6),
+        pvibr.ImageOverlay(image, mode='multiply'),
+        pvibr.NightVision(intensity=0.6),
+        pvibr.Vignette(),
+        pvibr.Flash(at=-0.1),
         pvibr.Iris(opening=0.6),
-    ):  # fmt: skip
+    ):
         pl.ibr.add(effect)
     return pl
 

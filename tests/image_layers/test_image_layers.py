@@ -39,8 +39,10 @@ class Scene:
             for actor, place in zip(made, places, strict=True):
                 actor.position = np.add(place, offset)
             pl.camera_position = [
-                np.add((0, -12, 4), offset), np.add((0, 0, 0.5), offset), (0, 0, 1)
-            ]  # fmt: skip
+                np.add((0, -12, 4), offset),
+                np.add((0, 0, 0.5), offset),
+                (0, 0, 1),
+            ]
             pl.camera.parallel_projection = parallel
             pl.camera.parallel_scale = 3.5
             if setup is not None:

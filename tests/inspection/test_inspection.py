@@ -87,8 +87,9 @@ def said(kind, cubes, frame_scale):
     out = {}
     for slot, number in enumerate(kind.ids.tolist()):
         size = 2 * kind.radii[slot] * frame_scale / np.linalg.norm(kind.centers([slot])[0])
-        fits = [n for n, layer in kind.cards.layers.items()
-                if layer.sizes[1] <= size < layer.sizes[2]]  # fmt: skip
+        fits = [
+            n for n, layer in kind.cards.layers.items() if layer.sizes[1] <= size < layer.sizes[2]
+        ]
         out[number] = 'mesh' if slot in kind.near else fits[0]
     assert len(out) == len(cubes)
     return [out[k] for k in range(len(cubes))]

@@ -254,9 +254,10 @@ def test_area_is_kept_while_levels_change(scenes, see, bean, pair):
 
 
 _ONE_LAYER = pytest.param(
-    {'opacity': 0.5}, 2.0,
+    {'opacity': 0.5},
+    2.0,
     marks=pytest.mark.xfail(strict=True, reason='a card shows one layer of a translucent ball'),
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize(('looks', 'size'), [({}, 2.0), ({}, 0.7), _ONE_LAYER])
@@ -281,8 +282,11 @@ def test_small_things_do_not_flicker_whatever_was_measured(scenes, see, looks, s
 def test_between_a_card_and_the_mesh_the_ground_hides_no_feet(bean, atlases, see):
     pl = pv.Plotter(off_screen=True, window_size=(120, 120))
     pl.disable_anti_aliasing()
-    pl.add_mesh(pv.Plane(center=(0, 0, bean.bounds.z_min), i_size=40, j_size=40), color='blue',
-                lighting=False)  # fmt: skip
+    pl.add_mesh(
+        pv.Plane(center=(0, 0, bean.bounds.z_min), i_size=40, j_size=40),
+        color='blue',
+        lighting=False,
+    )
     things = pl.ibr.add_instances(bean, [[0, 0, 0]], color='red', lighting=False, cache=atlases)
     see.place(pl, (0, -6, 5), (0.3, -0.2, 0.1))
     see.grab(pl)

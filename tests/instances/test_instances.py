@@ -273,9 +273,13 @@ def test_removed_in_every_way(scenes, see, bean):
     pl, things = beans(scenes, bean, name='beans')
     shown, empty = see.grab(pl), see.grab(scenes.empty(SIZE))
     ways = (
-        things.remove, lambda: pl.ibr.remove(things), pl.ibr.clear,
-        lambda: pl.remove_actor('beans'), lambda: pl.remove_actor(things.actor), pl.clear,
-    )  # fmt: skip
+        things.remove,
+        lambda: pl.ibr.remove(things),
+        pl.ibr.clear,
+        lambda: pl.remove_actor('beans'),
+        lambda: pl.remove_actor(things.actor),
+        pl.clear,
+    )
     for way in ways:
         see.place(pl, **CAMERA)
         np.testing.assert_array_equal(see.grab(pl), shown)
@@ -343,8 +347,14 @@ def test_new_poses(scenes, see, bean):
 
 
 def test_scalar_bar(scenes, bean):
-    pl, things = beans(scenes, bean, scalars=np.arange(24.0), clim=[2, 20], show_scalar_bar=True,
-                       scalar_bar_args={'title': 'growth'})  # fmt: skip
+    pl, things = beans(
+        scenes,
+        bean,
+        scalars=np.arange(24.0),
+        clim=[2, 20],
+        show_scalar_bar=True,
+        scalar_bar_args={'title': 'growth'},
+    )
     assert list(pl.scalar_bars.keys()) == ['growth']
     assert things.table.scalar_range == (2, 20)
     bar = pl.scalar_bars['growth']
@@ -522,10 +532,14 @@ def test_bad_updates_change_nothing(scenes, see, bean, given, kind, words):
 
 @pytest.mark.parametrize(
     ('name', 'value'),
-    [('colors', np.zeros((3, 3))), ('scalars', np.zeros(3)), ('visible', np.zeros(24)),
-     pytest.param('visible', np.zeros(3, bool), id='visible-shape'),
-     ('max_error', 0.0)],
-)  # fmt: skip
+    [
+        ('colors', np.zeros((3, 3))),
+        ('scalars', np.zeros(3)),
+        ('visible', np.zeros(24)),
+        pytest.param('visible', np.zeros(3, bool), id='visible-shape'),
+        ('max_error', 0.0),
+    ],
+)
 def test_bad_settings_change_nothing(scenes, see, bean, name, value):
     pl, things = beans(scenes, bean)
     shown = see.grab(pl)

@@ -55,8 +55,9 @@ def test_quads_lie_in_the_planes_of_flat_parts(leaves):
     quad = quads(part, [groups], texture=256)
     assert quad.mesh.n_cells == 120
     corners = np.asarray(quad.mesh.points).reshape(60, 4, 3)
-    order = [int(np.argmin(np.linalg.norm(corners.mean(1) - p.points.mean(0), axis=1)))
-             for p in leaves]  # fmt: skip
+    order = [
+        int(np.argmin(np.linalg.norm(corners.mean(1) - p.points.mean(0), axis=1))) for p in leaves
+    ]
     assert sorted(order) == list(range(60))
     for k, piece in zip(order, leaves, strict=True):
         # All points of the leaf are on its quad, whose sides are little longer than the leaf.

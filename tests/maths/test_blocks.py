@@ -30,10 +30,17 @@ def frame_of(eye, focus, *, parallel=False, size=(120, 90), scale=1.0, angle=30.
         return np.array([[m.GetElement(i, j) for j in range(4)] for i in range(4)])
 
     return Frame(
-        None, None, size, (0, 0), rows(camera.GetModelViewTransformMatrix()),
+        None,
+        None,
+        size,
+        (0, 0),
+        rows(camera.GetModelViewTransformMatrix()),
         rows(camera.GetProjectionTransformMatrix(size[0] / size[1], -1, 1)),
-        parallel=parallel, near=0.01 * away, far=100 * away, eye=np.array(eye, float),
-    )  # fmt: skip
+        parallel=parallel,
+        near=0.01 * away,
+        far=100 * away,
+        eye=np.array(eye, float),
+    )
 
 
 def cloud(seed, n, extent=10.0):
@@ -115,9 +122,12 @@ def truth(points, radii, frame):
 
 @FEW
 @given(
-    seed=st.integers(0, 999), parallel=st.booleans(), inside=st.booleans(),
-    unit=st.sampled_from([1, 16, 64]), n=st.integers(1, 400),
-)  # fmt: skip
+    seed=st.integers(0, 999),
+    parallel=st.booleans(),
+    inside=st.booleans(),
+    unit=st.sampled_from([1, 16, 64]),
+    n=st.integers(1, 400),
+)
 def test_nothing_seen_is_left_out(seed, parallel, inside, unit, n):
     points, radii = cloud(seed, n)
     order = morton_order(points)

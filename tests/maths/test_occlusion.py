@@ -23,9 +23,17 @@ def frame(parallel):
         clip[2, 2], clip[2, 3] = -(far + near) / (far - near), -2 * far * near / (far - near)
         clip[3, 2] = -1
     return Frame(
-        None, None, SIZE, (0, 0), np.eye(4), clip, parallel=parallel, near=near, far=far,
+        None,
+        None,
+        SIZE,
+        (0, 0),
+        np.eye(4),
+        clip,
+        parallel=parallel,
+        near=near,
+        far=far,
         eye=np.zeros(3),
-    )  # fmt: skip
+    )
 
 
 def project(seen, points):

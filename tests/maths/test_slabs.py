@@ -56,8 +56,9 @@ def test_merged_slabs_hold_every_triangle_and_are_not_more(seed, bound):
     corners = points[faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(across, axis=1)
-    normals = np.where(lengths[:, None] > 0, across / np.maximum(lengths, 1e-300)[:, None],
-                       [1.0, 0, 0])  # fmt: skip
+    normals = np.where(
+        lengths[:, None] > 0, across / np.maximum(lengths, 1e-300)[:, None], [1.0, 0, 0]
+    )
     flat = lengths > 0  # a slab through each triangle that has a plane
     faces, normals, areas = faces[flat], normals[flat], lengths[flat] / 2
     if not len(faces):

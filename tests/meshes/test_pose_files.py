@@ -243,10 +243,13 @@ def _city(tmp_path, **changes):
     }
     template = {'type': 'MultiSurface', 'lod': '1', 'boundaries': [[[0, 1, 2, 3]]]}
     city = {
-        'type': 'CityJSON', 'version': '2.0', 'CityObjects': objects, 'vertices': outer + inner,
+        'type': 'CityJSON',
+        'version': '2.0',
+        'CityObjects': objects,
+        'vertices': outer + inner,
         'transform': {'scale': [0.001] * 3, 'translate': [84616.0, 447422.0, 5.0]},
         'geometry-templates': {'templates': [template], 'vertices-templates': wall},
-    } | changes  # fmt: skip
+    } | changes
     file = tmp_path / 'town.city.json'
     file.write_text(json.dumps(city))
     return file

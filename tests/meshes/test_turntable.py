@@ -136,9 +136,13 @@ def test_from_above_it_gives_way(ladder, atlases, see):
     things = pl.ibr.add_instances(ladder, [[0, 0, 0]], cache=atlases)
     forced(things, billboard=(0.0, 20.0), turntable=(20.0, 1e9))
     for rise, far, expected in (
-        (0.3, 20, 'turntable'), (0.3, 200, 'billboard'), (0.4, 20, 'near'), (0.4, 200, 'near'),
-        (-0.4, 20, 'near'), (-0.3, 20, 'turntable'),
-    ):  # fmt: skip
+        (0.3, 20, 'turntable'),
+        (0.3, 200, 'billboard'),
+        (0.4, 20, 'near'),
+        (0.4, 200, 'near'),
+        (-0.4, 20, 'near'),
+        (-0.3, 20, 'turntable'),
+    ):
         focus = np.array([0, 0, 1.6])
         eye = focus + far * np.array([np.sqrt(1 - rise**2), 0, rise])
         picture = see.grab(see.place(pl, eye, focus))
@@ -186,8 +190,13 @@ def test_each_level_joins_by_its_measured_error(ladder, atlases, see):
 
 def test_sizes_follow_from_errors():
     good, bad = np.array([[0.4, 0.5], [1.4, 0.8]]), np.array([[0.4, 0.5], [2.4, 0.8]])
-    table = {'sizes': np.array([8.0, 16.0]), 'dot': good, 'flat': bad, 'middle': good,
-             'near': good}  # fmt: skip
+    table = {
+        'sizes': np.array([8.0, 16.0]),
+        'dot': good,
+        'flat': bad,
+        'middle': good,
+        'near': good,
+    }
     plain = limits_of(table, 1, 1.0)
     assert plain.level == ()
     both = limits_of(table | {'billboard': bad, 'turntable': good}, 1, 1.0)
@@ -209,9 +218,12 @@ def test_it_is_kept_in_files(fir, tmp_path):
     assert np.array_equal(again.albedo, atlas.turntable.albedo)
     arrays = atlas.to_arrays()
     for name, wrong in (
-        ('turns', np.zeros(4)), ('turns', np.full(4, np.nan)), ('turns.albedo', None),
-        ('turns.geometry', np.zeros((25, 25, 4), np.uint8)), ('turns.geometry', np.zeros(0)),
-    ):  # fmt: skip
+        ('turns', np.zeros(4)),
+        ('turns', np.full(4, np.nan)),
+        ('turns.albedo', None),
+        ('turns.geometry', np.zeros((25, 25, 4), np.uint8)),
+        ('turns.geometry', np.zeros(0)),
+    ):
         with pytest.raises(ValueError, match='not a turntable'):
             Atlas.from_arrays(arrays | {name: wrong})
 

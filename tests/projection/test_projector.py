@@ -229,10 +229,15 @@ def test_masks_and_alpha(stage):
 
 @pytest.mark.parametrize(
     'settings',
-    [{'show_edges': True, 'lighting': True}, {'pbr': True, 'lighting': True},
-     {'style': 'points', 'point_size': 8}, {'style': 'wireframe', 'line_width': 4},
-     {'smooth_shading': True, 'lighting': True}, {'opacity': 0.5}],
-)  # fmt: skip
+    [
+        {'show_edges': True, 'lighting': True},
+        {'pbr': True, 'lighting': True},
+        {'style': 'points', 'point_size': 8},
+        {'style': 'wireframe', 'line_width': 4},
+        {'smooth_shading': True, 'lighting': True},
+        {'opacity': 0.5},
+    ],
+)
 def test_every_kind_of_surface_receives(stage, settings):
     mesh = pv.Plane(i_size=4, j_size=4, i_resolution=40, j_resolution=40)
     pl = stage(mesh, **settings)

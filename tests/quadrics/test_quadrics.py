@@ -332,9 +332,12 @@ def test_passes_see_them_as_meshes(extra, opacity, see):
             pl.ibr.add_ellipsoids(centers, axes, turns, **looks)
         for i in range(0 if exact else len(a)):
             rod = pv.Cylinder(
-                center=(a[i] + b[i]) / 2, direction=b[i] - a[i], radius=radii[i],
-                height=np.linalg.norm(b[i] - a[i]), resolution=90,
-            )  # fmt: skip
+                center=(a[i] + b[i]) / 2,
+                direction=b[i] - a[i],
+                radius=radii[i],
+                height=np.linalg.norm(b[i] - a[i]),
+                resolution=90,
+            )
             matrix = np.eye(4)
             turn = quaternions.to_matrices(quaternions.normalized(turns[i]))
             matrix[:3, :3], matrix[:3, 3] = turn * axes[i], centers[i]

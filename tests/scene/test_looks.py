@@ -35,8 +35,13 @@ LOOKS = {
     'ambient': {'color': 'orange', 'ambient': 0.4, 'diffuse': 0.5},
     'rgb': {'scalars': 'paint', 'rgb': True},
     'scalars': {
-        'scalars': 'height', 'cmap': 'plasma', 'clim': [-0.2, 0.4], 'nan_color': 'lime',
-        'below_color': 'blue', 'above_color': 'red', 'smooth_shading': True,
+        'scalars': 'height',
+        'cmap': 'plasma',
+        'clim': [-0.2, 0.4],
+        'nan_color': 'lime',
+        'below_color': 'blue',
+        'above_color': 'red',
+        'smooth_shading': True,
     },
     'cells': {'scalars': 'cells', 'cmap': 'viridis', 'n_colors': 6},
     'texture': {'texture': pv.Texture(IMAGE)},
@@ -44,7 +49,7 @@ LOOKS = {
     'translucent': {'color': 'orange', 'opacity': 0.4, 'smooth_shading': True},
     'pbr': {'color': 'w', 'pbr': True, 'metallic': 0.1, 'roughness': 0.6, 'smooth_shading': True},
     'culled': {'color': 'orange', 'culling': 'back'},
-}  # fmt: skip
+}
 # What is known to fall short, by look and level; each is reported.
 _ONE_LAYER = 'a card shows one layer of a closed translucent mesh, where add_mesh blends two'
 SHORT = {('translucent', level): _ONE_LAYER for level in ('far', 'flat', 'middle', 'near')}

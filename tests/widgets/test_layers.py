@@ -49,5 +49,6 @@ def test_names_of_the_package():
 
 def test_what_panels_read_beside_python_is_in_the_package():
     assert {p.name for p in FOLDER.iterdir() if p.suffix in ('.html', '.css')} == {
-        'panel.html', 'panel.css',
-    }  # fmt: skip
+        'panel.html',
+        'panel.css',
+    }

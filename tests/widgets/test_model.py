@@ -36,10 +36,17 @@ def test_everything_in_every_subplot_is_there():
     pl.ibr.add(pvibr.Bloom())
     pl.ibr.add(pvibr.Bloom())
     model = Model(pl)
-    assert sorted(titles(model)) == sorted([
-        '0, 0: Shadows', '0, 0: atoms', '0, 0: Billboards', '0, 0: Instances', '0, 0: Impostor',
-        '0, 1: Bloom', '0, 1: Bloom 2',
-    ])  # fmt: skip
+    assert sorted(titles(model)) == sorted(
+        [
+            '0, 0: Shadows',
+            '0, 0: atoms',
+            '0, 0: Billboards',
+            '0, 0: Instances',
+            '0, 0: Impostor',
+            '0, 1: Bloom',
+            '0, 1: Bloom 2',
+        ]
+    )
     assert [r.name for r in model.groups[-1].rows][:2] == ['intensity', 'reduction']
 
 

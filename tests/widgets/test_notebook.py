@@ -42,9 +42,10 @@ def everything(widget):
 
 def click(panel, text, tooltip=''):
     found = [
-        w for w in everything(panel)
+        w
+        for w in everything(panel)
         if isinstance(w, W.Button) and w.description == text and tooltip in (w.tooltip or '')
-    ]  # fmt: skip
+    ]
     assert found, text
     found[0].click()
 

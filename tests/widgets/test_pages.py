@@ -101,17 +101,30 @@ def test_states_go_out_and_come_in(panel, pl):
 @pytest.mark.parametrize(
     'asked',
     [
-        (), ('move',), ('move', 'x', 'intensity', 1), ('move', 'BLOOM'),
-        ('move', 'BLOOM', 'gone', 1), ('move', 'BLOOM', 'intensity'),
-        ('move', 'BLOOM', 'intensity', None), ('move', 'BLOOM', 'intensity', 'NaN'),
-        ('move', 'BLOOM', 'intensity', [1]), ('move', 'BLOOM', 'intensity', 1, 2),
-        ('__init__', 'BLOOM', 'intensity', 1), ('set', 'BLOOM', '__class__', 1), ('close',),
-        ('write', 'BLOOM', 'intensity', '-1'), ('paint', 'BLOOM', 'intensity', {}),
-        ('choose', 'BLOOM', 'blend', 'add'), ('choose', 'BLOOM', 'blend', 99),
-        ('load', 3), ('load', '[' * 10_000),
-        ('keep', 'BLOOM', ''), ('apply', 'BLOOM', '../x'), ('set', 'BLOOM', ['intensity'], 1),
+        (),
+        ('move',),
+        ('move', 'x', 'intensity', 1),
+        ('move', 'BLOOM'),
+        ('move', 'BLOOM', 'gone', 1),
+        ('move', 'BLOOM', 'intensity'),
+        ('move', 'BLOOM', 'intensity', None),
+        ('move', 'BLOOM', 'intensity', 'NaN'),
+        ('move', 'BLOOM', 'intensity', [1]),
+        ('move', 'BLOOM', 'intensity', 1, 2),
+        ('__init__', 'BLOOM', 'intensity', 1),
+        ('set', 'BLOOM', '__class__', 1),
+        ('close',),
+        ('write', 'BLOOM', 'intensity', '-1'),
+        ('paint', 'BLOOM', 'intensity', {}),
+        ('choose', 'BLOOM', 'blend', 'add'),
+        ('choose', 'BLOOM', 'blend', 99),
+        ('load', 3),
+        ('load', '[' * 10_000),
+        ('keep', 'BLOOM', ''),
+        ('apply', 'BLOOM', '../x'),
+        ('set', 'BLOOM', ['intensity'], 1),
     ],
-)  # fmt: skip
+)
 def test_what_is_not_understood_changes_nothing(panel, pl, asked):
     before = pl.ibr.state()
     at = bloom_of(panel)

@@ -63,10 +63,14 @@ def test_unknown_and_supplied_sets_cannot_be_applied_or_forgotten(presets):
 
 @pytest.mark.parametrize(
     'text',
-    ['', '{}', '{"pvibr": "presets", "version": 1}',
-     '{"pvibr": "presets", "version": 1, "presets": {"Bloom": [1]}}',
-     '{"pvibr": "presets", "version": 1, "presets": {"Bloom": {"a": 3}}}'],
-)  # fmt: skip
+    [
+        '',
+        '{}',
+        '{"pvibr": "presets", "version": 1}',
+        '{"pvibr": "presets", "version": 1, "presets": {"Bloom": [1]}}',
+        '{"pvibr": "presets", "version": 1, "presets": {"Bloom": {"a": 3}}}',
+    ],
+)
 def test_a_broken_file_is_said_and_left(presets, text):
     presets.path.write_text(text)
     with pytest.raises(ValueError, match=r'presets\.json'):

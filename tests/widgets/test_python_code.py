@@ -76,12 +76,16 @@ def test_what_is_in_nothing_is_no_code():
 MADE_OF = [
     (k, name)
     for k in (getattr(pvibr, n) for n in pvibr.__all__)
-    if isinstance(k, type) and issubclass(k, Effect)
-    and all(p.default is not p.empty for p in inspect.signature(k).parameters.values()
-            if p.kind is not p.VAR_KEYWORD)
+    if isinstance(k, type)
+    and issubclass(k, Effect)
+    and all(
+        p.default is not p.empty
+        for p in inspect.signature(k).parameters.values()
+        if p.kind is not p.VAR_KEYWORD
+    )
     for name, p in inspect.signature(k).parameters.items()
     if p.kind is not p.VAR_KEYWORD and name != 'images'
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(('kind', 'name'), MADE_OF)

@@ -230,10 +230,15 @@ def test_wheels_scroll_the_panel_and_change_no_setting(dock, pl, app):
     dock.path.setFocus()
     where = QtCore.QPointF(5, 5)
     wheel = QtGui.QWheelEvent(
-        where, slider.mapToGlobal(where), QtCore.QPoint(), QtCore.QPoint(0, 120),
-        QtCore.Qt.MouseButton.NoButton, QtCore.Qt.KeyboardModifier.NoModifier,
-        QtCore.Qt.ScrollPhase.NoScrollPhase, False,
-    )  # fmt: skip
+        where,
+        slider.mapToGlobal(where),
+        QtCore.QPoint(),
+        QtCore.QPoint(0, 120),
+        QtCore.Qt.MouseButton.NoButton,
+        QtCore.Qt.KeyboardModifier.NoModifier,
+        QtCore.Qt.ScrollPhase.NoScrollPhase,
+        False,
+    )
     app.sendEvent(slider, wheel)
     assert pl.ibr.effects[0].spread == 0.5
 

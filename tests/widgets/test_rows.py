@@ -35,9 +35,15 @@ def row(lamp, name):
 def test_each_has_its_control(lamp):
     kinds = {name: row(lamp, name).kind for name in params_of(Lamp)}
     assert kinds == {
-        'power': 'number', 'count': 'number', 'on': 'switch', 'mode': 'choice', 'tint': 'color',
-        'place': 'numbers', 'label': 'text', 'back': 'numbers',
-    }  # fmt: skip
+        'power': 'number',
+        'count': 'number',
+        'on': 'switch',
+        'mode': 'choice',
+        'tint': 'color',
+        'place': 'numbers',
+        'label': 'text',
+        'back': 'numbers',
+    }
 
 
 def test_label_help_and_choices_are_those_of_the_setting(lamp):
@@ -52,10 +58,14 @@ def test_label_help_and_choices_are_those_of_the_setting(lamp):
 @pytest.mark.parametrize(
     ('name', 'text', 'value'),
     [
-        ('power', ' 2.5 ', 2.5), ('count', '7', 7), ('place', '1, -2.5', (1.0, -2.5)),
-        ('place', '(1, 2)', (1.0, 2.0)), ('label', ' new ', 'new'), ('power', '1e-7', 1e-7),
+        ('power', ' 2.5 ', 2.5),
+        ('count', '7', 7),
+        ('place', '1, -2.5', (1.0, -2.5)),
+        ('place', '(1, 2)', (1.0, 2.0)),
+        ('label', ' new ', 'new'),
+        ('power', '1e-7', 1e-7),
     ],
-)  # fmt: skip
+)
 def test_texts_are_understood(lamp, name, text, value):
     assert row(lamp, name).write(text)
     assert getattr(lamp, name) == value
@@ -64,10 +74,18 @@ def test_texts_are_understood(lamp, name, text, value):
 @pytest.mark.parametrize(
     ('name', 'text'),
     [
-        ('power', '-1'), ('power', 'nan'), ('power', 'inf'), ('power', ''), ('count', '2.5'),
-        ('count', '99'), ('place', '1'), ('place', '1, 2, 3'), ('place', '1; 2'), ('tint', 'red'),
+        ('power', '-1'),
+        ('power', 'nan'),
+        ('power', 'inf'),
+        ('power', ''),
+        ('count', '2.5'),
+        ('count', '99'),
+        ('place', '1'),
+        ('place', '1, 2, 3'),
+        ('place', '1; 2'),
+        ('tint', 'red'),
     ],
-)  # fmt: skip
+)
 def test_bad_texts_are_said_and_change_nothing(lamp, name, text):
     before = lamp.state()
     mine = row(lamp, name)

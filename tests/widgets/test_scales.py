@@ -15,9 +15,8 @@ from pvibr.core.params import Param, params_of
 from pvibr_widgets.scales import REACH, STOPS, Scale, scale_of
 
 KINDS = [
-    k for n in pvibr.__all__
-    if isinstance(k := getattr(pvibr, n), type) and issubclass(k, Effect)
-]  # fmt: skip
+    k for n in pvibr.__all__ if isinstance(k := getattr(pvibr, n), type) and issubclass(k, Effect)
+]
 NUMBERS = {
     f'{kind.__name__}.{name}': param
     for kind in KINDS

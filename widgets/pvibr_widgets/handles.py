@@ -75,9 +75,11 @@ class Handles(Overlay):
         pointer = Pointer(self._stage.frame(), pixel)
         kind, *bound = self._bound(name) or ('facing', place)
         ways: dict[str, Callable] = {
-            'facing': pointer.facing, 'plane': pointer.on_plane, 'line': pointer.on_line,
+            'facing': pointer.facing,
+            'plane': pointer.on_plane,
+            'line': pointer.on_line,
             'sphere': pointer.on_sphere,
-        }  # fmt: skip
+        }
         goal = ways[kind](*bound)
         if goal is not None:
             self._try(name, goal)

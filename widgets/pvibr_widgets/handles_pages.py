@@ -6,9 +6,16 @@ from pvibr_widgets.handles_stage import Stage
 
 #: What browsers call a key, and what windows do.
 _NAMES = {
-    'ArrowLeft': 'Left', 'ArrowRight': 'Right', 'ArrowUp': 'Up', 'ArrowDown': 'Down',
-    'PageUp': 'Prior', 'PageDown': 'Next', ' ': 'space', ',': 'comma', '.': 'period',
-}  # fmt: skip
+    'ArrowLeft': 'Left',
+    'ArrowRight': 'Right',
+    'ArrowUp': 'Up',
+    'ArrowDown': 'Down',
+    'PageUp': 'Prior',
+    'PageDown': 'Next',
+    ' ': 'space',
+    ',': 'comma',
+    '.': 'period',
+}
 
 
 def page_keys(pl) -> dict:

@@ -244,8 +244,9 @@ class TimeBar(Overlay):
 
 def _box(left, right, low):
     half = _TRACK / 2
-    return np.array([[left, low - half], [right, low - half], [right, low + half],
-                     [left, low + half]])  # fmt: skip
+    return np.array(
+        [[left, low - half], [right, low - half], [right, low + half], [left, low + half]]
+    )
 
 
 def _framed(corners, color):

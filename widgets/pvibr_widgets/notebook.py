@@ -283,9 +283,11 @@ class RowView(W.VBox):
             yield from self._written(common)
         if row.optional:
             derived = W.Checkbox(
-                description='auto', indent=False, layout={'width': '4.5em'},
+                description='auto',
+                indent=False,
+                layout={'width': '4.5em'},
                 tooltip='derived from the scene',
-            )  # fmt: skip
+            )
             yield self._control('derived', derived, row.derive)
         yield 'reset', _button('↺', f'reset {row.label}', lambda: self._do(row.reset))
 

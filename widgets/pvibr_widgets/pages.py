@@ -18,12 +18,22 @@ _QUIET = 0.06  # seconds without a message from the page, after which it is told
 #: What a page may ask for, and as what its value is taken; None takes none.
 _PAGE_ACTIONS: dict[str, Any] = {'help': bool, 'code': None, 'load': str, 'reset_all': None}
 _GROUP_ACTIONS: dict[str, Any] = {
-    'open': bool, 'switch': bool, 'remove': None, 'apply': str, 'keep': str, 'forget': str,
-}  # fmt: skip
+    'open': bool,
+    'switch': bool,
+    'remove': None,
+    'apply': str,
+    'keep': str,
+    'forget': str,
+}
 _ROW_ACTIONS: dict[str, Any] = {
-    'move': int, 'choose': int, 'set': bool, 'derive': bool, 'write': str, 'paint': str,
+    'move': int,
+    'choose': int,
+    'set': bool,
+    'derive': bool,
+    'write': str,
+    'paint': str,
     'reset': None,
-}  # fmt: skip
+}
 _METHODS = {'help': 'show_help', 'code': 'show_code'}
 
 
@@ -111,9 +121,13 @@ def menu_item(plotter, *, presets=None):
         shown = f'pvibr_drawer_{next(_numbers)}'
         server.state[shown] = False
         html.Button(
-            'pvibr', type='button', click=f'{shown} = !{shown}', classes='pvibr-button',
-            __properties=[('aria_expanded', 'aria-expanded')], aria_expanded=(shown,),
-        )  # fmt: skip
+            'pvibr',
+            type='button',
+            click=f'{shown} = !{shown}',
+            classes='pvibr-button',
+            __properties=[('aria_expanded', 'aria-expanded')],
+            aria_expanded=(shown,),
+        )
         with html.Div(v_show=(shown,), classes='pvibr-drawer'):
             html.Button('Close', type='button', click=f'{shown} = false', classes='pvibr-button')
             trame_panel(plotter, server, presets=presets)

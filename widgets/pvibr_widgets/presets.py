@@ -53,10 +53,14 @@ SUPPLIED: dict[str, dict[str, dict]] = {
     },
     'Sky': {
         'evening': {
-            'top': (0.13, 0.16, 0.35), 'horizon': (0.95, 0.62, 0.40), 'bottom': (0.18, 0.15, 0.16),
+            'top': (0.13, 0.16, 0.35),
+            'horizon': (0.95, 0.62, 0.40),
+            'bottom': (0.18, 0.15, 0.16),
         },
         'overcast': {
-            'top': (0.62, 0.65, 0.69), 'horizon': (0.80, 0.81, 0.82), 'bottom': (0.40, 0.40, 0.39),
+            'top': (0.62, 0.65, 0.69),
+            'horizon': (0.80, 0.81, 0.82),
+            'bottom': (0.40, 0.40, 0.39),
         },
     },
     'Flash': {
@@ -75,7 +79,7 @@ SUPPLIED: dict[str, dict[str, dict]] = {
         'fine': {'max_error': 0.5},
         'fast': {'max_error': 3.0, 'budget_ms': 10.0},
     },
-}  # fmt: skip
+}
 DEFAULTS = 'defaults'
 
 

@@ -11,9 +11,17 @@ from pvibr.core.params import Interval
 
 #: How far numbers of a unit usually go; those of the world are shares of the scene's size.
 REACH = {
-    'px': 32, 'texels': 64, 'degrees': 180, 'ms': 100, 's': 10, 'Hz': 60, '1/s': 60,
-    'stops': 8, 'bytes': 2.0**30, 'world': 0.1,
-}  # fmt: skip
+    'px': 32,
+    'texels': 64,
+    'degrees': 180,
+    'ms': 100,
+    's': 10,
+    'Hz': 60,
+    '1/s': 60,
+    'stops': 8,
+    'bytes': 2.0**30,
+    'world': 0.1,
+}
 #: The last stop of a slider, unless there are fewer whole numbers.
 STOPS = 200
 _FAR = 50  # a larger ratio of ends, or of an end to the default, is shown in decades

@@ -190,10 +190,13 @@ def test_physically_based_looks_come_back(tmp_path):
         for name in ('albedoTex', 'materialTex', 'emissiveTex')
     }
     look = {
-        'color': (0.2, 0.4, 0.8), 'pbr': True, 'metallic': 0.25, 'roughness': 0.75,
+        'color': (0.2, 0.4, 0.8),
+        'pbr': True,
+        'metallic': 0.25,
+        'roughness': 0.75,
         'pbr_textures': {name: pv.Texture(image) for name, image in images.items()},
         'emissive_factor': (1.0, 0.5, 0.0),
-    }  # fmt: skip
+    }
     path = tmp_path / 'figure.glb'
     Figure([FigureMesh(mesh, look=look)]).save(path)
     again = read_gltf(path, pbr=True).bodies[0].look
