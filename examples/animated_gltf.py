@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-import pvibr
-from pvibr.animation import Clip, FigureMesh, Pose, Skeleton, Track
+from pvibr import animation as anim
 from pvibr.maths import quaternions
 
 # %%
@@ -24,24 +23,24 @@ parts = [(foot, 0, 'teal'), (bar, 1, 'silver'), (bar, 2, 'silver'), (shade, 3, '
 bodies = []
 for mesh, joint, color in [*parts, (pv.Sphere(radius=0.45, center=(0, 0, 0.95)), 3, 'gold')]:
     mesh = mesh.triangulate().compute_normals(split_vertices=True)
-    bodies.append(FigureMesh(mesh, joint, look={'color': color}))
-chain = Skeleton([-1, 0, 1, 2], Pose([[0, 0, 0], [0, 0.2, 0], *[[0, 1.6, 0]] * 2]))
+    bodies.append(anim.FigureMesh(mesh, joint, look={'color': color}))
+chain = anim.Skeleton([-1, 0, 1, 2], anim.Pose([[0, 0, 0], [0, 0.2, 0], *[[0, 1.6, 0]] * 2]))
 
 # %%
 # 2. Its hop: it crouches, jumps and lands. Angles are in degrees.
 times = [0, 0.4, 0.6, 0.85, 1.1, 1.5]
 way = np.transpose([[0] * 6, [0, 0, 0.4, 1.5, 0, 0], [0, 0, 0.4, 1.3, 2, 2]])
 angles = [-35, -62, -10, -35, -60, -35], [75, 125, 25, 75, 120, 75], [-20, -45, -5, -20, -40, -20]
-tracks = [Track(0, 'translation', times, way)]
+tracks = [anim.Track(0, 'translation', times, way)]
 for joint, degrees in enumerate(angles, 1):
     turns = quaternions.from_axis_angle([[1, 0, 0]] * 6, np.radians(degrees))
-    tracks.append(Track(joint, 'rotation', times, turns))
+    tracks.append(anim.Track(joint, 'rotation', times, turns))
 
 # %%
 # 3. A file, which any program for glTF shows as well: ``pvibr play lamp.glb`` is one.
 folder = tempfile.TemporaryDirectory()
 file, movie = (Path(folder.name) / name for name in ('lamp.glb', 'lamps.gif'))
-pvibr.Figure(bodies, chain, [Clip('hop', tracks)]).save(file)
+anim.Figure(bodies, chain, [anim.Clip('hop', tracks)]).save(file)
 
 # %%
 # 4. Five lamps, each ahead of the one before, as a movie: each frame is later by its share.

@@ -30,13 +30,9 @@ feet = rng.uniform(-11, 11, (COUNT, 2))
 ends = np.c_[feet, np.zeros(COUNT)], np.c_[feet, np.full(COUNT, 1.2)]
 pl.ibr.add_cylinders(*ends, 0.12, color='sienna', name='poles')
 pl.ibr.add_spheres(
-    np.c_[rng.uniform(-11, 11, (COUNT, 2)), np.full(COUNT, 0.3)],
-    0.3,
-    scalars=rng.uniform(0, 1, COUNT),
-    cmap='Greys',
-    show_scalar_bar=False,
-    name='stones',
-)
+    np.c_[rng.uniform(-11, 11, (COUNT, 2)), np.full(COUNT, 0.3)], 0.3,
+    scalars=rng.uniform(0, 1, COUNT), cmap='Greys', show_scalar_bar=False, name='stones',
+)  # fmt: skip
 above = pvibr.Orthographic.from_extent(-5, 5, -3, 3, zmax=0.5)
 pl.ibr.add(pvibr.Projector(examples.mapfile, above, actors=[ground]))
 pl.ibr.add(pvibr.Shadows())

@@ -11,8 +11,7 @@ import pyvista as pv
 from pyvista import examples
 
 import pvibr
-from pvibr import Figure
-from pvibr.animation import Clip, FigureMesh, Skeleton, Track
+from pvibr import animation as anim
 from pvibr_widgets import light_handles, pick_focus, projector_handles, time_bar
 
 SIZE = 560
@@ -21,14 +20,15 @@ SIZE = 560
 # 1. A staircase with a ball that floats up and down, twice.
 pl = pv.Plotter(shape=(1, 2), window_size=(2 * SIZE, SIZE), lighting='none', border=False)
 looks = {'color': 'white', 'ambient': 0.1, 'diffuse': 0.7}
-float_up = Clip('float', [Track(0, 'translation', [0, 2, 4], [[0, 0, 0], [0, 0, 1.2], [0, 0, 0]])])
-ball = FigureMesh(pv.Sphere(radius=0.45, center=(0.6, -0.6, 1.4)), node=0)
+rise = anim.Track(0, 'translation', [0, 2, 4], [[0, 0, 0], [0, 0, 1.2], [0, 0, 0]])
+ball = anim.FigureMesh(pv.Sphere(radius=0.45, center=(0.6, -0.6, 1.4)), node=0)
 for column in (0, 1):
     pl.subplot(0, column)
     for k in range(6):
         pl.add_mesh(pv.Box((-3, 3, 0.6 * k, 0.6 * (k + 1), -0.1, 0.35 * k)), **looks)
     pl.add_mesh(pv.Box((-3, 3, -3, 0, -0.2, -0.1)), **looks)
-    pl.ibr.add_animated(Figure([ball], Skeleton([-1], [np.eye(4)]), [float_up]), clip='float')
+    figure = anim.Figure([ball], anim.Skeleton([-1], [np.eye(4)]), [anim.Clip('float', [rise])])
+    pl.ibr.add_animated(figure, clip='float')
     pl.camera_position = [(-6, -15, 8), (-0.3, 0.1, 1), (0, 0, 1)]
 
 # %%

@@ -9,8 +9,7 @@ way between them what was shown goes over into the first mesh of the next state.
 import numpy as np
 import pyvista as pv
 
-import pvibr
-from pvibr.animation import FigureMesh, FrameRange, VertexAnimation, VertexAnimationStates
+from pvibr import animation as anim
 
 # %%
 # 1. A bell with eight arms; its vertices know how far down they are.
@@ -40,16 +39,12 @@ def shaped(phase, pulse, wave):  # a pulse of the bell, and a wave that runs dow
 # 2. Frames 0 to 15 drift, frames 16 to 31 swim. After two seconds it is told to swim.
 phases = np.arange(16) / 16
 meshes = [shaped(p, 0.2, 1.2) for p in phases] + [shaped(p, 1.0, 0.3) for p in phases]
-states = VertexAnimationStates(
-    {
-        'drift': FrameRange(0, 15, fps=8),
-        'swim': FrameRange(16, 31, fps=16),
-    },
-    fade=0.5,
+states = anim.VertexAnimationStates(
+    {'drift': anim.FrameRange(0, 15, fps=8), 'swim': anim.FrameRange(16, 31, fps=16)}, fade=0.5
 )
 states.go('swim', at=2.0)
-frames = VertexAnimation(np.arange(32.0), [mesh.points for mesh in meshes], states=states)
-figure = pvibr.Figure([FigureMesh(rest, frames=frames)])
+frames = anim.VertexAnimation(np.arange(32.0), [mesh.points for mesh in meshes], states=states)
+figure = anim.Figure([anim.FigureMesh(rest, frames=frames)])
 
 # %%
 # 3. Some moments before, on the way and after.

@@ -8,18 +8,7 @@ Two movements at once: the legs run while neck and head look up, by a mask of jo
 import numpy as np
 import pyvista as pv
 
-import pvibr
-from pvibr.animation import (
-    AnimationLayer,
-    Clip,
-    ClipSource,
-    FigureMesh,
-    Mixer,
-    Pose,
-    Skeleton,
-    Track,
-    joint_mask,
-)
+from pvibr import animation as anim
 from pvibr.maths import quaternions
 
 # %%
@@ -37,14 +26,14 @@ names, bodies = list(JOINTS), []
 for joint, (_, _, bone, radius, color) in enumerate(JOINTS.values()):
     along = {'center': np.array(bone) / 2, 'direction': bone, 'radius': radius}
     mesh = pv.Capsule(**along, cylinder_length=np.linalg.norm(bone)).triangulate()
-    bodies.append(FigureMesh(mesh, joint, look={'color': color}))
+    bodies.append(anim.FigureMesh(mesh, joint, look={'color': color}))
 parents = [names.index(parent) if parent else -1 for parent, *_ in JOINTS.values()]
-skeleton = Skeleton(parents, Pose([row[1] for row in JOINTS.values()]), names)
+skeleton = anim.Skeleton(parents, anim.Pose([row[1] for row in JOINTS.values()]), names)
 
 
 def turning(joint, seconds, degrees):
     turns = quaternions.from_axis_angle([[0, 1, 0]] * len(degrees), np.radians(degrees))
-    return Track(names.index(joint), 'rotation', np.linspace(0, seconds, len(turns)), turns)
+    return anim.Track(names.index(joint), 'rotation', np.linspace(0, seconds, len(turns)), turns)
 
 
 # %%
@@ -54,17 +43,17 @@ legs = {'thigh': [-45, -5, 45, 0], 'shin': [10, 30, 60, 95], 'foot': [-10, -30, 
 for part, angles in legs.items():
     for side, turn in (('left', [0, 1, 2, 3, 0]), ('right', [2, 3, 0, 1, 2])):
         run.append(turning(f'{side} {part}', 0.6, np.take(angles, turn)))
-look = Clip('look up', [turning('neck', 2, [-30, -40, -30]), turning('head', 2, [-60] * 3)])
-ostrich = pvibr.Figure(bodies, skeleton, [Clip('run', run), look])
+look = anim.Clip('look up', [turning('neck', 2, [-30, -40, -30]), turning('head', 2, [-60] * 3)])
+ostrich = anim.Figure(bodies, skeleton, [anim.Clip('run', run), look])
 
 # %%
 # 3. It looks up from a second on: a layer over the run, for the neck and what hangs on it.
-layer = AnimationLayer(ClipSource(ostrich, 1), 0.0, joint_mask(skeleton, ['neck']))
+layer = anim.AnimationLayer(anim.ClipSource(ostrich, 1), 0.0, anim.joint_mask(skeleton, ['neck']))
 layer.weight.go(1.0, at=1.0, fade=0.6)
 pl = pv.Plotter(window_size=(1200, 400))
 for k, time in enumerate([0.45, 0.9, 1.3, 1.75, 2.2]):
     bird = pl.ibr.add_animated(ostrich, smooth_shading=True)
-    bird.pose = Mixer(ClipSource(ostrich, 'run'), layer).sample(time)
+    bird.pose = anim.Mixer(anim.ClipSource(ostrich, 'run'), layer).sample(time)
     bird.user_matrix = pv.Transform().translate(3 * k, 0, 0).matrix
 pl.camera_position = [(6, -13, 2.6), (6, 0, 2.1), (0, 0, 1)]
 pl.show(auto_close=False)

@@ -42,13 +42,9 @@ pl.add_light(pv.Light(light_type='headlight', intensity=0.35))
 pl.add_mesh(pv.Plane(center=(4, 0, 0), i_size=60, j_size=60), color='white')
 pl.ibr.add_spheres(atoms, radii, colors=colors, specular=0.4, specular_power=40, name='atoms')
 pl.ibr.add_spheres(
-    grains,
-    rng.uniform(0.04, 0.09, len(grains)),
-    scalars=height,
-    cmap='YlOrBr_r',
-    show_scalar_bar=False,
-    name='grains',
-)
+    grains, rng.uniform(0.04, 0.09, len(grains)), scalars=height, cmap='YlOrBr_r',
+    show_scalar_bar=False, name='grains',
+)  # fmt: skip
 pl.ibr.add(pvibr.Shadows())
 pl.camera.position, pl.camera.focal_point, pl.camera.up = (2, -34, 12), (5, 0, 5.4), (0, 0, 1)
 pl.show(auto_close=False)

@@ -14,7 +14,7 @@ from trame.widgets import vuetify3 as v3
 from trame_pyvista.ui import plotter_ui
 
 import pvibr
-from pvibr.animation import Clip, FigureMesh, Skeleton, Track
+from pvibr import animation as anim
 
 COUNT = 300
 
@@ -28,12 +28,9 @@ angle, away = rng.uniform(0, 2 * np.pi, COUNT), rng.uniform(2, 13, COUNT)
 places = np.c_[away * np.cos(angle), away * np.sin(angle), np.full(COUNT, 0.25)]
 pl.ibr.add_instances(pv.Icosphere(radius=0.3, nsub=2), places, color='#c9b79c')
 pl.add_light(pv.Light(position=(8, -6, 9), cone_angle=60, light_type='scene light'))
-rise = Track(0, 'translation', [0, 1, 2], [[0, 0, 1], [0, 0, 3], [0, 0, 1]])
-lamp, joint = (
-    FigureMesh(pv.Sphere(), node=0),
-    Skeleton([-1], [np.eye(4)]),
-)
-lamp = pvibr.Figure([lamp], joint, [Clip('rise', [rise])])
+rise = anim.Track(0, 'translation', [0, 1, 2], [[0, 0, 1], [0, 0, 3], [0, 0, 1]])
+lamp, joint = anim.FigureMesh(pv.Sphere(), node=0), anim.Skeleton([-1], [np.eye(4)])
+lamp = pvibr.Figure([lamp], joint, [anim.Clip('rise', [rise])])
 pl.ibr.add_animated(lamp, clip='rise', color='#ffd166', lighting=False)
 pl.ibr.add(pvibr.Shadows())
 bloom = pl.ibr.add(pvibr.Bloom(threshold=0.6))
@@ -45,7 +42,7 @@ server = get_server(client_type='vue3')
 with SinglePageLayout(server) as layout:
     with layout.toolbar:
         v3.VSlider(v_model=('shine', 0.3), min=0, max=1, label='Bloom', hide_details=True)
-        v3.VSwitch(v_model=('plays', False), label='ClipSource', hide_details=True)
+        v3.VSwitch(v_model=('plays', False), label='Play', hide_details=True)
     with layout.content:
         view = plotter_ui(pl, mode='server', add_menu=False)
 
