@@ -17,7 +17,6 @@ import pvibr
 from pvibr import animation as anim
 
 COUNT = 300
-
 # %%
 # 1. A scene as any other: stones around a lamp that rises and sinks.
 pl = pv.Plotter(off_screen=True, window_size=(960, 540), lighting='none')

@@ -154,7 +154,7 @@ def _drawing(found: Diagnosis) -> None:
 
 def _draw_elsewhere() -> tuple[dict[str, str], str]:
     """Draw in another process, which may crash: what was found, and what went wrong if it did."""
-    command = [sys.executable, '-c', 'from pvibr import doctor; doctor._draw()']
+    command = [sys.executable, '-c', 'from pvibr.cli import doctor; doctor._draw()']
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=TIMEOUT_SECONDS, check=False

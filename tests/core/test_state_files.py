@@ -191,7 +191,7 @@ def test_a_file_that_the_system_cuts_is_never_seen(tmp_path):
     path = tmp_path / 'look.json'
     path.write_text('old')
     code = (
-        'import resource, signal, sys; from pvibr import state_files;'
+        'import resource, signal, sys; from pvibr.core import state_files;'
         'signal.signal(signal.SIGXFSZ, signal.SIG_IGN);'
         'resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096));'
         "state_files.write(sys.argv[1], 'x' * 100_000)"
