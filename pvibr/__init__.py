@@ -32,57 +32,62 @@ def lazy_exports(package, exports):
     return __getattr__, __dir__
 
 
+#: Effects in the order in which they run, and why there: one line here registers an effect. Things
+#: in a scene and effects of users run before all of these, in the order in which they were added.
+EFFECTS = {
+    'Shadows': 'pvibr.shadows.shadows',  # light that reaches surfaces, before any is shaded
+    'Projector': 'pvibr.projection.projector',  # photographs are lit and shadowed like surfaces
+    'Projectors': 'pvibr.projection.projector',  # as one
+    'Sky': 'pvibr.effects.backgrounds',  # behind the scene: a lens blurs it, bright parts bloom
+    'Backdrop': 'pvibr.effects.backgrounds',  # as the sky
+    'DepthOfField': 'pvibr.effects.depth_of_field',  # a lens blurs the light of the scene
+    'Glow': 'pvibr.effects.glow',  # added after the lens: it stays sharp
+    'Afterglow': 'pvibr.effects.glow',  # as glow
+    'Bloom': 'pvibr.effects.bloom',  # spreads all that is bright by now, glow included
+    'ToneMapping': 'pvibr.effects.tone_mapping',  # the last to see light above 1
+    'Outline': 'pvibr.effects.outline',  # lines keep the colour that was asked for
+    'ShaderEffect': 'pvibr.effects.shader_effect',  # a user's own, unless it sets `before`
+    'ImageOverlay': 'pvibr.effects.screen',  # over the finished picture, in its own colours
+    'NightVision': 'pvibr.effects.screen',  # a device looks at all of that
+    'Vignette': 'pvibr.effects.screen',  # its lens is darker at the rim
+    'Flash': 'pvibr.effects.screen',  # light into that lens
+    'Iris': 'pvibr.effects.screen',  # its shutter covers everything
+}
 _EXPORTS = {
+    **EFFECTS,
     '__version__': 'pvibr.core.version',
-    'Afterglow': 'pvibr.effects.glow',
     'AnimatedActor': 'pvibr.figures.animated_actor',
     'animation': 'pvibr.animation',
     'Atlas': 'pvibr.instances.atlas',
     'attach': 'pvibr.component',
-    'Backdrop': 'pvibr.effects.backgrounds',
     'BillboardCloud': 'pvibr.billboard_clouds.cloud',
     'Billboards': 'pvibr.billboards.billboards',
-    'Bloom': 'pvibr.effects.bloom',
     'ClosedError': 'pvibr.core.errors',
     'Crowd': 'pvibr.figures.crowd',
     'Cylinders': 'pvibr.quadrics.cylinders',
-    'DepthOfField': 'pvibr.effects.depth_of_field',
     'deterministic': 'pvibr.core.determinism',
     'Effect': 'pvibr.core.effect',
     'Ellipsoids': 'pvibr.quadrics.ellipsoids',
     'Figure': 'pvibr.animation.figure',
-    'Flash': 'pvibr.effects.screen',
     'foliage_levels': 'pvibr.instances.foliage_levels',
-    'Glow': 'pvibr.effects.glow',
     'ImageLayers': 'pvibr.image_layers.image_layers',
-    'ImageOverlay': 'pvibr.effects.screen',
     'Impostor': 'pvibr.impostors.impostor',
     'Instances': 'pvibr.instances.instances',
-    'Iris': 'pvibr.effects.screen',
     'LiveTexture': 'pvibr.projection.live_texture',
     'Mirror': 'pvibr.projection.live_texture',
-    'NightVision': 'pvibr.effects.screen',
     'Orthographic': 'pvibr.maths.cameras',
-    'Outline': 'pvibr.effects.outline',
     'silhouette_lines': 'pvibr.projection.silhouette_lines',
     'Param': 'pvibr.core.params',
     'Pinhole': 'pvibr.maths.cameras',
-    'Projector': 'pvibr.projection.projector',
-    'Projectors': 'pvibr.projection.projector',
     'PvibrError': 'pvibr.core.errors',
     'PvibrWarning': 'pvibr.core.errors',
     'read_city': 'pvibr.formats.cities',
     'read_gltf': 'pvibr.animation.gltf.read',
     'read_poses': 'pvibr.meshes.pose_files',
-    'ShaderEffect': 'pvibr.effects.own',
     'ShaderError': 'pvibr.core.errors',
     'shadow_mask': 'pvibr.projection.visibility',
     'shadowed_area': 'pvibr.projection.visibility',
-    'Shadows': 'pvibr.shadows.shadows',
-    'Sky': 'pvibr.effects.backgrounds',
     'Spheres': 'pvibr.quadrics.spheres',
-    'ToneMapping': 'pvibr.effects.tone_mapping',
-    'Vignette': 'pvibr.effects.screen',
     'visible': 'pvibr.projection.visibility',
 }
 

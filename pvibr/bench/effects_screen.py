@@ -10,8 +10,8 @@ import numpy as np
 from pvibr.bench.copies import Stand, in_copies
 from pvibr.core.frame import Frame
 from pvibr.effects.backgrounds import Sky
-from pvibr.effects.own import ShaderEffect
 from pvibr.effects.screen import Flash, ImageOverlay, Iris, NightVision, Vignette
+from pvibr.effects.shader_effect import ShaderEffect
 from pvibr.effects.tone_mapping import ToneMapping
 from pvibr.gl.offscreen import hidden_window
 from pvibr.maths.tones import CURVES
