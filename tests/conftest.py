@@ -17,6 +17,14 @@ settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark the tests that need real files."""
+    for item in items:
+        if 'data_dir' in item.fixturenames:
+            item.add_marker('data')
+
+
 @pytest.fixture(autouse=True)
 def no_vtk_errors(monkeypatch):
     """Fail a test on what VTK would only print: its errors, and Python's within its observers."""

@@ -260,17 +260,25 @@ class Pinhole(_ByValue):
         Returns
         -------
         uv : numpy.ndarray, shape (n, 2), float64
-            In [0, 1] if in the picture, v = 0 at the bottom; NaN behind the camera and where the
-            lens would fold the point back into the picture.
+            In [0, 1] if in the picture, v = 0 at the bottom; NaN behind the camera, where the
+            depth is zero within the rounding of the points' type, and where the lens would fold
+            the point back into the picture.
         depth : numpy.ndarray, shape (n,), float64
             Distance along the camera's axis in world units, positive ahead.
         """
         moved = _points(points) @ self.R.T + self.t
         depth = moved[:, 2]
+        ahead = (depth > self._rounding(points))[:, None]
         plane = np.full((len(moved), 2), np.nan)
         with np.errstate(over='ignore'):
-            np.divide(moved[:, :2], depth[:, None], out=plane, where=depth[:, None] > 0)
+            np.divide(moved[:, :2], depth[:, None], out=plane, where=ahead)
         return _affine(self.uv_from_plane, distort(plane, self.distortion)), depth
+
+    def _rounding(self, points):
+        """Return the depth that rounding alone may give a point in the plane of the camera."""
+        kind = getattr(points, 'dtype', np.dtype(np.float64))
+        eps = np.finfo(kind if kind.kind == 'f' else np.float64).eps
+        return 4 * eps * (np.abs(_points(points)) @ np.abs(self.R[2]) + abs(self.t[2]))
 
     def rays(self, uv):
         """Return the rays through places of the picture.

@@ -70,7 +70,6 @@ def test_matrices_are_scaled_where_they_are(tmp_path):
     assert _scaled(matrices[:, :3, 3], 3.0).shape == (2, 4, 4)
 
 
-@pytest.mark.data
 @pytest.mark.slow
 def test_a_statue_at_every_stem(data_dir, tmp_path):
     main(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import imageio.v3 as iio
 import numpy as np
 import pytest
@@ -249,25 +247,26 @@ def test_calm_dims_lone_pixels_and_little_else(window):
     np.testing.assert_allclose(found[0], found[1], atol=1e-4)
 
 
-PHOTOS = Path(__file__).parents[3] / 'shared/data/projection/opensfm_berlin/images'
-
-
-def natural(name):
-    """A photograph, or a picture whose spectrum falls as those of photographs do; greys."""
-    if name == 'noise':
-        return effects_bloom.natural((320, 176))[..., 0]
-    if not (PHOTOS / name).exists():
-        pytest.skip(f'no shared photograph {name}')
-    return 0.01 + 0.99 * iio.imread(PHOTOS / name)[::4, ::4, 1] / 255
-
-
-@pytest.mark.parametrize('name', ['noise', '01.jpg', '02.jpg', '03.jpg'])
-@pytest.mark.parametrize(
+chains = pytest.mark.parametrize(
     ('chain', 'kernel', 'reduction'),
     [('gaussian', 5, 8), ('gaussian', 9, 4), ('tent', 5, 4)],
 )
-def test_small_kernels_on_small_images_are_a_large_one(window, name, chain, kernel, reduction):
-    grey = natural(name)
+
+
+@chains
+def test_small_kernels_on_small_images_are_a_large_one(window, chain, kernel, reduction):
+    natural = effects_bloom.natural((320, 176))[..., 0]  # of the spectrum of photographs
+    assert_blurred(window, natural, chain, kernel, reduction)
+
+
+@chains
+@pytest.mark.parametrize('name', ['01.jpg', '02.jpg', '03.jpg'])
+def test_photographs_are_blurred_likewise(window, data_dir, name, chain, kernel, reduction):
+    photo = iio.imread(data_dir / 'projection/opensfm_berlin/images' / name)
+    assert_blurred(window, 0.01 + 0.99 * photo[::4, ::4, 1] / 255, chain, kernel, reduction)
+
+
+def assert_blurred(window, grey, chain, kernel, reduction):
     bloom = pvibr.Bloom(
         threshold=0.0,
         operator='keep',

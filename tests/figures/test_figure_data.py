@@ -21,7 +21,6 @@ MODELS = [
 ]
 
 
-@pytest.mark.data
 @pytest.mark.filterwarnings('ignore::pvibr.PvibrWarning')
 @pytest.mark.parametrize('name', MODELS)
 def test_models_are_posed_as_the_reference_has_them(name, data_dir):

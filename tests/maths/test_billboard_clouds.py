@@ -47,7 +47,6 @@ def test_every_corner_of_any_triangles_is_within_the_bound(seed, share, count):
     assert planes.displacements(points, faces).max() <= epsilon
 
 
-@pytest.mark.data
 @pytest.mark.parametrize('share', [0.01, 0.02, 0.04])
 def test_every_corner_of_a_building_is_within_the_bound(share, data_dir):
     (part,) = as_parts(data_dir / 'meshes/city/building_H.gltf')

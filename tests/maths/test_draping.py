@@ -200,7 +200,6 @@ def test_few_samples_are_hardly_believed():
     assert many == pytest.approx(2, rel=1e-4)
 
 
-@pytest.mark.data
 def test_photographs_give_a_scene_its_published_colours(berlin):
     points, published, views = berlin
     shown = []

@@ -1,7 +1,5 @@
 """Parts: the same picture as add_mesh, whatever the mesh; the mesh itself untouched."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -10,8 +8,6 @@ from PIL import Image
 
 from pvibr.meshes.parts import Part, as_meshes, as_parts, copy_property
 from pvibr.meshes.trimesh_meshes import scene_instances
-
-DATA = Path(__file__).parents[3] / 'shared' / 'data'
 
 
 def _picture(fill):
@@ -296,7 +292,6 @@ def test_bad_lists():
         as_meshes([pv.Cube(), pv.PolyData()])
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason='../shared/data is absent')
 @pytest.mark.parametrize(
     ('file', 'parts'),
     [
@@ -307,16 +302,15 @@ def test_bad_lists():
         ('gltf/VertexColorTest.glb', 2),
     ],
 )
-def test_real_files(file, parts):
-    found = as_parts(DATA / file)
+def test_real_files(data_dir, file, parts):
+    found = as_parts(data_dir / file)
     assert len(found) == parts
     assert all(np.isfinite(part.mesh.points).all() for part in found)
     assert (found[0].actor.texture is None) == file.endswith('.obj')
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason='../shared/data is absent')
-def test_instances_in_a_gltf_file():
-    meshes, index, matrices = scene_instances(DATA / 'gltf/SimpleInstancing.glb')
+def test_instances_in_a_gltf_file(data_dir):
+    meshes, index, matrices = scene_instances(data_dir / 'gltf/SimpleInstancing.glb')
     assert len(meshes) == 1
     assert not index.any()
     assert matrices.shape == (125, 4, 4)

@@ -334,7 +334,9 @@ def test_a_gltf_file_does_not_lead_out_of_its_folder(tmp_path):
             read(inner / 'a.gltf')
 
 
-@pytest.mark.parametrize('content', [b'x,y,z', gzip.compress(b'x,y,z' * 99)[:-12]])
+@pytest.mark.parametrize(
+    'content', [b'x,y,z', gzip.compress(b'x,y,z' * 99)[:-12]], ids=['plain', 'cut off']
+)
 def test_what_is_no_gzip_file_is_named(tmp_path, content):
     file = tmp_path / 'a.csv.gz'
     file.write_bytes(content)

@@ -6,7 +6,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 import pvibr
@@ -51,6 +51,9 @@ def test_every_stop_of_every_setting_is_allowed(param, size):
     st.floats(0, 1),
     st.booleans(),
 )
+@example(-3.0, 1.0, '[', True, 'world', 0.0, False)  # [-3, 0): what is in reach is no number of it
+@example(-2.0, 1.0, '[', True, 'world', 0.0, False)
+@example(-5e-324, math.inf, '[', False, '', 0.0, True)
 def test_any_range(low, width, bracket, whole, unit, share, given_default):
     if whole:
         low, width = math.floor(low), width if math.isinf(width) else math.ceil(width) + 2

@@ -24,6 +24,7 @@ REACH = {
 }
 #: The last stop of a slider, unless there are fewer whole numbers.
 STOPS = 200
+_TINY = 1e-300  # a smaller default is no size: what is derived from it would be rounded away
 _FAR = 50  # a larger ratio of ends, or of an end to the default, is shown in decades
 
 
@@ -78,6 +79,7 @@ def scale_of(param, size=1.0) -> Scale:
     """Return the scale of a setting that is a number."""
     interval, whole = param.range or Interval('(-inf, inf)'), param.kind is int
     default = abs(param.default or 0.0)
+    default = default if default > _TINY else 0.0
     reach = REACH.get(param.unit, 1.0) * (size if param.unit == 'world' else 1.0)
     far = _FAR * default or math.inf
     if interval.low >= 0 and 0 not in interval and interval.high >= far:
@@ -110,8 +112,15 @@ def _finite(interval, reach, far):
 
 def _inner(interval, low, high, whole):
     """Return ends that are in the range themselves, and whole where numbers are."""
-    step = 1 if whole else (high - low) / STOPS
-    low = math.ceil(low) if whole else low
+    if whole:
+        return _whole(interval, math.ceil(low), math.floor(high))
+    step = (high - low) / STOPS
     low = low if low in interval else low + step
-    high = max(math.floor(high), low + 1) if whole else high
     return low, high if high in interval else high - step
+
+
+def _whole(interval, low, high):
+    """Return two whole numbers of a range that has two, near its ends."""
+    starts = (low, low + 1, low - 1, low - 2)
+    low = next((n for n in starts if n in interval and n + 1 in interval), low)
+    return low, next((n for n in (high, high - 1) if n in interval and n > low), low + 1)

@@ -9,7 +9,6 @@ from PIL import Image
 
 from pvibr.bench import figures_errors, figures_peers
 
-pytestmark = pytest.mark.data
 MODELS = [
     'AnimatedMorphCube.glb',
     'BoxAnimated.glb',
