@@ -43,7 +43,7 @@ for part in keys:
     shapes.append(points + 0.35 * part * swell[:, None] * normals)
 turns = np.stack([bent(part).rotation for part in keys])
 poses = pvibr.animation.Pose(np.stack([bent(1).translation] * 3), turns)
-sculpted = pvibr.Figure(plain.bodies, plain.skeleton)
+sculpted = pvibr.Figure(plain.meshes, plain.skeleton)
 sculpted.correctives = pvibr.animation.Correctives.from_sculpted(plain, [1], poses, shapes)
 
 # %%

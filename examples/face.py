@@ -46,7 +46,7 @@ clips = [pvibr.animation.Clip('talk', [pvibr.animation.Track(0, 'weights', range
 # %%
 # 3. The figure: the face and two eyes, at each key of its clip.
 face = pvibr.Figure.from_arrays(head.points, head.regular_faces, morphs=morphs, clips=clips)
-face.bodies[0].mesh['paint'] = paint.astype(np.uint8)
+face.meshes[0].mesh['paint'] = paint.astype(np.uint8)
 pl = pv.Plotter(window_size=(1200, 360), shape=(1, 5), border=False)
 for time in range(5):
     pl.subplot(0, time)

@@ -16,23 +16,23 @@ _AXES = np.arange(3)
 
 
 class Boxes:
-    """Boxes of a body in any pose, without looking at its vertices again."""
+    """Boxes of a mesh in any pose, without looking at its vertices again."""
 
-    def __init__(self, body):
-        self._body = body
+    def __init__(self, mesh):
+        self._mesh = mesh
 
     def around(self, world, layers=(), time=0.0, how='linear'):
-        """Return boxes around the posed body."""
-        body, world = self._body, np.asarray(world, dtype=np.float64)
-        if body.skin is None:
-            node = np.eye(4) if body.node < 0 else world[..., body.node, :, :]
+        """Return boxes around the posed mesh."""
+        mesh, world = self._mesh, np.asarray(world, dtype=np.float64)
+        if mesh.skin is None:
+            node = np.eye(4) if mesh.node < 0 else world[..., mesh.node, :, :]
             node = np.broadcast_to(node, (*world.shape[:-3], 4, 4))[..., None, :, :]
             boxes = _moved(node, self._still(self._all, layers, time))
         elif how == 'linear' or not self._others:  # a joint alone moves its vertices as it is
-            matrices = body.skin.matrices(world)[..., self._singles.keys, :, :]
+            matrices = mesh.skin.matrices(world)[..., self._singles.keys, :, :]
             boxes = _moved(matrices, self._still(self._singles, layers, time))
         else:
-            boxes = self._dual(body.skin, world, self._still(self._pairs, layers, time))
+            boxes = self._dual(mesh.skin, world, self._still(self._pairs, layers, time))
         return _joined(boxes)
 
     def _dual(self, skin, world, boxes):
@@ -57,11 +57,11 @@ class Boxes:
 
     def _still(self, groups, layers, time):
         """Return the boxes of groups of vertices before joints move them, (..., g, 2, 3)."""
-        body = self._body
-        if body.frames is None:
-            boxes = groups.boxes('points', lambda: body.points)
+        mesh = self._mesh
+        if mesh.frames is None:
+            boxes = groups.boxes('points', lambda: mesh.points)
         else:
-            boxes = self._framed(groups, *body.frames.at(time))
+            boxes = self._framed(groups, *mesh.frames.at(time))
         for morphs, weights in layers:
             weights = np.asarray(weights, dtype=np.float64)
             for i in np.flatnonzero((weights != 0).reshape(-1, len(morphs)).any(0)):
@@ -72,34 +72,34 @@ class Boxes:
 
     def _framed(self, groups, frames, shares):
         used, place = np.unique(frames, return_inverse=True)
-        positions = self._body.frames.positions
+        positions = self._mesh.frames.positions
         table = np.stack(
             [groups.boxes(('frame', i), lambda i=i: np.asarray(positions[i], float)) for i in used]
         )
         return _scaled(table[place.reshape(frames.shape)], shares).sum(-4)
 
     def _total(self, morphs, weights):
-        return morphs.total('positions', weights, len(self._body.points))
+        return morphs.total('positions', weights, len(self._mesh.points))
 
     @cached_property
     def _all(self):
-        return _Groups(np.zeros(len(self._body.points), np.int64))
+        return _Groups(np.zeros(len(self._mesh.points), np.int64))
 
     @cached_property
     def _singles(self):
         """Vertices by joint."""
-        skin = self._body.skin
+        skin = self._mesh.skin
         return _Groups(*(part[skin.weights > 0] for part in (skin.joints, _rows(skin.joints))))
 
     @cached_property
     def _others(self):
         """The largest share of all joints but the heaviest in a vertex."""
-        return 1.0 - self._body.skin.weights.max(1).min()
+        return 1.0 - self._mesh.skin.weights.max(1).min()
 
     @cached_property
     def _pairs(self):
         """Vertices by each two joints that they have in common, and by a joint and itself."""
-        skin = self._body.skin
+        skin = self._mesh.skin
         keys = skin.joints[:, :, None] * len(skin.nodes) + skin.joints[:, None, :]
         keys = keys.reshape(len(keys), -1)
         pulls = skin.weights > 0
@@ -109,7 +109,7 @@ class Boxes:
     @cached_property
     def _members(self):
         """Joints of pairs, where pairs of each begin, and the first and second of each pair."""
-        first, second = np.divmod(self._pairs.keys, len(self._body.skin.nodes))
+        first, second = np.divmod(self._pairs.keys, len(self._mesh.skin.nodes))
         joints, starts, place = np.unique(first, return_index=True, return_inverse=True)
         return joints, starts, place, np.searchsorted(joints, second)
 

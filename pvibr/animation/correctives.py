@@ -154,13 +154,13 @@ class Correctives:
         Their keys one after another are the k shapes. Joints that do not belong together, as two
         elbows, have a space each.
     shapes : dict of int to Morphs
-        For bodies of the figure, by number: k targets, differences of the mesh before the
+        For meshes of the figure, by number: k targets, differences of the mesh before the
         skeleton moves it.
 
     Raises
     ------
     ValueError
-        If a body has another number of shapes than there are keys.
+        If a mesh has another number of shapes than there are keys.
 
     Examples
     --------
@@ -177,9 +177,9 @@ class Correctives:
     def __init__(self, spaces, shapes):
         self.spaces = (spaces,) if isinstance(spaces, PoseSpace) else tuple(spaces)
         self.shapes = dict(shapes)
-        for body, morphs in self.shapes.items():
+        for mesh, morphs in self.shapes.items():
             if len(morphs) != len(self):
-                msg = f'shapes[{body}] has {len(morphs)} shapes; there are {len(self)} key poses.'
+                msg = f'shapes[{mesh}] has {len(morphs)} shapes; there are {len(self)} key poses.'
                 raise ValueError(msg)
 
     def __len__(self):
@@ -194,8 +194,8 @@ class Correctives:
         return Correctives(
             self.spaces + other.spaces,
             {
-                body: _joined([(c.shapes.get(body), len(c)) for c in (self, other)])
-                for body in both
+                mesh: _joined([(c.shapes.get(mesh), len(c)) for c in (self, other)])
+                for mesh in both
             },
         )
 
@@ -229,7 +229,7 @@ class Correctives:
 
     @classmethod
     def from_sculpted(cls, figure, joints, keys, points, normals=None, **options):
-        """Return the correctives that give a body sculpted shapes in key poses.
+        """Return the correctives that give a mesh sculpted shapes in key poses.
 
         Each shape is brought back through the inverse of the skinning, to where it is added.
 
@@ -242,12 +242,12 @@ class Correctives:
         keys : Pose
             The k key poses of the whole skeleton, of shape (k,).
         points : array_like, shape (k, v, 3)
-            Where the body's vertices are to be in each key pose, in the figure's space.
+            Where the mesh's vertices are to be in each key pose, in the figure's space.
         normals : array_like, shape (k, v, 3), optional
             Their normals, exact where no morph target is active in the key pose. Unless given,
             normals follow the slope of the faces as far as it was changed.
         **options
-            ``body``, its number (default 0); ``skinning``, the way it will be skinned ('linear');
+            ``mesh``, its number (default 0); ``skinning``, the way it will be skinned ('linear');
             ``radius``, ``influence`` and ``names`` of :class:`PoseSpace`.
 
         Returns
@@ -276,25 +276,25 @@ class Correctives:
         >>> abs(fix.shapes[0].target('positions', 0)[1] - pv.Sphere().points).max() < 1e-6
         np.True_
         """
-        body = options.pop('body', 0)
+        mesh = options.pop('mesh', 0)
         skinning = options.pop('skinning', 'linear')
         skeleton = figure.skeleton
         joints = [skeleton.index(joint) for joint in joints]
         space = PoseSpace(joints, keys, skeleton.rest, **options)
-        shape = (len(space), len(figure.bodies[body].points), 3)
+        shape = (len(space), len(figure.meshes[mesh].points), 3)
         for name, given in (('points', points), ('normals', normals)):
             if given is not None and np.shape(given) != shape:
                 msg = f'{name} has the shape {np.shape(given)}; it must be {shape}.'
                 raise ValueError(msg)
         differences = [
             _brought_back(
-                figure, body, keys[i], skinning, points[i], None if normals is None else normals[i]
+                figure, mesh, keys[i], skinning, points[i], None if normals is None else normals[i]
             )
             for i in range(len(space))
         ]
         moved, tilted = zip(*differences, strict=True)
         morphs = Morphs(moved, tilted, names=space.names)
-        return cls(space, {body: morphs})
+        return cls(space, {mesh: morphs})
 
 
 def _wendland(r):
@@ -302,9 +302,9 @@ def _wendland(r):
     return np.square(np.square(np.maximum(1 - r, 0.0))) * (4 * r + 1)
 
 
-def _brought_back(figure, body, pose, skinning, points, normals):
+def _brought_back(figure, mesh, pose, skinning, points, normals):
     """Return differences of points and normals before the skeleton, of those after it."""
-    linear = _linear(figure, body, pose, skinning)
+    linear = _linear(figure, mesh, pose, skinning)
     stretch = np.abs(linear).max((1, 2), initial=np.finfo(float).tiny)
     collapsed = np.flatnonzero(np.abs(np.linalg.det(linear)) < _COLLAPSED * stretch**3)
     if collapsed.size:
@@ -313,10 +313,10 @@ def _brought_back(figure, body, pose, skinning, points, normals):
             f'is {collapsed[0]}; nothing can correct them: use a smaller angle or "dual".'
         )
         raise ValueError(msg)
-    posed, upright = figure.posed(body, pose, skinning)
+    posed, upright = figure.posed(mesh, pose, skinning)
     moved = np.linalg.solve(linear, (np.asarray(points) - posed)[..., None])[..., 0]
     if normals is None:
-        mesh = figure.bodies[body].mesh
+        mesh = figure.meshes[mesh].mesh
         normals = upright + _slopes(mesh, points) - _slopes(mesh, posed)
     # Normals go out by the inverse transpose, so they come back by the transpose.
     before, after = (_unit(np.einsum('vij,vi->vj', linear, n)) for n in (upright, normals))
@@ -338,11 +338,11 @@ def _slopes(mesh, points):
 
 def _linear(figure, index, pose, skinning):
     """Return the linear part of what moves each vertex: (v, 3, 3)."""
-    body, world = figure.bodies[index], figure.world(pose)
-    if body.skin is not None:
-        return body.skin.blend(world, skinning)[:, :, :3]
-    matrix = np.eye(4) if body.node < 0 else world[body.node]
-    return np.broadcast_to(matrix[:3, :3], (len(body.points), 3, 3))
+    mesh, world = figure.meshes[index], figure.world(pose)
+    if mesh.skin is not None:
+        return mesh.skin.blend(world, skinning)[:, :, :3]
+    matrix = np.eye(4) if mesh.node < 0 else world[mesh.node]
+    return np.broadcast_to(matrix[:3, :3], (len(mesh.points), 3, 3))
 
 
 def _unit(vectors):

@@ -19,11 +19,11 @@ _WRITER = 'pvibr.animation.gltf.write'
 
 
 class Figure(Model):
-    """Meshes that move: bodies, their skeleton and clips.
+    """Meshes that move: meshes, their skeleton and clips.
 
     Parameters
     ----------
-    bodies : sequence of Body
+    meshes : sequence of Body
         The meshes.
     skeleton : Skeleton, optional
         Joints; default none.
@@ -54,7 +54,7 @@ class Figure(Model):
 
     def __init__(
         self,
-        bodies,
+        meshes,
         skeleton=None,
         clips=(),
         correctives=None,
@@ -62,7 +62,7 @@ class Figure(Model):
         lights=(),
         name='',
     ):
-        super().__init__(bodies, skeleton, correctives)
+        super().__init__(meshes, skeleton, correctives)
         self.clips = tuple(clips)
         self.cameras = tuple(cameras)
         self.lights = tuple(lights)
@@ -70,7 +70,7 @@ class Figure(Model):
 
     def __repr__(self):
         names = ', '.join(repr(clip.name) for clip in self.clips)
-        return f'Figure({len(self.bodies)} bodies, {len(self.skeleton)} joints, clips: {names})'
+        return f'Figure({len(self.meshes)} meshes, {len(self.skeleton)} joints, clips: {names})'
 
     @classmethod
     def from_arrays(
@@ -189,7 +189,7 @@ class Figure(Model):
         Returns
         -------
         Figure
-            A figure of one body with key frames, and one clip as long as the series.
+            A figure of one mesh with key frames, and one clip as long as the series.
 
         Raises
         ------
@@ -212,8 +212,8 @@ class Figure(Model):
         if frames.times[0] < 0:
             msg = f'times[0] is {frames.times[0]}; times of a series are from 0 on.'
             raise ValueError(msg)
-        body = FigureMesh(surfaces[0], frames=frames, look=look or {}, name=name)
-        return cls([body], clips=[Clip(name, [], frames.times[-1])], name=name)
+        mesh = FigureMesh(surfaces[0], frames=frames, look=look or {}, name=name)
+        return cls([mesh], clips=[Clip(name, [], frames.times[-1])], name=name)
 
     @classmethod
     def from_scene(cls, scene, *, clips=(), name=''):
@@ -231,7 +231,7 @@ class Figure(Model):
         Returns
         -------
         Figure
-            One body per node with a mesh, which moves with its node; colours and textures come
+            One mesh per node with a mesh, which moves with its node; colours and textures come
             along.
 
         Raises
@@ -247,8 +247,8 @@ class Figure(Model):
         >>> figure.skeleton.names
         ('world', 'box')
         """
-        bodies, skeleton = sources.scene_of(scene)
-        return cls(bodies, skeleton, clips, name=name)
+        meshes, skeleton = sources.scene_of(scene)
+        return cls(meshes, skeleton, clips, name=name)
 
     def clip(self, clip):
         """Return a clip.
@@ -353,7 +353,7 @@ class Figure(Model):
         -------
         pyvista.PolyData or pyvista.MultiBlock
             Posed copies of the meshes, with their normals and other data; a MultiBlock if the
-            figure has several bodies or none.
+            figure has several meshes or none.
 
         Raises
         ------
@@ -370,24 +370,24 @@ class Figure(Model):
         """
         pose = self.sample(time, clip, loop) if pose is None else pose
         how = skinning, bulge
-        meshes = [self._posed_mesh(i, pose, how) for i in range(len(self.bodies))]
+        meshes = [self._posed_mesh(i, pose, how) for i in range(len(self.meshes))]
         if len(meshes) == 1:
             return meshes[0]
-        names = [body.name or f'body{i}' for i, body in enumerate(self.bodies)]
+        names = [mesh.name or f'mesh{i}' for i, mesh in enumerate(self.meshes)]
         blocks = pv.MultiBlock()
         for name, mesh in zip(names, meshes, strict=True):
             blocks.append(mesh, name)
         return blocks
 
     def _posed_mesh(self, index, pose, how):
-        mesh = self.bodies[index].mesh.copy(deep=True)
+        mesh = self.meshes[index].mesh.copy(deep=True)
         points, normals = self.posed(index, pose, *how)
         mesh.points = points
         mesh.point_data['Normals'] = normals
         mesh.point_data.active_normals_name = 'Normals'
         changed = {
             'Tangents': self.tangents(index, pose, *how),
-            self.bodies[index].look.get('scalars'): self.colors(index, pose),
+            self.meshes[index].look.get('scalars'): self.colors(index, pose),
         }
         for name, values in changed.items():
             if values is not None:

@@ -1,4 +1,4 @@
-"""A body: one mesh of a figure and what deforms it."""
+"""A figure_mesh: one mesh of a figure and what deforms it."""
 
 from __future__ import annotations
 

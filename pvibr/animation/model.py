@@ -17,7 +17,7 @@ class Model:
 
     Parameters
     ----------
-    bodies : sequence of Body
+    meshes : sequence of Body
         The meshes.
     skeleton : Skeleton, optional
         Joints; default none.
@@ -38,18 +38,18 @@ class Model:
     [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
     """
 
-    def __init__(self, bodies, skeleton=None, correctives=None):
-        self.bodies = tuple(bodies)
+    def __init__(self, meshes, skeleton=None, correctives=None):
+        self.meshes = tuple(meshes)
         self.skeleton = Skeleton([], Pose(np.zeros((0, 3)))) if skeleton is None else skeleton
         self.correctives = correctives
         self._check_nodes()
 
     def _check_nodes(self):
-        for i, body in enumerate(self.bodies):
-            nodes = [body.node] if body.skin is None else body.skin.nodes
+        for i, mesh in enumerate(self.meshes):
+            nodes = [mesh.node] if mesh.skin is None else mesh.skin.nodes
             if len(nodes) and not -1 <= min(nodes) <= max(nodes) < len(self.skeleton):
                 msg = (
-                    f'bodies[{i}] hangs on the joints {min(nodes)} to {max(nodes)}; the skeleton '
+                    f'meshes[{i}] hangs on the joints {min(nodes)} to {max(nodes)}; the skeleton '
                     f'has {len(self.skeleton)}.'
                 )
                 raise ValueError(msg)
@@ -57,7 +57,7 @@ class Model:
     @cached_property
     def rest(self):
         """Pose at rest, with the weights that the morph targets rest at."""
-        weights = [body.morphs.weights for body in self.bodies if body.morphs is not None]
+        weights = [mesh.morphs.weights for mesh in self.meshes if mesh.morphs is not None]
         return self.skeleton.rest.replaced(weights=np.concatenate([np.zeros(0), *weights]))
 
     def world(self, pose=None):
@@ -95,19 +95,19 @@ class Model:
         return world
 
     def weights(self, index, pose=None):
-        """Return the morph weights of one body.
+        """Return the morph weights of one mesh.
 
         Parameters
         ----------
         index : int
-            Number of the body.
+            Number of the mesh.
         pose : Pose, optional
             A pose; default, and where it holds no weights, at rest.
 
         Returns
         -------
         numpy.ndarray, shape (..., t), float64
-            One weight per target of that body.
+            One weight per target of that mesh.
 
         Raises
         ------
@@ -129,16 +129,16 @@ class Model:
                 msg = f'the pose has {many} morph weights, the figure {len(weights)} targets.'
                 raise ValueError(msg)
             weights = pose.weights
-        first = sum(body.n_targets for body in self.bodies[:index])
-        return weights[..., first : first + self.bodies[index].n_targets]
+        first = sum(mesh.n_targets for mesh in self.meshes[:index])
+        return weights[..., first : first + self.meshes[index].n_targets]
 
     def posed(self, index, pose=None, skinning='linear', bulge=1.0):
-        """Return a body's points and normals in a pose: the reference for all other ways.
+        """Return a mesh's points and normals in a pose: the reference for all other ways.
 
         Parameters
         ----------
         index : int
-            Number of the body.
+            Number of the mesh.
         pose : Pose or array_like, shape (n, 4, 4), optional
             One pose, or the ``figure_from_joint`` matrices; default at rest.
         skinning : {'linear', 'dual'}
@@ -172,23 +172,23 @@ class Model:
             msg = f'pose holds {world.shape[:-3]} poses; one is posed at a time.'
             raise ValueError(msg)
         points, normals = self._deformed(index, pose)
-        matrices = self._moves(self.bodies[index], world, skinning, bulge)
+        matrices = self._moves(self.meshes[index], world, skinning, bulge)
         return _moved(matrices, points, normals)
 
     def layers(self, index, pose=None):
-        """Return what is added to a body before the skeleton moves it.
+        """Return what is added to a mesh before the skeleton moves it.
 
         Parameters
         ----------
         index : int
-            Number of the body.
+            Number of the mesh.
         pose : Pose or array_like, shape (..., n, 4, 4), optional
             A pose; default at rest.
 
         Returns
         -------
         list of (Morphs, numpy.ndarray)
-            The body's morph targets and the correctives, each with weights of shape (..., t).
+            The mesh's morph targets and the correctives, each with weights of shape (..., t).
 
         Examples
         --------
@@ -199,8 +199,8 @@ class Model:
         []
         """
         layers = []
-        if self.bodies[index].morphs is not None:
-            layers.append((self.bodies[index].morphs, self.weights(index, pose)))
+        if self.meshes[index].morphs is not None:
+            layers.append((self.meshes[index].morphs, self.weights(index, pose)))
         if self.correctives is not None and index in self.correctives.shapes:
             weights = self.correctives.weights(self._local(pose))
             layers.append((self.correctives.shapes[index], weights))
@@ -213,22 +213,22 @@ class Model:
 
     def _deformed(self, index, pose):
         """Return points and normals before the skeleton moves them."""
-        body = self.bodies[index]
-        points, normals = body.points, body.normals
-        if body.frames is not None:
-            points, normals = body.frames.sample(getattr(pose, 'time', 0.0))
+        mesh = self.meshes[index]
+        points, normals = mesh.points, mesh.normals
+        if mesh.frames is not None:
+            points, normals = mesh.frames.sample(getattr(pose, 'time', 0.0))
         for morphs, weights in self.layers(index, pose):
             points = points + morphs.total('positions', weights, len(points))
             normals = normals + morphs.total('normals', weights, len(points))
         return points, normals
 
     def colors(self, index, pose=None):
-        """Return a body's colours in a pose.
+        """Return a mesh's colours in a pose.
 
         Parameters
         ----------
         index : int
-            Number of the body.
+            Number of the mesh.
         pose : Pose or array_like, shape (n, 4, 4), optional
             One pose; default at rest.
 
@@ -252,11 +252,11 @@ class Model:
         >>> Figure([FigureMesh(mesh, morphs=blush, look=look)]).colors(0).tolist()
         [[128, 0, 100]]
         """
-        body = self.bodies[index]
-        name = body.look.get('scalars') if body.look.get('rgb') else None
-        if name not in body.mesh.point_data:
+        mesh = self.meshes[index]
+        name = mesh.look.get('scalars') if mesh.look.get('rgb') else None
+        if name not in mesh.mesh.point_data:
             return None
-        given = np.asarray(body.mesh.point_data[name])
+        given = np.asarray(mesh.mesh.point_data[name])
         full = 255 if given.dtype == np.uint8 else 1
         colors = given.astype(np.float64)
         for morphs, weights in self.layers(index, pose):
@@ -266,12 +266,12 @@ class Model:
         return (colors + 0.5 if full == 255 else colors).astype(given.dtype)
 
     def tangents(self, index, pose=None, skinning='linear', bulge=1.0):
-        """Return a body's tangents in a pose.
+        """Return a mesh's tangents in a pose.
 
         Parameters
         ----------
         index : int
-            Number of the body.
+            Number of the mesh.
         pose : Pose or array_like, shape (n, 4, 4), optional
             One pose; default at rest.
         skinning : {'linear', 'dual'}
@@ -295,13 +295,13 @@ class Model:
         >>> Figure([FigureMesh(mesh)]).tangents(0)[0].tolist()
         [1.0, 0.0, 0.0]
         """
-        body = self.bodies[index]
-        if 'Tangents' not in body.mesh.point_data:
+        mesh = self.meshes[index]
+        if 'Tangents' not in mesh.mesh.point_data:
             return None
-        tangents = np.array(body.mesh.point_data['Tangents'][:, :3], dtype=np.float64)
+        tangents = np.array(mesh.mesh.point_data['Tangents'][:, :3], dtype=np.float64)
         for morphs, weights in self.layers(index, pose):
             tangents += morphs.total('tangents', weights, len(tangents))
-        matrices = self._moves(body, self.world(pose), skinning, bulge)
+        matrices = self._moves(mesh, self.world(pose), skinning, bulge)
         moved = np.einsum('...ij,...j->...i', matrices[..., :3], tangents)
         lengths = np.linalg.norm(moved, axis=1, keepdims=True)
         return np.divide(moved, lengths, out=np.zeros_like(moved), where=lengths > 0)
@@ -342,7 +342,7 @@ class Model:
         boxes = [
             boxes.around(world, self.layers(i, pose), time, skinning)
             for i, boxes in enumerate(self._boxes)
-            if len(self.bodies[i].points)
+            if len(self.meshes[i].points)
         ]
         if not boxes:
             return np.broadcast_to([1.0, -1.0] * 3, (*world.shape[:-3], 6))
@@ -351,13 +351,13 @@ class Model:
 
     @cached_property
     def _boxes(self):
-        return [Boxes(body) for body in self.bodies]
+        return [Boxes(mesh) for mesh in self.meshes]
 
     @staticmethod
-    def _moves(body, world, how, bulge):
-        if body.skin is not None:
-            return body.skin.blend(world, how, bulge)
-        return (np.eye(4) if body.node < 0 else world[body.node])[None, :3]
+    def _moves(mesh, world, how, bulge):
+        if mesh.skin is not None:
+            return mesh.skin.blend(world, how, bulge)
+        return (np.eye(4) if mesh.node < 0 else world[mesh.node])[None, :3]
 
 
 def _moved(matrices, points, normals):

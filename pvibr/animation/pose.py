@@ -29,10 +29,10 @@ class Pose:
     scale : array_like, shape (..., n, 3), optional
         Factors along the joints' own axes; default 1.
     weights : array_like, shape (..., m), optional
-        Morph weights of the whole figure: the targets of all its bodies one after another, in
-        the order of the bodies. Default none.
+        Morph weights of the whole figure: the targets of all its meshes one after another, in
+        the order of the meshes. Default none.
     time : array_like, shape (...), optional
-        Time of the bodies that are key-framed, in seconds; default 0.
+        Time of the meshes that are key-framed, in seconds; default 0.
 
     Raises
     ------

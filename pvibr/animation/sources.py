@@ -102,21 +102,21 @@ def series_of(meshes, times=None):
 
 
 def scene_of(scene):
-    """Return the bodies and the skeleton of a scene."""
+    """Return the meshes and the skeleton of a scene."""
     edges = {child: (parent, data) for parent, child, data in scene.graph.to_edgelist()}
     names = [scene.graph.base_frame, *(n for n in scene.graph.nodes if n in edges)]
     number = {node: i for i, node in enumerate(names)}
     parents = [number[edges[name][0]] if name in edges else -1 for name in names]
     local = [edges[n][1].get('matrix', np.eye(4)) if n in edges else np.eye(4) for n in names]
     textures: dict = {}
-    bodies = []
+    meshes = []
     for node, (_, data) in edges.items():
         geometry = scene.geometry.get(data.get('geometry'))
         if geometry is None:
             continue
         mesh, look = _of_trimesh(geometry, textures)
-        bodies.append(FigureMesh(mesh, number[node], look=look, name=str(node)))
-    return bodies, Skeleton(parents, Pose.from_matrices(local, name='rest'), names)
+        meshes.append(FigureMesh(mesh, number[node], look=look, name=str(node)))
+    return meshes, Skeleton(parents, Pose.from_matrices(local, name='rest'), names)
 
 
 def _of_trimesh(geometry, textures):

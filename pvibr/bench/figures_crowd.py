@@ -28,7 +28,7 @@ def measure(settings, results):
     camera = _camera(places)
     own = _own(figure, places, times, camera, settings, results)
     posed, drawn = _separate(figure, places, times, camera, settings)
-    name = f'crowd of {settings.crowd:,} figures of {figure.bodies[0].mesh.n_cells:,} triangles'
+    name = f'crowd of {settings.crowd:,} figures of {figure.meshes[0].mesh.n_cells:,} triangles'
     part = f'extrapolated from {PART}'
     results.rows += [
         Row(f'{name}: a frame', own, 'ms'),
@@ -90,7 +90,7 @@ def _separate(figure, places, times, camera, settings):
     lot = np.random.default_rng(1).permutation(len(places))[:count]
     with Stage(settings.screen, view_angle=VIEW_ANGLE) as stage:
         meshes = [figure.mesh(t) for t in times[lot]]
-        look = figure.bodies[0].look
+        look = figure.meshes[0].look
         for mesh, place in zip(meshes, places[lot], strict=True):
             stage.plotter.add_mesh(mesh, **look).position = place
         stage.look(camera)
@@ -151,7 +151,7 @@ def _full(figure, places, times, camera, size, samples, seconds):
     """Return pictures of posed meshes at some times, and what they cover at the last one."""
     found = []
     with Stage(size, view_angle=VIEW_ANGLE, samples=samples) as stage:
-        look = figure.bodies[0].look
+        look = figure.meshes[0].look
         meshes = [figure.mesh(t) for t in times]
         for mesh, place in zip(meshes, places, strict=True):
             stage.plotter.add_mesh(mesh, **look).position = place

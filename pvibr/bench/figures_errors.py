@@ -36,7 +36,7 @@ def shown(figure, **settings):
 def gpu_errors(actor) -> tuple:
     """Return how far the posed vertices on the GPU are from the float64 reference."""
     pose, figure = actor.pose, actor.figure
-    truth = [figure.posed(i, pose, actor.skinning, actor.bulge) for i in range(len(figure.bodies))]
+    truth = [figure.posed(i, pose, actor.skinning, actor.bulge) for i in range(len(figure.meshes))]
     size = size_of([points for points, _ in truth])
     worst = np.zeros(2)
     for number, body in enumerate(actor._posed):
@@ -50,7 +50,7 @@ def gpu_errors(actor) -> tuple:
 def _read_back(actor, number):
     """Return points and normals of a posed body as the GPU has them, in the figure's space."""
     body = actor._posed[number]
-    count = len(body.body.points)
+    count = len(body.figure_mesh.points)
     positions, normals = (v[:count].astype(float) for v in actor._posing.download(number))
     # What VTK adds to them, here in float64: the middle of the figure, or its node.
     matrix = np.asarray(body.actor.user_matrix)
@@ -148,7 +148,7 @@ def twists(settings, results):
 def cross_section(degrees, how) -> float:
     """Return how much of the cross-section of a tube is left after a twist, in the middle."""
     figure = figures_models.tube(41, 32, 2)
-    body = figure.bodies[0]
+    body = figure.meshes[0]
     share = np.clip(body.points[:, 2] / figures_models.LENGTH, 0, 1)
     body.skin.joints = np.tile([0, 1], (len(share), 1))
     body.skin.weights = np.stack([1 - share, share], 1)

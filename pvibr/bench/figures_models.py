@@ -72,7 +72,7 @@ def swelling(rings, around, *, offset=0.0, frames=5) -> Figure:
     still = Figure.from_arrays(shapes[0], faces)
     times = 0.5 * np.arange(frames)
     body = FigureMesh(
-        still.bodies[0].mesh, frames=VertexAnimation(times, np.stack(shapes), None, 'linear')
+        still.meshes[0].mesh, frames=VertexAnimation(times, np.stack(shapes), None, 'linear')
     )
     return Figure([body], clips=[Clip('swell', [], times[-1])])
 

@@ -12,7 +12,7 @@ def reader_error(path, figure, times, clips) -> float:
     """Return how far a figure's float64 points are from those of VTK's reader."""
     # On its second update vtkGLTFReader writes all primitives of a mesh into the block of the
     # first (BuildMultiBlockDatasetFromMesh never counts blockId up): it must be a new one then.
-    renew = len({body.node for body in figure.bodies}) < len(figure.bodies)
+    renew = len({body.node for body in figure.meshes}) < len(figure.meshes)
     worst = 0.0
     for number in _spread(len(figure.clips), clips) or [0]:
         clip = figure.clips[number] if figure.clips else None
@@ -23,7 +23,7 @@ def reader_error(path, figure, times, clips) -> float:
             pose = figure.sample(time, clip, loop=False)
             ours = [
                 figure.posed(i, pose)[0][body.mesh.regular_faces]
-                for i, body in enumerate(figure.bodies)
+                for i, body in enumerate(figure.meshes)
             ]
             if [len(part) for part in ours] != [len(part) for part in theirs]:
                 msg = f'{path.name}: vtkGLTFReader finds other triangles'

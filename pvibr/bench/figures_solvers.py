@@ -98,7 +98,7 @@ def sculpted_errors() -> dict:
     shapes = np.stack([plain.posed(0, keys[i])[0] for i in range(3)])
     shapes += rng.normal(0, 0.05, shapes.shape)
     correctives = Correctives.from_sculpted(plain, [joint], keys, shapes)
-    fixed = Figure(plain.bodies, plain.skeleton, correctives=correctives)
+    fixed = Figure(plain.meshes, plain.skeleton, correctives=correctives)
     away = [np.abs(fixed.posed(0, keys[i])[0] - shapes[i]).max() for i in range(3)]
     space = PoseSpace([joint], keys, rest)
     far = turned(np.linspace(90 + np.degrees(space.radius.max()) + 1, 180, 50))

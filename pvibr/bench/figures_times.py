@@ -111,7 +111,7 @@ class _Gpu:
 class _Numpy:
     def __init__(self, figure, screen):
         self.figure, self.stage = figure, Stage(screen)
-        self.skinning = NumpySkinning(figure.bodies[0])
+        self.skinning = NumpySkinning(figure.meshes[0])
         _add(self.stage, self.skinning.mesh)
 
     def pose(self, moment):

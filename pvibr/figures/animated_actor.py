@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core.errors import PvibrError
 from pvibr.core.params import Param
-from pvibr.figures.bodies import PosedBody, as_bodies, moved_bounds, posed_part
+from pvibr.figures.mesh_actors import PosedMeshActor, as_mesh_actors, moved_bounds, posed_part
 from pvibr.figures.picking import nearest_hit, stand_in
 from pvibr.figures.player import FigurePlayer
 from pvibr.figures.posing import Posing
@@ -40,7 +40,7 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
     bulge : float
         Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
     **mesh_kwargs
-        As in :meth:`pyvista.Plotter.add_mesh`, over the looks of the figure's bodies.
+        As in :meth:`pyvista.Plotter.add_mesh`, over the looks of the figure's meshes.
 
     Raises
     ------
@@ -95,8 +95,8 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
         super().__init__(figure, clip, skinning=skinning, bulge=bulge)
         self.name = name
         given = {key: value for key, value in mesh_kwargs.items() if value is not None}
-        self._bodies = as_bodies(figure, given, theme)
-        self._posed = [b for b in self._bodies if isinstance(b, PosedBody)]
+        self._mesh_actors = as_mesh_actors(figure, given, theme)
+        self._posed = [b for b in self._mesh_actors if isinstance(b, PosedMeshActor)]
         self._anchor = anchor()
         Placed.__init__(self)
         self._matrix = self.matrix
@@ -136,8 +136,8 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
         return mesh.transform(self._matrix, inplace=False)
 
     def _show(self, moment):
-        for body in self._bodies:
-            body.move(self._matrix, moment)
+        for mesh_actor in self._mesh_actors:
+            mesh_actor.move(self._matrix, moment)
         set_bounds(self._anchor, moved_bounds(self._matrix, moment.bounds))
         for actor in self._stand_ins:
             actor.GetMapper().GetInputAlgorithm().Modified()
@@ -145,26 +145,26 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
     # -- the life of an effect ---------------------------------------------------------------
 
     def actors(self) -> list:
-        """Return the actors that draw it, one per body, and those that pickers find instead."""
+        """Return the actors that draw it, one per mesh, and those that pickers find instead."""
         return [*self._drawing(), *self._stand_ins]
 
     def _drawing(self) -> list:
-        return [body.actor for body in self._bodies]
+        return [mesh_actor.actor for mesh_actor in self._mesh_actors]
 
     def depths(self) -> list:
         """Return actors that draw the depth of what is shown, and maybe nothing else."""
-        return [b.depth_actor() for b in self._bodies if b.actor.GetVisibility()]
+        return [b.depth_actor() for b in self._mesh_actors if b.actor.GetVisibility()]
 
     def solids(self) -> list:
         """Return actors whose mappers have what is shown as meshes, posed when they are asked."""
         if not self._is_shown():
             return []
         instead = {b.index: actor for b, actor in zip(self._posed, self._stand_ins, strict=True)}
-        return [instead.get(i, self._bodies[i].actor) for i in self._seen()]
+        return [instead.get(i, self._mesh_actors[i].actor) for i in self._seen()]
 
     def _seen(self) -> list[int]:
-        """Return the numbers of the bodies that are not hidden."""
-        return [i for i, b in enumerate(self._bodies) if b.actor.GetVisibility()]
+        """Return the numbers of the meshes that are not hidden."""
+        return [i for i, b in enumerate(self._mesh_actors) if b.actor.GetVisibility()]
 
     def content_key(self) -> tuple:
         """Return what changes whenever what is drawn does, the camera left out."""
@@ -192,8 +192,8 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
         self._put_stand_ins(self.pickable and self._is_shown())
 
     def _put_stand_ins(self, there):
-        for actor, body in zip(self._stand_ins, self._posed, strict=True):
-            actor.SetVisibility(bool(there and body.actor.GetVisibility()))
+        for actor, mesh_actor in zip(self._stand_ins, self._posed, strict=True):
+            actor.SetVisibility(bool(there and mesh_actor.actor.GetVisibility()))
 
     def _on_start(self, _renderer, _event):
         self._put_stand_ins(False)
@@ -233,7 +233,7 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
         self._put_stand_ins(False)
 
     def _set_visible(self, shown):
-        """Show all bodies or none; in between, users may hide some."""
+        """Show all meshes or none; in between, users may hide some."""
         if shown != self._visible:
             self._visible = shown
             for actor in self._drawing():
@@ -242,17 +242,17 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
     def prepare(self, frame):
         """Pose it, where its pose changed, and have its shaders find their vertices."""
         moment = self._now_shown()
-        for body in self._posed if frame.picking else ():
-            body.actor.SetPickable(bool(self.pickable))
+        for mesh_actor in self._posed if frame.picking else ():
+            mesh_actor.actor.SetPickable(bool(self.pickable))
         if not self._posed:
             return
         if self._posing is None or self._posing.how != self.skinning:
             self._release_posing()
-            moulds = [b.mould for b in self._posed]
-            self._posing = Posing(frame.window, moulds, how=self.skinning)
+            rest_meshes = [b.rest_mesh for b in self._posed]
+            self._posing = Posing(frame.window, rest_meshes, how=self.skinning)
         wanted = self._changes, self.skinning, self.bulge
         if wanted != self._drawn:
-            self._posing.draw([[b.place(moment)] for b in self._posed], bulge=self.bulge)
+            self._posing.draw([[b.mesh_pose(moment)] for b in self._posed], bulge=self.bulge)
             self._drawn = wanted
             self.posed += 1
         units = {name: t.activate() for name, t in self._posing.textures.items()}
@@ -264,13 +264,13 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
                 'that are alike as a crowd: add_animated(figure, poses=...)'
             )
             raise PvibrError(msg)
-        for body, row in zip(self._posed, self._posing.rows, strict=False):
-            body.aim(row, units)
+        for mesh_actor, row in zip(self._posed, self._posing.rows, strict=False):
+            mesh_actor.aim(row, units)
 
     def finish(self, frame):
         """Give the texture units back."""
-        for body in self._posed if frame.picking else ():
-            body.actor.PickableOff()  # other pickers look at meshes, which are those at rest
+        for mesh_actor in self._posed if frame.picking else ():
+            mesh_actor.actor.PickableOff()  # other pickers look at meshes, which are those at rest
         if self._posing is not None:
             for texture in self._posing.textures.values():
                 texture.deactivate()
@@ -285,35 +285,35 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
         self._release_posing()
         window = None if self.pipeline is None else self.pipeline.window
         if window is not None:
-            for body in self._bodies:
-                body.release(window)
+            for mesh_actor in self._mesh_actors:
+                mesh_actor.release(window)
 
     def report(self) -> dict:
         """Return bytes on the GPU, and what was posed so far."""
         held = 0 if self._posing is None else self._posing.nbytes
-        vertices = sum(len(b.body.points) for b in self._posed)
+        vertices = sum(len(b.figure_mesh.points) for b in self._posed)
         return {'bytes': held, 'vertices': vertices, 'poses': self.posed}
 
     def bake_into(self, scene):
-        """Hand its bodies as they are now to a scene without pvibr."""
+        """Hand its meshes as they are now to a scene without pvibr."""
         parts = self._posed_parts(self._now_shown().pose)
         for i in self._seen():
             scene.part(self, parts[i])
 
     def _posed_parts(self, pose) -> list:
         how = self._matrix, pose, self.skinning, self.bulge
-        bodies = enumerate(self._bodies)
-        return [posed_part(self.figure, i, body.part, *how) for i, body in bodies]
+        mesh_actors = enumerate(self._mesh_actors)
+        return [posed_part(self.figure, i, mesh_actor.part, *how) for i, mesh_actor in mesh_actors]
 
     # -- picking -----------------------------------------------------------------------------
 
     def posed_meshes(self) -> list:
-        """Return what is shown of each body as it is drawn.
+        """Return what is shown of each mesh as it is drawn.
 
         Returns
         -------
         list of pyvista.PolyData
-            Triangles, world units; one per body.
+            Triangles, world units; one per mesh.
         """
         moment = self._now_shown()
         if self._meshes[0] != self._changes:
@@ -334,7 +334,7 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
         Returns
         -------
         FigureHit or None
-            ``body``, ``cell``, nearest ``vertex`` and ``point`` on the posed mesh.
+            ``mesh``, ``cell``, nearest ``vertex`` and ``point`` on the posed mesh.
         """
         if not self.pickable or self.pipeline is None or not self._is_shown():
             return None
@@ -346,7 +346,7 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
 
     def scalar_mapper(self):
         """Return a mapper with the table of the scalars shown, for a scalar bar; else None."""
-        mappers = [body.part.actor.mapper for body in self._bodies]
+        mappers = [mesh_actor.part.actor.mapper for mesh_actor in self._mesh_actors]
         shown = [m for m in mappers if m.GetScalarVisibility()]
         tables = [m for m in shown if m.GetColorMode() != 2]
         return tables[0] if tables else None

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core.effect import Effect
-from pvibr.figures.bodies import as_bodies
-from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Moves
-from pvibr.figures.pose_atlas import make_phases
+from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Playback
+from pvibr.figures.mesh_actors import as_mesh_actors
+from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.instances.instances import Instances
 from pvibr.instances.levels import progress_bar
 from pvibr.maths.transforms import trs
@@ -54,7 +54,7 @@ class Crowd(Instances):
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the looks.
     **mesh_kwargs
-        As in :meth:`pyvista.Plotter.add_mesh`, over the looks of the figure's bodies.
+        As in :meth:`pyvista.Plotter.add_mesh`, over the looks of the figure's meshes.
 
     Raises
     ------
@@ -112,14 +112,14 @@ class Crowd(Instances):
         if skinning not in ('linear', 'dual'):
             msg = f"skinning is {skinning!r}; it must be 'linear' or 'dual'"
             raise ValueError(msg)
-        moves = Moves(count)
+        playback = Playback(count)
         self._clips: list = []
-        moves.clip = self._numbers(clips, count)
-        moves.offset = _each('times', times, count)
-        moves.speed = _each('speeds', speeds, count)
-        moves.loop = _each('loop', loop, count, bool)
-        self._cast = CrowdState(
-            figure, as_bodies(figure, asked, theme), skinning, moves, self._now
+        playback.clip = self._numbers(clips, count)
+        playback.offset = _each('times', times, count)
+        playback.speed = _each('speeds', speeds, count)
+        playback.loop = _each('loop', loop, count, bool)
+        self._crowd_state = CrowdState(
+            figure, as_mesh_actors(figure, asked, theme), skinning, playback, self._now
         )
         self._bake = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
         self._begin(poses, np.zeros(count, int), self._baked() if count else {}, pickable)
@@ -144,48 +144,48 @@ class Crowd(Instances):
 
     def _baked(self) -> dict:
         """Bake what the clips show, and take over how they move."""
-        cast, wanted = self._cast, dict(self._bake)
+        state, wanted = self._crowd_state, dict(self._bake)
         with progress_bar(wanted.pop('progress')) as advance:
-            model, cast.motions = make_phases(
+            model, state.motions = bake_pose_atlas(
                 self.figure,
-                cast.bodies,
+                state.mesh_actors,
                 self._clips,
-                skinning=cast.skinning,
+                skinning=state.skinning,
                 advance=advance,
                 **wanted,
             )
-        cast.box = model.atlas.box.T.ravel()
+        state.box = model.atlas.box.T.ravel()
         return {0: model}
 
     def _kind(self, *args):
-        return CrowdGroup(self._cast, *args)
+        return CrowdGroup(self._crowd_state, *args)
 
     # -- what each one plays -----------------------------------------------------------------
 
     @property
     def times(self) -> np.ndarray:
         """Where in its clip each one is when the plotter's time is 0, seconds, shape (n,)."""
-        return self._cast.moves.offset.copy()
+        return self._crowd_state.playback.offset.copy()
 
     @times.setter
     def times(self, times):
-        self._cast.moves.offset = _each('times', times, len(self))
+        self._crowd_state.playback.offset = _each('times', times, len(self))
         self._moved()
 
     @property
     def speeds(self) -> np.ndarray:
         """Seconds of the clip in a second, shape (n,)."""
-        return self._cast.moves.speed.copy()
+        return self._crowd_state.playback.speed.copy()
 
     @speeds.setter
     def speeds(self, speeds):
-        self._cast.moves.speed = _each('speeds', speeds, len(self))
+        self._crowd_state.playback.speed = _each('speeds', speeds, len(self))
         self._moved()
 
     @property
     def clips(self) -> list:
         """The clip that each one plays; None is rest."""
-        return [self._clips[i] for i in self._cast.moves.clip]
+        return [self._clips[i] for i in self._crowd_state.playback.clip]
 
     def play(self, clip=None, ids=None, *, speed=1.0, loop=True, start=None):
         """Play a clip.
@@ -216,10 +216,10 @@ class Crowd(Instances):
         speed = _each('speed', speed, len(ids))
         start = _each('start', self._now() if start is None else start, len(ids))
         loop = _each('loop', loop, len(ids), bool)
-        moves = self._cast.moves
-        moves.clip[ids] = self._numbers(clip, len(ids))
-        moves.speed[ids], moves.loop[ids] = speed, loop
-        moves.offset[ids] = -speed * start
+        playback = self._crowd_state.playback
+        playback.clip[ids] = self._numbers(clip, len(ids))
+        playback.speed[ids], playback.loop[ids] = speed, loop
+        playback.offset[ids] = -speed * start
         if len(self._clips) > known:
             self._models = self._baked()
             self._rebuild(self._poses)
@@ -243,14 +243,14 @@ class Crowd(Instances):
         pyvista.PolyData or pyvista.MultiBlock
             As :meth:`pvibr.Figure.mesh`, computed in float64.
         """
-        mesh = self._cast.shown(index, self._now())
+        mesh = self._crowd_state.shown(index, self._now())
         return mesh.transform(_matrix(self._poses[index]), inplace=False)
 
     def bake_into(self, scene):
         """Hand each figure as it is now to a scene without pvibr."""
         for i in np.flatnonzero(self.visible):
             color = None if self._colors is None else self._colors[i]
-            for part in self._cast.parts(int(i), self._now(), _matrix(self._poses[i])):
+            for part in self._crowd_state.parts(int(i), self._now(), _matrix(self._poses[i])):
                 scene.part(self, part, color=color, multiply=self._blend == 'multiply')
 
     # -- the life of an effect ---------------------------------------------------------------

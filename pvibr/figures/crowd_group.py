@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from pvibr.figures.bodies import posed_part
+from pvibr.figures.mesh_actors import posed_part
 from pvibr.figures.player import Moment
 from pvibr.figures.posed_meshes import PosedPool
 from pvibr.instances.group import InstanceGroup
@@ -16,7 +16,7 @@ from pvibr.instances.group import InstanceGroup
 _ERA = 512.0
 
 
-class Moves:
+class Playback:
     """What each member of a crowd plays."""
 
     def __init__(self, count):
@@ -47,14 +47,16 @@ class Moves:
 class CrowdGroup(InstanceGroup):
     """The members of a crowd."""
 
-    def __init__(self, cast, *args):
-        self.cast = cast
+    def __init__(self, state, *args):
+        self.state = state
         self._era: float | None = None
         self._posed: dict = {}
         super().__init__(*args)
 
     def _pools(self) -> list:
-        return [PosedPool(level, self.cast.bodies, self.cast.skinning) for level in self.levels]
+        return [
+            PosedPool(level, self.state.mesh_actors, self.state.skinning) for level in self.levels
+        ]
 
     def upload(self, window):
         """Put atlas and poses on the GPU of a window whose context is current."""
@@ -71,22 +73,22 @@ class CrowdGroup(InstanceGroup):
             era = _ERA * float(np.floor(time / _ERA))
             if self._era != era:
                 self._era = era
-                self.cards.move(self.cast.moves.rows(self.cast.motions, era)[self.ids])
+                self.cards.move(self.state.playback.rows(self.state.motions, era)[self.ids])
             self.cards.uniforms['ibr_time'] = float(time - era)
         for pool in self.pools:
             if pool.lent:
                 slots = list(pool.lent)
-                clips, seconds = self.cast.seconds(time, self.ids[slots])
+                clips, seconds = self.state.seconds(time, self.ids[slots])
                 pairs = zip(clips.tolist(), seconds.tolist(), strict=True)
                 keys = dict(zip(slots, pairs, strict=True))
-                pool.pose(window, keys, self.cast.moments, self.matrix)
+                pool.pose(window, keys, self.state.moments, self.matrix)
 
     def parts(self, slot) -> list:
         """Return the meshes of a member as it is now, as Parts in the figure's space."""
-        time = self.cast.now()
+        time = self.state.now()
         key = int(self.ids[slot]), time
         if self._posed.get('key') != key:
-            mesh = self.cast.shown(key[0], time)
+            mesh = self.state.shown(key[0], time)
             blocks = [mesh] if hasattr(mesh, 'regular_faces') else list(mesh)
             self._posed = {'key': key, 'parts': [SimpleNamespace(mesh=m) for m in blocks]}
         return self._posed['parts']
@@ -113,17 +115,17 @@ class CrowdGroup(InstanceGroup):
 class CrowdState:
     """A figure with its looks, what it may play, and what each member plays."""
 
-    def __init__(self, figure, bodies, skinning, moves, now):
-        self.figure, self.bodies, self.skinning = figure, bodies, skinning
-        self.moves, self.now = moves, now
+    def __init__(self, figure, mesh_actors, skinning, playback, now):
+        self.figure, self.mesh_actors, self.skinning = figure, mesh_actors, skinning
+        self.playback, self.now = playback, now
         self.motions: list = []
         self.box = np.zeros(6)
 
     def seconds(self, time, ids) -> tuple[np.ndarray, np.ndarray]:
         """Return number of and time in the clips of members."""
-        clips = self.moves.clip[ids]
+        clips = self.playback.clip[ids]
         durations = np.array([m.duration for m in self.motions])[clips]
-        return clips, self.moves.rounds(self.motions, time, ids) * durations
+        return clips, self.playback.rounds(self.motions, time, ids) * durations
 
     def pose(self, clip, seconds):
         """Return the pose at a time of a clip."""
@@ -134,7 +136,7 @@ class CrowdState:
         clips, seconds = np.array(keys).T
         out: list = [None] * len(keys)
         # Where nothing but joints moves vertices, these are all that is asked for.
-        still = not any(getattr(body, 'shapes', None) for body in self.bodies)
+        still = not any(getattr(mesh_actor, 'shapes', None) for mesh_actor in self.mesh_actors)
         for clip in np.unique(clips):
             (places,) = np.nonzero(clips == clip)
             poses = self.pose(int(clip), seconds[places])
@@ -148,8 +150,8 @@ class CrowdState:
         clips, seconds = self.seconds(time, np.array([member]))
         pose = self.pose(int(clips[0]), float(seconds[0]))
         return [
-            posed_part(self.figure, i, body.part, matrix, pose, self.skinning)
-            for i, body in enumerate(self.bodies)
+            posed_part(self.figure, i, mesh_actor.part, matrix, pose, self.skinning)
+            for i, mesh_actor in enumerate(self.mesh_actors)
         ]
 
     def shown(self, member, time):

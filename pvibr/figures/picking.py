@@ -15,7 +15,7 @@ from pvibr.core import _vtk
 class FigureHit:
     """Where a ray met a figure."""
 
-    body: int
+    mesh: int
     cell: int
     vertex: int
     point: tuple
@@ -28,7 +28,7 @@ def nearest_hit(meshes, start, direction):
     return min((h for h in hits if h is not None), key=lambda h: h.distance, default=None)
 
 
-def _meet(body, mesh, start, direction):
+def _meet(number, mesh, start, direction):
     bounds = np.reshape(mesh.bounds, (3, 2))
     reach = np.linalg.norm(bounds.mean(1) - start) + np.linalg.norm(np.ptp(bounds, axis=1))
     locator = _vtk.vtkStaticCellLocator()
@@ -42,7 +42,7 @@ def _meet(body, mesh, start, direction):
     corners = mesh.regular_faces[int(cell)]
     nearest = corners[np.linalg.norm(mesh.points[corners] - point, axis=1).argmin()]
     distance = float((np.array(point) - start) @ direction)
-    return FigureHit(body, int(cell), int(nearest), tuple(point), distance)
+    return FigureHit(number, int(cell), int(nearest), tuple(point), distance)
 
 
 def stand_in(owner, number, actor):

@@ -29,7 +29,7 @@ class Moment:
         """Return the moment of a pose."""
         world = figure.world(pose)
         # Where nothing but joints moves vertices, these say where they are, and are known.
-        still = not any(b.frames or b.morphs for b in figure.bodies) and not figure.correctives
+        still = not any(b.frames or b.morphs for b in figure.meshes) and not figure.correctives
         bounds = figure.bounds(world if still else pose, skinning)
         return cls(pose, world, np.asarray(bounds, float))
 
@@ -166,7 +166,7 @@ class FigurePlayer(Effect):
     def pose(self):
         """What is shown: a Pose, or ``figure_from_joint`` matrices (n, 4, 4); set it to drive it.
 
-        A simulator that knows where its bodies are gives matrices; then nothing else plays.
+        A simulator that knows where its meshes are gives matrices; then nothing else plays.
         """
         return self._now_shown().pose
 
@@ -196,7 +196,7 @@ class FigurePlayer(Effect):
 
     @property
     def weights(self):
-        """Morph weights of all bodies, shape (t,); set, they win over clips until None."""
+        """Morph weights of all meshes, shape (t,); set, they win over clips until None."""
         return getattr(self.pose, 'weights', self.figure.rest.weights)
 
     @weights.setter

@@ -11,7 +11,7 @@ import numpy as np
 
 from pvibr.animation.normals import point_normals
 from pvibr.core.errors import PvibrWarning
-from pvibr.figures.bodies import PosedBody
+from pvibr.figures.mesh_actors import PosedMeshActor
 from pvibr.gl.offscreen import hidden_window
 from pvibr.instances.atlas import Atlas, pyramid
 from pvibr.instances.bake import Baker
@@ -144,28 +144,31 @@ class Motion:
 class PoseSampler:
     """The meshes of a figure, put in poses on the CPU, about a middle."""
 
-    def __init__(self, figure, bodies, skinning):
-        self.figure, self.bodies, self.skinning = figure, bodies, skinning
+    def __init__(self, figure, mesh_actors, skinning):
+        self.figure, self.mesh_actors, self.skinning = figure, mesh_actors, skinning
         self.center = np.zeros(3)
 
     def shapes(self, pose) -> list:
-        """Return points and normals of each body, (v, 3) float64 each."""
+        """Return points and normals of each mesh_actor, (v, 3) float64 each."""
         world = self.figure.world(pose)
-        return [self._shape(i, body, pose, world) for i, body in enumerate(self.bodies)]
+        return [
+            self._shape(i, mesh_actor, pose, world)
+            for i, mesh_actor in enumerate(self.mesh_actors)
+        ]
 
-    def _shape(self, index, body, pose, world):
-        if isinstance(body, PosedBody):
+    def _shape(self, index, mesh_actor, pose, world):
+        if isinstance(mesh_actor, PosedMeshActor):
             points, normals = self.figure.posed(index, pose, self.skinning)
         else:
-            matrix = np.eye(4) if body.node < 0 else world[body.node]
-            mesh = body.part.mesh
+            matrix = np.eye(4) if mesh_actor.node < 0 else world[mesh_actor.node]
+            mesh = mesh_actor.part.mesh
             points = transform_points(matrix, mesh.points)
             normals = transform_normals(matrix, point_normals(mesh))
         return points - self.center, normals
 
     def parts(self, pose) -> list[Part]:
         """Return its parts in a pose."""
-        parts = [_own(body.part) for body in self.bodies]
+        parts = [_own(mesh_actor.part) for mesh_actor in self.mesh_actors]
         put(parts, self.shapes(pose))
         return parts
 
@@ -186,31 +189,31 @@ def put(parts, shapes):
         part.mesh.Modified()
 
 
-def _reach(sitter, motion):
+def _reach(sampler, motion):
     """Return the distance of the farthest point from the middle at any moment."""
-    poses = sitter.figure.sample(motion.times, motion.clip, loop=False)
+    poses = sampler.figure.sample(motion.times, motion.clip, loop=False)
     reach = 0.0
     for i in range(len(motion.times)):
-        for points, _ in sitter.shapes(poses[i]):
+        for points, _ in sampler.shapes(poses[i]):
             reach = max(reach, float((points**2).sum(1).max()) ** 0.5)
     return reach + float(np.diff(motion.way).max(initial=0.0)) / 2
 
 
-def motion_of(sitter, clip):
+def motion_of(sampler, clip):
     """Look at a clip."""
     duration = 0.0 if clip is None else clip.duration
     times = np.linspace(0.0, duration, _SAMPLES + 1 if duration else 1)
-    poses = sitter.figure.sample(times, clip, loop=False)
+    poses = sampler.figure.sample(times, clip, loop=False)
     before, steps, corners = None, [0.0], []
     for i in range(len(times)):
-        points = np.concatenate([p for p, _ in sitter.shapes(poses[i])])
+        points = np.concatenate([p for p, _ in sampler.shapes(poses[i])])
         corners += [points.min(0), points.max(0)]
         if before is not None:
             steps.append(float(np.percentile(np.linalg.norm(points - before, axis=1), 99)))
         before = points
     box = np.stack([np.min(corners, 0), np.max(corners, 0)])
     room = max(steps) / 2  # what moves between the moments
-    return Motion(sitter.figure, clip, times, np.cumsum(steps)), box + np.array([[-room], [room]])
+    return Motion(sampler.figure, clip, times, np.cumsum(steps)), box + np.array([[-room], [room]])
 
 
 def phase_counts(ways, radius, max_error) -> tuple[int, list[int]]:
@@ -224,20 +227,20 @@ def phase_counts(ways, radius, max_error) -> tuple[int, list[int]]:
     return tile, [max(1, int(n * share)) for n in wanted]
 
 
-def make_phases(
-    figure, bodies, clips, *, skinning='linear', max_error=1.0, cache=True, advance=None
+def bake_pose_atlas(
+    figure, mesh_actors, clips, *, skinning='linear', max_error=1.0, cache=True, advance=None
 ) -> tuple[LodModel, list[Motion]]:
     """Return the levels of a figure that moves, baked and measured, or taken from the cache."""
-    sitter = PoseSampler(figure, bodies, skinning)
-    motions, boxes = zip(*[motion_of(sitter, clip) for clip in clips], strict=True)
+    sampler = PoseSampler(figure, mesh_actors, skinning)
+    motions, boxes = zip(*[motion_of(sampler, clip) for clip in clips], strict=True)
     box = np.stack([np.min(boxes, 0)[0], np.max(boxes, 0)[1]])
-    sitter.center = box.mean(0)
-    radius = max(_reach(sitter, motion) for motion in motions) or 1.0
+    sampler.center = box.mean(0)
+    radius = max(_reach(sampler, motion) for motion in motions) or 1.0
     tile, counts = phase_counts([m.way[-1] for m in motions], radius, max_error)
     poses = [m.pose((k + 0.5) / n) for m, n in zip(motions, counts, strict=True) for k in range(n)]
-    levels = [MeshLevel([body.part for body in bodies])]
+    levels = [MeshLevel([mesh_actor.part for mesh_actor in mesh_actors])]
     store = None if cache is False else AtlasCache(None if cache is True else cache)
-    key = '' if store is None else _key(sitter, poses, tile, counts)
+    key = '' if store is None else _key(sampler, poses, tile, counts)
     found = None if store is None else store.get(key)
     if found is not None:
         try:
@@ -245,7 +248,7 @@ def make_phases(
         except ValueError:
             pass  # of an older layout: baked again below, and replaced
     try:
-        atlas = _baked(sitter, motions, counts, poses, (box, radius, tile), advance)
+        atlas = _baked(sampler, motions, counts, poses, (box, radius, tile), advance)
     except RuntimeError as error:
         msg = (
             f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
@@ -258,30 +261,30 @@ def make_phases(
     return LodModel(levels, atlas), list(motions)
 
 
-def _key(sitter, poses, tile, counts):
+def _key(sampler, poses, tile, counts):
     values: list = ['phases', VERSION, VIEWS, tile, BINS, counts]
-    for body in sitter.bodies:
-        mesh = body.part.mesh
-        values += [body.part.alpha_cutoff, np.asarray(mesh.regular_faces)]
-        values += look_values(body.part.actor)
+    for mesh_actor in sampler.mesh_actors:
+        mesh = mesh_actor.part.mesh
+        values += [mesh_actor.part.alpha_cutoff, np.asarray(mesh.regular_faces)]
+        values += look_values(mesh_actor.part.actor)
         for data in (mesh.point_data, mesh.cell_data):
             for name in sorted(data.keys()):
                 values += [name, np.ascontiguousarray(data[name])]
     for pose in poses:
-        values += [a.astype(np.float32) for shape in sitter.shapes(pose) for a in shape]
+        values += [a.astype(np.float32) for shape in sampler.shapes(pose) for a in shape]
     return key_of(*values)
 
 
-def _baked(sitter, motions, counts, poses, grid, advance):
+def _baked(sampler, motions, counts, poses, grid, advance):
     start = time.perf_counter()
     box, radius, tile = grid
-    parts = sitter.parts(poses[0])
+    parts = sampler.parts(poses[0])
     pictures, frames = [], octahedral.frame(octahedral.view_directions(VIEWS))
     with hidden_window() as (window, _):
         baker = Baker(window, parts, np.zeros(3), radius, (VIEWS, tile, 2))
         try:
             for i, pose in enumerate(poses):
-                put(parts, sitter.shapes(pose))
+                put(parts, sampler.shapes(pose))
                 pictures.append(baker.pictures(frames))
                 if advance is not None:
                     advance((i + 1) / len(poses))
@@ -295,18 +298,18 @@ def _baked(sitter, motions, counts, poses, grid, advance):
         albedo,
         np.zeros(3),
         radius,
-        box - sitter.center,
+        box - sampler.center,
         VIEWS,
         tile,
         bins=np.array(bins, np.float32),
     )
-    atlas.errors = _measured(sitter, motions, counts, atlas)
-    atlas.center, atlas.box = sitter.center, box
+    atlas.errors = _measured(sampler, motions, counts, atlas)
+    atlas.center, atlas.box = sampler.center, box
     atlas.seconds = time.perf_counter() - start
     return atlas
 
 
-def _measured(sitter, motions, counts, atlas):
+def _measured(sampler, motions, counts, atlas):
     """Return the worst error table of some phases, against meshes halfway between two."""
     tables = []
     first = 0
@@ -314,7 +317,7 @@ def _measured(sitter, motions, counts, atlas):
     for motion, count in list(zip(motions, counts, strict=True))[:_MEASURED]:
         for k in np.unique(np.linspace(0, count - 1, 2 + some).astype(int)[1:-1]):
             between = motion.pose((k + 1) / count)
-            model = LodModel([MeshLevel(sitter.parts(between))], atlas.phase(first + int(k)))
+            model = LodModel([MeshLevel(sampler.parts(between))], atlas.phase(first + int(k)))
             tables.append(measure(model))
         first += count
     return {name: np.max([t[name] for t in tables], 0) for name in tables[0]}

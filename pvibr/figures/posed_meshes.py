@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.figures.bodies import PosedBody
+from pvibr.figures.mesh_actors import PosedMeshActor
 from pvibr.figures.posing import SAMPLERS, Posing, posed_feature
 from pvibr.instances.mesh_pool import MeshPool, lendable
 
@@ -21,25 +21,25 @@ class _Group(list):
 class PosedPool(MeshPool):
     """Actors of a figure, lent to the members that need them and posed with them."""
 
-    def __init__(self, level, bodies, skinning):
+    def __init__(self, level, mesh_actors, skinning):
         super().__init__(level)
-        self.bodies, self.skinning = bodies, skinning
-        self._posed = [b for b in bodies if isinstance(b, PosedBody)]
+        self.mesh_actors, self.skinning = mesh_actors, skinning
+        self._posed = [b for b in mesh_actors if isinstance(b, PosedMeshActor)]
         self._posing: Any = None
         self._shown: dict = {}
         self._made_so_far = 0
 
     def _made(self) -> list:
-        group = _Group(self._actor(body) for body in self.bodies)
+        group = _Group(self._actor(mesh_actor) for mesh_actor in self.mesh_actors)
         group.number = self._made_so_far
         self._made_so_far += 1
         return group
 
-    def _actor(self, body):
-        actor = lendable(body.part, body.actor.GetMapper())
+    def _actor(self, mesh_actor):
+        actor = lendable(mesh_actor.part, mesh_actor.actor.GetMapper())
         actor.UseBoundsOff()
         actor.PickableOff()  # pickers look at meshes, which are those at rest
-        if isinstance(body, PosedBody):
+        if isinstance(mesh_actor, PosedMeshActor):
             posed_feature().attach(actor)
         return actor
 
@@ -64,29 +64,33 @@ class PosedPool(MeshPool):
     def _draw(self, window, moments, matrix_of):
         for i, moment in moments.items():
             world = matrix_of(i)
-            for body, actor in zip(self.bodies, self.lent[i], strict=True):
-                matrix = world @ body.local(moment)
+            for mesh_actor, actor in zip(self.mesh_actors, self.lent[i], strict=True):
+                matrix = world @ mesh_actor.local(moment)
                 actor.GetUserMatrix().DeepCopy(np.asarray(matrix, float).ravel().tolist())
         if not self._posed:
             return
         if self._posing is None or self._posing.poses < self._made_so_far:
             self._release_posing()
-            moulds = [b.mould for b in self._posed]
+            rest_meshes = [b.rest_mesh for b in self._posed]
             room = max(4, 1 << (self._made_so_far - 1).bit_length())
-            self._posing = Posing(window, moulds, poses=room, how=self.skinning)
+            self._posing = Posing(window, rest_meshes, poses=room, how=self.skinning)
         # Places that are not lent are drawn as any other: their texels are not read.
         some = next(iter(moments.values()))
         placed = [some] * self._posing.poses
         for i, moment in moments.items():
             placed[self.lent[i].number] = moment
         places = []
-        for body in self._posed:
-            made = {id(moment): body.place(moment) for moment in moments.values()}
+        for mesh_actor in self._posed:
+            made = {id(moment): mesh_actor.mesh_pose(moment) for moment in moments.values()}
             places.append([made[id(moment)] for moment in placed])
         self._posing.draw(places)
 
     def _aim(self, group, units):
-        moved = [a for b, a in zip(self.bodies, group, strict=True) if isinstance(b, PosedBody)]
+        moved = [
+            a
+            for b, a in zip(self.mesh_actors, group, strict=True)
+            if isinstance(b, PosedMeshActor)
+        ]
         for actor, (first, end) in zip(moved, pairwise(self._posing.rows), strict=True):
             rows = (end - first) // self._posing.poses
             uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
@@ -108,5 +112,5 @@ class PosedPool(MeshPool):
     def release(self, window):
         """Free the GPU's memory; the context must be alive."""
         self._release_posing()
-        for body in self.bodies:
-            body.release(window)
+        for mesh_actor in self.mesh_actors:
+            mesh_actor.release(window)

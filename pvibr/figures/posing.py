@@ -38,8 +38,8 @@ class RestMesh:
 
 
 @dataclass(eq=False)
-class Place:
-    """What makes one pose of a mould."""
+class MeshPose:
+    """What makes one pose of a mesh."""
 
     matrices: np.ndarray | None = None
     origin: np.ndarray | None = None
@@ -49,22 +49,22 @@ class Place:
 
 
 class Posing:
-    """Posed positions and normals of several moulds in two textures, one texel a vertex."""
+    """Posed positions and normals of several meshes in two textures, one texel a vertex."""
 
-    def __init__(self, window, moulds, *, poses=1, how='linear'):
+    def __init__(self, window, rest_meshes, *, poses=1, how='linear'):
         self.window, self.poses, self.how = window, poses, how
-        heights = [-(-len(m.points) // WIDTH) * poses for m in moulds]
-        #: First row of each mould.
+        heights = [-(-len(m.points) // WIDTH) * poses for m in rest_meshes]
+        #: First row of each mesh.
         self.rows = np.cumsum([0, *heights]).tolist()
         limit = texture_limit(window)
         if self.rows[-1] > limit:
             msg = (
-                f'the figure has {sum(len(m.points) for m in moulds)} vertices in {poses} poses; '
-                f'at most {limit * WIDTH} fit here.'
+                f'the figure has {sum(len(m.points) for m in rest_meshes)} vertices in {poses} '
+                f'poses; at most {limit * WIDTH} fit here.'
             )
             raise ValueError(msg)
         self._state = Texture(window)
-        self._casts = [_Cast(window, m, poses, how) for m in moulds]
+        self._passes = [_MeshPass(window, m, poses, how) for m in rest_meshes]
         self.target = Target(
             window, WIDTH, self.rows[-1], ('rgba32f', 'rgba32f'), filter='nearest'
         )
@@ -72,7 +72,7 @@ class Posing:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self.target.nbytes + self._state.nbytes + sum(c.nbytes for c in self._casts)
+        return self.target.nbytes + self._state.nbytes + sum(c.nbytes for c in self._passes)
 
     @property
     def textures(self) -> dict[str, Texture]:
@@ -80,70 +80,74 @@ class Posing:
         return dict(zip(SAMPLERS, self.target.colors, strict=True))
 
     def draw(self, places, *, bulge=1.0):
-        """Pose all moulds anew."""
-        self._load([c.numbers(poses) for c, poses in zip(self._casts, places, strict=True)])
+        """Pose all meshes anew."""
+        self._load([c.numbers(poses) for c, poses in zip(self._passes, places, strict=True)])
         state = self.window.GetState()
         with self.target.drawing():
-            for cast, first, end in zip(self._casts, self.rows, self.rows[1:], strict=False):
+            for mesh_pass, first, end in zip(self._passes, self.rows, self.rows[1:], strict=False):
                 state.vtkglViewport(0, first, WIDTH, end - first)
                 state.vtkglScissor(0, first, WIDTH, end - first)
-                cast.draw(bulge, self._state)
+                mesh_pass.draw(bulge, self._state)
 
     def _load(self, numbers):
         """Put what makes the poses on the GPU, in one image: an upload costs its call."""
         most = max((len(n) for poses in numbers for n in poses), default=0)
         width = min(max(most, 1), _STATE_WIDTH)
         blocks: list[np.ndarray] = []
-        for cast, poses in zip(self._casts, numbers, strict=True):
+        for mesh_pass, poses in zip(self._passes, numbers, strict=True):
             rows = max(-(-max(len(n) for n in poses) // width), 1)
             block = np.zeros((len(poses), rows * width, 4), np.float32)
             for row, found in zip(block, poses, strict=True):
                 row[: len(found)] = found
-            cast.uniforms |= {
+            mesh_pass.uniforms |= {
                 'ibr_state_first': sum(len(b) for b in blocks),
                 'ibr_state_rows': rows,
             }
             blocks.append(block.reshape(-1, width, 4))
         state = np.concatenate(blocks)
-        for cast in self._casts:
-            cast.uniforms['ibr_state_sides'] = (width, len(state))
+        for mesh_pass in self._passes:
+            mesh_pass.uniforms['ibr_state_sides'] = (width, len(state))
         self._state.upload(state)
 
-    def download(self, mould, pose=0):
+    def download(self, rest_mesh, pose=0):
         """Return what the pass wrote."""
-        cast = self._casts[mould]
-        first = self.rows[mould] + pose * cast.rows
-        texels = [t.download()[first : first + cast.rows] for t in self.target.colors]
-        positions, normals = (t.reshape(-1, 4)[: cast.count, :3] for t in texels)
+        mesh_pass = self._passes[rest_mesh]
+        first = self.rows[rest_mesh] + pose * mesh_pass.rows
+        texels = [t.download()[first : first + mesh_pass.rows] for t in self.target.colors]
+        positions, normals = (t.reshape(-1, 4)[: mesh_pass.count, :3] for t in texels)
         return positions, normals
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for cast in self._casts:
-            cast.release()
+        for mesh_pass in self._passes:
+            mesh_pass.release()
         self._state.release()
         self.target.release()
 
 
-class _Cast:
-    """A mould on the GPU."""
+class _MeshPass:
+    """A mesh on the GPU."""
 
-    def __init__(self, window, mould, poses, how):
-        self.count, self.how, self.poses = len(mould.points), how, poses
+    def __init__(self, window, rest_mesh, poses, how):
+        self.count, self.how, self.poses = len(rest_mesh.points), how, poses
         self.rows = -(-self.count // WIDTH)
-        self.origin, self.centers = mould.origin, mould.centers
+        self.origin, self.centers = rest_mesh.origin, rest_mesh.centers
         self.textures = {
-            'ibr_rest': _table(window, mould.points - self.origin),
-            'ibr_rest_normals': _table(window, mould.normals),
+            'ibr_rest': _table(window, rest_mesh.points - self.origin),
+            'ibr_rest_normals': _table(window, rest_mesh.normals),
         }
         groups = 0
-        if mould.joints is not None:
-            groups = -(-mould.joints.shape[1] // 4)
-            for name, table in zip(('ibr_joints', 'ibr_weights'), _influences(mould), strict=True):
+        if rest_mesh.joints is not None:
+            groups = -(-rest_mesh.joints.shape[1] // 4)
+            for name, table in zip(
+                ('ibr_joints', 'ibr_weights'), _influences(rest_mesh), strict=True
+            ):
                 self.textures[name] = Texture(window).upload(table)
-        self.store = None if mould.shapes is None else ShapeStore(window, mould.shapes, WIDTH)
-        joints = 0 if mould.centers is None else len(mould.centers) * _TEXELS[how]
-        most = joints + 1 + (0 if self.store is None else len(mould.shapes))
+        self.store = (
+            None if rest_mesh.shapes is None else ShapeStore(window, rest_mesh.shapes, WIDTH)
+        )
+        joints = 0 if rest_mesh.centers is None else len(rest_mesh.centers) * _TEXELS[how]
+        most = joints + 1 + (0 if self.store is None else len(rest_mesh.shapes))
         self.quad = _quad(
             window,
             {
@@ -213,11 +217,11 @@ def _table(window, vectors):
     return Texture(window).upload(pack(aligned, WIDTH, 4))
 
 
-def _influences(mould):
+def _influences(rest_mesh):
     """Return joints and weights as images, the heaviest first, four a texel, groups stacked."""
-    order = np.argsort(-mould.weights, axis=1, kind='stable')
+    order = np.argsort(-rest_mesh.weights, axis=1, kind='stable')
     tables = []
-    for values in (mould.joints, mould.weights):
+    for values in (rest_mesh.joints, rest_mesh.weights):
         ordered = np.take_along_axis(values, order, 1).astype(np.float32)
         padded = np.pad(ordered, ((0, 0), (0, -ordered.shape[1] % 4)))
         columns = [padded[:, i : i + 4] for i in range(0, padded.shape[1], 4)]

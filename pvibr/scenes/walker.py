@@ -68,7 +68,7 @@ def walker(triangles=5000) -> Figure:
         name='walker',
         look={'scalars': 'paint', 'rgb': True, 'smooth_shading': True},
     )
-    figure.bodies[0].mesh['paint'] = np.concatenate(colors).astype(np.uint8)
+    figure.meshes[0].mesh['paint'] = np.concatenate(colors).astype(np.uint8)
     return figure
 
 

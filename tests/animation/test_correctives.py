@@ -141,7 +141,7 @@ def test_normals_follow_the_sculpted_shape():
 
 
 def test_morph_targets_are_added_before():
-    swell = Morphs([RNG.normal(0, 0.1, (len(arm().bodies[0].points), 3))])
+    swell = Morphs([RNG.normal(0, 0.1, (len(arm().meshes[0].points), 3))])
     bare, keys = arm(morphs=swell), bent([80.0]).replaced(weights=[[0.7]])
     points, _ = sculpture(bare, keys)
     fixed = arm(Correctives.from_sculpted(bare, [1], keys, points), swell)

@@ -49,7 +49,7 @@ def random_figure(rng, n=6, v=30, k=4, targets=3, scale=0.0, frames=None):
 
 def test_at_rest_nothing_moves():
     figure = random_figure(np.random.default_rng(0))
-    body = figure.bodies[0]
+    body = figure.meshes[0]
     for how in ('linear', 'dual'):
         points, normals = figure.posed(0, skinning=how)
         assert np.allclose(points, body.points)
@@ -62,14 +62,14 @@ def test_a_body_of_a_node_moves_with_it():
     pose = random_pose(rng, 6, scale=0.3, weights=3)
     matrix = figure.world(pose)[5]
     points, normals = figure.posed(1, pose)
-    assert np.allclose(points, transform_points(matrix, figure.bodies[1].points))
-    assert np.allclose(normals, transform_normals(matrix, figure.bodies[1].normals))
+    assert np.allclose(points, transform_points(matrix, figure.meshes[1].points))
+    assert np.allclose(normals, transform_normals(matrix, figure.meshes[1].normals))
 
 
 def test_a_skinned_body_ignores_its_node():
     rng = np.random.default_rng(0)
     figure = random_figure(rng)
-    body = figure.bodies[0]
+    body = figure.meshes[0]
     hung = Figure([FigureMesh(body.mesh, 3, body.skin, body.morphs)], figure.skeleton)
     pose = random_pose(rng, 6, weights=3)
     assert np.array_equal(figure.posed(0, pose)[0], hung.posed(0, pose)[0])
@@ -115,7 +115,7 @@ def test_bounds_hold_every_posed_vertex(seed, how, scale):
 
 def test_bounds_at_rest_are_tight():
     figure = random_figure(np.random.default_rng(3))
-    skinned = Figure(figure.bodies[:1], figure.skeleton)
+    skinned = Figure(figure.meshes[:1], figure.skeleton)
     for how in ('linear', 'dual'):
         assert np.allclose(skinned.bounds(None, how), skinned.mesh().bounds, atol=1e-4)
 
@@ -161,7 +161,7 @@ def test_skins_refuse_joints_out_of_range():
 
 def test_a_figure_refuses_what_does_not_fit():
     mesh = sheet(np.eye(3))
-    with pytest.raises(ValueError, match=r'bodies\[0\] hangs on the joints 2 to 2'):
+    with pytest.raises(ValueError, match=r'meshes\[0\] hangs on the joints 2 to 2'):
         Figure([FigureMesh(mesh, 2)])
     with pytest.raises(ValueError, match='the skin has 1 vertices, the mesh 3'):
         FigureMesh(mesh, skin=Skin([0], [np.eye(4)], [[0]], [[1.0]]))
@@ -185,11 +185,11 @@ def test_frames_come_before_morphs():
     figure = Figure(
         [FigureMesh(sheet(np.eye(3)), morphs=Morphs(np.ones((1, 3, 3))), frames=frames)]
     )
-    assert np.array_equal(figure.bodies[0].points, np.eye(3))
+    assert np.array_equal(figure.meshes[0].points, np.eye(3))
     pose = figure.sample(0.5).replaced(weights=[2.0])
     points, normals = figure.posed(0, pose)
     assert np.allclose(points, 2 * np.eye(3) + 2)
-    assert np.allclose(normals, figure.bodies[0].normals)
+    assert np.allclose(normals, figure.meshes[0].normals)
 
 
 def test_colours_and_tangents_are_morphed_and_tangents_are_moved():

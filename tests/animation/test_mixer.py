@@ -56,7 +56,7 @@ def test_playing_is_sampling_at_another_time():
 def test_a_root_gets_somewhere(speed):
     fox = figure()
     step = Clip('step', [Track(0, 'translation', [0, 1, 2], [[1, 0, 0], [2, 0, 1], [5, 0, 0]])])
-    fox = Figure(fox.bodies, fox.skeleton, [step])
+    fox = Figure(fox.meshes, fox.skeleton, [step])
     walk = ClipSource(fox, 'step', speed=speed, root='hip')
     times = np.linspace(-5, 5, 1001)
     places = walk.sample(times).translation[:, 0]
@@ -171,6 +171,6 @@ def test_bad_input_is_named():
         SyncedClips(fox, ['walk', 'run'], [0.5])
     with pytest.raises(ValueError, match=r'weights has the shape \(3,\) for 2 clips'):
         SyncedClips(fox, ['walk', 'run'], [0.5, 0.5]).go([1, 1, 1], 2.0)
-    still = Figure(fox.bodies, fox.skeleton, [Clip('still', [])])
+    still = Figure(fox.meshes, fox.skeleton, [Clip('still', [])])
     with pytest.raises(ValueError, match="'still' has no length"):
         SyncedClips(still, ['still'], [1.0])

@@ -30,7 +30,7 @@ def test_a_column_per_joint_is_a_skin_too():
     narrow = Figure.from_arrays(QUAD, FACES, joints, pulls, [-1, 0, 0], rest)
     pose = Pose(np.random.default_rng(0).normal(size=(3, 3)))
     assert np.allclose(wide.posed(0, pose)[0], narrow.posed(0, pose)[0])
-    assert wide.bodies[0].skin.joints.shape == (4, 2)
+    assert wide.meshes[0].skin.joints.shape == (4, 2)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_a_series_is_a_clip():
     assert np.allclose(figure.mesh(2.0).active_normals, growing()[0].active_normals, atol=1e-5)
     assert np.allclose(figure.mesh(3.5).points, figure.mesh(0.5).points)
     assert np.allclose(figure.mesh(9.0, loop=False).points, growing()[2].points)
-    assert figure.bodies[0].look == {'color': 'red'}
+    assert figure.meshes[0].look == {'color': 'red'}
 
 
 def test_a_series_comes_in_many_ways(tmp_path):
@@ -135,8 +135,8 @@ def test_a_scene_keeps_its_graph():
     figure = Figure.from_scene(scene)
     assert figure.skeleton.names == ('world', 'body', 'hand')
     assert figure.skeleton.parents.tolist() == [-1, 0, 1]
-    assert [body.name for body in figure.bodies] == ['body', 'hand']
-    assert figure.bodies[0].look['rgb']
+    assert [body.name for body in figure.meshes] == ['body', 'hand']
+    assert figure.meshes[0].look['rgb']
     raised = figure.skeleton.rest.matrices()
     raised[1, 2, 3] += 5.0
     posed = figure.mesh(pose=figure.skeleton.world(raised))

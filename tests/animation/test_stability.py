@@ -21,7 +21,7 @@ SMALL = 16, 12, 5
 
 def scaled(figure, scale):
     """The same figure in another unit."""
-    body, rest = figure.bodies[0], figure.skeleton.rest
+    body, rest = figure.meshes[0], figure.skeleton.rest
     return Figure.from_arrays(
         scale * body.points,
         body.mesh.regular_faces,
@@ -88,10 +88,10 @@ def test_units_do_not_matter_to_the_gpu(scale, how):
 @HOW
 def test_weights_of_zero_pull_at_nothing(how):
     figure = tube(*SMALL)
-    skin, n = figure.bodies[0].skin, len(figure.bodies[0].points)
+    skin, n = figure.meshes[0].skin, len(figure.meshes[0].points)
     pose = figure.sample(0.7)
     expected = figure.posed(0, pose, how)
-    figure.bodies[0].skin = Skin(
+    figure.meshes[0].skin = Skin(
         skin.nodes,
         skin.inverse_bind,
         np.concatenate([np.full((n, 2), 4), skin.joints], 1),
@@ -182,7 +182,7 @@ def test_joints_that_collapse_or_mirror_leave_numbers(stretch, how):
 def test_bones_without_length(how):
     rest = Pose(np.zeros((4, 3)))
     figure = tube(16, 12, 4)
-    body = figure.bodies[0]
+    body = figure.meshes[0]
     bunch = Figure.from_arrays(
         body.points,
         body.mesh.regular_faces,
@@ -202,9 +202,9 @@ def test_bones_without_length(how):
 @pytest.mark.parametrize('weight', [0.0, 1e-300, -1e6, 1e6])
 def test_morph_weights_of_any_size(weight):
     figure = tube(*SMALL)
-    n = len(figure.bodies[0].points)
+    n = len(figure.meshes[0].points)
     figure = tube(*SMALL, morphs=Morphs([np.tile([0.0, 1.0, 0.0], (n, 1))]))
     pose = figure.rest.replaced(weights=[weight])
     points, normals = figure.posed(0, pose)
-    np.testing.assert_allclose(points[:, 1], figure.bodies[0].points[:, 1] + weight, rtol=1e-9)
+    np.testing.assert_allclose(points[:, 1], figure.meshes[0].points[:, 1] + weight, rtol=1e-9)
     assert np.isfinite(normals).all()

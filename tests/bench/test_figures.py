@@ -23,13 +23,13 @@ def test_the_tube_moves_and_ends_where_it_began():
 
 def test_few_triangles_keep_all_vertices():
     whole, few = (figures_models.tube(20, 12, 6, every=every) for every in (1, 10))
-    assert few.bodies[0].mesh.n_points == whole.bodies[0].mesh.n_points
-    assert few.bodies[0].mesh.n_cells < whole.bodies[0].mesh.n_cells / 9
+    assert few.meshes[0].mesh.n_points == whole.meshes[0].mesh.n_points
+    assert few.meshes[0].mesh.n_cells < whole.meshes[0].mesh.n_cells / 9
 
 
 def test_a_tube_faces_outward():
     for figure in (figures_models.tube(20, 12, 6), figures_models.swelling(20, 12)):
-        body = figure.bodies[0]
+        body = figure.meshes[0]
         normals = body.mesh.compute_normals(point_normals=False, consistent_normals=False)
         corners = body.points[body.mesh.regular_faces].mean(1)
         assert (np.asarray(normals['Normals'])[:, :2] * corners[:, :2]).sum(1).min() > 0
@@ -37,7 +37,7 @@ def test_a_tube_faces_outward():
 
 def test_numpy_poses_as_the_reference_does():
     figure = figures_models.tube(20, 12, 6)
-    peer = figures_peers.NumpySkinning(figure.bodies[0])
+    peer = figures_peers.NumpySkinning(figure.meshes[0])
     pose = figure.sample(0.7)
     peer.pose(figure.world(pose))
     points, normals = figure.posed(0, pose)
@@ -54,7 +54,7 @@ def test_the_gpu_is_compared_with_float64():
         assert 0 < position < 1e-5
         assert 0 < degrees < 0.1
         # What is compared is what was drawn.
-        figure.bodies[0].points[:] += 1.0
+        figure.meshes[0].points[:] += 1.0
         assert figures_errors.gpu_errors(actor)[0] > 0.1
 
 
@@ -62,7 +62,7 @@ def test_vtk_reads_what_a_figure_writes(tmp_path):
     figure = figures_models.tube(20, 12, 6)
     figure.save(tmp_path / 'tube.glb')
     assert figures_peers.reader_error(tmp_path / 'tube.glb', figure, 5, 1) < 1e-5
-    figure.bodies[0].points[:, 0] += 1.0
+    figure.meshes[0].points[:, 0] += 1.0
     assert figures_peers.reader_error(tmp_path / 'tube.glb', figure, 2, 1) > 0.05
 
 

@@ -156,7 +156,7 @@ def test_it_is_written_and_read_again(cloud, tmp_path):
     assert np.array_equal(np.asarray(material.baseColorTexture), cloud.texture.to_array())
     assert np.array_equal(np.asarray(material.normalTexture), cloud.normal_texture.to_array())
     with pytest.warns(pvibr.PvibrWarning, match='normal texture'):
-        body = pvibr.read_gltf(glb).bodies[0]
+        body = pvibr.read_gltf(glb).meshes[0]
     assert body.look['alpha_cutoff'] == 0.5
     files = cloud.save(tmp_path / 'two words.obj')
     assert len(files) == 4

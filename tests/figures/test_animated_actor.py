@@ -68,7 +68,7 @@ LOOKS = {
 @pytest.mark.parametrize('look', LOOKS.values(), ids=LOOKS)
 def test_picture_is_that_of_the_posed_mesh(look):
     figure = worm()
-    mesh = figure.bodies[0].mesh
+    mesh = figure.meshes[0].mesh
     mesh.cell_data['number'] = np.arange(mesh.n_cells) % 7
     pose = bend(figure, 0.3)
     ours, theirs = (scene(figure, pose, look, as_mesh=m)[0] for m in (False, True))
@@ -414,7 +414,7 @@ def test_hidden_figures_are_not_posed():
 
 
 def test_one_body_can_be_hidden():
-    both = Figure([worm().bodies[0], FigureMesh(pv.Cube(center=(0, 1.5, 0)))], worm().skeleton)
+    both = Figure([worm().meshes[0], FigureMesh(pv.Cube(center=(0, 1.5, 0)))], worm().skeleton)
     pl = plotter()
     actor = pl.ibr.add_animated(both, color='tan')
     whole = shot(pl)
@@ -426,7 +426,7 @@ def test_one_body_can_be_hidden():
     pl.renderer.SetWorldPoint(0, 0, 0.5, 1)
     pl.renderer.WorldToDisplay()
     hit = pl.ibr.pick(*pl.renderer.GetDisplayPoint()[:2])
-    assert hit is None or hit.body == 1
+    assert hit is None or hit.mesh == 1
     actor.actors()[0].visibility = True
     assert differing(whole, shot(pl)) == 0
 
@@ -449,7 +449,7 @@ def test_report_counts():
     shot(pl)
     report = actor.report()
     assert report['poses'] == 1
-    assert report['vertices'] == worm().bodies[0].mesh.n_points
+    assert report['vertices'] == worm().meshes[0].mesh.n_points
     assert report['bytes'] > 32 * report['vertices']
 
 
@@ -489,7 +489,7 @@ def test_pick_finds_the_posed_mesh():
     pl, actor, vertex, points, (x, y) = picked_scene()
     hit = pl.ibr.pick(x, y)
     assert np.linalg.norm(hit.point - points[vertex]) < 1e-3
-    assert hit.body == 0
+    assert hit.mesh == 0
     assert hit.vertex == vertex
     assert vertex in actor.posed_meshes()[0].regular_faces[hit.cell]
     assert pl.ibr.pick(1, 1) is None

@@ -20,7 +20,7 @@ def test_a_series_is_one_mesh_a_second(wrap):
 
 def test_a_mesh_and_a_body_are_figures_of_one_body():
     body = FigureMesh(pv.Cube())
-    assert as_figure(body).bodies[0] is body
+    assert as_figure(body).meshes[0] is body
     assert as_figure(pv.Cube()).mesh().n_cells == 6
     assert as_figure(pv.ImageData(dimensions=(3, 3, 3))).mesh().n_cells == 24
 

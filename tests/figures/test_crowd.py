@@ -11,7 +11,7 @@ import pyvista as pv
 from pvibr import Crowd, Figure, Shadows
 from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 from pvibr.figures import pose_atlas as phases
-from pvibr.figures.crowd_group import Moves
+from pvibr.figures.crowd_group import Playback
 from pvibr.figures.pose_atlas import PoseAtlas, phase_counts
 from tests.figures.makers import bending, growing, worm
 from tests.instance_scenes import grab, place
@@ -89,7 +89,7 @@ def test_near_ones_are_the_posed_meshes(figure, show):
     times = [0.3, 1.1]
     pl, crowd = show(figure, apart(), NEAR, times=times, color='tan')
     picture = grab(pl)
-    assert list(drawn(crowd)) == [f'mesh {figure.bodies[0].mesh.n_cells}']
+    assert list(drawn(crowd)) == [f'mesh {figure.meshes[0].mesh.n_cells}']
     truth = posed(figure, apart(), times, NEAR, color='tan')
     assert np.abs(picture - truth).max(-1).mean() < 2e-3
     assert (np.abs(picture - truth).max(-1) > 0.02).mean() < 0.005
@@ -231,7 +231,7 @@ def test_morphs_and_dual_quaternions(show):
     pl, crowd = show(morphed, apart(), NEAR, skinning='dual')
     truth = posed(morphed, apart(), [0.0, 0.0], NEAR)
     assert np.abs(grab(pl) - truth).mean() < 0.01
-    assert crowd.mesh(0).n_points == morphed.bodies[0].mesh.n_points
+    assert crowd.mesh(0).n_points == morphed.meshes[0].mesh.n_points
 
 
 def test_life(figure, show):
@@ -291,7 +291,7 @@ def test_faster_clips_get_more_phases():
 
 
 def test_rounds():
-    moves = Moves(3)
+    moves = Playback(3)
     moves.offset[:] = 0.5, 0.5, 5.0
     moves.loop[2] = False
     motions = [SimpleNamespace(duration=2.0)]

@@ -33,7 +33,7 @@ def test_models_are_posed_as_the_reference_has_them(name, data_dir):
         pl.render()
         low, high = np.reshape(actor.bounds, (3, 2)).T
         size = (high - low).max()
-        for i, body in enumerate(actor._bodies):
+        for i, body in enumerate(actor._mesh_actors):
             points, normals = figure.posed(i, actor.pose)
             assert (points >= low - 1e-6 * size).all()
             assert (points <= high + 1e-6 * size).all()
@@ -47,6 +47,6 @@ def check(actor, number, points, normals, size):
     matrix = pv.array_from_vtkmatrix(body.actor.GetMatrix())
     placed = positions @ matrix[:3, :3].T + matrix[:3, 3]
     assert np.abs(placed - points).max() <= 1e-5 * size
-    if body.body.skin is not None:
+    if body.figure_mesh.skin is not None:
         cosine = (directions * normals).sum(1)[np.linalg.norm(normals, axis=1) > 0.5]
         assert cosine.min(initial=1.0) >= np.cos(np.radians(0.1))

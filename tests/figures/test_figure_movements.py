@@ -83,7 +83,7 @@ def test_states_choose_key_frames(time):
     )
     states.go('high', at=0.75)
     states.go('low', at=1.25)
-    body = growing().bodies[0]
+    body = growing().meshes[0]
     figure = Figure([FigureMesh(body.mesh, frames=replace(body.frames, states=states))])
     apart, seen = beside(figure, time)
     assert apart <= 2
@@ -98,7 +98,7 @@ def test_corrected_poses(skinning):
     points, normals = bare.posed(0, pose, skinning)
     thick = points + 0.2 * normals
     fixed = Figure(
-        bare.bodies,
+        bare.meshes,
         bare.skeleton,
         correctives=Correctives.from_sculpted(bare, [1, 3], key, thick[None], skinning=skinning),
     )

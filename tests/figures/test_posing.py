@@ -16,9 +16,9 @@ from tests.figures.makers import bend, growing, morphs, skeleton, skin, tube, wo
 def read_back(actor, body=0):
     """Return posed points and normals of a shown figure, in its space."""
     positions, normals = actor._posing.download(body)
-    n = len(actor.figure.bodies[body].points)
+    n = len(actor.figure.meshes[body].points)
     shown = actor._posed[body]
-    origin = actor._moment.origin if shown.body.skin is not None else shown.mould.origin
+    origin = actor._moment.origin if shown.figure_mesh.skin is not None else shown.rest_mesh.origin
     return positions[:n] + origin, normals[:n]
 
 
@@ -115,9 +115,9 @@ def test_correctives():
     bent = bend(figure, 0.5)
     keys = bent.__class__(bent.translation[None], bent.rotation[None])
     space = PoseSpace([1, 2], keys, figure.rest)
-    n = figure.bodies[0].mesh.n_points
+    n = figure.meshes[0].mesh.n_points
     fixed = Figure(
-        figure.bodies, figure.skeleton, correctives=Correctives(space, {0: morphs(n, 1)})
+        figure.meshes, figure.skeleton, correctives=Correctives(space, {0: morphs(n, 1)})
     )
     check(fixed, bend(figure, 0.4))
 
@@ -164,17 +164,19 @@ def test_each_shape_is_uploaded_once():
 
 def test_several_poses_of_one_mould():
     """One pass poses a body many times: each pose has its own rows."""
-    from pvibr.figures.posing import Place, Posing
+    from pvibr.figures.posing import MeshPose, Posing
     from pvibr.gl.offscreen import hidden_window
 
     figure = worm()
     pl = pv.Plotter(off_screen=True)
-    mould = pl.ibr.add_animated(figure)._posed[0].mould
+    rest_mesh = pl.ibr.add_animated(figure)._posed[0].rest_mesh
     poses = [bend(figure, angle) for angle in (0.0, 0.2, 0.4)]
-    places = [Place(figure.bodies[0].skin.matrices(figure.world(p)), np.zeros(3)) for p in poses]
-    mould.shapes = None
+    places = [
+        MeshPose(figure.meshes[0].skin.matrices(figure.world(p)), np.zeros(3)) for p in poses
+    ]
+    rest_mesh.shapes = None
     with hidden_window() as (window, _):
-        posing = Posing(window, [mould, mould], poses=3)
+        posing = Posing(window, [rest_mesh, rest_mesh], poses=3)
         posing.draw([places, places[::-1]])
         for i, pose in enumerate(poses):
             expected, _ = figure.posed(0, pose)

@@ -9,7 +9,7 @@ from pvibr.scenes.walker import walker
 
 @pytest.mark.parametrize('triangles', [300, 5000])
 def test_is_about_as_heavy_as_asked(triangles):
-    mesh = walker(triangles).bodies[0].mesh
+    mesh = walker(triangles).meshes[0].mesh
     assert 0.6 * triangles < mesh.n_cells <= 1.1 * triangles
     assert encloses(mesh.points, mesh.regular_faces)
 

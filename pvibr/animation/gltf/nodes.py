@@ -214,9 +214,9 @@ class _Tracks:
         output = f'{place}.output'
         values = self._accessors.floats(sampler.output, output, _VALUES[path])
         cubic = sampler.interpolation == 'CUBICSPLINE'
-        first, width, bodies = node, values.shape[1], 1
+        first, width, meshes = node, values.shape[1], 1
         if path == 'weights':
-            first, width, bodies = self._targets[node]
+            first, width, meshes = self._targets[node]
         shape = (len(times), 3, width) if cubic else (len(times), width)
         if values.size != np.prod(shape):
             msg = f'{output} has {values.size} numbers; {len(times)} keys need {np.prod(shape)}.'
@@ -224,7 +224,7 @@ class _Tracks:
         values = values.reshape(shape)
         if path == 'rotation':
             values = values[..., [3, 0, 1, 2]]
-        self._file.spend(8 * values.size * bodies, output)
-        # Each body of a node has columns of its own, and all the same weights.
-        values = np.tile(values, bodies) if bodies > 1 else values
+        self._file.spend(8 * values.size * meshes, output)
+        # Each mesh of a node has columns of its own, and all the same weights.
+        values = np.tile(values, meshes) if meshes > 1 else values
         return Track(first, path, times, values, _INTERPOLATIONS[sampler.interpolation])

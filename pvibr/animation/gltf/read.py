@@ -23,15 +23,15 @@ EXTENSIONS = (
     'KHR_mesh_quantization',
     'KHR_texture_transform',
 )
-#: Bytes that a body costs, though bodies of the same mesh share its arrays.
-_BODY = 4096
+#: Bytes that a figure_mesh costs, though meshes of the same mesh share its arrays.
+_MESH = 4096
 
 
 def read_gltf(path, *, scene=None, up='y', pbr=False):
     """Read a figure from a glTF 2.0 file, ``.glb`` or ``.gltf``.
 
     Each node becomes a joint of the same number, each primitive of triangles that a node of the
-    scene shows becomes a body, each animation a clip.
+    scene shows becomes a figure_mesh, each animation a clip.
 
     Parameters
     ----------
@@ -89,11 +89,11 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     nodes = shown_nodes(file, parents, scene)
     skeleton = skeleton_of(file, parents, up)
     accessors = Accessors(file)
-    bodies, targets = _Bodies(file, accessors, pbr, skeleton).read(nodes)
+    meshes, targets = _Meshes(file, accessors, pbr, skeleton).read(nodes)
     clips = clips_of(file, accessors, targets)
     with naming('the figure'):
         figure = Figure(
-            bodies,
+            meshes,
             skeleton,
             clips,
             cameras=cameras_of(file, nodes),
@@ -118,7 +118,7 @@ def _check_extensions(file):
             file.leave_out(name[:80], 'extensionsUsed')
 
 
-class _Bodies:
+class _Meshes:
     """The meshes that nodes show."""
 
     def __init__(self, file, accessors, pbr, skeleton):
@@ -129,9 +129,9 @@ class _Bodies:
         self._mirrored = np.linalg.det(skeleton.world(skeleton.rest)[:, :3, :3]) < 0
 
     def read(self, nodes):
-        """Return the bodies, and for each node with morph targets its columns of weights."""
+        """Return the meshes, and for each node with morph targets its columns of weights."""
         document = self._file.document
-        bodies: list[FigureMesh] = []
+        meshes: list[FigureMesh] = []
         targets: dict[int, tuple[int, int, int]] = {}
         columns = 0
         nodes = [number for number in nodes if document.nodes[number].mesh is not None]
@@ -144,21 +144,21 @@ class _Bodies:
             if weights and shown:
                 targets[number] = (columns, len(weights), len(shown))
                 columns += len(weights) * len(shown)
-            bodies += shown
-        return bodies, targets
+            meshes += shown
+        return meshes, targets
 
     def _check(self, nodes):
-        """See that all references are sound, and that there are not absurdly many bodies."""
+        """See that all references are sound, and that there are not absurdly many meshes."""
         document = self._file.document
         for number in nodes:
             node, place = document.nodes[number], f'nodes[{number}]'
             mesh = follow(document.meshes, node.mesh, f'{place}.mesh', 'meshes')
-            self._file.spend(_BODY * len(mesh.primitives), f'{place}.mesh')
+            self._file.spend(_MESH * len(mesh.primitives), f'{place}.mesh')
             if node.skin is not None:
                 follow(document.skins, node.skin, f'{place}.skin', 'skins')
 
     def _of_node(self, node, mesh, number, weights):
-        bodies = []
+        meshes = []
         for i, primitive in enumerate(mesh.primitives):
             place = f'meshes[{node.mesh}].primitives[{i}]'
             surface = self._primitives.surface(node.mesh, i)
@@ -178,11 +178,11 @@ class _Bodies:
             name = name if len(mesh.primitives) == 1 else f'{name}.{i}'
             with naming(place):
                 morphs = _resting(surface.morphs, weights)
-                body = FigureMesh(surface.mesh, number, skin, morphs, None, look, name)
-            first = self._first.setdefault(id(surface), body)
-            body.points, body.normals = first.points, first.normals
-            bodies.append(body)
-        return bodies
+                figure_mesh = FigureMesh(surface.mesh, number, skin, morphs, None, look, name)
+            first = self._first.setdefault(id(surface), figure_mesh)
+            figure_mesh.points, figure_mesh.normals = first.points, first.normals
+            meshes.append(figure_mesh)
+        return meshes
 
     def _weights(self, node, mesh, number):
         """Return the weights that a node's morph targets rest at."""

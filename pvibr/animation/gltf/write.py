@@ -54,10 +54,10 @@ class _FigureWriter:
             if getattr(figure, name):
                 self._left_out[name] = None
         nodes = self._nodes()
-        hosts = [self._host(nodes, body) for body in figure.bodies]
+        hosts = [self._host(nodes, mesh) for mesh in figure.meshes]
         clips = figure.clips
-        if not clips and any(body.frames for body in figure.bodies):
-            last = max(body.frames.times[-1] for body in figure.bodies if body.frames)
+        if not clips and any(mesh.frames for mesh in figure.meshes):
+            last = max(mesh.frames.times[-1] for mesh in figure.meshes if mesh.frames)
             clips = [Clip(figure.name or 'series', [], last)]
         for clip in clips:
             self._animation(clip, hosts)
@@ -78,20 +78,20 @@ class _FigureWriter:
             self._glb.add('nodes', node)
         return self._glb.document.setdefault('nodes', [])
 
-    def _host(self, nodes, body):
-        """Return the node that shows a body: its own one, if no other body is shown by that."""
-        mesh = self._mesh(body)
-        if mesh is None:
+    def _host(self, nodes, mesh):
+        """Return the node that shows a mesh: its own one, if no other mesh is shown by that."""
+        number = self._mesh(mesh)
+        if number is None:
             return None
-        host = body.node
+        host = mesh.node
         if host < 0 or 'mesh' in nodes[host]:
-            host = self._glb.add('nodes', {'name': body.name or f'body{len(nodes)}'})
-            if body.node >= 0 and body.skin is None:
-                nodes[body.node].setdefault('children', []).append(host)
+            host = self._glb.add('nodes', {'name': mesh.name or f'mesh{len(nodes)}'})
+            if mesh.node >= 0 and mesh.skin is None:
+                nodes[mesh.node].setdefault('children', []).append(host)
                 self._hung.add(host)
-        nodes[host]['mesh'] = mesh
-        if body.skin is not None:
-            nodes[host]['skin'] = self._skin(body.skin)
+        nodes[host]['mesh'] = number
+        if mesh.skin is not None:
+            nodes[host]['skin'] = self._skin(mesh.skin)
         return host
 
     def _scene(self, nodes):
@@ -117,43 +117,43 @@ class _FigureWriter:
             self._skins[skin] = self._glb.add('skins', thing)
         return self._skins[skin]
 
-    def _mesh(self, body):
-        """Add a body's mesh; None if it has no polygon."""
-        faces = body.mesh.triangulate().regular_faces
+    def _mesh(self, mesh):
+        """Add a mesh; None if it has no polygon."""
+        faces = mesh.mesh.triangulate().regular_faces
         if not len(faces):
-            self._left_out['bodies without polygons'] = None
+            self._left_out['meshes without polygons'] = None
             return None
-        points, normals = _neutral(body)
+        points, normals = _neutral(mesh)
         add = self._glb.accessor
         attributes = {'POSITION': add(points, limits=True)}
         if normals.any():
             attributes['NORMAL'] = add(_unit(normals))
-        coordinates = body.mesh.active_texture_coordinates
+        coordinates = mesh.mesh.active_texture_coordinates
         if coordinates is not None:
             attributes['TEXCOORD_0'] = add(coordinates[:, :2] * [1, -1] + [0, 1])
-        attributes |= self._colors(body)
-        if body.skin is not None:
-            attributes |= self._influences(body.skin)
+        attributes |= self._colors(mesh)
+        if mesh.skin is not None:
+            attributes |= self._influences(mesh.skin)
         primitive = {'attributes': attributes, 'indices': add(faces.astype(np.uint32).reshape(-1))}
-        primitive['material'] = self._material(body.look)
-        mesh = {'name': body.name} if body.name else {}
-        mesh['primitives'] = [primitive]
-        targets, weights, names = self._targets(body, normals.any())
+        primitive['material'] = self._material(mesh.look)
+        entry = {'name': mesh.name} if mesh.name else {}
+        entry['primitives'] = [primitive]
+        targets, weights, names = self._targets(mesh, normals.any())
         if targets:
             primitive['targets'] = targets
-            mesh |= {'weights': weights, 'extras': {'targetNames': names}}
-        return self._glb.add('meshes', mesh)
+            entry |= {'weights': weights, 'extras': {'targetNames': names}}
+        return self._glb.add('meshes', entry)
 
-    def _colors(self, body):
-        if body.look.get('scalars') is None:
+    def _colors(self, mesh):
+        if mesh.look.get('scalars') is None:
             return {}
-        values = body.mesh.point_data.get(body.look['scalars'])
-        if not body.look.get('rgb') or values is None:
+        values = mesh.mesh.point_data.get(mesh.look['scalars'])
+        if not mesh.look.get('rgb') or values is None:
             self._left_out['scalars that are no colours of points'] = None
             return {}
         values = np.asarray(values)
         values = values / 255.0 if values.dtype == np.uint8 else values.astype(float)
-        light = _light(body.look, values[:, :3])
+        light = _light(mesh.look, values[:, :3])
         return {'COLOR_0': self._glb.accessor(np.hstack([light, values[:, 3:]]))}
 
     def _influences(self, skin):
@@ -174,26 +174,26 @@ class _FigureWriter:
             sets[f'WEIGHTS_{i}'] = self._glb.accessor(weights[:, columns])
         return sets
 
-    def _targets(self, body, has_normals):
+    def _targets(self, mesh, has_normals):
         """Add morph targets; frames but the first one are the first of them."""
         what = {'POSITION': 'positions'} | ({'NORMAL': 'normals'} if has_normals else {})
         targets, weights, names = [], [], []
-        if body.frames is not None:
-            targets = self._frame_targets(body, what)
-            weights = one_hot(body.frames)[0].tolist()
+        if mesh.frames is not None:
+            targets = self._frame_targets(mesh, what)
+            weights = one_hot(mesh.frames)[0].tolist()
             names = [f'frame{i + 1}' for i in range(len(targets))]
-        if body.morphs is not None:
-            targets += [self._target(body, what, i) for i in range(len(body.morphs))]
-            weights += body.morphs.weights.tolist()
-            names += body.morphs.names
+        if mesh.morphs is not None:
+            targets += [self._target(mesh, what, i) for i in range(len(mesh.morphs))]
+            weights += mesh.morphs.weights.tolist()
+            names += mesh.morphs.names
             for name in ('tangents', 'colors'):
-                if body.morphs.has(name):
+                if mesh.morphs.has(name):
                     self._left_out[f'{name} of morph targets'] = None
         return targets, weights, names
 
-    def _frame_targets(self, body, what):
-        frames = body.frames
-        first = dict(zip(what, _neutral(body), strict=False))
+    def _frame_targets(self, mesh, what):
+        frames = mesh.frames
+        first = dict(zip(what, _neutral(mesh), strict=False))
         return [
             {
                 key: self._delta(slice(None), getattr(frames, name)[i] - first[key])
@@ -202,12 +202,12 @@ class _FigureWriter:
             for i in range(1, len(frames.times))
         ]
 
-    def _target(self, body, what, i):
+    def _target(self, mesh, what, i):
         target = {}
         for key, name in what.items():
-            if key == 'POSITION' or body.morphs.has(name):
-                where, values = body.morphs.target(name, i) or _NOTHING
-                target[key] = self._delta(where, values, len(body.points))
+            if key == 'POSITION' or mesh.morphs.has(name):
+                where, values = mesh.morphs.target(name, i) or _NOTHING
+                target[key] = self._delta(where, values, len(mesh.points))
         return target
 
     def _delta(self, where, values, n=0):
@@ -242,9 +242,9 @@ class _FigureWriter:
             if track.path != 'weights':  # of two for the same, the later one holds
                 found[track.node, track.path] = (int(track.node), track.path, track)
         first = 0
-        for body, host in zip(self._figure.bodies, hosts, strict=True):
-            track = weights_track(clip, first, body)
-            first += body.n_targets
+        for mesh, host in zip(self._figure.meshes, hosts, strict=True):
+            track = weights_track(clip, first, mesh)
+            first += mesh.n_targets
             if track is not None and host is not None:
                 found[host, 'weights'] = (host, 'weights', track)
         return list(found.values())
@@ -297,11 +297,11 @@ class _FigureWriter:
         return self._textures[id(texture)]
 
 
-def _neutral(body):
+def _neutral(mesh):
     """Return points and normals that morph targets are added to."""
-    if body.frames is None:
-        return body.points, body.normals
-    shapes = body.frames.positions, body.frames.normals
+    if mesh.frames is None:
+        return mesh.points, mesh.normals
+    shapes = mesh.frames.positions, mesh.frames.normals
     return tuple(np.asarray(shape[0], dtype=np.float64) for shape in shapes)
 
 

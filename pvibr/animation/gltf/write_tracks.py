@@ -26,20 +26,20 @@ def lasting(clip):
     return Clip(clip.name, [_held(track, clip.duration) for track in clip.tracks], clip.duration)
 
 
-def weights_track(clip, first, body):
-    """Return the weights of a body's frames and morph targets as one track."""
+def weights_track(clip, first, mesh):
+    """Return the weights of a mesh's frames and morph targets as one track."""
     tracks, rest = [], np.zeros(0)
-    if body.frames is not None:
-        tracks.append((0, _frame_track(clip, body.frames)))
-        rest = np.zeros(len(body.frames.times) - 1)
+    if mesh.frames is not None:
+        tracks.append((0, _frame_track(clip, mesh.frames)))
+        rest = np.zeros(len(mesh.frames.times) - 1)
     for track in clip.tracks:
-        start = track.node - first  # among the body's own targets
-        if track.path == 'weights' and -track.width < start < body.n_targets:
-            own = track.values[..., max(-start, 0) : body.n_targets - start]
+        start = track.node - first  # among the mesh's own targets
+        if track.path == 'weights' and -track.width < start < mesh.n_targets:
+            own = track.values[..., max(-start, 0) : mesh.n_targets - start]
             part = Track(0, 'weights', track.times, own, track.interpolation)
             tracks.append((len(rest) + max(start, 0), part))
-    if body.morphs is not None:
-        rest = np.concatenate([rest, body.morphs.weights])
+    if mesh.morphs is not None:
+        rest = np.concatenate([rest, mesh.morphs.weights])
     return _together(clip, tracks, rest) if tracks else None
 
 

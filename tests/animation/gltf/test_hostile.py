@@ -278,7 +278,7 @@ def test_nodes_of_one_mesh_share_its_arrays(glb):
     figure = pvibr.read_gltf(glb.write())
     assert tracemalloc.get_traced_memory()[1] < 100 * 2**20
     tracemalloc.stop()
-    assert figure.bodies[500].morphs.weights.tolist() == [0.499]
+    assert figure.meshes[500].morphs.weights.tolist() == [0.499]
     for i in range(1000):  # as many copies of joints and weights as there are skins
         glb.add('skins', joints=[0])
         glb.json['nodes'][i]['skin'] = i
@@ -471,7 +471,7 @@ def survives(path):
             figure = pvibr.read_gltf(path)
         except GltfError:
             return
-        for i in range(len(figure.bodies)):
+        for i in range(len(figure.meshes)):
             pose = figure.sample(0.3)
             assert np.isfinite(figure.posed(i, pose)[0]).all()
 

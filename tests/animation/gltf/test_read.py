@@ -159,7 +159,7 @@ def test_quantized_positions(glb):
 def test_primitives_are_bodies_and_nodes_share_meshes(glb):
     glb.shown(glb.primitive(), glb.primitive(), name='pair')
     glb.add('nodes', mesh=0, translation=[0, 0, 5])
-    bodies = figure(glb).bodies
+    bodies = figure(glb).meshes
     assert [body.node for body in bodies] == [0, 0, 1, 1]
     assert bodies[0].name == 'pair.0'
     assert bodies[0].mesh is bodies[2].mesh
@@ -184,7 +184,7 @@ def test_matrices_that_mirror(glb):
     glb.shown(glb.primitive(), matrix=matrix.T.ravel().tolist())
     read = figure(glb)
     assert_allclose(read.skeleton.rest.matrices()[0], matrix, atol=1e-12)
-    assert 'culling' not in read.bodies[0].look
+    assert 'culling' not in read.meshes[0].look
 
 
 def test_up_z_stands_figures_upright(glb):
@@ -199,9 +199,9 @@ def test_scenes_by_number_and_name(glb):
     glb.shown(glb.primitive(), name='first')
     glb.shown(glb.primitive(), name='second')
     glb.json |= {'scene': 1, 'scenes': [{'nodes': [0], 'name': 'a'}, {'nodes': [1]}]}
-    assert figure(glb).bodies[0].name == 'second'
-    assert figure(glb, scene=0).bodies[0].name == 'first'
-    assert figure(glb, scene='a').bodies[0].name == 'first'
+    assert figure(glb).meshes[0].name == 'second'
+    assert figure(glb, scene=0).meshes[0].name == 'first'
+    assert figure(glb, scene='a').meshes[0].name == 'first'
     with pytest.raises(ValueError, match="scene is 'b'; the file has 2 scenes"):
         figure(glb, scene='b')
 
@@ -268,7 +268,7 @@ def test_eight_weights_a_vertex(glb):
     attributes['WEIGHTS_1'] = glb.array([[1, 0, 0, 0]] * 4)
     glb.json['nodes'][2]['translation'] = [0, 3, 0]  # 2 above where it was bound
     read = figure(glb)
-    assert read.bodies[0].skin.weights.shape == (4, 8)
+    assert read.meshes[0].skin.weights.shape == (4, 8)
     lifted = SQUARE + np.array([[0, 1, 1], [0, 1, 1], [0, 2, 1], [0, 2, 1]])
     assert_allclose(read.mesh().points, lifted, atol=1e-6)
 
@@ -288,7 +288,7 @@ def morphed(glb, **node):
 def test_morph_weights_of_meshes_and_nodes(glb, node, up):
     morphed(glb, **node)
     read = figure(glb)
-    assert read.bodies[0].morphs.names == ('up', 'right')
+    assert read.meshes[0].morphs.names == ('up', 'right')
     for block in read.mesh():
         assert_allclose(block.points[:, 2], up)
 
@@ -318,7 +318,7 @@ def test_targets_change_colors_and_tangents(glb):
     still, moved = (
         read.mesh(pose=read.rest.replaced(weights=[weight])).point_data for weight in (0, 1)
     )
-    name = read.bodies[0].look['scalars']
+    name = read.meshes[0].look['scalars']
     assert still[name][0].tolist() == [255, 0, 0]
     assert moved[name][0].tolist() == [0, 0, 128]
     assert_allclose(still['Tangents'][0], [-1, 0, 0], atol=1e-12)
@@ -374,7 +374,7 @@ def look(glb, material=None, attributes=None, **options):
         glb.add('materials', **material)
     more = {} if material is None else {'material': 0}
     glb.shown(glb.primitive(attributes=attributes or {}, **more))
-    return figure(glb, **options).bodies[0]
+    return figure(glb, **options).meshes[0]
 
 
 def test_colors_are_linear_light_in_the_file(glb):
@@ -574,7 +574,7 @@ def test_one_warning_names_all_that_is_left_out(glb):
     glb.json['extensionsUsed'] = ['KHR_materials_unlit', 'EXT_fur']
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
-        assert len(figure(glb).bodies) == 1
+        assert len(figure(glb).meshes) == 1
     assert len(caught) == 1
     assert caught[0].category is pvibr.PvibrWarning
     assert caught[0].filename == __file__
@@ -592,4 +592,4 @@ def test_an_extension_that_is_required_and_unknown(glb):
 
 
 def test_an_empty_file_is_an_empty_figure(glb):
-    assert not figure(glb).bodies
+    assert not figure(glb).meshes

@@ -74,8 +74,8 @@ def document(path):
 def assert_same(figure, again, clip, times):
     for time in times:
         one, two = figure.sample(time, clip), again.sample(time, clip)
-        for i, body in enumerate(figure.bodies):
-            (j,) = [j for j, other in enumerate(again.bodies) if other.name == body.name]
+        for i, body in enumerate(figure.meshes):
+            (j,) = [j for j, other in enumerate(again.meshes) if other.name == body.name]
             for a, b in zip(figure.posed(i, one), again.posed(j, two), strict=True):
                 assert np.abs(a - b).max() < 1e-4 * max(np.abs(a).max(), 1)
 
@@ -96,10 +96,10 @@ def test_a_figure_comes_back_in_every_pose(seed, tmp_path_factory):
 def test_vtk_reads_the_same_poses(tmp_path):
     """By its own reader, which knows four joints per vertex and not eight."""
     figure = random_figure(np.random.default_rng(5))
-    all_of_it = figure.bodies[0].skin
+    all_of_it = figure.meshes[0].skin
     four = all_of_it.joints[:, :4], all_of_it.weights[:, :4]
     skin = Skin(all_of_it.nodes, all_of_it.inverse_bind, *four)
-    body = FigureMesh(figure.bodies[0].mesh, skin=skin)
+    body = FigureMesh(figure.meshes[0].mesh, skin=skin)
     path = [Track(2, 'translation', [0, 1], [[0, 0, 0], [1, 2, 3]])]
     Figure([body], figure.skeleton, [Clip('move', path)]).save(tmp_path / 'x.glb')
     reader = _vtk.vtkGLTFReader()
@@ -123,7 +123,7 @@ def test_key_frames_become_morph_targets(tmp_path):
         morphs = Morphs(rng.normal(size=(1, 9, 3)), weights=[0.5])
         figure = Figure([FigureMesh(strip(shapes[0]), frames=frames, morphs=morphs, name='x')])
         assert_same(figure, written(figure, tmp_path), None, [0.1, 0.7, 2.9])
-    short = Figure(figure.bodies, clips=[Clip('short', [], 1.25)])
+    short = Figure(figure.meshes, clips=[Clip('short', [], 1.25)])
     assert_same(short, written(short, tmp_path), 'short', [0.1, 0.7, 1.2, 1.4])
 
 
@@ -171,14 +171,14 @@ def test_looks_come_back(tmp_path):
         for i, look in enumerate(looks)
     ]
     again = written(Figure(bodies), tmp_path)
-    assert np.allclose(again.bodies[0].look['color'], (0.2, 0.4, 0.8), atol=1e-6)
-    assert again.bodies[0].look['opacity'] == 0.5
-    assert np.array_equal(again.bodies[1].look['texture'].to_array(), image)
-    found = again.bodies[1].mesh.active_texture_coordinates
+    assert np.allclose(again.meshes[0].look['color'], (0.2, 0.4, 0.8), atol=1e-6)
+    assert again.meshes[0].look['opacity'] == 0.5
+    assert np.array_equal(again.meshes[1].look['texture'].to_array(), image)
+    found = again.meshes[1].mesh.active_texture_coordinates
     assert np.allclose(found, mesh.active_texture_coordinates, atol=1e-6)
-    assert again.bodies[1].look['culling'] == 'back'
+    assert again.meshes[1].look['culling'] == 'back'
     assert len(document(tmp_path / 'figure.glb')['images']) == 1
-    painted = again.bodies[3]
+    painted = again.meshes[3]
     assert np.array_equal(painted.mesh[painted.look['scalars']], shown['paint'])
 
 
@@ -199,7 +199,7 @@ def test_physically_based_looks_come_back(tmp_path):
     }
     path = tmp_path / 'figure.glb'
     Figure([FigureMesh(mesh, look=look)]).save(path)
-    again = read_gltf(path, pbr=True).bodies[0].look
+    again = read_gltf(path, pbr=True).meshes[0].look
     for name in ('color', 'metallic', 'roughness', 'emissive_factor'):
         assert np.allclose(again[name], look[name], atol=1e-6)
     for name, image in images.items():
@@ -213,7 +213,7 @@ def test_what_is_left_out_is_said(tmp_path):
     bodies = [FigureMesh(mesh, look={'scalars': 'heat'}), FigureMesh(mesh, morphs=morphs)]
     bodies.append(FigureMesh(pv.PolyData(np.eye(3))))
     figure = Figure(bodies, clips=[Clip('still', [])], lights=[object()])
-    words = 'lights, scalars that are no colours of points, colors of morph targets, bodies '
+    words = 'lights, scalars that are no colours of points, colors of morph targets, meshes '
     with pytest.warns(PvibrWarning, match=words + "without polygons, the empty clip 'still'"):
         figure.save(tmp_path / 'x.glb')
     with warnings.catch_warnings():

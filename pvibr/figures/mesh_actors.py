@@ -1,4 +1,4 @@
-"""The bodies of a figure as actors: those that only move, and those that are posed."""
+"""The meshes of a figure as actors: those that only move, and those that are posed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.figures.posing import SAMPLERS, Place, RestMesh, posed_feature
+from pvibr.figures.posing import SAMPLERS, MeshPose, RestMesh, posed_feature
 from pvibr.gl.doubles import is_cut_out
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import Part, as_parts, dressed
@@ -19,13 +19,13 @@ _SURFACE = 2  # VTK_SURFACE
 _KINDS = ('positions', 'normals')
 
 
-class BodyShapes:
-    """The shapes of a body: key frames, then morph targets, then correctives."""
+class MeshShapes:
+    """The shapes of a figure_mesh: key frames, then morph targets, then correctives."""
 
     def __init__(self, figure, index, order):
         self.figure, self.index, self.order = figure, index, order
-        self.body = figure.bodies[index]
-        frames = self.body.frames
+        self.figure_mesh = figure.meshes[index]
+        frames = self.figure_mesh.frames
         self.n_frames = 0 if frames is None else len(frames.times)
         self._layers = [morphs for morphs, _ in figure.layers(index)]
 
@@ -40,14 +40,14 @@ class BodyShapes:
     @property
     def neutral(self) -> tuple:
         """What shapes are differences from: points and normals, each (v, 3)."""
-        frames = self.body.frames
+        frames = self.figure_mesh.frames
         if frames is None:
-            return self.body.points, self.body.normals
+            return self.figure_mesh.points, self.figure_mesh.normals
         return np.asarray(frames.positions[0], float), np.asarray(frames.normals[0], float)
 
     def __getitem__(self, number):
         if number < self.n_frames:
-            frames = self.body.frames
+            frames = self.figure_mesh.frames
             pairs = zip((frames.positions, frames.normals), self.neutral, strict=True)
             return tuple((values[number] - first)[self.order] for values, first in pairs)
         number -= self.n_frames
@@ -63,13 +63,13 @@ class BodyShapes:
             return None
         weights = np.zeros(len(morphs))
         weights[number] = 1.0
-        return morphs.total(what, weights, len(self.body.points))[self.order]
+        return morphs.total(what, weights, len(self.figure_mesh.points))[self.order]
 
     def active(self, pose):
         """Return what is added in a pose."""
         shapes, amounts, frames = [], [], 0
         if self.n_frames:
-            found, weights = self.body.frames.at(getattr(pose, 'time', 0.0))
+            found, weights = self.figure_mesh.frames.at(getattr(pose, 'time', 0.0))
             shown = np.flatnonzero(weights)
             shapes, amounts, frames = [found[shown]], [weights[shown]], len(shown)
         first = self.n_frames
@@ -82,8 +82,8 @@ class BodyShapes:
         return *joined, frames
 
 
-class RigidBody:
-    """A body that moves with its joint as a whole: an ordinary actor."""
+class RigidMeshActor:
+    """A figure_mesh that moves with its joint as a whole: an ordinary actor."""
 
     def __init__(self, part, node):
         self.part, self.actor, self.node = part, part.actor, node
@@ -105,40 +105,40 @@ class RigidBody:
         return _node(moment, self.node)
 
 
-class PosedBody:
-    """A body whose vertices are moved by joints or shapes, on the GPU."""
+class PosedMeshActor:
+    """A figure_mesh whose vertices are moved by joints or shapes, on the GPU."""
 
     def __init__(self, figure, index, part):
         self.figure, self.index, self.part = figure, index, part
-        self.body = body = figure.bodies[index]
-        if part.mesh.n_points != len(body.points):
+        self.figure_mesh = figure_mesh = figure.meshes[index]
+        if part.mesh.n_points != len(figure_mesh.points):
             msg = (
-                f'bodies[{index}] is drawn with {part.mesh.n_points} points and has '
-                f'{len(body.points)}: a look must not split them (split_sharp_edges).'
+                f'meshes[{index}] is drawn with {part.mesh.n_points} points and has '
+                f'{len(figure_mesh.points)}: a look must not split them (split_sharp_edges).'
             )
             raise ValueError(msg)
         # Two points more hold the box; they are where some vertex is, and draw nothing.
         spare = int(part.mesh.regular_faces[0, 0])
-        order = np.concatenate([np.arange(len(body.points)), [spare, spare]])
+        order = np.concatenate([np.arange(len(figure_mesh.points)), [spare, spare]])
         self.order = order
-        shapes = BodyShapes(figure, index, order)
-        self.mould = self._mould(shapes)
-        self.shapes = self.mould.shapes
+        shapes = MeshShapes(figure, index, order)
+        self.rest_mesh = self._rest_mesh(shapes)
+        self.shapes = self.rest_mesh.shapes
         self.box = np.array([1.0, -1.0] * 3)
-        self.mesh = _with_spares(part.mesh, order, self.mould.points - self.mould.origin)
+        self.mesh = _with_spares(part.mesh, order, self.rest_mesh.points - self.rest_mesh.origin)
         self.actor = self._actor(part)
         self._double = self._depth_double()
         self._colors = self._morphed_colors()
 
-    def _mould(self, shapes):
+    def _rest_mesh(self, shapes):
         order = shapes.order
         points, normals = (values[order] for values in shapes.neutral)
-        mould = RestMesh(points, normals, shapes=shapes if len(shapes) else None)
-        skin = self.body.skin
+        rest_mesh = RestMesh(points, normals, shapes=shapes if len(shapes) else None)
+        skin = self.figure_mesh.skin
         if skin is not None:
-            mould.joints, mould.weights = skin.joints[order], skin.weights[order]
-            mould.centers = skin.centers
-        return mould
+            rest_mesh.joints, rest_mesh.weights = skin.joints[order], skin.weights[order]
+            rest_mesh.centers = skin.centers
+        return rest_mesh
 
     def _actor(self, part):
         mapper = part.polydata_mapper()
@@ -188,12 +188,12 @@ class PosedBody:
             for name in SAMPLERS:
                 uniforms.SetUniformi(name, units[name])
 
-    def place(self, moment) -> Place:
+    def mesh_pose(self, moment) -> MeshPose:
         """Return what makes its pose."""
         shapes = () if self.shapes is None else self.shapes.active(moment.pose)
-        if self.body.skin is None:
-            return Place(None, self.mould.origin, *shapes)
-        return Place(self.body.skin.matrices(moment.world), moment.origin, *shapes)
+        if self.figure_mesh.skin is None:
+            return MeshPose(None, self.rest_mesh.origin, *shapes)
+        return MeshPose(self.figure_mesh.skin.matrices(moment.world), moment.origin, *shapes)
 
     def move(self, user, moment):
         """Take the place that a moment gives it, and a box that holds it."""
@@ -201,11 +201,11 @@ class PosedBody:
 
     def local(self, moment) -> np.ndarray:
         """Return the matrix from posed vertices to the figure; update the bounding box."""
-        skinned = self.body.skin is not None
+        skinned = self.figure_mesh.skin is not None
         matrix = np.eye(4)
-        matrix[:3, 3] = moment.origin if skinned else self.mould.origin
+        matrix[:3, 3] = moment.origin if skinned else self.rest_mesh.origin
         if not skinned:
-            matrix = _node(moment, self.body.node) @ matrix
+            matrix = _node(moment, self.figure_mesh.node) @ matrix
         self._hold(moved_bounds(np.linalg.inv(matrix), moment.bounds))
         self._color(moment.pose)
         return matrix
@@ -215,7 +215,7 @@ class PosedBody:
         if not any(morphs.has('colors') for morphs, _ in self.figure.layers(self.index)):
             return None
         colors = self.figure.colors(self.index)
-        shown = self.mesh.point_data.get(self.body.look.get('scalars') or '')
+        shown = self.mesh.point_data.get(self.figure_mesh.look.get('scalars') or '')
         same = colors is not None and shown is not None and colors.dtype == shown.dtype
         return shown if same and colors.shape[1:] == shown.shape[1:] else None
 
@@ -246,16 +246,18 @@ class PosedBody:
         self.mesh.Modified()
 
 
-def as_bodies(figure, looks, theme):
-    """Return the bodies of a figure as actors."""
+def as_mesh_actors(figure, looks, theme):
+    """Return the meshes of a figure as actors."""
     out: list = []
-    for i, body in enumerate(figure.bodies):
-        mesh = body.mesh.copy(deep=False)
-        mesh.point_data['Normals'] = _unit(body.normals)  # as those that are posed
+    for i, figure_mesh in enumerate(figure.meshes):
+        mesh = figure_mesh.mesh.copy(deep=False)
+        mesh.point_data['Normals'] = _unit(figure_mesh.normals)  # as those that are posed
         mesh.point_data.active_normals_name = 'Normals'
-        part = as_parts(mesh, theme=theme, **(body.look | looks))[0]
-        still = body.skin is None and body.frames is None and not figure.layers(i)
-        out.append(RigidBody(part, body.node) if still else PosedBody(figure, i, part))
+        part = as_parts(mesh, theme=theme, **(figure_mesh.look | looks))[0]
+        still = figure_mesh.skin is None and figure_mesh.frames is None and not figure.layers(i)
+        out.append(
+            RigidMeshActor(part, figure_mesh.node) if still else PosedMeshActor(figure, i, part)
+        )
     return out
 
 
@@ -305,7 +307,7 @@ def _high(bounds):
 
 
 def posed_part(figure, index, part, matrix, pose, skinning, bulge=1.0) -> Part:
-    """Return a body as it is in a pose, as a part in world units."""
+    """Return a figure_mesh as it is in a pose, as a part in world units."""
     mesh = part.mesh.copy(deep=False)
     points, normals = figure.posed(index, pose, skinning, bulge)
     mesh.SetPoints(pv.vtk_points(transform_points(matrix, points)))
