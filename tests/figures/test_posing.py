@@ -145,7 +145,7 @@ def test_shapes_stream_through_a_small_store(monkeypatch):
         pl.render()
         expected, _ = figure.posed(0, actor.pose)
         assert np.abs(read_back(actor)[0] - expected).max() < 1e-5
-        store = actor._posing._casts[0].store
+        store = actor._posing._passes[0].store
         assert store.capacity >= len(shown)
     pl.close()
 
@@ -158,7 +158,7 @@ def test_each_shape_is_uploaded_once():
     for weight in (0.1, 0.2, 0.3):
         actor.weights = [weight, 0, 0, 1]
         pl.render()
-    assert actor._posing._casts[0].store.loads == 2
+    assert actor._posing._passes[0].store.loads == 2
     pl.close()
 
 
