@@ -128,7 +128,7 @@ class Pipeline:
             self.remove(effect)
 
     def release(self):
-        """Take everything out, for good; the context must be alive. Calling it again is fine."""
+        """Remove all effects for good, while the context is alive; calling it again is fine."""
         self._closed = True
         try:
             self.clear()

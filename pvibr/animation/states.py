@@ -331,7 +331,7 @@ class StateGraph(States):
     nothing jumps. On the way both movements go on.
 
     Parameters are those of :class:`States`; states are whatever has ``sample(times) -> Pose``, as
-    :class:`pvibr.animation.mixer.Play`. Their clocks start when the way to them begins.
+    :class:`pvibr.animation.ClipSource`. Their clocks start when the way to them begins.
 
     See Also
     --------

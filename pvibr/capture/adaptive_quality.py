@@ -164,7 +164,7 @@ class AdaptiveQuality:
         self._tags = [(owner, owner.AddObserver(*call)) for owner, *call in calls]
 
     def release(self):
-        """Watch the window no more. Calling it again is fine."""
+        """Stop watching the window; calling it again is fine."""
         self._stop()
         if self._window is not None:
             self._put_back(self._window)

@@ -65,7 +65,7 @@ class Clock:
         self._frames = 0
 
     def stop(self):
-        """Stay at this moment. Calling it again is fine."""
+        """Stay at this moment; calling it again is fine."""
         self.running = False
         ticks, self._ticks = self._ticks, None
         if ticks is not None:

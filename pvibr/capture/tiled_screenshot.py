@@ -56,7 +56,7 @@ def _renderers(window):
 
 @contextmanager
 def _own_cameras(window):
-    """Give each renderer a camera of its own; yield which one it had. All is put back."""
+    """Give each renderer a camera of its own, and yield which one it had."""
     cameras = {r: r.GetActiveCamera() for r in _renderers(window) if r.GetDraw()}
     viewport, scale = tuple(window.GetTileViewport()), tuple(window.GetTileScale())
     try:

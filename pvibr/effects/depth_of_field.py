@@ -247,18 +247,7 @@ class DepthOfField(Effect):
         return super().state() | ({'target': list(self.target)} if is_point else {})
 
     def restore(self, state) -> list[str]:
-        """Set the settings to what `state` returned; all of them or none.
-
-        Parameters
-        ----------
-        state : dict
-            Setting to value.
-
-        Returns
-        -------
-        list of str
-            Names that are no settings of this effect, left out.
-        """
+        """Set the settings to what `state` returned; all of them or none."""
         old = self.target
         if 'target' in state:
             self.target = state['target']

@@ -16,26 +16,7 @@ _READ, _DRAW = 0x8CA8, 0x8CA9  # GL_READ_FRAMEBUFFER, GL_DRAW_FRAMEBUFFER
 
 
 class Picture:
-    """Colour and depth of a subplot as textures, and the next colour to draw into.
-
-    Parameters
-    ----------
-    window : vtkOpenGLRenderWindow
-        The window whose context holds it.
-    origin, size : tuple of 2 int
-        The subplot's place in the window, in pixels.
-    fused : pvibr.gl.fused.Fused
-        Draws what is applied.
-    needs_hdr : bool
-        Whether colours may be above 1.
-
-    Attributes
-    ----------
-    color : pvibr.gl.Texture
-        The picture so far, RGBA; row 0 is the lowest.
-    depth : pvibr.gl.Texture
-        Depth from 0 (near plane) to 1 (far plane), of the scene as drawn.
-    """
+    """Colour and depth of a subplot as textures, and the next colour to draw into."""
 
     def __init__(self, window, origin, size, fused, needs_hdr=False):
         self.window, self.origin, self.size = window, origin, size
@@ -66,13 +47,7 @@ class Picture:
         return sum(t.nbytes for t in [*self._targets, self._source])
 
     def take(self, framebuffer=None):
-        """Take colours and depth off a framebuffer; several samples become one.
-
-        Parameters
-        ----------
-        framebuffer : vtkOpenGLFramebufferObject, optional
-            As large as the window; the window's own by default.
-        """
+        """Take colours and depth off a framebuffer; several samples become one."""
         self._drawn, self._pending, self._ends = None, [], False
         framebuffer = framebuffer or self.window.GetRenderFramebuffer()
         # Two blits: where the driver refuses one of depth, colours come all the same.
@@ -80,13 +55,7 @@ class Picture:
             self._blit(framebuffer, self._source.object, bits, self._place(), (0, 0, *self.size))
 
     def apply(self, point):
-        """Change every pixel by itself; programs that follow each other are drawn as one.
-
-        Parameters
-        ----------
-        point : pvibr.gl.fused.Pointwise
-            The program; it is drawn before anything else is done with the picture.
-        """
+        """Change every pixel by itself; programs that follow each other are drawn as one."""
         self._pending.append(point)
         self._ends = self.last
 
@@ -116,20 +85,7 @@ class Picture:
             yield self
 
     def ground(self, blend) -> Any:
-        """Return the picture as a target, for what was applied to be blended with it in place.
-
-        Parameters
-        ----------
-        blend : {'over', 'add', 'screen'}
-            How.
-
-        Returns
-        -------
-        Target or None
-            None where it must be drawn anew, by `drawing`: what the window gave has 8 bits, where
-            light ends at 1, so it is added to by the last effect alone; and above 1, to screen is
-            no blending of GL's.
-        """
+        """Return the picture as a target to blend into; None if its format cannot hold the sum."""
         found = self._source if self._drawn is None else self._drawn
         if blend == 'add' and not (found.colors[0].is_float or self._ends):
             return None

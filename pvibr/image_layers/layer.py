@@ -33,26 +33,7 @@ class Now(NamedTuple):
 
 
 class Layer:
-    """Some actors, their picture, and how well it serves.
-
-    Parameters
-    ----------
-    members : list of Member
-        The actors.
-
-    Attributes
-    ----------
-    fit : Fit or None
-        The picture in this frame; None where VTK draws the actors.
-    wrong : bool
-        Whether the picture must be taken.
-    residual : float
-        How wrong it is, pixels; inf where it shows something else.
-    taken, frames : int
-        How often it was taken, and how many frames the layer was in.
-    seconds : float
-        That it takes.
-    """
+    """Some actors, their picture, and how well it serves."""
 
     def __init__(self, members):
         self.members, self.picture = members, LayerPicture()
@@ -78,13 +59,7 @@ class Layer:
         return np.array([m.bounds for m in self.members if not m.why]).reshape(-1, 6)
 
     def keep(self, members):
-        """Forget the actors that are not among these.
-
-        Parameters
-        ----------
-        members : dict of str to Member
-            By their keys.
-        """
+        """Forget the actors that are not among these."""
         self.members = [m for m in self.members if m.key in members]
 
     def _motion(self):
@@ -105,15 +80,7 @@ class Layer:
     # -- whether its picture serves ---------------------------------------------------------------
 
     def judge(self, now, settings):
-        """Warp the picture to a frame, and tell whether it serves.
-
-        Parameters
-        ----------
-        now : Now
-            The frame.
-        settings : Settings
-            How a picture is to be taken.
-        """
+        """Warp the picture to a frame, and tell whether it serves."""
         self._want, self.wrong, self.fit = settings, False, None
         self.residual = self.residual_shown = 0.0
         bounds = self.bounds
@@ -190,20 +157,7 @@ class Layer:
         self.state = 'late'
 
     def take(self, now, drawer) -> float:
-        """Take the picture, and warp it to the frame.
-
-        Parameters
-        ----------
-        now : Now
-            The frame.
-        drawer : pvibr.gl.drawer.Drawer
-            Draws it.
-
-        Returns
-        -------
-        float
-            Seconds that it took.
-        """
+        """Take the picture, warp it to the frame, and return the seconds that it took."""
         shown = [m for m in self.members if not m.why]
         self.reasons[self.why] += 1
         start = time.perf_counter()

@@ -44,33 +44,14 @@ class Limits:
 
 @dataclass
 class LodModel:
-    """A mesh with everything that stands for it.
-
-    Attributes
-    ----------
-    levels : list of MeshLevel
-        The mesh first, then ever lighter ones.
-    atlas : Atlas
-        Its pictures, with the error table.
-    """
+    """A mesh, its lighter levels (the mesh first), and the atlas of its pictures."""
 
     levels: list
     atlas: Atlas
     _limits: dict = field(default_factory=dict)
 
     def limits(self, max_error) -> Limits:
-        """Return the sizes at which levels change.
-
-        Parameters
-        ----------
-        max_error : float
-            Pixels.
-
-        Returns
-        -------
-        Limits
-            Derived from the atlas's error table.
-        """
+        """Return the sizes at which levels change, for a greatest error in pixels."""
         if max_error not in self._limits:
             self._limits[max_error] = limits_of(self.atlas.errors, len(self.levels), max_error)
         return self._limits[max_error]

@@ -494,21 +494,7 @@ def _lit(light, views, samples, sides):
 
 
 class Reach:
-    """How much of some lights reaches places among meshes, which are drawn once for each light.
-
-    Parameters
-    ----------
-    surfaces : sequence of pyvista.PolyData
-        What throws shadows, world units.
-    lights : sequence of pvibr.scene.lights.SceneLight
-        No headlights.
-    resolution : int
-        Texels along a side of a view.
-    samples : int, optional
-        Places on each light, more than 1 for soft shadows.
-    extents : sequence of float, optional
-        How large each light is, see :func:`shadow_mask`.
-    """
+    """How much of some lights reaches places among meshes, which are drawn once for each light."""
 
     def __init__(self, surfaces, lights, resolution, samples=1, extents=()):
         self._places: list = []
@@ -522,15 +508,7 @@ class Reach:
                 self._places.append([(p, _views(scene, p, resolution)) for p in places])
 
     def of(self, number, samples) -> np.ndarray:
-        """Return how much of a light reaches samples that are turned to it, (m,), 0 to 1.
-
-        Parameters
-        ----------
-        number : int
-            Of the light.
-        samples : Samples
-            The places; both of their sides count.
-        """
+        """Return how much of a light reaches samples that are turned to it, (m,), 0 to 1."""
         places = self._places[number]
         if not places:
             return np.ones(len(samples.points))

@@ -97,22 +97,7 @@ _DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.joi
 
 
 class Layer:
-    """The items that are drawn in one way: draws of a chunk each that share one mapper.
-
-    Parameters
-    ----------
-    quadrics : pvibr.quadrics.quadrics.Quadrics
-        Whose textures and uniforms are used.
-    way : Way
-        How.
-
-    Attributes
-    ----------
-    drawn : int
-        Items that are drawn.
-    actors : list of vtkActor
-        The draws.
-    """
+    """The items that are drawn in one way: draws of a chunk each that share one mapper."""
 
     def __init__(self, quadrics, way):
         self._owner: Any = weakref.ref(quadrics)
@@ -133,13 +118,7 @@ class Layer:
         self.actors = [self._actor(prop) for _ in range(draws)]
 
     def bound(self, bounds):
-        """Tell VTK where they are.
-
-        Parameters
-        ----------
-        bounds : array_like of 6 float
-            World units.
-        """
+        """Tell VTK where they are."""
         self._mapper.SetInputData(card_mesh(self._chunk, self.way.corners, bounds))
 
     def _actor(self, prop):
@@ -154,18 +133,7 @@ class Layer:
         return actor
 
     def dress(self, shiny):
-        """Have highlights computed or not.
-
-        Parameters
-        ----------
-        shiny : bool
-            Whether the material has any.
-
-        Raises
-        ------
-        ShaderError
-            Where the text did not land.
-        """
+        """Have highlights computed or not."""
         if self.failure:
             raise ShaderError(self.failure)
         if shiny != self._shiny:
@@ -174,22 +142,7 @@ class Layer:
             self._shiny = shiny
 
     def show(self, entries, unit=BLOCK, cuts=()):
-        """Draw items.
-
-        Parameters
-        ----------
-        entries : numpy.ndarray, shape (n, 4)
-            Middle of the block in eye space, and number, of each block or of each item.
-        unit : int
-            Items of an entry.
-        cuts : sequence of int
-            Entries at which something else is drawn in between.
-
-        Returns
-        -------
-        list of list of vtkActor
-            The draws of each part, in their order.
-        """
+        """Draw items."""
         count, owner = len(entries), self._owner()
         self.drawn = min(count * unit, len(owner))
         if count:

@@ -72,7 +72,7 @@ class Overlay:
             self._follow()
 
     def remove(self):
-        """Take it out of the scene. Calling it again is fine."""
+        """Remove the handle from the scene; calling it again is fine."""
         if not self._tags:
             return
         while self._tags:

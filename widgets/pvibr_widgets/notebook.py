@@ -121,7 +121,7 @@ class Panel(W.VBox):
         self.model.refresh()
 
     def close(self):
-        """Take the panel away; the plotter stays. Calling it again is fine."""
+        """Close the panel, not the plotter; calling it again is fine."""
         self.model.close()
         if self._shell is not None:
             self._shell.events.unregister('post_run_cell', self._after_cell)

@@ -256,7 +256,7 @@ class PagePanel:
             state[self.name] = self.shown
 
     def close(self):
-        """Follow the plotter no more. Calling it again is fine."""
+        """Stop following the plotter; calling it again is fine."""
         self.model.close()
         self._cancel_push()
         if self._draw is not None:

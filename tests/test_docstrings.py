@@ -1,0 +1,117 @@
+"""Docstrings: numpydoc in full for what users call and for maths, one sentence for all else."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import pkgutil
+import pydoc
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from numpydoc.validate import validate
+
+import pvibr
+import pvibr.animation
+import pvibr.maths
+import pvibr_widgets
+from pvibr.accessor import IBRAccessor
+from pvibr.component import IBRComponent
+
+# GL08 is left out: it asks for docstrings of setters; ruff's 'D1' asks for all others. PR02 is
+# left out: it takes dataclasses for classes without a constructor. RT01 too: one line is enough
+# for a property. Ruff's 'D' checks the form.
+CHECKS = {
+    'GL06', 'GL07', 'SS02', 'SS03',
+    'PR01', 'PR03', 'PR04', 'PR06', 'PR07', 'PR09', 'PR10', 'RT02', 'RT03', 'RT05', 'YD01',
+}  # fmt: skip
+#: Called by pvibr; where an effect of a user's own overrides them, Effect says how.
+HOOKS = ('render',)
+PACKAGES = Path(pvibr.__file__).parent, Path(pvibr_widgets.__file__).parent
+
+
+def is_ours(thing):
+    return getattr(thing, '__module__', '').split('.')[0] in ('pvibr', 'pvibr_widgets')
+
+
+def exported():
+    """What users name: the exports, the component, the accessor, and maths."""
+    for package in (pvibr, pvibr.animation, pvibr_widgets):
+        yield from (getattr(package, name) for name in package.__all__)
+    yield from (IBRComponent, IBRAccessor)
+    for info in pkgutil.iter_modules(pvibr.maths.__path__, 'pvibr.maths.'):
+        module = importlib.import_module(info.name)
+        yield from (thing for name, thing in vars(module).items() if name[0] != '_')
+
+
+def members(kind):
+    """The public functions and properties of a class, each where it is first defined.
+
+    What overrides them is documented there.
+    """
+    ours = [base for base in reversed(kind.__mro__) if is_ours(base)]
+    first = {name: vars(base)[name] for base in reversed(ours) for name in vars(base)}
+    for name, member in first.items():
+        member = getattr(member, 'fget', None) or getattr(member, '__func__', member)
+        if inspect.isfunction(member) and not name.startswith('_') and name not in HOOKS:
+            yield member
+
+
+def for_users():
+    """All that users call, by module and qualified name."""
+    found = {}
+    for thing in exported():
+        if isinstance(thing, ModuleType) or not callable(thing) or not is_ours(thing):
+            continue
+        parts = [thing]
+        if inspect.isclass(thing):
+            parts += [base for base in thing.__mro__ if is_ours(base) and base.__name__[0] != '_']
+            parts += members(thing)
+        for part in parts:
+            if is_ours(part) and '<locals>' not in part.__qualname__:
+                found[part.__module__, part.__qualname__] = part
+    return found
+
+
+USERS = for_users()
+
+
+@pytest.mark.parametrize('name', sorted('.'.join(name) for name in USERS))
+def test_what_users_call_is_documented(name):
+    found = {f'{code}: {text}' for code, text in validate(name)['errors'] if code in CHECKS}
+    text = inspect.getdoc(pydoc.locate(name))
+    if 'Attributes\n----' in text or 'Parameters are those of :class:' in text:
+        found = {error for error in found if not error.startswith('PR01')}
+    assert not found, '\n'.join(found)
+
+
+def documented(node, prefix=''):
+    """Qualified names and docstrings of all that is defined in a module."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.ClassDef, ast.FunctionDef)):
+            yield f'{prefix}{child.name}', ast.get_docstring(child)
+            yield from documented(child, f'{prefix}{child.name}.')
+
+
+def is_short(text):
+    """Whether it is one sentence, and at most one line more, or the source that it follows."""
+    summary, *more = text.split('\n\n')
+    if len(more) > 1 or re.search(r'[a-z`)\]]\. [A-Z]', ' '.join(summary.split())):
+        return False
+    return all('\n' not in part or re.search(r'\b(19|20)\d\d\b', part) for part in more)
+
+
+def test_all_else_is_one_sentence():
+    """And at most one line more: of shapes or spaces, or the source."""
+    long = []
+    for folder in PACKAGES:
+        for path in sorted(folder.rglob('*.py')):
+            parts = path.relative_to(folder.parent).with_suffix('').parts
+            module = '.'.join(parts).removesuffix('.__init__')
+            for name, text in documented(ast.parse(path.read_text(encoding='utf-8'))):
+                if text and (module, name) not in USERS and not is_short(text):
+                    long.append(f'{module}.{name}')
+    assert not long, '\n'.join(long)
