@@ -33,7 +33,7 @@ for turn in np.linspace(0, 2 * np.pi, 5)[:-1]:
     torus = pv.ParametricTorus(u_res=120, v_res=60, w_res=60).rotate_x(70)
     rings.append(pl.add_mesh(torus, color='tan'))
     rings[-1].position = 9 * np.cos(turn), 9 * np.sin(turn), 3
-impostor = pl.ibr.add_impostor(rings, refuse=False)  # images at any cost
+impostor = pl.ibr.add_impostor(rings, only_if_faster=False)  # images at any cost
 pl.camera_position = [(-24, -24, 7), (0, 0, 1), (0, 0, 1)]
 pl.show(auto_close=False)
 

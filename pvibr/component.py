@@ -391,7 +391,7 @@ class IBRComponent:
             Draw at once.
         **settings
             See :class:`pvibr.ImageLayers`: ``max_error``, ``max_shade``, ``warp``, ``overscan``,
-            ``resolution``, ``blur``, ``count``, ``budget_ms``, ``memory``, ``refuse``.
+            ``resolution``, ``blur``, ``count``, ``budget_ms``, ``memory``, ``only_if_faster``.
 
         Returns
         -------

@@ -9,12 +9,6 @@ import pytest
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.instances.cards import CARD_SHADERS
-from pvibr.instances.levels import Limits
-
-_NAMES = [p.name for p in CARD_SHADERS]
-# The programs of cards by what they are for, from the cheapest to the best.
-ROLES = {'far': _NAMES[0], 'flat': _NAMES[1], 'middle': _NAMES[-2], 'near': _NAMES[-1]}
 
 
 @pytest.fixture(scope='session')
@@ -34,21 +28,6 @@ def bean():
     mesh['paint'] = np.rint(255 * np.clip(np.abs(ball.points) * 2, 0, 1)).astype(np.uint8)
     mesh.set_active_scalars(None)
     return mesh
-
-
-def force(instances, level):
-    """Draw all by one level, whatever its size, or each between the sizes given.
-
-    None is back to what was measured.
-    """
-    ranges = level if isinstance(level, dict) else {level: (0.0, 1e9)}
-    ranges = {ROLES.get(role, role): sizes for role, sizes in ranges.items()}
-    for model in instances._models.values():
-        meshes = (float('inf'), *(0.0,) * (len(model.levels) - 1))
-        cards = tuple((n, *ranges.get(n, (0.0, 0.0))) for n in _NAMES)
-        limits = Limits(cards, ranges.get('mesh', (1e9,))[0], meshes)
-        model._limits = {} if level is None else {instances.max_error: limits}
-    instances._content_key = None
 
 
 def place(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), angle=30.0, parallel=None):
@@ -131,8 +110,7 @@ class Scenes:
         """Return a plotter with instances and the instances."""
         pl = self.empty(size)
         kwargs.setdefault('show_scalar_bar', False)
-        things = pl.ibr.add_instances(mesh, poses, cache=self.folder, **kwargs)
-        force(things, level)
+        things = pl.ibr.add_instances(mesh, poses, cache=self.folder, force_level=level, **kwargs)
         return (place(pl, **camera) if camera else pl), things
 
     def actors(self, mesh, poses, *, size=(120, 90), scale=1, camera=None, **kwargs):
@@ -174,7 +152,6 @@ def see():
         depths=depths,
         rgba=rgba,
         place=place,
-        force=force,
         reduce=reduce,
         centroid=centroid,
         matrices=matrices,

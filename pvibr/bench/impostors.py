@@ -178,7 +178,7 @@ def _outlines(settings, results):
             fine = _covers(stage, cameras)
         for max_error in settings.errors:
             with _stage(settings, [actor], (160, 160)) as stage:
-                stage.plotter.ibr.add_impostor(actor, max_error=max_error, refuse=False)
+                stage.plotter.ibr.add_impostor(actor, max_error=max_error, only_if_faster=False)
                 for pair in zip(fine, _covers(stage, cameras), strict=True):
                     found = displaced(*pair).max(initial=0.0)
                     worst[max_error] = max(worst[max_error], float(found))
@@ -230,7 +230,7 @@ def _meeting(settings, images, samples):
     masks, depths = [], []
     with _stage(settings, actors, (480, 360), samples) as stage:
         if images:
-            stage.plotter.ibr.add_impostor(actors, refuse=False)
+            stage.plotter.ibr.add_impostor(actors, only_if_faster=False)
         for eye in ((3.0, -14.0, 9.0), (3.05, -14.0, 9.0)):
             stage.look((eye, (0, 0, 0), (0, 0, 1)))
             stage.draw()

@@ -157,7 +157,7 @@ class Crowd(Instances):
         state.box = model.atlas.box.T.ravel()
         return {0: model}
 
-    def _kind(self, *args):
+    def _group(self, *args):
         return CrowdGroup(self._crowd_state, *args)
 
     # -- what each one plays -----------------------------------------------------------------
@@ -226,8 +226,8 @@ class Crowd(Instances):
         self._moved()
 
     def _moved(self):
-        for kind in self._kinds:
-            kind.moved()
+        for group in self._groups:
+            group.moved()
         self._changes += 1
 
     def mesh(self, index):
@@ -262,20 +262,20 @@ class Crowd(Instances):
     def prepare(self, frame):
         """Choose what is drawn, and show all as they are now."""
         super().prepare(frame)
-        for kind in self._kinds:
-            kind.at(frame.window, self._now())
-            for actor in kind.mesh_actors():
+        for group in self._groups:
+            group.at(frame.window, self._now())
+            for actor in group.mesh_actors():
                 actor.SetPickable(bool(self.pickable and frame.picking))
 
     def finish(self, frame):
         """Give the texture units back."""
         super().finish(frame)
-        for kind in self._kinds:
-            kind.finish()
+        for group in self._groups:
+            group.finish()
 
     def report(self) -> dict:
         """Return bytes, what was drawn, and up to which sizes it is drawn how."""
-        return super().report() | {'bytes': sum(kind.nbytes for kind in self._kinds)}
+        return super().report() | {'bytes': sum(group.nbytes for group in self._groups)}
 
 
 def _matrix(pose) -> np.ndarray:

@@ -110,7 +110,9 @@ class ImageLayers(Effect):
         range='[65536, inf)',
         unit='bytes',
     )
-    refuse = Param(True, 'Whether what is cheaper drawn by VTK is left to it, as measured here.')
+    only_if_faster = Param(
+        True, 'Replace only actors that are slower to draw themselves, as measured here.'
+    )
 
     def __init__(self, groups=None, *, name=None, **settings):
         self.name = name

@@ -94,7 +94,7 @@ class Layer:
         if self._rests and not settings.blur:
             self._rests -= 1
             return
-        if now.owner.refuse and not settings.blur and self._is_dear():
+        if now.owner.only_if_faster and not settings.blur and self._is_dear():
             self._rest()
             return
         self.why = self._stale(now)

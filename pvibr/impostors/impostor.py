@@ -81,7 +81,9 @@ class Impostor(Effect):
     depth = Param(True, 'Whether images have depth, so that they meet others as their actors do.')
     hierarchical = Param(False, 'Whether actors beside each other may share an image.')
     memory = Param(2**28, 'What the images may take.', range='[65536, inf)', unit='bytes')
-    refuse = Param(True, 'Whether what is cheaper as a mesh is drawn as one, as measured here.')
+    only_if_faster = Param(
+        True, 'Replace only actors that are slower to draw themselves, as measured here.'
+    )
     views = Param(2, 'Images kept of an actor.', range='[1, 16]')
 
     def __init__(self, actors, *, name=None, **settings):
@@ -323,7 +325,7 @@ class Impostor(Effect):
         # A mesh is an actor's other choice, and the only one of those that are near.
         plain = self._leaves.plain(seconds[:n], pixels[:n], self._area[:n], self._costs.pixel)
         near = ~usable[:n]
-        dear = (cost[:n] > plain) & self.refuse
+        dear = (cost[:n] > plain) & self.only_if_faster
         cost[:n] = np.where(near | dear, plain, cost[:n])
         found = nodes.tree.cheapest(cost, here)
         leaves = found[found < n]

@@ -27,8 +27,8 @@ class InstanceSet:
             self.per *= 2
         self.blocks = [
             Block(self, number, slice(first, first + self.per))
-            for number, kind in enumerate(thing._kinds)
-            for first in range(0, len(kind), self.per)
+            for number, group in enumerate(thing.groups)
+            for first in range(0, len(group), self.per)
         ]
         self._content_key: tuple | None = None
         self._imaged = b''
@@ -46,33 +46,33 @@ class InstanceSet:
         self.looks = look.merge(len(thing), thing.colors, thing.visible)
         shown = thing.visibility and bool(thing.actor.GetVisibility())
         visible = self.looks[:, 3] > 0
-        for number, kind in enumerate(thing._kinds):
+        for number, group in enumerate(thing.groups):
             blocks = [block for block in self.blocks if block.number == number]
-            why = next((w for p in kind.levels[0].parts if (w := ineligibility(p.actor))), '')
-            fields = _placed(kind, self.per)
-            cells = sum(part.mesh.n_cells for part in kind.levels[-1].parts)
+            why = next((w for p in group.levels[0].parts if (w := ineligibility(p.actor))), '')
+            fields = _placed(group, self.per)
+            cells = sum(part.mesh.n_cells for part in group.levels[-1].parts)
             for k, block in enumerate(blocks):
                 block.why = why
                 block.center, block.half, block.corners, block.radius = (f[k] for f in fields)
-                block.slots = np.flatnonzero(visible[kind.ids[block.span]]) + block.span.start
+                block.slots = np.flatnonzero(visible[group.ids[block.span]]) + block.span.start
                 block.shown = shown and len(block.slots) > 0
                 block.cells = cells * len(block.slots)
 
     def pool(self, number, texels) -> MeshPool:
         """Return what draws an instance so large that it is as good as its mesh."""
-        kind = self.thing._kinds[number]
-        limits = kind.model.limits(self.thing.max_error).meshes
+        group = self.thing.groups[number]
+        limits = self.thing.level_limits(group.model).meshes
         level = max(k for k, limit in enumerate(limits) if k == 0 or texels <= limit)
         key = number, level
         if key not in self._pools:
-            self._pools[key] = _Pool(kind.levels[level], self.materials)
+            self._pools[key] = _Pool(group.levels[level], self.materials)
         pool = self._pools[key]
         pool.multiply = self.thing._blend == 'multiply'
         return pool
 
     def plain(self, meshes, pixels, area, pixel) -> np.ndarray:
         """Return the seconds that blocks take as the set itself draws them."""
-        limits = [k.model.limits(self.thing.max_error).mesh for k in self.thing._kinds]
+        limits = [self.thing.level_limits(g.model).mesh for g in self.thing.groups]
         limit = np.array([limits[block.number] for block in self.blocks])
         cards = self.per * _CARD + pixel * area
         # The larger a block is beside its instances, the smaller these are.
@@ -85,7 +85,7 @@ class InstanceSet:
             return False
         self._imaged = key
         chosen = [b for b, yes in zip(self.blocks, imaged.tolist(), strict=True) if yes]
-        ids = [self.thing._kinds[b.number].ids[b.span] for b in chosen]
+        ids = [self.thing.groups[b.number].ids[b.span] for b in chosen]
         self.thing.cover(np.concatenate(ids) if ids else None)
         return True
 
@@ -110,8 +110,8 @@ class Block:
     tries: int = 0
     seconds: float = np.inf
 
-    def __init__(self, group, number, span):
-        self.group, self.number, self.span = group, number, span
+    def __init__(self, owner, number, span):
+        self.owner, self.number, self.span = owner, number, span
         self.why, self.shown, self.cells = '', True, 0
         self.center, self.half, self.radius = np.zeros(3), np.zeros((3, 3)), 0.0
         self.corners = np.zeros((80, 3))
@@ -119,17 +119,17 @@ class Block:
 
     def draw(self, renderer, world_from_view, texel):
         """Draw its surface, see :meth:`Source.draw`."""
-        group = self.group
-        kind = group.thing._kinds[self.number]
+        owner = self.owner
+        group = owner.thing.groups[self.number]
         for slot in self.slots.tolist():
-            pool = group.pool(self.number, 2 * float(kind.radii[slot]) / texel)
-            shade = tuple(float(v) for v in group.looks[kind.ids[slot]] / 255.0)
-            pool.show([slot], kind.matrix, lambda _, shade=shade: shade)
+            pool = owner.pool(self.number, 2 * float(group.radii[slot]) / texel)
+            shade = tuple(float(v) for v in owner.looks[group.ids[slot]] / 255.0)
+            pool.show([slot], group.matrix, lambda _, shade=shade: shade)
             for actor in pool.lent[slot]:
                 uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
                 uniforms.SetUniformMatrix3x3('ibr_world_from_view', world_from_view)
                 actor.RenderOpaqueGeometry(renderer)
-            pool.show([], kind.matrix, None)
+            pool.show([], group.matrix, None)
 
 
 class _Pool(MeshPool):
@@ -151,18 +151,18 @@ class _Pool(MeshPool):
         return actor
 
 
-def _placed(kind, per):
-    """Return middles, half edges, corners and radii of blocks of a kind's instances."""
-    parts = kind.levels[0].parts
+def _placed(group, per):
+    """Return middles, half edges, corners and radii of blocks of a group's instances."""
+    parts = group.levels[0].parts
     points = np.concatenate([part.mesh.points for part in parts]).astype(float)
     low, high = points.min(0), points.max(0)
     middle = (low + high) / 2
     length = np.linalg.norm(points - middle, axis=1).max()
     corners = dop_corners(points - middle)
-    poses = kind.poses[kind.ids]
+    poses = group.poses[group.ids]
     if poses.ndim == 2:
         poses = np.eye(4) + np.zeros((len(poses), 1, 1))
-        poses[:, :3, 3] = kind.poses[kind.ids]
+        poses[:, :3, 3] = group.poses[group.ids]
     axes = poses[:, :3, :3]
     center = axes @ middle + poses[:, :3, 3]
     half = np.diag((high - low) / 2) @ np.swapaxes(axes, 1, 2)

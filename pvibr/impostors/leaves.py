@@ -14,7 +14,7 @@ class Leaves:
 
     def __init__(self, sources, sets=()):
         self.sets = list(sets)
-        self.sources = [*sources, *(block for group in sets for block in group.blocks)]
+        self.sources = [*sources, *(block for owner in sets for block in owner.blocks)]
         n = len(self.sources)
         self.fits, self.wanted = np.zeros(n, bool), np.zeros(n, bool)
         self.why = np.full(n, '', object)
@@ -24,7 +24,7 @@ class Leaves:
         self._dops: dict = {}
         # Attributes of a PyVista actor take their time, so that its methods are looked up once.
         actors = [source.actor for source in sources]
-        ends = np.cumsum([len(actors), *(len(group.blocks) for group in sets)]).tolist()
+        ends = np.cumsum([len(actors), *(len(owner.blocks) for owner in sets)]).tolist()
         self._ranges = [range(a, b) for a, b in pairwise(ends)]
         self._own = [actor.GetMTime for actor in actors]
         # It tells the latest of all their times at once; it draws nothing.
@@ -57,9 +57,9 @@ class Leaves:
         if changed:
             self._watch()
         self._seen.Modified()
-        for group, rows in zip(self.sets, self._ranges, strict=True):
-            if group.changed():
-                group.update()
+        for owner, rows in zip(self.sets, self._ranges, strict=True):
+            if owner.changed():
+                owner.update()
                 changed += rows
         for i in changed:
             self._take(i)
@@ -87,8 +87,8 @@ class Leaves:
     def plain(self, meshes, pixels, area, pixel) -> np.ndarray:
         """Return the seconds that each takes where it is no image."""
         out = meshes.copy()
-        for group, rows in zip(self.sets, self._ranges, strict=True):
-            out[rows] = group.plain(meshes[rows], pixels[rows], area[rows], pixel)
+        for owner, rows in zip(self.sets, self._ranges, strict=True):
+            out[rows] = owner.plain(meshes[rows], pixels[rows], area[rows], pixel)
         return out
 
     def hide(self, why) -> list:
@@ -98,8 +98,8 @@ class Leaves:
         self.hidden = np.flatnonzero(idle[: len(self._own)])
         for i in self.hidden.tolist():
             self._off[i]()
-        groups = zip(self.sets, self._ranges, strict=True)
-        return [group.thing for group, rows in groups if group.hide(imaged[rows])]
+        owners = zip(self.sets, self._ranges, strict=True)
+        return [owner.thing for owner, rows in owners if owner.hide(imaged[rows])]
 
     def show(self):
         """Show the actors again that were hidden, which is no change."""
@@ -122,8 +122,8 @@ class Leaves:
     def rest(self):
         """Have everything drawn as it is."""
         self.show()
-        for group in self.sets:
-            group.show()
+        for owner in self.sets:
+            owner.show()
 
     def release(self, window):
         """Free the GPU's memory; the context must be alive."""

@@ -20,12 +20,12 @@ from pvibr.instances.instances import Instances
 LEVELS = {
     'mesh': (0.835, 0.369, 0.0),
     'lighter mesh': (0.902, 0.624, 0.0),
-    'near': (0.941, 0.894, 0.259),
-    'middle': (0.0, 0.62, 0.451),
+    'blended': (0.941, 0.894, 0.259),
+    'parallax': (0.0, 0.62, 0.451),
     'flat': (0.337, 0.706, 0.914),
     'turntable': (0.8, 0.475, 0.655),
     'billboard': (0.75, 0.75, 0.75),
-    'dot': (0.0, 0.447, 0.698),
+    'splat': (0.0, 0.447, 0.698),
 }
 IMAGE = (0.5, 0.5, 0.5)
 _SMALLEST = 40.0  # boxes that are smaller on the screen, in pixels, say nothing
@@ -110,15 +110,15 @@ class Inspection(Effect):
         report = self.pipeline.report()
         pairs = list(zip(self.pipeline.effects, report.rows, strict=True))
         drawn = [effect for effect, row in pairs if row.state == 'ran']
-        kinds = [k for e in drawn if isinstance(e, Instances) for k in e.kinds]
+        groups = [k for e in drawn if isinstance(e, Instances) for k in e.groups]
         impostors = [e for e in drawn if isinstance(e, Impostor)]
-        self._tint(kinds)
-        self._show_cells(frame, kinds, impostors)
+        self._tint(groups)
+        self._show_cells(frame, groups, impostors)
         if not self._rows or frame.tile == (0.0, 0.0, 1.0, 1.0):
             # In a picture of several tiles the words are those of one frame.
             self._told = {
-                'levels': level_counts(kinds),
-                'cells': self._cell_counts(kinds),
+                'levels': level_counts(groups),
+                'cells': self._cell_counts(groups),
                 'images': sum(int(_shown(e, frame).sum()) for e in impostors),
                 'new_images': self._newly_taken(frame, pairs),
             }
@@ -129,13 +129,13 @@ class Inspection(Effect):
         """Give everyone their own colours back."""
         self._untint()
 
-    def _tint(self, kinds):
+    def _tint(self, groups):
         # Only while the frame is drawn: what others draw before or after it, to be kept, and
         # what is drawn once this is gone, has never heard of it.
         if self.levels:
-            self._tinted = kinds
-            for kind in kinds:
-                kind.tint(LEVELS)
+            self._tinted = groups
+            for group in groups:
+                group.tint(LEVELS)
 
     def _untint(self):
         while self._tinted:
@@ -164,9 +164,9 @@ class Inspection(Effect):
         rows.append((_row('effect', 'ms'), None))
         return rows + [(text, None) for text in self._last or _milliseconds(report)]
 
-    def _cell_counts(self, kinds) -> tuple[int, int]:
-        shown = sum(len(_cells_seen(kind)) for kind in kinds)
-        return shown, sum(-(-len(kind) // BLOCK) for kind in kinds)
+    def _cell_counts(self, groups) -> tuple[int, int]:
+        shown = sum(len(_cells_seen(group)) for group in groups)
+        return shown, sum(-(-len(group) // BLOCK) for group in groups)
 
     def _newly_taken(self, frame, pairs) -> int:
         """Return how many images were drawn for this frame, or since the last one."""
@@ -185,10 +185,10 @@ class Inspection(Effect):
 
     # -- boxes -------------------------------------------------------------------------------
 
-    def _show_cells(self, frame, kinds, impostors):
+    def _show_cells(self, frame, groups, impostors):
         low, high, colors = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 4))
         if self.cells:
-            found = [self._cells(kind, _ink(frame.renderer)) for kind in kinds]
+            found = [self._cells(group, _ink(frame.renderer)) for group in groups]
             found += [_image_boxes(e, frame) for e in impostors]
             if found:
                 low, high, colors = (np.concatenate(a) for a in zip(*found, strict=True))
@@ -197,18 +197,18 @@ class Inspection(Effect):
         places, kept = projected(frame, lines.reshape(-1, 2, 3))
         self._marks.boxes.show(places, colors[large][kept // 12])
 
-    def _cells(self, kind, ink):
-        """Return corners and colours of a kind's cells: strong where any of it is drawn."""
-        if kind not in self._boxes:
-            centers, radii = kind.centers(np.arange(len(kind))), kind.radii[:, None]
-            starts = np.arange(0, len(kind), BLOCK)
-            self._boxes[kind] = (
+    def _cells(self, group, ink):
+        """Return corners and colours of a group's cells: strong where any of it is drawn."""
+        if group not in self._boxes:
+            centers, radii = group.centers(np.arange(len(group))), group.radii[:, None]
+            starts = np.arange(0, len(group), BLOCK)
+            self._boxes[group] = (
                 np.minimum.reduceat(centers - radii, starts),
                 np.maximum.reduceat(centers + radii, starts),
             )
-        low, high = self._boxes[kind]
+        low, high = self._boxes[group]
         colors = np.tile((*ink, 50), (len(low), 1))
-        colors[_cells_seen(kind), 3] = 120
+        colors[_cells_seen(group), 3] = 120
         return low, high, colors
 
     # -- images ------------------------------------------------------------------------------
@@ -236,12 +236,12 @@ class Inspection(Effect):
         self._marks.tiles.show(lines, sheet.colors.repeat(4, 0))
 
 
-def level_counts(kinds) -> dict[str, int]:
+def level_counts(groups) -> dict[str, int]:
     """Return how many instances each level draws in the last frame."""
     counts: Counter = Counter()
-    for kind in kinds:
-        counts.update('lighter mesh' if level else 'mesh' for level in kind.near.values())
-        counts.update({name: kind.counts.get(name, 0) for name in kind.cards.layers})
+    for group in groups:
+        counts.update('lighter mesh' if level else 'mesh' for level in group.near.values())
+        counts.update({name: group.counts.get(name, 0) for name in group.cards.layers})
     return {name: counts[name] for name in LEVELS}
 
 
@@ -253,9 +253,9 @@ def _shown(impostor, frame):
     return images.alive & (images.used == frame.index)
 
 
-def _cells_seen(kind):
-    """Return which cells of a kind hold anything that is drawn."""
-    return np.unique(kind.seen * kind.unit // BLOCK)
+def _cells_seen(group):
+    """Return which cells of a group hold anything that is drawn."""
+    return np.unique(group.seen * group.unit // BLOCK)
 
 
 def _count_taken(impostor, frame) -> int:

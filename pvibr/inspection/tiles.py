@@ -11,7 +11,7 @@ from pvibr.meshes.turntable import LEVEL
 #: Of images that were drawn for this frame.
 FLASH = (1.0, 0.0, 1.0)
 _MOST = 16_384  # instances that are asked, spread over those that are seen
-_ONE = ('dot', 'flat', 'middle')  # programs that show one view
+_ONE = ('splat', 'flat', 'parallax')  # programs that show one view
 
 
 class Sheet:
@@ -21,16 +21,16 @@ class Sheet:
         if isinstance(thing, Impostor):
             self._of_pool(thing.images, frame)
         else:
-            self._of_atlas(thing.kinds[0], frame)
+            self._of_atlas(thing.groups[0], frame)
 
-    def _of_atlas(self, kind, frame):
-        self.texture = kind.cards.textures['ibr_albedo']
+    def _of_atlas(self, group, frame):
+        self.texture = group.cards.textures['ibr_albedo']
         width, height = self.texture.size
         # Level 0 fills the left two thirds.
-        self.part = (1.0, 1.0) if kind.atlas.phased else (2 / 3, 1.0)
+        self.part = (1.0, 1.0) if group.atlas.phased else (2 / 3, 1.0)
         self.ratio = height / (width * self.part[0])
-        corners = used_views(kind, frame) if not kind.atlas.phased else np.zeros((0, 2))
-        self.low, self.high = corners / kind.atlas.views, (corners + 1) / kind.atlas.views
+        corners = used_views(group, frame) if not group.atlas.phased else np.zeros((0, 2))
+        self.low, self.high = corners / group.atlas.views, (corners + 1) / group.atlas.views
         self.colors = np.tile((255, 255, 255, 255), (len(corners), 1))
 
     def _of_pool(self, images, frame):
@@ -48,7 +48,7 @@ def has_images(thing) -> bool:
     """Tell whether there are images to show."""
     if isinstance(thing, Impostor):
         return thing.images is not None and thing.images.pool is not None
-    return bool(thing.kinds) and 'ibr_albedo' in thing.kinds[0].cards.textures
+    return bool(thing.groups) and 'ibr_albedo' in thing.groups[0].cards.textures
 
 
 def as_bytes(color) -> tuple[int, ...]:
@@ -56,44 +56,44 @@ def as_bytes(color) -> tuple[int, ...]:
     return tuple(round(255 * c) for c in color)
 
 
-def used_views(kind, frame) -> np.ndarray:
+def used_views(group, frame) -> np.ndarray:
     """Return the views that the cards of a frame are drawn from."""
-    slots = _slots(kind)
+    slots = _slots(group)
     if not len(slots):
         return np.zeros((0, 2), int)
-    toward, rise, away = _toward(kind, slots, frame)
-    size = 2 * kind.radii[slots] * frame.pixel_scale / away
-    near, *others = (kind.cards.layers[name].sizes for name in ('near', *_ONE))
-    if kind.atlas.turntable is not None:
+    toward, rise, away = _toward(group, slots, frame)
+    size = 2 * group.radii[slots] * frame.pixel_scale / away
+    near, *others = (group.cards.layers[name].sizes for name in ('blended', *_ONE))
+    if group.atlas.turntable is not None:
         toward, size = toward[rise >= LEVEL], size[rise >= LEVEL]
-    grid = (encode(toward, kind.atlas.half) * 0.5 + 0.5) * (kind.atlas.views - 1)
+    grid = (encode(toward, group.atlas.half) * 0.5 + 0.5) * (group.atlas.views - 1)
     three = (size >= near[0]) & (size < near[3])
     one = np.any([(size >= low) & (size < gone) for low, *_, gone in others], 0)
-    found = np.concatenate([_blended(grid[three], kind.atlas.views), np.rint(grid[one])])
-    grid = np.zeros((kind.atlas.views, kind.atlas.views), bool)
+    found = np.concatenate([_blended(grid[three], group.atlas.views), np.rint(grid[one])])
+    grid = np.zeros((group.atlas.views, group.atlas.views), bool)
     grid[tuple(found.astype(int).T)] = True
     return np.argwhere(grid)
 
 
-def _slots(kind):
+def _slots(group):
     """Return instances that are seen and not hidden, or some of them."""
-    slots = (kind.seen[:, None] * kind.unit + np.arange(kind.unit)).ravel()
-    slots = slots[slots < len(kind)]
+    slots = (group.seen[:, None] * group.unit + np.arange(group.unit)).ravel()
+    slots = slots[slots < len(group)]
     slots = slots[:: max(1, len(slots) // _MOST)]
-    return slots if kind.looks is None else slots[kind.looks[slots, 3] > 0]
+    return slots if group.looks is None else slots[group.looks[slots, 3] > 0]
 
 
-def _toward(kind, slots, frame):
+def _toward(group, slots, frame):
     """Return directions to the eye in model space, how far it is above level, and its distance."""
     away = np.ones(len(slots))
     if frame.parallel:
         eye = np.tile(frame.view_from_world[2, :3], (len(slots), 1))
     else:
-        eye = frame.eye - kind.centers(slots)
+        eye = frame.eye - group.centers(slots)
         away = np.maximum(np.linalg.norm(eye, axis=1), 1e-300)
         eye = eye / away[:, None]
-    poses, turned = kind.poses[kind.ids[slots]], eye
-    turntable = kind.atlas.turntable
+    poses, turned = group.poses[group.ids[slots]], eye
+    turntable = group.atlas.turntable
     axis = np.zeros(3) if turntable is None else np.array(turntable.turns.axis)
     upright = np.broadcast_to(axis, eye.shape)
     if poses.ndim == 3:

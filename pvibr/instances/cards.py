@@ -82,15 +82,17 @@ class CardShader:
         return Feature(f'card_{self.name}', vertex, fragment)
 
 
-DOT = CardShader('dot', views=1, steps=0, corners=1, splat=True, turns=2, least=3.0, largest=6.0)
+SPLAT = CardShader(
+    'splat', views=1, steps=0, corners=1, splat=True, turns=2, least=3.0, largest=6.0
+)
 FLAT = CardShader('flat', views=1, steps=0)
-MIDDLE = CardShader('middle', views=1, steps=2)
-NEAR = CardShader('near', views=3, steps=2, depth=True)
-CARD_SHADERS = (DOT, FLAT, MIDDLE, NEAR)
+PARALLAX = CardShader('parallax', views=1, steps=2)
+BLENDED = CardShader('blended', views=3, steps=2, depth=True)
+CARD_SHADERS = (SPLAT, FLAT, PARALLAX, BLENDED)
 BILLBOARD = CardShader('billboard', views=1, steps=0, sides=1)
 TURNTABLE = CardShader('turntable', views=1, steps=0, sides=2)
 #: In the order of their cost, those of a turntable included.
-ALL_CARD_SHADERS = (DOT, BILLBOARD, TURNTABLE, FLAT, MIDDLE, NEAR)
+ALL_CARD_SHADERS = (SPLAT, BILLBOARD, TURNTABLE, FLAT, PARALLAX, BLENDED)
 _NEVER = (1e30, 1e30, 0.0, 0.0)
 
 

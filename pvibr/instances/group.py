@@ -27,7 +27,7 @@ _KEEP = 0.9  # a mesh level is kept until the size is this far below where it wa
 
 @dataclass(frozen=True)
 class Choice:
-    """What a program of cards draws of a kind."""
+    """The blocks of a group that one card shader draws."""
 
     table: np.ndarray
     depths: np.ndarray

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from pvibr.core.errors import PvibrWarning
 from pvibr.core.params import Param
 from pvibr.gl.binder import Binder
-from pvibr.instances.cards import DOT, slab_counts, slabs
+from pvibr.instances.arguments import (
+    checked_blend,
+    checked_index,
+    checked_views,
+    meshes_and_poses,
+    poses_and_scalars,
+)
+from pvibr.instances.cards import slab_counts, slabs
 from pvibr.instances.group import SORTED_SEEN, InstanceGroup, unit_of
-from pvibr.instances.levels import limits_of, make_model
-from pvibr.meshes.parts import are_parts, as_meshes
-from pvibr.meshes.pose_files import read_poses_and
+from pvibr.instances.levels import Limits, checked_force, forced_limits, limits_of, make_model
+from pvibr.meshes.parts import as_meshes
 from pvibr.meshes.poses import as_poses
-from pvibr.meshes.trimesh_meshes import is_trimesh, scene_instances
 from pvibr.scene import looks as look
 from pvibr.scene.anchor import Anchored, anchor, set_bounds
 from pvibr.scene.painted import TABLE_OPTIONS, Painted
@@ -63,6 +66,10 @@ class Instances(Painted, Anchored):
         twice the density of views.
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the looks.
+    force_level : str or dict of str to (float, float), optional
+        Level of detail drawn at every size, or on-screen diameters, in pixels, between which each
+        level is drawn: 'splat', 'flat', 'parallax', 'blended', 'mesh', 'mesh1' or 'mesh2' (lighter
+        meshes), 'billboard' or 'turntable'. By default levels are chosen by their measured error.
     **mesh_kwargs
         As in :meth:`pyvista.Plotter.add_mesh`, for the mesh itself.
 
@@ -85,6 +92,8 @@ class Instances(Painted, Anchored):
     web = 'baked', 'meshes, far ones billboard clouds'
     _title = 'Instances'
     _covered = _worn = None
+    _force_level: str | dict | None = None
+    _forced: dict[str, tuple] = {}
 
     max_error = Param(
         1.0, 'How far an outline may be from that of the mesh.', range='(0, inf)', unit='px'
@@ -111,30 +120,30 @@ class Instances(Painted, Anchored):
         progress=None,
         views='full',
         theme=None,
+        force_level=None,
         **mesh_kwargs,
     ):
         super().__init__(max_error=max_error)
         self.name = name
-        poses, scalars = _from_file(poses, scalars)
-        meshes, poses, index = _scene(mesh, poses, index)
+        poses, scalars = poses_and_scalars(poses, scalars)
+        meshes, poses, index = meshes_and_poses(mesh, poses, index)
         poses = as_poses(poses)
-        index = _checked_index(index, len(poses), len(meshes))
+        index = checked_index(index, len(poses), len(meshes))
         mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
         asked = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
         parts = as_meshes(meshes, theme=theme, **asked)
         used = np.unique(index)
         models = {
-            int(k): make_model(
-                parts[k], half=_checked_views(views), cache=cache, progress=progress
-            )
+            int(k): make_model(parts[k], half=checked_views(views), cache=cache, progress=progress)
             for k in used
         }
         self._begin(poses, index, models, pickable)
+        self.force_level = force_level
         self._paint(scalars, colors)
 
     def _ask(self, count, scalars, colors, blend, asked) -> dict:
         """Check what is asked of single instances; return what is asked of the mesh."""
-        self._blend = _checked_blend(blend)
+        self._blend = checked_blend(blend)
         self._table_options = {k: asked[k] for k in TABLE_OPTIONS if k in asked}
         if colors is not None:
             look.as_colors(colors, count)
@@ -188,8 +197,8 @@ class Instances(Painted, Anchored):
         pipeline = self.pipeline
         if pipeline is not None:
             pipeline._make_current()
-        for kind in self._kinds:
-            kind.release()
+        for group in self._groups:
+            group.release()
         if pipeline is not None:
             self._take_out(pipeline.renderer)
         self._set_poses(poses, self._index)
@@ -199,18 +208,18 @@ class Instances(Painted, Anchored):
 
     def _set_poses(self, poses, index):
         self._poses, self._index = poses, index
-        self._kinds = []
+        self._groups = []
         ids = {k: np.flatnonzero(index == k) for k in self._models}
         turned = any(model.atlas.turntable is not None for model in self._models.values())
         unit, draws = unit_of(len(poses)), slab_counts(len(poses), len(ids), turned)
         for k, model in self._models.items():
-            self._kinds.append(self._kind(model, ids[k], poses, self._binder, unit, draws))
+            self._groups.append(self._group(model, ids[k], poses, self._binder, unit, draws))
         self._uploaded = False
         self._touch()
-        self._bounds = _union([k.bounds for k in self._kinds])
+        self._bounds = _union([k.bounds for k in self._groups])
         set_bounds(self._anchor, self._bounds)
 
-    def _kind(self, *args):
+    def _group(self, *args):
         return InstanceGroup(*args)
 
     @property
@@ -219,14 +228,32 @@ class Instances(Painted, Anchored):
         return tuple(float(v) for v in self._bounds)
 
     @property
-    def kinds(self) -> list:
+    def groups(self) -> list:
         """What draws the instances of each mesh: its cards, its meshes, what is seen of them."""
-        return self._kinds
+        return self._groups
 
     @property
     def atlases(self) -> list:
         """The atlas of each mesh that is used."""
         return [model.atlas for model in self._models.values()]
+
+    @property
+    def force_level(self) -> str | dict | None:
+        """Level drawn at every size, or a dict of level to sizes; None: by measured error."""
+        return self._force_level
+
+    @force_level.setter
+    def force_level(self, level):
+        self._forced = checked_force(level, self._models.values())
+        self._force_level = level
+        self._touch()
+
+    def level_limits(self, model) -> Limits:
+        """Return the on-screen sizes at which the levels of a model change."""
+        count = len(model.levels)
+        if self._failure or not model.atlas.errors:
+            return limits_of({}, count, 1)
+        return forced_limits(self._forced, count) if self._forced else model.limits(self.max_error)
 
     # -- looks of single instances -----------------------------------------------------------
 
@@ -269,7 +296,7 @@ class Instances(Painted, Anchored):
     def _base_colors(self):
         if self._colors is not None:
             return self._colors.copy()
-        prop = self._kinds[0].levels[0].parts[0].actor.GetProperty()
+        prop = self._groups[0].levels[0].parts[0].actor.GetProperty()
         return np.tile(np.rint(np.array(prop.GetColor()) * 255).astype(np.uint8), (len(self), 1))
 
     def _repaint(self):
@@ -286,8 +313,8 @@ class Instances(Painted, Anchored):
         merged = look.merge(len(self), self._colors, shown)
         if self.pipeline is not None:
             self.pipeline._make_current()
-        for kind in self._kinds:
-            kind.set_looks(merged, self._blend == 'multiply')
+        for group in self._groups:
+            group.set_looks(merged, self._blend == 'multiply')
 
     def cover(self, ids):
         """Leave instances out of what the scene's own camera shows, since another draws them.
@@ -337,14 +364,14 @@ class Instances(Painted, Anchored):
 
     def _put_in(self, renderer):
         # All far cards first, then all nearer ones: their soft edges blend with what is behind.
-        layers = zip(*(k.cards.layers.values() for k in self._kinds), strict=True)
+        layers = zip(*(k.cards.layers.values() for k in self._groups), strict=True)
         turns = (zip(*(layer.actors for layer in row), strict=True) for row in layers)
         self._card_actors = [actor for turn in turns for draw in turn for actor in draw]
         super()._put_in(renderer)
 
     def _take_out(self, renderer):
-        for kind in self._kinds:
-            kind.hide()
+        for group in self._groups:
+            group.hide()
         super()._take_out(renderer)
 
     def content_key(self) -> tuple:
@@ -354,7 +381,7 @@ class Instances(Painted, Anchored):
 
     def actors(self) -> list:
         """Return the actors that draw the instances, those that are not visible now too."""
-        return self._card_actors + [a for k in self._kinds for a in k.mesh_actors()]
+        return self._card_actors + [a for k in self._groups for a in k.mesh_actors()]
 
     #: Frames that are drawn to pick need the cards too.
     picks = True
@@ -364,19 +391,19 @@ class Instances(Painted, Anchored):
         if not self.visibility or not self._anchor.GetVisibility():
             self._hide()
             return 'not visible'
-        return bool(self._kinds) or 'no instances'
+        return bool(self._groups) or 'no instances'
 
     def _hide(self):
         if self._content_key is not None:
-            for kind in self._kinds:
-                kind.hide()
+            for group in self._groups:
+                group.hide()
             self._content_key = None
 
     def prepare(self, frame):
         """Choose what is drawn, where camera, size or settings changed."""
         if not self._uploaded:
-            for kind in self._kinds:
-                kind.upload(frame.window)
+            for group in self._groups:
+                group.upload(frame.window)
             self._uploaded = True
         self._keep_last(frame.renderer)
         covered = self._covered if frame.own and not frame.picking else None
@@ -390,32 +417,28 @@ class Instances(Painted, Anchored):
         if content_key == self._content_key:
             return
         self._content_key = content_key
-        limits = [_coarser(self._limits(kind), frame.quality) for kind in self._kinds]
-        chosen = [k.select(frame, limit) for k, limit in zip(self._kinds, limits, strict=True)]
-        for program in self._kinds[0].cards.programs():
+        limits = [self.level_limits(g.model).coarser(frame.quality) for g in self._groups]
+        chosen = [k.select(frame, limit) for k, limit in zip(self._groups, limits, strict=True)]
+        for program in self._groups[0].cards.programs():
             self._show_cards(frame, program, [c[program.name] for c in chosen])
-        for kind, limit in zip(self._kinds, limits, strict=True):
-            for actor in kind.select_meshes(frame, limit):
+        for group, limit in zip(self._groups, limits, strict=True):
+            for actor in group.select_meshes(frame, limit):
                 actor.SetPickable(bool(self.pickable))
                 frame.renderer.AddViewProp(actor)
 
     def _show_cards(self, frame, program, choices):
-        unit = self._kinds[0].unit
+        unit = self._groups[0].unit
         if unit > 1 and sum(len(c.table) for c in choices) * unit <= SORTED_SEEN:
-            pairs = zip(self._kinds, choices, strict=True)
-            unit, choices = 1, [kind.refine(frame, c) for kind, c in pairs]
+            pairs = zip(self._groups, choices, strict=True)
+            unit, choices = 1, [group.refine(frame, c) for group, c in pairs]
         cuts = slabs([c.depths for c in choices], program.turns, unit)
-        for kind, c, cut in zip(self._kinds, choices, cuts, strict=True):
+        for group, c, cut in zip(self._groups, choices, cuts, strict=True):
             look = {'level': c.level, 'unit': unit, 'dithered': c.dithered}
-            kind.cards.show(program.name, c.table, c.sizes, cut, **look)
-
-    def _limits(self, kind):
-        errors = {} if self._failure else kind.atlas.errors
-        return kind.model.limits(self.max_error) if errors else limits_of({}, len(kind.levels), 1)
+            group.cards.show(program.name, c.table, c.sizes, cut, **look)
 
     def _check_cards(self):
         """Where a shader of the cards failed: warn once, and draw meshes from now on."""
-        failure = next((k.cards.failure for k in self._kinds if k.cards.failure), None)
+        failure = next((k.cards.failure for k in self._groups if k.cards.failure), None)
         if failure and not self._failure:
             self._failure, self._content_key = failure, None
             msg = f'{self.name}: {failure}: meshes are drawn instead. Look at `pvibr doctor`.'
@@ -428,7 +451,7 @@ class Instances(Painted, Anchored):
     def _keep_last(self, renderer):
         """Draw cards after all other opaque props: their soft edges blend with what is there."""
         props = renderer.GetViewProps()
-        known = len(self._card_actors) + sum(len(k.mesh_actors()) for k in self._kinds)
+        known = len(self._card_actors) + sum(len(k.mesh_actors()) for k in self._groups)
         count = props.GetNumberOfItems()
         if count == getattr(self, '_prop_count', None) or not known:
             return
@@ -443,19 +466,23 @@ class Instances(Painted, Anchored):
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
-        for kind in self._kinds:
-            kind.release()
+        for group in self._groups:
+            group.release()
         self._uploaded, self._content_key = False, None
 
     def report(self) -> dict:
         """Return bytes, what was drawn, and the error tables of the atlases."""
         counts: dict = {}
-        for kind in self._kinds:
-            for key, value in kind.counts.items():
+        for group in self._groups:
+            for key, value in group.counts.items():
                 counts[key] = counts.get(key, 0) + value
-        out = {'bytes': sum(k.cards.nbytes for k in self._kinds), 'instances': len(self), **counts}
+        out = {
+            'bytes': sum(k.cards.nbytes for k in self._groups),
+            'instances': len(self),
+            **counts,
+        }
         for k, model in self._models.items():
-            out[f'atlas {k}'] = model.describe(self.max_error)
+            out[f'atlas {k}'] = model.describe(self.level_limits(model))
         return out
 
     def pick(self, x, y):
@@ -473,7 +500,7 @@ class Instances(Painted, Anchored):
         """
         if not self.pickable or self.pipeline is None or not self.visibility:
             return None
-        return nearest_hit(self._kinds, self.pipeline.renderer, x, y, self.visible)
+        return nearest_hit(self._groups, self.pipeline.renderer, x, y, self.visible)
 
     def instance_of(self, actor):
         """Return the index of the instance that a picked actor shows, or None.
@@ -483,84 +510,7 @@ class Instances(Painted, Anchored):
         actor : vtkActor
             What PyVista's mesh picking returned.
         """
-        return next((i for k in self._kinds if (i := k.instance_of(actor)) is not None), None)
-
-
-def _from_file(poses, scalars):
-    """Read poses, and the column that colours them, where they are given as a file."""
-    if not isinstance(poses, str | Path):
-        return poses, scalars
-    poses, values = read_poses_and(poses, scalars if isinstance(scalars, str) else None)
-    if values is None:
-        return poses, scalars
-    if values.dtype.kind != 'f':
-        msg = f'scalars is {scalars!r}, a column of text; name one of numbers'
-        raise ValueError(msg)
-    return poses, values
-
-
-def _coarser(limits, quality):
-    """Return limits by which what is drawn is good for 1 / quality of its size, and so far off."""
-    cards, level = _grown(limits.cards, quality), _grown(limits.level, quality)
-    meshes = tuple(limit / quality for limit in limits.meshes)
-    return replace(limits, cards=cards, mesh=limits.mesh / quality, meshes=meshes, level=level)
-
-
-def _grown(spans, quality):
-    """Return spans of sizes that end at larger ones, each from where the one before it ends."""
-    grown, reached = [], 0.0
-    for name, _, high in spans:
-        # A box of one colour stands for what is a few pixels large, and for nothing else.
-        high = high if name == DOT.name else high / quality
-        grown.append((name, reached, high))
-        reached = high
-    return tuple(grown)
-
-
-def _scene(mesh, poses, index):
-    """Return a list of meshes, poses and index; a scene's graph gives what is not given."""
-    if poses is None:
-        if is_trimesh(mesh, 'Scene') or isinstance(mesh, str | Path):
-            return scene_graph(mesh)
-        msg = 'poses is missing: give (n, 3) points or (n, 4, 4) matrices'
-        raise TypeError(msg)
-    several = isinstance(mesh, list | tuple) and not are_parts(mesh)
-    return (list(mesh) if several else [mesh]), poses, index
-
-
-def scene_graph(scene):
-    """Return meshes, poses and index of a trimesh scene or of a file that trimesh reads."""
-    meshes, index, matrices = scene_instances(scene)
-    return meshes, matrices, index
-
-
-def _checked_index(index, n, meshes):
-    if index is None:
-        return np.arange(n) % meshes if meshes > 1 else np.zeros(n, int)
-    index = np.asarray(index)
-    if index.shape != (n,) or index.dtype.kind not in 'iu':
-        msg = f'index has shape {index.shape}, dtype {index.dtype}; it must be ({n},) integers'
-        raise ValueError(msg)
-    wrong = np.flatnonzero((index < 0) | (index >= meshes))
-    if len(wrong):
-        i = wrong[0]
-        msg = f'index[{i}] is {index[i]}; there are {meshes} meshes: it must be 0 to {meshes - 1}'
-        raise ValueError(msg)
-    return index
-
-
-def _checked_blend(blend):
-    if blend not in ('replace', 'multiply'):
-        msg = f"blend is {blend!r}; it must be 'replace' or 'multiply'"
-        raise ValueError(msg)
-    return blend
-
-
-def _checked_views(views):
-    if views not in ('full', 'half'):
-        msg = f"views is {views!r}; it must be 'full' or 'half'"
-        raise ValueError(msg)
-    return views == 'half'
+        return next((i for k in self._groups if (i := k.instance_of(actor)) is not None), None)
 
 
 def _union(bounds):

@@ -15,13 +15,13 @@ from pvibr.core.errors import PvibrWarning
 from pvibr.instances.atlas import Atlas
 from pvibr.instances.bake import bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
-from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS
+from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
 from pvibr.instances.measure import measure
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 
-VERSION = 20  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 21  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARES = (0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
 _SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
 _HEAVY = 2000  # triangles from which stand-ins pay
@@ -29,6 +29,7 @@ _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table p
 _SLACK = 0.5  # px over max_error in the table, whose distances are whole pixels apart
 _CAUTION = 0.7  # of the way to where interpolation between two sizes meets the bound
 _BETTER = 0.85  # FLIP against the mesh drawn once per pixel that a level must reach
+_LARGEST = 1e9  # px: no instance is larger
 _MESH_BETTER = 1.0  # the same for lighter meshes, where cards are not good enough
 
 
@@ -40,6 +41,23 @@ class Limits:
     mesh: float
     meshes: tuple
     level: tuple = ()
+
+    def coarser(self, quality) -> Limits:
+        """Return limits for an image drawn at a quality, 0 to 1, of its size."""
+        cards, level = _grown(self.cards, quality), _grown(self.level, quality)
+        meshes = tuple(limit / quality for limit in self.meshes)
+        return Limits(cards, self.mesh / quality, meshes, level)
+
+
+def _grown(spans, quality) -> tuple:
+    """Return contiguous spans of sizes that end at larger ones."""
+    grown, reached = [], 0.0
+    for name, _, high in spans:
+        # A splat replaces what is a few pixels large, and nothing else.
+        high = high if name == SPLAT.name else high / quality
+        grown.append((name, reached, high))
+        reached = high
+    return tuple(grown)
 
 
 @dataclass
@@ -56,9 +74,9 @@ class LodModel:
             self._limits[max_error] = limits_of(self.atlas.errors, len(self.levels), max_error)
         return self._limits[max_error]
 
-    def describe(self, max_error) -> str:
+    def describe(self, limits) -> str:
         """Return views, bake time and the sizes at which levels change, in one line."""
-        limits, a = self.limits(max_error), self.atlas
+        a = self.atlas
         sides = [(f'{n} from the side', *span) for n, *span in limits.level if n in _SIDES]
         cards = [
             f'{name} to {high:.0f} px' for name, low, high in (*sides, *limits.cards) if high > low
@@ -96,6 +114,34 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
             good = max(good, 2 * max_error / max(float(errors[f'mesh{i}.radii']), 1e-9))
         meshes.append(min(good, meshes[-1]))
     return Limits(cards, reached, tuple(meshes), level)
+
+
+def checked_force(level, models) -> dict[str, tuple]:
+    """Return the on-screen sizes, in pixels, of each level that is forced, by its name."""
+    if level is None:
+        return {}
+    ranges = level if isinstance(level, dict) else {level: (0.0, _LARGEST)}
+    known = {'mesh', *(p.name for p in CARD_SHADERS)}
+    for model in models:
+        known |= {f'mesh{k}' for k in range(1, len(model.levels))}
+        known |= _SIDES if model.atlas.turntable is not None else set()
+    for name, sizes in ranges.items():
+        if name not in known:
+            msg = f'force_level is {name!r}; it must be None or of {", ".join(sorted(known))}'
+            raise ValueError(msg)
+        if np.shape(sizes) != (2,) or not 0 <= sizes[0] <= sizes[1]:
+            msg = f'force_level[{name!r}] is {sizes!r}; it must be two rising sizes in pixels'
+            raise ValueError(msg)
+    return {name: tuple(map(float, sizes)) for name, sizes in ranges.items()}
+
+
+def forced_limits(ranges, mesh_levels) -> Limits:
+    """Return limits by which each level is drawn between its own sizes."""
+    cards = tuple((p.name, *ranges.get(p.name, (0.0, 0.0))) for p in CARD_SHADERS)
+    level = tuple((name, *span) for name, span in ranges.items() if name in _SIDES)
+    lighter = [ranges.get(f'mesh{k}', (0.0, 0.0))[1] for k in range(1, mesh_levels)]
+    least = min((low for n, (low, _) in ranges.items() if n.startswith('mesh')), default=_LARGEST)
+    return Limits(cards, least, (float('inf'), *lighter), level)
 
 
 def _spans(errors, programs, max_error):
@@ -168,7 +214,7 @@ def _baked(levels, progress, **grid):
             atlas = bake_parts(shown, turns=turns, progress=advance, **grid)
         model = LodModel(levels, atlas)
         atlas.errors = measure(model)
-        if level == 0 or (atlas.errors['near'][:2, 1] < _BETTER).all():
+        if level == 0 or (atlas.errors['blended'][:2, 1] < _BETTER).all():
             break  # else what the pictures show is not the mesh: once more, from the mesh itself
     atlas.seconds = time.perf_counter() - start
     return model

@@ -23,7 +23,7 @@ _FEW_SIZE = 64  # px from which colours are compared in a part of the first row:
 _FEW_WIDTH = 600  # px, the most of that row
 _WORST = 3.0  # the outline of no view may be off by more than so many times what all may
 _MESH_SIZE = 64  # px; below, cards are in use mostly
-_COARSE = {'dot': 8, 'flat': 64}  # the largest sizes at which these are worth measuring
+_COARSE = {'splat': 8, 'flat': 64}  # the largest sizes at which these are worth measuring
 _FAR_OFF = (1e9, 1e9)
 _FLOOR = 1e-4  # mean FLIP below which a ratio says nothing: nothing can be seen
 
@@ -166,9 +166,9 @@ class _Sheet:
         atlas = model.atlas
         self.spacing = 2 * atlas.radius * _CELL
         poses = _poses(atlas, self.spacing, views)
-        self.kind = InstanceGroup(model, np.arange(len(poses)), poses, Binder())
-        self.kind.upload(self.window)
-        for actor in self.kind.cards.actors():
+        self.group = InstanceGroup(model, np.arange(len(poses)), poses, Binder())
+        self.group.upload(self.window)
+        for actor in self.group.cards.actors():
             self.renderer.AddViewProp(actor)
         # The lights of PyVista's plotters: harder on averaged normals than a headlight, which VTK
         # has put there by itself.
@@ -194,8 +194,8 @@ class _Sheet:
         """Return the samples of a mesh level, premultiplied RGBA from 0 to 1."""
         self._resize(SIZES[-1] * _SAMPLES, 0.5)
         pool = MeshPool(self.model.levels[level])
-        slots = np.flatnonzero(self.kind.ids < (views or len(self.kind))).tolist()
-        actors = pool.show(slots, self.kind.matrix, lambda _: (0.0, 0.0, 0.0, 0.5))
+        slots = np.flatnonzero(self.group.ids < (views or len(self.group))).tolist()
+        actors = pool.show(slots, self.group.matrix, lambda _: (0.0, 0.0, 0.0, 0.5))
         for actor in actors:
             self.renderer.AddViewProp(actor)
         picture = self._picture()
@@ -207,11 +207,11 @@ class _Sheet:
     def draw_cards(self, program, size):
         """Return the picture of the cards of a program, premultiplied RGBA from 0 to 1."""
         self._resize(size)
-        cards = self.kind.cards
+        cards = self.group.cards
         cards.hide()
         frame = Frame.of(self.renderer)
         cards.view(frame)
-        index, origins, _, _ = self.kind.blocks.seen(frame)
+        index, origins, _, _ = self.group.blocks.seen(frame)
         blocks = np.column_stack([origins, index]).astype(np.float32)
         cards.show(program, blocks, (0.0, 0.0, 1e9, 1e9), np.array([0, len(blocks)]))
         picture = self._picture()
@@ -222,11 +222,11 @@ class _Sheet:
 
     def _picture(self):
         self.window.Render()
-        self.kind.cards.binder.unbind()
+        self.group.cards.binder.unbind()
         return read_rgba(self.window).astype(np.float32) / 255
 
     def release(self):
-        self.kind.release()
+        self.group.release()
         self.context.__exit__(None, None, None)
 
 

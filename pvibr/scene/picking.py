@@ -30,31 +30,31 @@ def pixel_ray(renderer, x, y):
     return ends[0], direction / np.linalg.norm(direction)
 
 
-def nearest_hit(kinds, renderer, x, y, visible):
+def nearest_hit(groups, renderer, x, y, visible):
     """Return the first instance that the ray through a pixel meets."""
     start, direction = pixel_ray(renderer, x, y)
     best = None
-    for kind in kinds:
-        for slot in _candidates(kind, start, direction, visible):
+    for group in groups:
+        for slot in _candidates(group, start, direction, visible):
             enters, slot = slot
             if best is not None and enters > best.distance:
                 break
-            hit = _meet(kind, slot, start, direction)
+            hit = _meet(group, slot, start, direction)
             if hit is not None and (best is None or hit.distance < best.distance):
                 best = hit
     return best
 
 
-def _candidates(kind, start, direction, visible):
+def _candidates(group, start, direction, visible):
     """Return (distance, slot) of the spheres that the ray enters, the nearest first."""
-    blocks = kind.blocks
+    blocks = group.blocks
     _, near = _spheres(blocks.centers, blocks.reach + blocks.largest, start, direction)
-    slots = (np.flatnonzero(near)[:, None] * kind.unit + np.arange(kind.unit)).ravel()
-    slots = slots[slots < len(kind)]
-    slots = slots[visible[kind.ids[slots]]]
+    slots = (np.flatnonzero(near)[:, None] * group.unit + np.arange(group.unit)).ravel()
+    slots = slots[slots < len(group)]
+    slots = slots[visible[group.ids[slots]]]
     if not len(slots):
         return []
-    enters, hit = _spheres(kind.centers(slots), kind.radii[slots], start, direction)
+    enters, hit = _spheres(group.centers(slots), group.radii[slots], start, direction)
     return sorted(zip(enters[hit].tolist(), slots[hit].tolist(), strict=True))
 
 
@@ -65,21 +65,21 @@ def _spheres(centers, radii, start, direction):
     return along - half, (away <= radii) & (along + half > 0)
 
 
-def _meet(kind, slot, start, direction):
-    matrix = kind.matrix(slot)
+def _meet(group, slot, start, direction):
+    matrix = group.matrix(slot)
     inverse = np.linalg.inv(matrix)
     origin = inverse[:3, :3] @ start + inverse[:3, 3]
     toward = inverse[:3, :3] @ direction
-    reach = np.linalg.norm(origin - kind.atlas.center) + 2 * kind.atlas.radius
+    reach = np.linalg.norm(origin - group.atlas.center) + 2 * group.atlas.radius
     end = origin + toward / np.linalg.norm(toward) * reach
     best = None
-    for part in kind.parts(slot):
+    for part in group.parts(slot):
         point = _line_mesh(part, origin, end)
         if point is not None:
             world = matrix[:3, :3] @ point + matrix[:3, 3]
             distance = float((world - start) @ direction)
             if best is None or distance < best.distance:
-                best = Hit(int(kind.ids[slot]), tuple(world.tolist()), distance)
+                best = Hit(int(group.ids[slot]), tuple(world.tolist()), distance)
     return best
 
 

@@ -391,7 +391,7 @@ def test_crowds_are_posed_each_at_its_time():
 def test_impostors_are_their_actors():
     pl = plotter()
     heavy = ball(pl)
-    pl.ibr.add_impostor(heavy, refuse=False)
+    pl.ibr.add_impostor(heavy, only_if_faster=False)
     look(pl)
     assert differ(pl) < 1
     pl.close()

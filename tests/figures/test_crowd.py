@@ -73,7 +73,7 @@ def drawn(crowd):
     return {k: v for k, v in crowd.report().items() if k.split()[0] in DRAWN and v}
 
 
-DRAWN = ('dot', 'flat', 'middle', 'near', 'mesh')
+DRAWN = ('splat', 'flat', 'parallax', 'blended', 'mesh')
 
 
 def bent_to(points):
@@ -311,6 +311,6 @@ def test_baking_leaves_rigid_bodies_as_they_are(show, tmp_path, cached):
         pl, crowd = show(figure, apart(1), NEAR, cache=tmp_path, max_error=4.0)
         pl.ibr.time = 0.5
         grab(pl)
-        (actor,) = (a for kind in crowd._kinds for a in kind.mesh_actors())
+        (actor,) = (a for group in crowd.groups for a in group.mesh_actors())
         np.testing.assert_allclose(actor.GetBounds(), crowd.mesh(0).bounds, atol=1e-5)
         np.testing.assert_allclose(np.mean(actor.GetBounds()[4:]), 1.0, atol=1e-5)

@@ -50,7 +50,7 @@ class Scene:
             self.plotters.append(pl)
             self.actors.append(made)
             pl.show(auto_close=False)
-        settings.setdefault('refuse', False)
+        settings.setdefault('only_if_faster', False)
         self.layers = self.plotters[1].ibr.add_image_layers(self.groups(), **settings)
 
     def groups(self):
@@ -298,7 +298,7 @@ def test_by_depth_all_actors_are_in_layers_those_that_come_later_too():
     scene = Scene()
     scene.layers.remove()
     pl = scene.plotters[1]
-    layers = pl.ibr.add_image_layers(count=3, refuse=False)
+    layers = pl.ibr.add_image_layers(count=3, only_if_faster=False)
     plain, drawn = scene.pictures()
     assert np.abs(plain - drawn).mean() < 0.05
     assert 2 <= len(layers) <= 4
@@ -432,7 +432,7 @@ def test_soft_edges_are_before_the_ground_that_is_behind_them(blur):
     if blur is None:
         scene.plotters[1].ibr.remove(scene.layers)
         near, *others = scene.actors[1][1:]
-        scene.layers = scene.plotters[1].ibr.add_image_layers([near, others], refuse=False)
+        scene.layers = scene.plotters[1].ibr.add_image_layers([near, others], only_if_faster=False)
     else:
         scene.layers.blur = (0, 0, blur)
     plain, drawn = scene.pictures()
@@ -444,7 +444,7 @@ def test_impostors_beside_intersect_layers():
     def setup(pl):
         heavy = pl.add_mesh(BALL, color='red', smooth_shading=True, reset_camera=False)
         heavy.position = (0.5, 0.4, 0)
-        pl.ibr.add_impostor(heavy, refuse=False)
+        pl.ibr.add_impostor(heavy, only_if_faster=False)
 
     scene = Scene(setup=setup)
     plain, drawn = scene.pictures()
@@ -452,7 +452,9 @@ def test_impostors_beside_intersect_layers():
     scene.yaw(0.2)
     plain, drawn = scene.pictures()
     assert displaced(plain, drawn) <= 2
-    scene.plotters[1].ibr.add_impostor(scene.actors[1][2], refuse=False)  # leaves its layer
+    scene.plotters[1].ibr.add_impostor(
+        scene.actors[1][2], only_if_faster=False
+    )  # leaves its layer
     plain, drawn = scene.pictures()
     assert displaced(plain, drawn) <= 2
     assert len(scene.layers.actors()) == 3
@@ -508,7 +510,7 @@ def test_a_budget_takes_the_worst_first_and_the_rest_later():
 
 
 def test_layers_that_are_no_cheaper_are_left_to_vtk():
-    scene = Scene(refuse=True)
+    scene = Scene(only_if_faster=True)
     states = set()
     for k in range(8):
         scene.yaw(15 * (-1) ** k)
@@ -557,7 +559,7 @@ def test_subplots_and_two_plotters_have_their_own():
         pl.subplot(0, k)
         actor = pl.add_mesh(TORUS, color='gold', smooth_shading=True)
         if k:
-            pl.ibr.add_image_layers([actor], refuse=False)
+            pl.ibr.add_image_layers([actor], only_if_faster=False)
     pl.show(auto_close=False)
     picture = grab(pl)
     assert np.abs(picture[5:-5, 5:195] - picture[5:-5, 205:-5]).mean() < 0.2

@@ -39,7 +39,7 @@ class Scene:
             self.plotters.append(pl)
             self.actors.append(made)
             pl.show(auto_close=False)
-        settings.setdefault('refuse', False)
+        settings.setdefault('only_if_faster', False)
         self.impostor = self.plotters[1].ibr.add_impostor(self.actors[1][:2], **settings)
 
     def move(self, **change):
@@ -175,7 +175,7 @@ def test_an_emptied_actor_is_no_image_and_leaves_none():
     pl = pv.Plotter(off_screen=True, window_size=(64, 64))
     actor = pl.add_mesh(mesh)
     other = pl.add_mesh(BALL.translate((1, 0, 0)))
-    impostor = pl.ibr.add_impostor([actor, other], refuse=False)
+    impostor = pl.ibr.add_impostor([actor, other], only_if_faster=False)
     pl.show(auto_close=False)
     assert impostor.report()['shown'] == 2
     actor.mapper.dataset.copy_from(pv.PolyData(np.zeros((1, 3))[:0]))
@@ -247,7 +247,7 @@ def test_near_the_eye_there_is_no_image():
 def test_a_budget_draws_the_worst_first_and_the_rest_later():
     pl = pv.Plotter(off_screen=True, window_size=(320, 240))
     actors = [pl.add_mesh(BALL.translate((k, 0, 0))) for k in range(6)]
-    impostor = pl.ibr.add_impostor(actors, budget_ms=0.0, refuse=False)
+    impostor = pl.ibr.add_impostor(actors, budget_ms=0.0, only_if_faster=False)
     pl.show(auto_close=False)
     counts = []
     for _ in range(8):
@@ -416,7 +416,7 @@ def test_materials_of_all_kinds_share_a_draw():
         actors.append(pl.add_mesh(textured, texture=texture))
         pl.camera_position = [(1.8, -9, 1), (1.8, 0, 0.4), (0, 0, 1)]
         if images:
-            impostor = pl.ibr.add_impostor(actors, refuse=False)
+            impostor = pl.ibr.add_impostor(actors, only_if_faster=False)
         pl.show(auto_close=False)
         pictures.append(pl.screenshot(None, return_img=True).astype(int))
     assert impostor.report()['meshes'] == {}
@@ -433,7 +433,7 @@ def test_subplots_have_their_own():
         actor = pl.add_mesh(TORUS, color='gold', smooth_shading=True)
         pl.camera_position = EYE
         if k:
-            pl.ibr.add_impostor(actor, refuse=False)
+            pl.ibr.add_impostor(actor, only_if_faster=False)
     pl.show(auto_close=False)
     picture = pl.screenshot(None, return_img=True).astype(int)
     assert displaced(picture[:, :200], picture[:, 200:], cover) <= 1.5

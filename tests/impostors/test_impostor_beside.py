@@ -30,7 +30,7 @@ def make(*, images, size=(240, 180), **settings):
     ]
     actors[0].position = (0.6, 0.2, 0.2)
     pl.camera_position = [(2, -8, 5), (0, 0, 0), (0, 0, 1)]
-    impostor = pl.ibr.add_impostor(actors, refuse=False, **settings) if images else None
+    impostor = pl.ibr.add_impostor(actors, only_if_faster=False, **settings) if images else None
     return pl, actors, impostor
 
 
@@ -126,7 +126,7 @@ def test_a_group_of_one_that_is_emptied_filled_and_removed(hierarchical):
     actor = pl.add_mesh(BALL.copy(), color='red')
     blank = pl.add_mesh(pv.Plane(center=(0, 3, 0), direction=(0, 1, 0), i_size=9, j_size=9))
     pl.camera_position = 'xz'
-    impostor = pl.ibr.add_impostor([actor], hierarchical=hierarchical, refuse=False)
+    impostor = pl.ibr.add_impostor([actor], hierarchical=hierarchical, only_if_faster=False)
     full = picture(pl)
     actor.mapper.dataset.copy_from(pv.PolyData())
     empty = picture(pl)

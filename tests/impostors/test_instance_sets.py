@@ -37,7 +37,7 @@ def make(*, images, extra=True, **settings):
         ball = pv.Sphere(radius=1.5, center=(1.6, 1.6, 0))
         things.append(pl.add_mesh(ball, color='red', smooth_shading=True))
     pl.camera_position = [(3, -22, 14), (3, 5, 0), (0, 0, 1)]
-    settings = {'hierarchical': True, 'refuse': False} | settings
+    settings = {'hierarchical': True, 'only_if_faster': False} | settings
     return pl, rings, pl.ibr.add_impostor(things, **settings) if images else None
 
 

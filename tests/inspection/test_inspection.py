@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,11 +14,10 @@ from pvibr.core.errors import ClosedError
 from pvibr.inspection.inspection import LEVELS, level_counts
 from pvibr.inspection.marks import edges, outlines, projected
 from pvibr.inspection.tiles import FLASH, as_bytes, used_views
-from pvibr.instances.levels import Limits
 from pvibr.maths.octahedral import view_directions
 
 SIZE = (320, 240)
-ENDS = {'dot': 6.0, 'flat': 12.0, 'middle': 24.0, 'near': 48.0}  # pixels
+ENDS = {'splat': 6.0, 'flat': 12.0, 'parallax': 24.0, 'blended': 48.0}  # pixels
 LEFT = {'levels': False, 'cells': False, 'atlas': False, 'table': False}
 TORUS = pv.ParametricTorus(u_res=40, v_res=20).compute_normals()
 
@@ -52,10 +52,8 @@ def row(empty, atlases):
         cubes = pl.ibr.add_instances(
             pv.Cube(), points, cache=atlases, lighting=False, **{'color': 'tan'} | kwargs
         )
-        spans = [(name, low, ENDS[name]) for name, low in zip(ENDS, [0, *ENDS.values()])]  # noqa: B905
-        for model in cubes._models.values():
-            several = (float('inf'), *(0.0,) * (len(model.levels) - 1))
-            model._limits = {1.0: Limits(tuple(spans), ENDS['near'], several)}
+        spans = dict(zip(ENDS, pairwise([0.0, *ENDS.values()]), strict=True))
+        cubes.force_level = {**spans, 'mesh': (ENDS['blended'], 1e9)}
         pl.camera_position = [(0, 0, 0), (0, 0, -1), (0, 1, 0)]
         pl.camera.view_angle = 60
         pl.camera.clipping_range = (0.1, 200)
@@ -82,15 +80,15 @@ def at(pl, picture, point):
     return picture[picture.shape[0] - 1 - int(y), int(x)] / 255
 
 
-def said(kind, cubes, frame_scale):
-    """Return the level that a kind draws each instance by, from what it chose."""
+def said(group, cubes, frame_scale):
+    """Return the level that a group draws each instance by, from what it chose."""
     out = {}
-    for slot, number in enumerate(kind.ids.tolist()):
-        size = 2 * kind.radii[slot] * frame_scale / np.linalg.norm(kind.centers([slot])[0])
+    for slot, number in enumerate(group.ids.tolist()):
+        size = 2 * group.radii[slot] * frame_scale / np.linalg.norm(group.centers([slot])[0])
         fits = [
-            n for n, layer in kind.cards.layers.items() if layer.sizes[1] <= size < layer.sizes[2]
+            n for n, layer in group.cards.layers.items() if layer.sizes[1] <= size < layer.sizes[2]
         ]
-        out[number] = 'mesh' if slot in kind.near else fits[0]
+        out[number] = 'mesh' if slot in group.near else fits[0]
     assert len(out) == len(cubes)
     return [out[k] for k in range(len(cubes))]
 
@@ -110,15 +108,15 @@ def test_instances_have_the_colours_of_their_levels(row, how):
     view = pl.ibr.inspect(cells=False, atlas=False, table=False)
     picture = see(pl)
     scale = SIZE[1] / 2 / np.tan(np.pi / 6)
-    names = said(cubes.kinds[0], cubes, scale)
-    assert names == ['mesh', 'near', 'middle', 'flat', 'dot']
+    names = said(cubes.groups[0], cubes, scale)
+    assert names == ['mesh', 'blended', 'parallax', 'flat', 'splat']
     for name, point in zip(names, points, strict=True):
         # A dot has the share of its pixels that the cube covers.
         assert np.abs(at(pl, picture, point) - LEVELS[name]).max() < (
-            0.15 if name == 'dot' else 0.01
+            0.15 if name == 'splat' else 0.01
         )
     counts = view.report()['levels']
-    assert counts == level_counts(cubes.kinds)
+    assert counts == level_counts(cubes.groups)
     assert {n for n, c in counts.items() if c} == set(names)
     view.remove()
     assert np.array_equal(see(pl), plain)
@@ -132,7 +130,7 @@ def test_what_is_hidden_stays_hidden(row):
     background = np.array(pl.background_color.float_rgb)
     for k in (0, 2):
         assert np.abs(at(pl, picture, points[k]) - background).max() < 0.01
-    assert np.abs(at(pl, picture, points[1]) - LEVELS['near']).max() < 0.01
+    assert np.abs(at(pl, picture, points[1]) - LEVELS['blended']).max() < 0.01
 
 
 def test_every_switch_is_off_to_the_bit(row):
@@ -248,15 +246,15 @@ def test_cells_hold_their_instances(empty, atlases):
     cubes = pl.ibr.add_instances(pv.Cube(), rng.uniform(-9, 9, (200, 3)), cache=atlases)
     view = pl.ibr.inspect()
     see(pl)
-    kind = cubes.kinds[0]
-    low, high, _ = view._cells(kind, (0, 0, 0))
-    centers = kind.centers(np.arange(200))
+    group = cubes.groups[0]
+    low, high, _ = view._cells(group, (0, 0, 0))
+    centers = group.centers(np.arange(200))
     for k in range(4):
         mine = centers[64 * k : 64 * k + 64]
         assert (mine >= low[k]).all()
         assert (mine <= high[k]).all()
         # And no more than a sphere's radius around.
-        assert np.allclose(mine.min(0) - low[k], kind.radii[0], atol=1e-4)
+        assert np.allclose(mine.min(0) - low[k], group.radii[0], atol=1e-4)
     assert view.report()['cells'][1] == 4
 
 
@@ -301,7 +299,7 @@ def test_outlines_go_around():
     assert np.allclose(lines[:, 1], np.roll(lines[:, 0], -1, 0))
 
 
-@pytest.mark.parametrize('level', ['near', 'middle'])
+@pytest.mark.parametrize('level', ['blended', 'parallax'])
 @pytest.mark.parametrize('turned', [False, True])
 def test_tiles_in_use_are_the_nearest_views(empty, atlases, level, turned):
     pl = empty()
@@ -309,16 +307,15 @@ def test_tiles_in_use_are_the_nearest_views(empty, atlases, level, turned):
     pose[0, :3, :3] = pv.transform.Transform().rotate_z(50).rotate_x(20).matrix[:3, :3]
     cubes = pl.ibr.add_instances(pv.Cube(), pose if turned else [[0, 0, 0]], cache=atlases)
     pl.camera_position = [(5, -9, 7), (0, 0, 0), (0, 0, 1)]
-    kind = cubes.kinds[0]
-    several = (float('inf'), *(0.0,) * (len(kind.levels) - 1))
-    kind.model._limits = {1.0: Limits(((level, 0.0, 1e9),), 1e9, several)}
+    group = cubes.groups[0]
+    cubes.force_level = level
     see(pl)
-    found = used_views(kind, pvibr.core.frame.Frame.of(pl.renderer))
+    found = used_views(group, pvibr.core.frame.Frame.of(pl.renderer))
     toward = (pose[0, :3, :3].T if turned else np.eye(3)) @ np.array([5, -9, 7.0])
-    views = kind.atlas.views
-    match = (view_directions(views, kind.atlas.half) @ toward).reshape(views, views)
+    views = group.atlas.views
+    match = (view_directions(views, group.atlas.half) @ toward).reshape(views, views)
     best = np.array(np.unravel_index(match.argmax(), match.shape))
-    assert len(found) == (3 if level == 'near' else 1)
+    assert len(found) == (3 if level == 'blended' else 1)
     assert (found[:, ::-1] == best).all(1).any()
 
 
@@ -331,7 +328,7 @@ def rings(empty):
         actors.append(pl.add_mesh(TORUS, color='tan'))
         actors[-1].position = (3.5 * k, 0, 0)
     pl.camera_position = [(5, -30, 9), (5, 0, 0), (0, 0, 1)]
-    impostor = pl.ibr.add_impostor(actors, refuse=False)
+    impostor = pl.ibr.add_impostor(actors, only_if_faster=False)
     return SimpleNamespace(pl=pl, impostor=impostor, actors=actors)
 
 
@@ -387,7 +384,7 @@ def test_colours_are_not_kept_in_images(empty, atlases):
             TORUS, 3.2 * np.indices((3, 4, 1)).reshape(3, -1).T, color='tan', cache=atlases
         )
         pl.camera_position = [(3, -40, 14), (3, 5, 0), (0, 0, 1)]
-        pl.ibr.add_impostor(cubes, hierarchical=True, refuse=False)
+        pl.ibr.add_impostor(cubes, hierarchical=True, only_if_faster=False)
         if inspected:
             pl.ibr.inspect()
             see(pl)

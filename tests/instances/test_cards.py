@@ -18,10 +18,10 @@ VIEWS = {
 }
 # Diameter on the screen, and by how much coverage, mean colour, place and all pixels may be off.
 BOUNDS = {
-    'near': (60, 0.03, 0.01, 0.25, 0.025),
-    'middle': (36, 0.04, 0.015, 0.5, 0.04),
+    'blended': (60, 0.03, 0.01, 0.25, 0.025),
+    'parallax': (36, 0.04, 0.015, 0.5, 0.04),
     'flat': (16, 0.06, 0.035, 0.3, 0.08),
-    'far': (4, 0.12, 0.06, 0.6, 0.7),
+    'splat': (4, 0.12, 0.06, 0.6, 0.7),
     'mesh': (60, 0.03, 0.01, 0.25, 0.03),
 }
 
@@ -49,7 +49,7 @@ def assert_alike(see, drawn, truth, level):
     assert np.abs(drawn - truth).mean(2).sum() / b.sum() < pixels
 
 
-@pytest.mark.parametrize('level', ['far', 'flat', 'middle', 'near'])
+@pytest.mark.parametrize('level', ['splat', 'flat', 'parallax', 'blended'])
 @pytest.mark.parametrize('parallel', [False, True], ids=['perspective', 'parallel'])
 @pytest.mark.parametrize('view', VIEWS.values(), ids=VIEWS)
 def test_mesh_from_every_side(scenes, see, bean, level, parallel, view):
@@ -58,7 +58,7 @@ def test_mesh_from_every_side(scenes, see, bean, level, parallel, view):
     assert_alike(see, drawn, truth, level)
 
 
-@pytest.mark.parametrize('level', ['far', 'flat', 'middle', 'near', 'mesh'])
+@pytest.mark.parametrize('level', ['splat', 'flat', 'parallax', 'blended', 'mesh'])
 @pytest.mark.parametrize('size', [(240, 90), (60, 200), (90, 90)], ids=['wide', 'tall', 'square'])
 def test_windows(scenes, see, bean, level, size):
     looks = camera((1, 1, 1), BOUNDS[level][0], False, height=size[1])
@@ -88,7 +88,7 @@ POSES = {
 SKEWED = ('stretched', 'turned and stretched', 'sheared')
 
 
-@pytest.mark.parametrize('level', ['flat', 'middle', 'near', 'mesh'])
+@pytest.mark.parametrize('level', ['flat', 'parallax', 'blended', 'mesh'])
 @pytest.mark.parametrize('pose', POSES.values(), ids=POSES)
 def test_poses(scenes, see, bean, level, pose):
     looks = camera((1, -1, 0.7), BOUNDS[level][0], False)
@@ -110,7 +110,7 @@ def test_area_of_dots(scenes, see, bean, pose):
     poses[:, :3, :3] = Rotation.random(25, random_state=1).as_matrix() @ pose[:3, :3]
     poses[:, :3, 3] = scattered(5, 3.0)
     kwargs = {'camera': camera((1, 0, 0), 4, True), 'lighting': False}
-    pl, _ = scenes.instances(bean, poses, level='far', **kwargs)
+    pl, _ = scenes.instances(bean, poses, level='splat', **kwargs)
     drawn = see.rgba(pl)[..., 3].sum()
     wanted = see.reduce(see.rgba(scenes.actors(bean, poses, scale=8, **kwargs)), 8)[..., 3].sum()
     assert drawn == pytest.approx(wanted, rel=0.08)
@@ -119,7 +119,7 @@ def test_area_of_dots(scenes, see, bean, pose):
 def test_mirrored_smooth_meshes_are_lit_as_their_cards(scenes, see, bean):
     looks = LOOK | {'camera': camera((1, -1, 0.7), 60, False)}
     pictures = []
-    for level in ('near', 'mesh'):
+    for level in ('blended', 'mesh'):
         pl, _ = scenes.instances(bean, POSES['mirrored'][None], level=level, **looks)
         pictures.append(see.rgba(pl))
     means = [p[..., :3].sum((0, 1)) / p[..., 3].sum() for p in pictures]
@@ -130,7 +130,7 @@ def test_mirrored_smooth_meshes_are_lit_as_their_cards(scenes, see, bean):
 @pytest.mark.parametrize('view', VIEWS.values(), ids=VIEWS)
 def test_depth_of_near_cards_is_that_of_the_mesh(scenes, see, bean, parallel, view):
     looks = camera(view, 70, parallel)
-    pl, _ = scenes.instances(bean, [[0, 0, 0]], level='near', camera=looks)
+    pl, _ = scenes.instances(bean, [[0, 0, 0]], level='blended', camera=looks)
     see.grab(pl)
     drawn = see.depths(pl)
     pl = scenes.actors(bean, [[0, 0, 0]], camera=looks)
@@ -150,7 +150,7 @@ def test_near_cards_meet_other_props_as_the_mesh_does(scenes, see, bean, view):
     plane = pv.Plane(center=(0.1, 0, 0), direction=(0.5, 0.6, 0.6), i_size=5, j_size=5)
     shown = []
     for pl in (
-        scenes.instances(bean, [[0, 0, 0]], level='near', color='red', lighting=False)[0],
+        scenes.instances(bean, [[0, 0, 0]], level='blended', color='red', lighting=False)[0],
         scenes.actors(bean, [[0, 0, 0]], color='red', lighting=False),
     ):
         pl.add_mesh(plane, color='blue', lighting=False)
@@ -166,7 +166,7 @@ def test_cards_hide_each_other(scenes, see, bean):
     colors = np.eye(3)
     looks = camera((1, -1, 0.7), 60, False)
     kwargs = {'lighting': False, 'camera': looks, 'color': 'white'}
-    pl, things = scenes.instances(bean, poses, level='near', **kwargs)
+    pl, things = scenes.instances(bean, poses, level='blended', **kwargs)
     things.colors = colors
     drawn = see.grab(pl)
     pl = scenes.empty()
@@ -199,7 +199,7 @@ def test_energy_is_kept_where_things_are_smaller_than_pixels(scenes, see, bean):
         spacing = 1.9 * max(size, 4) / size * 1.6
         poses = scattered(6, spacing)
         kwargs = {'camera': camera((1, 0, 0), size, True), 'color': 'tan'}
-        pl, _ = scenes.instances(bean, poses, level='far', **kwargs)
+        pl, _ = scenes.instances(bean, poses, level='splat', **kwargs)
         picture = see.rgba(pl)
         pl.close()
         energies[size] = picture.sum((0, 1)) / size**2
@@ -214,7 +214,7 @@ def test_energy_is_kept_where_things_are_smaller_than_pixels(scenes, see, bean):
 def test_no_flicker_by_parts_of_pixels(scenes, see, bean, size):
     """One thing that moves by a tenth of a pixel keeps its energy."""
     looks = camera((1, 0, 0), size, True)
-    pl, _ = scenes.instances(bean, [[0, 0, 0]], level='far', camera=looks, lighting=False)
+    pl, _ = scenes.instances(bean, [[0, 0, 0]], level='splat', camera=looks, lighting=False)
     pixel = 2 * looks['parallel'] / 90
     energy = []
     for k in range(12):
@@ -240,7 +240,9 @@ def test_levels_meet_without_a_step(scenes, see, bean):
     assert steps.max() < 0.16
 
 
-@pytest.mark.parametrize('pair', [('far', 'flat'), ('flat', 'middle'), ('middle', 'near')])
+@pytest.mark.parametrize(
+    'pair', [('splat', 'flat'), ('flat', 'parallax'), ('parallax', 'blended')]
+)
 def test_area_is_kept_while_levels_change(scenes, see, bean, pair):
     change = 12
     levels = {pair[0]: (0.0, change), pair[1]: (change, 1e9)}
@@ -294,11 +296,11 @@ def test_between_a_card_and_the_mesh_the_ground_hides_no_feet(bean, atlases, see
     things = pl.ibr.add_instances(bean, [[0, 0, 0]], color='red', lighting=False, cache=atlases)
     see.place(pl, (0, -6, 5), (0.3, -0.2, 0.1))
     see.grab(pl)
-    kind = things._kinds[0]
-    (size,) = kind.blocks.seen(Frame.of(pl.renderer))[3]
+    group = things.groups[0]
+    (size,) = group.blocks.seen(Frame.of(pl.renderer))[3]
     counts = []
     for split in (2 * size, size / 1.025, size / 2):  # below, amid and above where one fades
-        see.force(things, {'middle': (0.0, float(split)), 'mesh': (float(split), 1e9)})
+        things.force_level = {'parallax': (0.0, float(split)), 'mesh': (float(split), 1e9)}
         red, _, blue = np.moveaxis(see.grab(pl), -1, 0)
         counts.append((red > blue).sum())
     assert counts[1] > 0.97 * min(counts[0], counts[2]) > 100
@@ -310,11 +312,11 @@ def test_between_two_levels_buffers_still_know_what_is_there(bean, atlases, see)
     things = pl.ibr.add_instances(bean, [[0, 0, 0]], cache=atlases)
     see.place(pl, (0, -8, 0), (0.3, -0.2, 0.1))
     see.grab(pl)
-    kind = things._kinds[0]
-    (size,) = kind.blocks.seen(Frame.of(pl.renderer))[3]
+    group = things.groups[0]
+    (size,) = group.blocks.seen(Frame.of(pl.renderer))[3]
     counts = []
     for split in (2 * size, size / 1.025, size / 2):  # below, amid and above where one fades
-        see.force(things, {'flat': (0.0, float(split)), 'middle': (float(split), 1e9)})
+        things.force_level = {'flat': (0.0, float(split)), 'parallax': (float(split), 1e9)}
         ids, objects = pl.ibr.buffer('id'), list(pl.ibr.buffer_objects)
         counts.append((ids == objects.index(things)).sum())
     assert counts[1] > 0.95 * min(counts[0], counts[2]) > 100

@@ -308,7 +308,7 @@ def test_name_replaces(scenes, see, bean):
 def test_nothing_outlives_its_plotter(scenes, see, bean):
     pl, things = beans(scenes, bean)
     see.grab(pl)
-    refs = [weakref.ref(things), weakref.ref(things._kinds[0]), weakref.ref(pl)]
+    refs = [weakref.ref(things), weakref.ref(things.groups[0]), weakref.ref(pl)]
     pl.close()
     pl.deep_clean()
     del pl, things

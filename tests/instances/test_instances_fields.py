@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.instances import group as kind
+from pvibr.instances import group
 
 SIZE = (150, 90)
 FEW = 64  # instances up to which each is sorted by itself, here
@@ -36,9 +36,9 @@ def cover_and_color(picture):
     return cover, picture[..., :3].sum((0, 1)) / cover
 
 
-@pytest.mark.parametrize(('level', 'darker'), [('far', 0.2), ('flat', 0.15)])
+@pytest.mark.parametrize(('level', 'darker'), [('splat', 0.2), ('flat', 0.15)])
 def test_large_sets_cover_what_the_meshes_do(scenes, mesh, level, darker, monkeypatch):
-    monkeypatch.setattr(kind, 'SORTED', FEW)
+    monkeypatch.setattr(group, 'SORTED', FEW)
     poses, camera = field(mesh, 700, 3.5)
     drawn, truth = scenes.pair(mesh, poses, level=level, size=SIZE, camera=camera, color='tan')
     (cover, color), (whole, right) = cover_and_color(drawn), cover_and_color(truth)
@@ -51,6 +51,6 @@ def test_large_sets_cover_what_the_meshes_do(scenes, mesh, level, darker, monkey
 @pytest.mark.parametrize(('low', 'high'), [(0.0, 1.0), (-3e5, -1.0), (2.0, 2.0)])
 def test_order_by_radix(low, high):
     values = np.random.default_rng(0).uniform(low, high, 5000).astype(np.float32)
-    order = kind._ascending(values)
+    order = group._ascending(values)
     assert sorted(order.tolist()) == list(range(5000))
     assert (np.diff(values[order]) >= -(high - low) / 60_000).all()

@@ -7,11 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pvibr.instances.instances import _coarser
 from pvibr.instances.levels import Limits
 
 CAMERA = {'eye': (0.0, -14.0, 5.0), 'focus': (0.0, 0.0, 0.0)}
-SPANS = (('dot', 0.0, 4.0), ('flat', 4.0, 30.0), ('middle', 30.0, 30.0), ('near', 30.0, 90.0))
+SPANS = (
+    ('splat', 0.0, 4.0),
+    ('flat', 4.0, 30.0),
+    ('parallax', 30.0, 30.0),
+    ('blended', 30.0, 90.0),
+)
 LIMITS = Limits(SPANS, 90.0, (float('inf'), 200.0), SPANS)
 
 
@@ -26,12 +30,12 @@ class Level:
 
 
 def test_full_quality_is_what_it_was():
-    assert _coarser(LIMITS, 1.0) == LIMITS
+    assert LIMITS.coarser(1.0) == LIMITS
 
 
 @given(st.floats(1 / 16, 1))
 def test_less_quality_is_no_finer_at_any_size(quality):
-    coarser = _coarser(LIMITS, quality)
+    coarser = LIMITS.coarser(quality)
     for spans in (coarser.cards, coarser.level):
         assert all(high >= before[2] for (_, _, high), before in zip(spans, SPANS, strict=True))
         assert all(a[2] == b[1] for a, b in pairwise(spans))  # no gap

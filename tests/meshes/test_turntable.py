@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 import pvibr
 from pvibr.instances.atlas import Atlas
 from pvibr.instances.bake import bake_parts
-from pvibr.instances.levels import Limits, limits_of
+from pvibr.instances.levels import limits_of
 from pvibr.instances.measure import SIZES, level_directions
 from pvibr.maths.facing import as_units
 from pvibr.meshes.parts import as_parts
@@ -74,16 +74,6 @@ def ladder(fir):
     return pvibr.foliage_levels(fir, texture=256, view_size=32, views=12, **LOOK)
 
 
-def forced(things, **spans):
-    """Have things drawn by some programs between some sizes, if the eye is level with them."""
-    model = things._models[0]
-    cards = [(n, *((0.0, 1e9) if n == 'near' else (0.0, 0.0))) for n in ('dot', 'flat', 'near')]
-    level = tuple((name, *span) for name, span in spans.items())
-    whole = (float('inf'), *[0.0] * (len(model.levels) - 1))
-    model._limits = {things.max_error: Limits(tuple(cards), 1e9, whole, level)}
-    things._stamp = None
-
-
 def plotter(**kwargs):
     pl = pv.Plotter(off_screen=True, window_size=(120, 120), **kwargs)
     pl.disable_anti_aliasing()
@@ -112,7 +102,7 @@ def test_the_side_that_the_eye_sees_is_shown_and_lit(fir, ladder, atlases, paral
     pl, truth = plotter(), plotter()
     things = pl.ibr.add_instances(ladder, [matrix], cache=atlases)
     truth.ibr.add_instances(fir, [matrix], max_error=1e-9, cache=atlases, **LOOK)
-    forced(things, turntable=(0.0, 1e9))
+    things.force_level = {'blended': (0.0, 1e9), 'turntable': (0.0, 1e9)}
     focus = matrix[:3, 3] + [0, 0, 1.9]
     cards, meshes = [], []
     for azimuth in 0.9 + 2 * np.pi * np.array([0.0, 3.0, 7.0]) / 12:
@@ -120,7 +110,7 @@ def test_the_side_that_the_eye_sees_is_shown_and_lit(fir, ladder, atlases, paral
         for p, pictures in ((pl, cards), (truth, meshes)):
             pictures.append(see.grab(see.place(p, eye, focus, angle=0.9, parallel=parallel)))
         assert things.report()['turntable'] == 1
-        assert things.report()['near'] == 0
+        assert things.report()['blended'] == 0
     pl.close()
     truth.close()
     for k, card in enumerate(cards):
@@ -134,20 +124,24 @@ def test_the_side_that_the_eye_sees_is_shown_and_lit(fir, ladder, atlases, paral
 def test_from_above_it_gives_way(ladder, atlases, see):
     pl = plotter()
     things = pl.ibr.add_instances(ladder, [[0, 0, 0]], cache=atlases)
-    forced(things, billboard=(0.0, 20.0), turntable=(20.0, 1e9))
+    things.force_level = {
+        'blended': (0.0, 1e9),
+        'billboard': (0.0, 20.0),
+        'turntable': (20.0, 1e9),
+    }
     for rise, far, expected in (
         (0.3, 20, 'turntable'),
         (0.3, 200, 'billboard'),
-        (0.4, 20, 'near'),
-        (0.4, 200, 'near'),
-        (-0.4, 20, 'near'),
+        (0.4, 20, 'blended'),
+        (0.4, 200, 'blended'),
+        (-0.4, 20, 'blended'),
         (-0.3, 20, 'turntable'),
     ):
         focus = np.array([0, 0, 1.6])
         eye = focus + far * np.array([np.sqrt(1 - rise**2), 0, rise])
         picture = see.grab(see.place(pl, eye, focus))
         assert (picture < 0.9).any()
-        shown = [n for n in ('billboard', 'turntable', 'near') if things.report()[n]]
+        shown = [n for n in ('billboard', 'turntable', 'blended') if things.report()[n]]
         assert shown == [expected]
     pl.close()
 
@@ -156,7 +150,7 @@ def test_a_billboard_is_lit_from_where_the_light_is(ladder, atlases, see):
     pl = plotter(lighting='none')
     pl.add_light(pv.Light(position=(1, 0, 0), light_type='scene light', positional=False))
     things = pl.ibr.add_instances(ladder, [[0, 0, 0]], cache=atlases)
-    forced(things, billboard=(0.0, 1e9))
+    things.force_level = {'blended': (0.0, 1e9), 'billboard': (0.0, 1e9)}
     seen = []
     for side in (1, -1):
         see.place(pl, (14 * side, 0, 1.6), (0, 0, 1.6), angle=18)
@@ -192,10 +186,10 @@ def test_sizes_follow_from_errors():
     good, bad = np.array([[0.4, 0.5], [1.4, 0.8]]), np.array([[0.4, 0.5], [2.4, 0.8]])
     table = {
         'sizes': np.array([8.0, 16.0]),
-        'dot': good,
+        'splat': good,
         'flat': bad,
-        'middle': good,
-        'near': good,
+        'parallax': good,
+        'blended': good,
     }
     plain = limits_of(table, 1, 1.0)
     assert plain.level == ()

@@ -52,7 +52,7 @@ LOOKS = {
 }
 # What is known to fall short, by look and level; each is reported.
 _ONE_LAYER = 'a card shows one layer of a closed translucent mesh, where add_mesh blends two'
-SHORT = {('translucent', level): _ONE_LAYER for level in ('far', 'flat', 'middle', 'near')}
+SHORT = {('translucent', level): _ONE_LAYER for level in ('splat', 'flat', 'parallax', 'blended')}
 
 
 def turned():
@@ -78,22 +78,24 @@ def looked(scenes, see, mesh, looks, level, camera):
     return drawn, truth
 
 
-@pytest.mark.parametrize('level', ['far', 'flat', 'middle', 'near', 'mesh'])
+@pytest.mark.parametrize('level', ['splat', 'flat', 'parallax', 'blended', 'mesh'])
 @pytest.mark.parametrize('name', LOOKS)
 def test_looks_of_add_mesh(scenes, see, shape, name, level, request):
     most = 0.02
-    if level in ('far', 'flat'):  # highlights of a mean normal are duller than their mean
+    if level in ('splat', 'flat'):  # highlights of a mean normal are duller than their mean
         most = 0.1 if name in ('specular', 'pbr') else 0.04
     if (name, level) in SHORT:
         request.applymarker(pytest.mark.xfail(strict=True, reason=SHORT[name, level]))
-    camera = FAR if level in ('far', 'flat') else CAMERA
+    camera = FAR if level in ('splat', 'flat') else CAMERA
     drawn, truth = looked(scenes, see, shape, LOOKS[name], level, camera)
     area = truth[..., 3].sum()
     assert drawn[..., 3].sum() == pytest.approx(area, rel=0.06 if camera is FAR else 0.04)
     off = np.abs(drawn - truth)[..., :3].mean(2).sum() / area
     means = [p[..., :3].sum((0, 1)) / p[..., 3].sum() for p in (drawn, truth)]
     assert np.abs(np.subtract(*means)).max() < most
-    assert off < {'far': 0.5, 'flat': 0.18, 'middle': 0.05, 'near': 0.04, 'mesh': 0.04}[level]
+    assert (
+        off < {'splat': 0.5, 'flat': 0.18, 'parallax': 0.05, 'blended': 0.04, 'mesh': 0.04}[level]
+    )
 
 
 # ---------------------------------------------------------------- single instances
@@ -102,7 +104,7 @@ POSES = np.array([[0, 0, 0], [0, 1.6, 0], [0, 0, 1.4], [0, 1.6, 1.4]])
 VIEW = {'eye': (8, 0.8, 0.7), 'focus': (0, 0.8, 0.7), 'parallel': 1.8}
 
 
-@pytest.fixture(params=['flat', 'middle', 'near', 'mesh'])
+@pytest.fixture(params=['flat', 'parallax', 'blended', 'mesh'])
 def row(request, scenes, bean):
     """Four beans that do not touch, unlit, by one level."""
     looks = {'color': 'white', 'lighting': False, 'clim': [0, 3]}
@@ -165,7 +167,7 @@ def test_scalars_are_coloured_as_add_mesh_would(see, row, monkeypatch):
 def test_colors_multiply_those_of_the_mesh(scenes, see, bean):
     kwargs = {'scalars': 'paint', 'rgb': True, 'lighting': False, 'camera': VIEW}
     white, halves = [], []
-    for level in ('middle', 'near', 'mesh'):
+    for level in ('parallax', 'blended', 'mesh'):
         pl, beans = scenes.instances(bean, POSES, level=level, blend='multiply', **kwargs)
         pl.set_background('black')
         white.append(see.grab(pl))

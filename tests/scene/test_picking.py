@@ -91,7 +91,7 @@ def test_what_rays_find(scenes, see, bean, move, scale, extra):
             )
 
 
-@pytest.mark.parametrize('level', ['far', 'middle', 'near', 'mesh'])
+@pytest.mark.parametrize('level', ['splat', 'parallax', 'blended', 'mesh'])
 def test_every_instance_where_it_is_drawn(scenes, see, bean, level):
     """The pick does not depend on the level, and agrees with the picture."""
     matrices = poses()
@@ -103,7 +103,7 @@ def test_every_instance_where_it_is_drawn(scenes, see, bean, level):
     shown = np.rint(picture[..., 0] * 255 / 16).astype(int) - 1
     picked = np.array([[-1 if (h := things.pick(x, y)) is None else h.index for x, y in PIXELS]])
     drawn = np.array([[shown[SIZE[1] - 1 - y, x] for x, y in PIXELS]])
-    assert (picked != drawn).mean() < (0.35 if level == 'far' else 0.06)
+    assert (picked != drawn).mean() < (0.35 if level == 'splat' else 0.06)
 
 
 def test_what_counts(scenes, see, bean):
