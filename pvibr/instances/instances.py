@@ -125,6 +125,7 @@ class Instances(Painted, Anchored):
     ):
         super().__init__(max_error=max_error)
         self.name = name
+        self.force_level = force_level
         poses, scalars = poses_and_scalars(poses, scalars)
         meshes, poses, index = meshes_and_poses(mesh, poses, index)
         poses = as_poses(poses)
@@ -138,7 +139,6 @@ class Instances(Painted, Anchored):
             for k in used
         }
         self._begin(poses, index, models, pickable)
-        self.force_level = force_level
         self._paint(scalars, colors)
 
     def _ask(self, count, scalars, colors, blend, asked) -> dict:
@@ -244,8 +244,7 @@ class Instances(Painted, Anchored):
 
     @force_level.setter
     def force_level(self, level):
-        self._forced = checked_force(level, self._models.values())
-        self._force_level = level
+        self._forced, self._force_level = checked_force(level), level
         self._touch()
 
     def level_limits(self, model) -> Limits:

@@ -116,18 +116,15 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     return Limits(cards, reached, tuple(meshes), level)
 
 
-def checked_force(level, models) -> dict[str, tuple]:
-    """Return the on-screen sizes, in pixels, of each level that is forced, by its name."""
+def checked_force(level) -> dict[str, tuple]:
+    """Return the on-screen sizes, in pixels, of each forced level."""
     if level is None:
         return {}
     ranges = level if isinstance(level, dict) else {level: (0.0, _LARGEST)}
-    known = {'mesh', *(p.name for p in CARD_SHADERS)}
-    for model in models:
-        known |= {f'mesh{k}' for k in range(1, len(model.levels))}
-        known |= _SIDES if model.atlas.turntable is not None else set()
+    known = [*(p.name for p in ALL_CARD_SHADERS), 'mesh', 'mesh1', 'mesh2']
     for name, sizes in ranges.items():
         if name not in known:
-            msg = f'force_level is {name!r}; it must be None or of {", ".join(sorted(known))}'
+            msg = f'force_level has {name!r}; it must be None, or levels of {", ".join(known)}'
             raise ValueError(msg)
         if np.shape(sizes) != (2,) or not 0 <= sizes[0] <= sizes[1]:
             msg = f'force_level[{name!r}] is {sizes!r}; it must be two rising sizes in pixels'
