@@ -1,9 +1,9 @@
-"""Glow of chosen objects, and trails of light behind them."""
+"""Chosen objects shine, and may leave trails of light."""
 
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -19,11 +19,11 @@ from pvibr.scene.casters import address
 _PBR = 3  # VTK_PBR
 _STEP = 16  # pixels: of the largest squares of light, a multiple of all others
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper')
-# Uniforms begin at 0, which leaves the scene's own drawing as it is.
+# Zero, as any uniform is at first, leaves the scene's own drawing alone.
 _DRAW = """  if (ibr_glow > 0.0) gl_FragData[0] = vec4(ibr_glow * {light}, 1.0);
 //VTK::DepthPeeling::Impl
 """
-# Before VTK discards transparent fragments.
+# Before VTK leaves out what has no alpha.
 _SOLID = """//VTK::TCoord::Impl
   float ibr_glow_alpha = gl_FragData[0].a;
   gl_FragData[0].a = 1.0;
@@ -39,34 +39,35 @@ _COLOR = _feature('glow', 'gl_FragData[0].a * gl_FragData[0].rgb')
 _ALPHA = _feature(
     'glow_alpha', 'ibr_glow_alpha * gl_FragData[0].rgb', {'VTK::TCoord::Impl': _SOLID}
 )
-# VTK's own gamma of physically based materials.
+# VTK's own way from light to the display for physically based materials.
 _EMISSIVE = _feature(
     'glow_emissive', 'gl_FragData[0].a * pow(max(emissiveColor, 0.0), vec3(1.0 / 2.2))'
 )
 
 
 class Glow(LightSpread):
-    """Chosen actors glow in the colours in which they are drawn.
+    """Chosen actors shine over their surroundings, in the colours in which they are drawn.
 
-    The actors are drawn once more, alone, at full resolution; the light of their visible parts is
-    blurred and added to the picture. Nothing else glows, however bright it is, so that colours of
-    other objects can still be read as data. Volumes cannot glow.
+    They are drawn once more, alone, and their light is blurred and added where something else
+    does not hide them. Nothing else shines, however bright it is, so that colours that are read
+    as values stay. Volumes cannot be chosen. Drawn at the picture's own size: an actor of many
+    triangles costs its time again.
 
     Parameters
     ----------
     actors : vtkActor, pvibr.Instances, or sequence of them
-        Actors or instances of the same subplot that glow.
-    weights : float or sequence of float, optional
-        Factor of the light of all actors, or of each; not negative.
+        What shines; of the same subplot.
+    strengths : float or sequence of float, optional
+        How much each does, from 0; one for all, or one each.
     **settings
         Values of the class's settings.
 
     Raises
     ------
     TypeError
-        If `actors` has something that is no actor.
+        Where something is no actor.
     ValueError
-        If weights are negative, not finite, or not one per actor.
+        Where strengths are negative, not finite, or not as many as actors.
 
     Examples
     --------
@@ -75,68 +76,62 @@ class Glow(LightSpread):
     >>> pl = pv.Plotter(off_screen=True)
     >>> lamp = pl.add_mesh(pv.Sphere(), color='orange')
     >>> glow = pl.ibr.add(pvibr.Glow(lamp, intensity=2.0))
-    >>> glow.weights
+    >>> glow.strengths
     (1.0,)
     """
 
-    presets: ClassVar = {
-        'subtle': {'intensity': 0.5, 'spread': 0.3},
-        'strong': {'intensity': 2.0, 'spread': 0.8},
-    }
     source = Param(
         'color',
-        'Source of the light: colour times opacity; colour times the alpha of the texture, which '
-        'is then drawn opaque; or the emissive texture of physically based materials.',
+        'What shines: the colours that are drawn, by their opacity; the same, by the '
+        'alpha of a texture, which is then drawn opaque; or the emissive texture of physically '
+        'based materials alone.',
         choices=('color', 'alpha', 'emissive'),
     )
 
-    _gpu: _Gpu | None = None
+    _gpu: Any = None
     _lit: tuple | list = ()
 
-    def __init__(self, actors, weights=1.0, **settings):
+    def __init__(self, actors, strengths=1.0, **settings):
         super().__init__(**settings)
         self._actors = _checked_actors(actors)
-        self.weights = weights
-
-    @classmethod
-    def sample(cls, actors):
-        """Return an instance with the first actor."""
-        return cls(actors[:1])
+        self.strengths = strengths
 
     @property
     def actors(self) -> tuple:
-        """The actors that glow."""
+        """What shines."""
         return self._actors
 
     @property
-    def weights(self) -> tuple[float, ...]:
-        """Factor of the light of each actor; assign one number for all, or one each."""
-        return self._weights
+    def strengths(self) -> tuple[float, ...]:
+        """How much each actor shines; set one number for all, or one each."""
+        return self._strengths
 
-    @weights.setter
-    def weights(self, weights):
+    @strengths.setter
+    def strengths(self, strengths):
         count = len(self._actors)
-        values = np.asarray(weights, float)
+        values = np.asarray(strengths, float)
         if values.shape not in ((), (count,)) or not (np.isfinite(values) & (values >= 0)).all():
-            msg = f'weights = {weights!r}: must be a number >= 0, or {count} of them'
+            msg = f'strengths = {strengths!r}: must be a number from 0, or {count} of them'
             raise ValueError(msg)
-        self._seen = ()  # the light of other weights
-        self._weights = tuple(np.broadcast_to(values, count).tolist())
+        self._seen = ()  # light of other strengths
+        self._strengths = tuple(np.broadcast_to(values, count).tolist())
 
-    def needed(self, frame) -> bool | str:
-        """Return True if the effect must run."""
-        self._lit = self._glowing(frame.renderer)
-        return super().needed(frame) if self._lit else 'none of its actors is visible here'
+    def needed(self, frame):
+        """Tell whether a frame needs it."""
+        self._lit = self._shining(frame.renderer)
+        if not self._lit:
+            return 'none of its actors is in the subplot, visible and of any strength'
+        return super().needed(frame)
 
-    def _glowing(self, renderer):
-        """Return the actors that glow now, each with its weight."""
+    def _shining(self, renderer):
+        """Return the actors that shine now, each with its strength."""
         found = []
-        for one, weight in zip(self._actors, self._weights, strict=True):
+        for one, strength in zip(self._actors, self._strengths, strict=True):
             if callable(getattr(one, 'drawn', None)):
                 drawn = one.drawn() if one.pipeline is self.pipeline else []
             else:
                 drawn = [one] if one.GetVisibility() and renderer.HasViewProp(one) else []
-            found += [(a, weight) for a in drawn if weight > 0 and self._has_source(a)]
+            found += [(a, strength) for a in drawn if strength > 0 and self._has_source(a)]
         return found
 
     def _has_source(self, actor):
@@ -148,7 +143,7 @@ class Glow(LightSpread):
         )
 
     def prepare(self, frame):
-        """Draw the actors alone, while textures of other effects are bound."""
+        """Draw the actors alone, while the textures of other effects are bound."""
         if self._is_part(frame):
             return
         if self._gpu is not None and self._gpu.key != (frame.renderer, frame.size):
@@ -159,9 +154,9 @@ class Glow(LightSpread):
         self._gpu.draw(frame, self._lit, feature)
 
     def rest(self):
-        """Restore the shaders of the actors."""
+        """Draw the actors as they are: frames are drawn without it now."""
         if self._gpu is not None:
-            self._gpu.detach()
+            self._gpu.undress()
 
     def _draw_source(self, frame, picture, target, side):
         self._gpu.light(frame, picture, target, side // 2)
@@ -172,23 +167,25 @@ class Glow(LightSpread):
             self._gpu = None
 
     def report(self) -> dict:
-        """Return the bytes of GPU memory, and why no light was drawn."""
+        """Return what it has to tell; see :meth:`pvibr.Effect.report`."""
         details = super().report()
         details['bytes'] += self._gpu.nbytes if self._gpu else 0
         return details
 
 
 class Afterglow(Glow):
-    """A glow that fades over time, so that moving objects leave trails of light.
+    """A glow that fades in time: what moves, or is passed by the camera, leaves a trail.
 
-    Light decays exponentially in ``plotter.ibr.time``, independent of the frame rate; the maximum
-    of old and new light is shown. Going back in time, resizing the picture or calling :meth:`cut`
-    ends all trails.
+    Light falls to 1 / e of itself in `fade` seconds of ``plotter.ibr.time``, in however many
+    frames; where it is shown again, the brighter one counts. Time that goes back, another size of
+    the picture, or :meth:`cut` ends all trails.
 
     Parameters
     ----------
-    actors, weights
-        As for :class:`Glow`.
+    actors : vtkActor, pvibr.Instances, or sequence of them
+        What shines; of the same subplot.
+    strengths : float or sequence of float, optional
+        How much each does, from 0; one for all, or one each.
     **settings
         Values of the class's settings.
 
@@ -201,23 +198,21 @@ class Afterglow(Glow):
     >>> trail.cut()
     """
 
-    presets: ClassVar = {
-        'subtle': {'intensity': 0.5, 'fade': 0.3},
-        'strong': {'intensity': 2.0, 'fade': 2.0},
-    }
-    fade = Param(0.5, 'Time constant of the decay.', range='(0, inf)', unit='s')
+    fade = Param(0.5, 'Time in which a trail falls to 1 / e.', range='(0, inf)', unit='s')
 
-    _past: _Past | None = None
-    _when = -math.inf
+    _past: Any = None
 
-    def needed(self, frame) -> bool | str:
-        """Return True if the effect must run; trails outlast the actors' visibility."""
-        self._lit = self._glowing(frame.renderer)
-        return LightSpread.needed(self, frame)
+    def needed(self, frame):
+        """Tell whether a frame needs it."""
+        # Trails outlast what made them.
+        self._lit = self._shining(frame.renderer)
+        return self.intensity > 0 or 'intensity is 0'
 
     def cut(self):
-        """End all trails, as after a cut to another scene."""
+        """End all trails: what was drawn so far is another scene."""
         self._when = -math.inf
+
+    _when = -math.inf
 
     def _draw_source(self, frame, picture, target, side):
         if frame.scale > 1:  # a tile has no part in what other frames leave
@@ -240,26 +235,26 @@ class Afterglow(Glow):
             self._past = None
 
     def release(self):
-        """Free GPU memory; the context is current."""
+        """Free what it holds on the GPU; the context is current."""
         super().release()
         self._forget_past()
 
     def report(self) -> dict:
-        """Return the bytes of GPU memory, and why no light was drawn."""
+        """Return what it has to tell; see :meth:`pvibr.Effect.report`."""
         details = super().report()
         details['bytes'] += self._past.nbytes if self._past else 0
         return details
 
 
 class _Gpu:
-    """Draws chosen actors alone."""
+    """Chosen actors drawn alone."""
 
     def __init__(self, renderer, size):
         self.key = renderer, size
         self.drawer = Drawer(renderer)
         self.target = Target(self.drawer.window, size[0], size[1], ('rgba16f',), depth=True)
         self._quads: dict = {}
-        self._attached: dict[str, _Attached] = {}
+        self._dressed: dict = {}
         self._box = 0, 0, *size
         self._seen: tuple = ()
 
@@ -267,8 +262,8 @@ class _Gpu:
     def nbytes(self) -> int:
         return self.target.nbytes
 
-    def draw(self, frame, glowing, feature):
-        self._attach([actor for actor, _ in glowing], feature)
+    def draw(self, frame, shining, feature):
+        self._dress([actor for actor, _ in shining], feature)
         view = View(
             frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
         )
@@ -277,40 +272,40 @@ class _Gpu:
             within = left, bottom, right - left, top - bottom
             self.drawer.look(view, (0, 0, *frame.size), within=within)
             self.drawer.fill((0.0, 0.0, 0.0, 0.0))
-            for actor, weight in glowing:
-                _set_glow(actor, weight)
+            for actor, strength in shining:
+                _set_glow(actor, strength)
                 for translucent in (False, True):
                     self.drawer.draw([actor], translucent=translucent)
                 _set_glow(actor, 0.0)
         self.drawer.done()
 
     def _covered(self, frame, view):
-        """Return the part of the picture that actors may cover, in whole squares of light."""
-        attached = self._attached.values()
-        if frame.scale > 1 or not all(one.is_within_bounds() for one in attached):
+        """Return which part of the picture actors may cover, in whole squares of light."""
+        dresses = self._dressed.values()
+        if frame.scale > 1 or not all(dress.is_within_bounds() for dress in dresses):
             self._seen, self._box = (), (0, 0, *frame.size)
             return self._box
-        bounds = [one.actor.GetBounds() for one in attached]
-        thickness = [_thickness(one.actor.GetProperty()) for one in attached]
+        bounds = [dress.actor.GetBounds() for dress in dresses]
+        thickness = [_thickness(dress.actor.GetProperty()) for dress in dresses]
         seen = view.view_from_world.tobytes(), view.clip_from_view.tobytes(), bounds, thickness
         if seen != self._seen:
             self._seen, self._box = seen, _box(view, bounds, thickness, frame.size)
         return self._box
 
-    def _attach(self, actors, feature):
-        """Attach the feature to exactly these actors."""
+    def _dress(self, actors, feature):
+        """Have these actors, and no others, drawn as light."""
         wanted = {address(actor): actor for actor in actors}
-        for key, one in list(self._attached.items()):
-            if key not in wanted or one.feature is not feature:
-                self._attached.pop(key).detach()
-        for key in wanted.keys() - self._attached.keys():
-            self._attached[key] = _Attached(wanted[key], feature)
+        for key, dress in list(self._dressed.items()):
+            if key not in wanted or dress.feature is not feature:
+                self._dressed.pop(key).take_off()
+        for key in wanted.keys() - self._dressed.keys():
+            self._dressed[key] = _Dress(wanted[key], feature)
 
-    def detach(self):
-        self._attach((), None)
+    def undress(self):
+        self._dress((), None)
 
     def light(self, frame, picture, target, taps):
-        """Draw the light of visible parts, in squares of twice as many pixels as taps."""
+        """Draw the light where nothing hides it, in squares of twice as many pixels as taps."""
         if taps not in self._quads:
             text = sections(shader_source(__file__))['source']
             text = f'#define TAPS {taps}\n{text}'
@@ -329,13 +324,13 @@ class _Gpu:
             self._quads[taps].draw(uniforms, textures)
 
     def release(self):
-        self.detach()
+        self.undress()
         for owner in (*self._quads.values(), self.target, self.drawer):
             owner.release()
 
 
 class _Past:
-    """Light of this frame and of earlier ones."""
+    """Light of this frame and of those before."""
 
     def __init__(self, window, size):
         self.size = size
@@ -361,21 +356,21 @@ class _Past:
 
 
 def _checked_actors(actors):
-    actors = (actors,) if _can_glow(actors) else tuple(actors)
+    actors = (actors,) if _shines(actors) else tuple(actors)
     for actor in actors:
-        if not _can_glow(actor):
-            msg = f'actors has {actor!r}: must be actors, as add_mesh returns, or instances'
+        if not _shines(actor):
+            msg = f'actors: {actor!r} must be an actor, as add_mesh returns it, or instances'
             raise TypeError(msg)
     return actors
 
 
-def _can_glow(one) -> bool:
+def _shines(one) -> bool:
     is_actor = hasattr(one, 'GetShaderProperty') and hasattr(one, 'GetMapper')
     return is_actor or callable(getattr(one, 'drawn', None))
 
 
-class _Attached:
-    """An actor with the feature that draws its light."""
+class _Dress:
+    """A feature on an actor, and what goes with it."""
 
     def __init__(self, actor, feature):
         self.actor, self.feature = actor, feature
@@ -386,7 +381,7 @@ class _Attached:
         feature.attach(actor)
 
     def is_within_bounds(self) -> bool:
-        """Return True if the actor draws within its bounds, but for thick lines and points."""
+        """Tell whether its actor draws nothing beyond its bounds; lines and points are thick."""
         mapper, shader = self.actor.GetMapper(), self.actor.GetShaderProperty()
         key = mapper, shader, shader.GetMTime()
         if self._looked[:3] != key:
@@ -396,14 +391,14 @@ class _Attached:
             self._looked = *key, mapper.GetClassName() in _MAPPERS and not moved
         return self._looked[3]
 
-    def detach(self):
+    def take_off(self):
         self.feature.detach(self.actor)
         if self.feature is _ALPHA:
             self.actor.SetForceOpaque(self._opaque)
 
 
 def _box(view, bounds, thickness, size):
-    """Return the part of a picture within bounds, in whole squares of light."""
+    """Return the part of a picture that is within bounds, in whole squares of light."""
     if not bounds:
         return 0, 0, 0, 0
     around = math.ceil(max(thickness)) + 1
@@ -420,5 +415,5 @@ def _thickness(prop):
     return max(prop.GetLineWidth(), prop.GetPointSize())
 
 
-def _set_glow(actor, weight):
-    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf('ibr_glow', weight)
+def _set_glow(actor, strength):
+    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf('ibr_glow', strength)

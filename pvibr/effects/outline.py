@@ -1,15 +1,15 @@
-"""Outlines at boundaries of objects, depth discontinuities, creases and luminance edges."""
+"""Outlines: lines on the picture where objects end, jump in depth, or have creases."""
 
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Any
 
 import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, Texture, shader_source
+from pvibr.gl import Quad, Texture, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.tiles import SIDE, Tiles, sized
 from pvibr.scene.buffers import Drawn
@@ -17,24 +17,26 @@ from pvibr.scene.casters import address
 
 
 class Outline(Effect):
-    """Lines at boundaries of objects, depth discontinuities, creases or luminance edges.
+    """Lines where objects end, surfaces jump in depth, have creases, or luminance changes.
 
-    Ids, depth and normals are those of opaque surfaces, instances included; translucent props
-    and volumes have luminance edges only. Tiles of large screenshots cut lines along their seams.
+    Numbers, depth and normals are those of opaque surfaces, instances among them; translucent
+    props and volumes have lines by luminance alone. A large screenshot is drawn in tiles; a line
+    along one of their seams is cut there.
 
     Parameters
     ----------
     actors : actor, thing or list of them, optional
-        Actors to outline; all by default.
+        What has lines; everything by default. Their hidden parts are told from what other opaque
+        props are before them.
     **settings
         Values of the class's settings.
 
     Raises
     ------
     TypeError
-        If a setting is unknown or has the wrong type, or `actors` has something else.
+        Where a setting is unknown or of the wrong type, or something is no actor.
     ValueError
-        If a value is out of range, or, when it is added, an actor is of another subplot.
+        Where a value is out of range; where it is added, that an actor is of another subplot.
 
     Examples
     --------
@@ -50,60 +52,56 @@ class Outline(Effect):
     >>> pl.close()
     """
 
-    web = 'baked', 'lines: silhouettes from the current camera, and creases'
-    neutral = 'opacity', 0
-    covers = True
-    presets: ClassVar = {
-        'subtle': {'width': 1.0, 'opacity': 0.5, 'normal': False},
-        'strong': {'width': 4.0, 'crease': 20.0},
-    }
-    width = Param(2.0, 'Line width.', range='[0.5, 16]', unit='px')
-    color = Param((0.0, 0.0, 0.0), 'Line colour.', range='[0, 1]')
-    opacity = Param(1.0, 'Line opacity.', range='[0, 1]')
-    ids = Param(True, 'Lines at boundaries between objects.')
-    depth = Param(True, 'Lines at depth discontinuities.')
+    web = 'baked', 'lines: silhouettes from the eye as it is now, and creases'
+    width = Param(
+        2.0, 'Of the lines, whatever the size of the window.', range='[0.5, 16]', unit='px'
+    )
+    color = Param((0.0, 0.0, 0.0), 'Of the lines, red, green, blue.', range='[0, 1]')
+    opacity = Param(1.0, 'Of the lines; 0 draws none.', range='[0, 1]')
+    ids = Param(True, 'Lines where one object ends and another begins.')
+    depth = Param(True, 'Lines where a surface jumps in depth.')
     jump = Param(
         4.0,
-        'Minimum depth discontinuity, in pixel sizes at that depth; larger at grazing angles.',
+        'Least jump in depth, as deep as so many pixels are wide; more where the '
+        'surface is seen at a grazing angle.',
         range='(0, inf)',
         unit='px',
     )
     normal = Param(True, 'Lines along creases.')
-    crease = Param(
-        30.0, 'Minimum angle between normals at a crease.', range='(0, 180]', unit='degrees'
-    )
+    crease = Param(30.0, 'Least angle between normals.', range='(0, 180]', unit='degrees')
     grazing = Param(
         80.0,
-        'Maximum angle between normal and view direction for creases.',
+        'Angle between normal and line of sight above which creases are left out.',
         range='[0, 90]',
         unit='degrees',
     )
-    luminance = Param(False, 'Lines at luminance edges of the picture.')
-    contrast = Param(0.2, 'Minimum luminance step, as a fraction of white.', range='(0, inf)')
+    luminance = Param(False, 'Lines where luminance changes, of whatever there is in the picture.')
+    contrast = Param(0.2, 'Least step of luminance, 0 to 1 from black to white.', range='(0, inf)')
     hidden = Param(
-        'absent', 'Style of hidden lines of chosen actors.', choices=('absent', 'dashed')
+        'absent',
+        'What is drawn of chosen actors where others hide them.',
+        choices=('absent', 'dashed'),
     )
-    dash = Param(4.0, 'Length of dashes and of gaps.', range='[1, 100]', unit='px')
+    dash = Param(4.0, 'Length of a dash along an axis, and of a gap.', range='[1, 100]', unit='px')
     debug = Param(
         '',
-        'Intermediate stage to show: edges to the right red, above green, luminance blue.',
+        'Shows a stage: boundaries to the right red, above green, luminance blue.',
         choices=('', 'edges'),
     )
 
-    _drawn: Drawn | None = None
-    _half: Target | None = None
-    _candidates: Target | None = None
-    _marks: tuple[bytes, Texture] | None = None
-
     def __init__(self, *, actors=None, **settings):
         self._actors = _checked(actors)
-        self._tiles: Tiles | None = None
+        self._drawn: Any = None
+        self._half: Any = None
+        self._candidates: Any = None
+        self._tiles: Any = None
+        self._marks: Any = None
         self._quads: dict = {}
         super().__init__(**settings)
 
     @property
     def actors(self) -> list | None:
-        """The actors that are outlined; None for all."""
+        """What has lines; None is everything."""
         return None if self._actors is None else list(self._actors)
 
     @actors.setter
@@ -114,7 +112,7 @@ class Outline(Effect):
         self._actors = chosen
 
     def attach(self, pipeline):
-        """Join a pipeline."""
+        """Take a place in a pipeline."""
         _check_here(self._actors, pipeline)
         super().attach(pipeline)
 
@@ -124,16 +122,16 @@ class Outline(Effect):
 
     @property
     def surfaces(self) -> bool:
-        """Whether it reads the surface buffer; dashed hidden lines draw chosen actors alone."""
+        """Whether it reads what all surfaces write; hidden parts have to be drawn alone."""
         return self._asks_surfaces and (self._actors is None or self.hidden == 'absent')
 
     def needed(self, frame) -> bool | str:
-        """Return True if the effect must run."""
+        """Tell whether there are lines to draw."""
+        if not self.opacity:
+            return 'opacity is 0'
         if self._actors == []:
             return 'no actors'
-        if not (self._asks_surfaces or self.luminance):
-            return 'no kind of edge'
-        return super().needed(frame)
+        return self._asks_surfaces or self.luminance or 'no kind of edge'
 
     def render(self, frame, picture):
         """Find edges and draw lines."""
@@ -154,7 +152,7 @@ class Outline(Effect):
             self._tiles.draw(self._sparse('lines'), {'reach': reach, **look}, textures, 'over')
 
     def bake_into(self, scene):
-        """Add the lines to a scene without pvibr."""
+        """Hand its lines to a scene without pvibr."""
         if self.ids or self.depth or self.normal:
             scene.lines(
                 self._actors,
@@ -165,7 +163,7 @@ class Outline(Effect):
             )
 
     def _edges(self, frame, picture, reach):
-        """Draw edges, choose the tiles that lines reach, and return the texture of edges."""
+        """Draw the edges, choose the tiles that lines reach, and return the edges' texture."""
         window, half = frame.window, [-(-n // 2) for n in picture.size]
         self._tiles = self._tiles or Tiles(window)
         uniforms, textures = self._inputs(frame, picture)
@@ -181,7 +179,7 @@ class Outline(Effect):
         return self._half.colors[0]
 
     def _inputs(self, frame, picture):
-        """Return uniforms and textures of the edge programs."""
+        """Return uniforms and textures of the programs that find edges."""
         uniforms, textures = self._uniforms(frame), {'color': picture.color}
         if self._asks_surfaces:
             geometry = self._geometry(frame, picture)
@@ -199,7 +197,7 @@ class Outline(Effect):
         return self._drawn.draw(frame, self.pipeline.things, self._actors)
 
     def _marks_of(self, window, numbered):
-        """Return a texture that tells by id which actors are outlined."""
+        """Return by number which of what is drawn has lines."""
         chosen = {_identity(item) for item in self._actors or ()}
         marks = bytes([0, *(255 * (_identity(item) in chosen) for item in numbered)])
         if self._marks is None or self._marks[0] != marks:
@@ -248,20 +246,25 @@ class Outline(Effect):
         return ''.join(f'#define {name}\n' for name, on in kinds.items() if on)
 
     def release(self):
-        """Free GPU memory; the context is current."""
+        """Free what it holds on the GPU; the context is current."""
         marks = self._marks[1] if self._marks else None
-        for owner in (*self._targets(), marks, *self._quads.values()):
+        for owner in (
+            self._drawn,
+            self._candidates,
+            self._half,
+            self._tiles,
+            marks,
+            *self._quads.values(),
+        ):
             if owner is not None:
                 owner.release()
         self._drawn = self._candidates = self._half = self._tiles = self._marks = None
         self._quads = {}
 
     def report(self) -> dict:
-        """Return the bytes of GPU memory."""
-        return {'bytes': sum(owner.nbytes for owner in self._targets() if owner is not None)}
-
-    def _targets(self):
-        return self._drawn, self._candidates, self._half, self._tiles
+        """Return the bytes that it holds on the GPU."""
+        owners = self._drawn, self._candidates, self._half, self._tiles
+        return {'bytes': sum(owner.nbytes for owner in owners if owner is not None)}
 
 
 _NAME = 'outline.glsl, '
