@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from pvibr.core import _vtk
 from pvibr.gl import Target, texture_limit
+from pvibr.gl import enums as gl
 from pvibr.gl.offscreen import hidden_window
 from pvibr.instances.bake import unlit_actor
 from pvibr.maths.image_error import box_reduce
@@ -175,8 +176,8 @@ def _drawn(parts, side, supersample):
         renderer.UpdateLights()
         state = window.GetState()
         with target.drawing(clear=(0, 0, 0, 0)):
-            state.SetEnumState(0x0BE2, False)  # GL_BLEND
-            state.SetEnumState(0x0B71, True)  # GL_DEPTH_TEST
+            state.SetEnumState(gl.BLEND, False)
+            state.SetEnumState(gl.DEPTH_TEST, True)
             state.vtkglViewport(0, 0, wide, wide)
             state.vtkglScissor(0, 0, wide, wide)
             for actor in actors:

@@ -14,7 +14,7 @@ from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
 from pvibr.core.frame import Frame
 from pvibr.core.params import Param
-from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
+from pvibr.gl import Texture, set_uniforms, shader_source
 from pvibr.gl.binder import Binder
 from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
@@ -374,8 +374,8 @@ class Billboards(Painted, Anchored):
         self._uniforms |= self.field.view_uniforms(frame) | {
             'ibr_unit': unit,
             'ibr_step': self._step(),
-            'ibr_eye_from_world': uniform_matrix(frame.view_from_world[:3, :3]),
-            'ibr_clip_from_eye': uniform_matrix(frame.clip_from_view),
+            'ibr_eye_from_world': frame.view_from_world[:3, :3],
+            'ibr_clip_from_eye': frame.clip_from_view,
             'ibr_parallel': int(frame.parallel),
             'ibr_least': 0.5 / max(self.property.GetOpacity(), 1e-6) if dense else 0.5 / 255,
         }

@@ -1,4 +1,4 @@
-"""The only module that imports VTK: each name is looked up when first asked for."""
+"""The only module that imports VTK: each name is looked up on first use."""
 
 from __future__ import annotations
 
@@ -31,6 +31,11 @@ _MODULES = (
     'vtkRenderingVolumeOpenGL2',
     'vtkInteractionWidgets',
 )
+
+
+def address(prop) -> str:
+    """Return what two wrappers of one VTK object have in common."""
+    return prop.GetAddressAsString('')
 
 
 def _root() -> str:

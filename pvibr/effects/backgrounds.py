@@ -6,7 +6,6 @@ import numpy as np
 
 from pvibr.core.params import Param
 from pvibr.effects.full_screen import FullScreen, FullScreenImage
-from pvibr.gl import uniform_matrix
 from pvibr.images.projected import Shown
 from pvibr.maths.draping import sample
 
@@ -189,7 +188,7 @@ class Sky(_Behind):
 
     def _uniforms(self, frame, size):
         return super()._uniforms(frame, size) | {
-            'sky_from_clip': uniform_matrix(self.directions(frame)),
+            'sky_from_clip': self.directions(frame),
             'top': self.top,
             'horizon': self.horizon,
             'bottom': self.bottom,

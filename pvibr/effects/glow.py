@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core._vtk import address
 from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
-from pvibr.gl import Quad, Target, shader_source
+from pvibr.gl import Quad, Target, set_fragment_uniforms, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.feature import Feature, replacements, sections
+from pvibr.gl.feature import Feature, FeatureSet, replacements, sections
 from pvibr.maths.views import View, covered
-from pvibr.scene.casters import address
 
 _PBR = 3  # VTK_PBR
 _STEP = 16  # pixels: of the largest squares of light, a multiple of all others
@@ -156,7 +156,7 @@ class Glow(LightSpread):
     def rest(self):
         """Draw the actors as they are: frames are drawn without it now."""
         if self._gpu is not None:
-            self._gpu.undress()
+            self._gpu.detach()
 
     def _draw_source(self, frame, picture, target, side):
         self._gpu.light(frame, picture, target, side // 2)
@@ -254,7 +254,8 @@ class _Gpu:
         self.drawer = Drawer(renderer)
         self.target = Target(self.drawer.window, size[0], size[1], ('rgba16f',), depth=True)
         self._quads: dict = {}
-        self._dressed: dict = {}
+        self._attached = _GlowFeatures()
+        self._bounded: dict = {}
         self._box = 0, 0, *size
         self._seen: tuple = ()
 
@@ -263,7 +264,7 @@ class _Gpu:
         return self.target.nbytes
 
     def draw(self, frame, shining, feature):
-        self._dress([actor for actor, _ in shining], feature)
+        self._match([actor for actor, _ in shining], feature)
         view = View(
             frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
         )
@@ -281,28 +282,27 @@ class _Gpu:
 
     def _covered(self, frame, view):
         """Return which part of the picture actors may cover, in whole squares of light."""
-        dresses = self._dressed.values()
-        if frame.scale > 1 or not all(dress.is_within_bounds() for dress in dresses):
+        actors = self._attached.actors()
+        if frame.scale > 1 or not all(self._bounded[address(actor)] for actor in actors):
             self._seen, self._box = (), (0, 0, *frame.size)
             return self._box
-        bounds = [dress.actor.GetBounds() for dress in dresses]
-        thickness = [_thickness(dress.actor.GetProperty()) for dress in dresses]
+        bounds = [actor.GetBounds() for actor in actors]
+        thickness = [_thickness(actor.GetProperty()) for actor in actors]
         seen = view.view_from_world.tobytes(), view.clip_from_view.tobytes(), bounds, thickness
         if seen != self._seen:
             self._seen, self._box = seen, _box(view, bounds, thickness, frame.size)
         return self._box
 
-    def _dress(self, actors, feature):
+    def _match(self, actors, feature):
         """Have these actors, and no others, drawn as light."""
-        wanted = {address(actor): actor for actor in actors}
-        for key, dress in list(self._dressed.items()):
-            if key not in wanted or dress.feature is not feature:
-                self._dressed.pop(key).take_off()
-        for key in wanted.keys() - self._dressed.keys():
-            self._dressed[key] = _Dress(wanted[key], feature)
+        changed = self._attached.match(
+            actors, lambda _: (feature,), lambda actor: (feature, *_shader_version(actor))
+        )
+        self._bounded |= {address(actor): _is_within_bounds(actor) for actor in changed}
 
-    def undress(self):
-        self._dress((), None)
+    def detach(self):
+        """Have no actor drawn as light."""
+        self._attached.clear()
 
     def light(self, frame, picture, target, taps):
         """Draw the light where nothing hides it, in squares of twice as many pixels as taps."""
@@ -324,7 +324,7 @@ class _Gpu:
             self._quads[taps].draw(uniforms, textures)
 
     def release(self):
-        self.undress()
+        self.detach()
         for owner in (*self._quads.values(), self.target, self.drawer):
             owner.release()
 
@@ -369,32 +369,37 @@ def _shines(one) -> bool:
     return is_actor or callable(getattr(one, 'drawn', None))
 
 
-class _Dress:
-    """A feature on an actor, and what goes with it."""
+class _GlowFeatures(FeatureSet):
+    """What has actors drawn as light, also those of which VTK would leave out fragments."""
 
-    def __init__(self, actor, feature):
-        self.actor, self.feature = actor, feature
-        self._looked: tuple = ()
-        self._opaque = actor.GetForceOpaque()
-        if feature is _ALPHA:
+    def __init__(self):
+        super().__init__()
+        self._opaque: dict = {}
+
+    def _attach(self, actor, features):
+        if _ALPHA in features:
+            self._opaque[address(actor)] = actor.GetForceOpaque()
             actor.ForceOpaqueOn()
-        feature.attach(actor)
+        super()._attach(actor, features)
 
-    def is_within_bounds(self) -> bool:
-        """Tell whether its actor draws nothing beyond its bounds; lines and points are thick."""
-        mapper, shader = self.actor.GetMapper(), self.actor.GetShaderProperty()
-        key = mapper, shader, shader.GetMTime()
-        if self._looked[:3] != key:
-            moved = shader.HasVertexShaderCode() or any(
-                stage == 'Vertex' for stage, _ in replacements(shader)
-            )
-            self._looked = *key, mapper.GetClassName() in _MAPPERS and not moved
-        return self._looked[3]
+    def _detach(self, actor, features):
+        super()._detach(actor, features)
+        if _ALPHA in features:
+            actor.SetForceOpaque(self._opaque.pop(address(actor)))
 
-    def take_off(self):
-        self.feature.detach(self.actor)
-        if self.feature is _ALPHA:
-            self.actor.SetForceOpaque(self._opaque)
+
+def _shader_version(actor) -> tuple:
+    shader = actor.GetShaderProperty()
+    return actor.GetMapper(), shader, shader.GetMTime()
+
+
+def _is_within_bounds(actor) -> bool:
+    """Return whether an actor draws nothing beyond its bounds; lines and points are thick."""
+    shader = actor.GetShaderProperty()
+    moved = shader.HasVertexShaderCode() or any(
+        stage == 'Vertex' for stage, _ in replacements(shader)
+    )
+    return actor.GetMapper().GetClassName() in _MAPPERS and not moved
 
 
 def _box(view, bounds, thickness, size):
@@ -416,4 +421,4 @@ def _thickness(prop):
 
 
 def _set_glow(actor, strength):
-    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf('ibr_glow', strength)
+    set_fragment_uniforms([actor], {'ibr_glow': strength})

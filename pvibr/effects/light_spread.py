@@ -6,11 +6,11 @@ import math
 from typing import Any
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl.blur import CHAINS, Blur, Light
 from pvibr.gl.scene_pass import is_marker
-from pvibr.scene.casters import address
 
 
 class LightSpread(Effect):

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl import Quad, Texture, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.tiles import SIDE, Tiles, sized
 from pvibr.scene.buffers import Drawn
-from pvibr.scene.casters import address
 
 
 class Outline(Effect):

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
+from pvibr.core._vtk import address
 from pvibr.export.scene import SKY, names_of
 from pvibr.export.surfaces import albedo_of, surface_of_part
 from pvibr.formats.glb_writer import GlbWriter
 from pvibr.meshes.parts import as_parts
-from pvibr.scene.casters import address
 
 _CLAMP, _LINES = 33071, 1  # GL enums: CLAMP_TO_EDGE, LINES
 _NEAREST, _LINEAR = 9728, 9729

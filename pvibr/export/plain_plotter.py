@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
+from pvibr.core._vtk import address
 from pvibr.core.errors import PvibrWarning
 from pvibr.core.frame import Frame
 from pvibr.export.scene import BakedScene, names_of
 from pvibr.export.web_report import web_report
-from pvibr.scene.casters import address
 
 _LIMITS = {'triangles': (1, 10**9), 'texture': (0, 16_384)}
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
+from pvibr.core._vtk import address
 from pvibr.export.copies import Copies, chosen_levels
 from pvibr.export.paint import Paint
 from pvibr.export.props import copied, range_teller
@@ -15,7 +16,6 @@ from pvibr.gl.scene_pass import is_marker
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 from pvibr.projection.silhouette_lines import silhouette_lines
-from pvibr.scene.casters import address
 
 _SURFACE = 2  # VTK_SURFACE
 #: How far lines are before the surface that they are on, as a share of the way to the eye.

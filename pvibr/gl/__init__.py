@@ -1,18 +1,19 @@
 """The only code that touches VTK's OpenGL classes."""
 
 from pvibr.gl.mipmaps import MipTexture
-from pvibr.gl.quad import Quad, set_uniforms, shader_source, uniform_matrix
+from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture, texture_limit, texture_units
+from pvibr.gl.uniforms import set_fragment_uniforms, set_uniforms
 
 __all__ = [
     'MipTexture',
     'Quad',
     'Target',
     'Texture',
+    'set_fragment_uniforms',
     'set_uniforms',
     'shader_source',
     'texture_limit',
     'texture_units',
-    'uniform_matrix',
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import address
 from pvibr.gl.feature import replacements
 
 _SURFACE = 2  # VTK_SURFACE
@@ -23,7 +24,7 @@ class Doubles:
         data = _plain_surface(actor)
         if data is None:
             return actor
-        key = actor.GetAddressAsString('')
+        key = address(actor)
         if key not in self._made:
             self._made[key] = actor, _double()
         double = self._made[key][1]
@@ -43,7 +44,7 @@ class Doubles:
 
     def keep(self, actors, window):
         """Forget the doubles of all other actors."""
-        wanted = {actor.GetAddressAsString('') for actor in actors}
+        wanted = {address(actor) for actor in actors}
         for key in self._made.keys() - wanted:
             _, double = self._made.pop(key)
             double.GetMapper().ReleaseGraphicsResources(window)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from contextlib import contextmanager
 
 from pvibr.core import _vtk
+from pvibr.gl import enums as gl
 from pvibr.gl.doubles import Doubles
 
-_BLEND, _DEPTH_TEST, _SCISSOR_TEST = 0x0BE2, 0x0B71, 0x0C11  # GL enums
-_COLOR_BIT, _DEPTH_BIT = 0x4000, 0x0100
-_ADD, _LEAST = 0x8006, 0x8007  # GL_FUNC_ADD, GL_MIN
-_ZERO, _ONE, _SOURCE_COLOR = 0, 1, 0x0300
+_BLENDS = {'multiply': (gl.FUNC_ADD, gl.ZERO, gl.SRC_COLOR), 'least': (gl.MIN, gl.ONE, gl.ONE)}
 
 
 class Drawer:
@@ -31,13 +29,13 @@ class Drawer:
         state = self.window.GetState()
         state.vtkglViewport(*rect)
         state.vtkglScissor(*(within or rect))
-        state.SetEnumState(_SCISSOR_TEST, True)
-        state.SetEnumState(_BLEND, False)
-        state.SetEnumState(_DEPTH_TEST, True)
+        state.SetEnumState(gl.SCISSOR_TEST, True)
+        state.SetEnumState(gl.BLEND, False)
+        state.SetEnumState(gl.DEPTH_TEST, True)
         state.vtkglDepthMask(True)
         if clear:
             state.vtkglClearDepth(1.0)
-            state.vtkglClear(_DEPTH_BIT)
+            state.vtkglClear(gl.DEPTH_BUFFER_BIT)
         self._aim(view)
         self._light()
 
@@ -81,19 +79,20 @@ class Drawer:
         state = self.window.GetState()
         state.vtkglColorMask(True, True, True, True)
         state.vtkglClearColor(*color)
-        state.vtkglClear(_COLOR_BIT)
+        state.vtkglClear(gl.COLOR_BUFFER_BIT)
 
     @contextmanager
     def blending(self, mode):
         """Have what is drawn multiply what is there, or leave the least of both."""
         state = self.window.GetState()
         state.vtkglDepthMask(False)
-        state.SetEnumState(_BLEND, True)
-        state.vtkglBlendEquation(_ADD if mode == 'multiply' else _LEAST)
-        state.vtkglBlendFunc(*((_ZERO, _SOURCE_COLOR) if mode == 'multiply' else (_ONE, _ONE)))
+        state.SetEnumState(gl.BLEND, True)
+        equation, *factors = _BLENDS[mode]
+        state.vtkglBlendEquation(equation)
+        state.vtkglBlendFunc(*factors)
         yield
-        state.vtkglBlendEquation(_ADD)
-        state.SetEnumState(_BLEND, False)
+        state.vtkglBlendEquation(gl.FUNC_ADD)
+        state.SetEnumState(gl.BLEND, False)
         state.vtkglDepthMask(True)
 
     def done(self):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import address
 
 # Interleaved gradient noise: Jimenez, "Next Generation Post Processing in Call of Duty: Advanced
 # Warfare", SIGGRAPH 2014, slide 123. The same picture every time.
@@ -37,7 +38,7 @@ class Feature:
 
     @property
     def mark(self) -> str:
-        """What :func:`landed` looks for."""
+        """The comment that :func:`landed` looks for."""
         return f'// pvibr:{self.name}\n'
 
     def attach(self, actor):
@@ -48,7 +49,7 @@ class Feature:
                 _replace(shader, stage, tag, present.replace(tag, self._marked(text), 1))
 
     def detach(self, actor):
-        """Take the text off an actor, leaving that of others as it was."""
+        """Take the text off an actor; other features stay."""
         for shader, stage, tag, text in self._texts(actor):
             present = replacements(shader).get((stage, tag), '')
             before, _, after = self._marked(text).partition(tag)
@@ -72,6 +73,69 @@ class Feature:
             'Fragment': program.GetFragmentShader().GetSource(),
         }
         return all(sources[s].count(self.mark) == len(t) for s, t in self.stages.items())
+
+
+class FeatureSet:
+    """Features on exactly the actors of the last match."""
+
+    def __init__(self):
+        self._attached: dict[str, tuple] = {}  # actor, its features, its version
+
+    def __len__(self):
+        return len(self._attached)
+
+    def actors(self) -> list:
+        """Return the actors that have features."""
+        return [actor for actor, _, _ in self._attached.values()]
+
+    def match(self, actors, features_of, version_of=None) -> list:
+        """Do as :meth:`attach`, and detach from all other actors."""
+        before, self._attached = self._attached, {}
+        changed = self.attach(actors, features_of, version_of, before)
+        for actor, features, _ in before.values():
+            self._detach(actor, features)
+        return changed
+
+    def attach(self, actors, features_of, version_of=None, before=None) -> list:
+        """Attach ``features_of(actor)`` to actors; return those of another version than before."""
+        before = self._attached if before is None else before
+        changed = []
+        for actor in actors:
+            key = address(actor)
+            _, old, known = before.pop(key, (None, None, None))
+            version = None if version_of is None else version_of(actor)
+            new = old
+            if old is None or version is None or version != known:
+                new = tuple(features_of(actor))
+                self._change(actor, old, new)
+                changed.append(actor)
+            self._attached[key] = actor, new, version
+        return changed
+
+    def _change(self, actor, old, new):
+        if old != new:
+            if old is not None:
+                self._detach(actor, old)
+            self._attach(actor, new)
+
+    def _attach(self, actor, features):
+        for feature in features:
+            feature.attach(actor)
+
+    def _detach(self, actor, features):
+        for feature in features:
+            feature.detach(actor)
+
+    def leave_shared(self):
+        """Detach from actors that other renderers draw, too."""
+        for key, (actor, features, _) in [*self._attached.items()]:
+            if actor.GetNumberOfConsumers() > 1:
+                del self._attached[key]
+                self._detach(actor, features)
+
+    def clear(self):
+        """Detach from all."""
+        self.match((), tuple)
 
 
 def replacements(shader) -> dict:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any, NamedTuple
 
+from pvibr.gl.enums import SCISSOR_TEST
 from pvibr.gl.quad import Quad
 
 _COMMENT = re.compile(r'//[^\n]*')
@@ -31,7 +32,6 @@ _STEPS = {
   ibr_found.rgb += ibr_color.rgb;
 {_COVER}""",
 }
-_SCISSOR_TEST = 0x0C11  # GL enum
 
 
 class Pointwise(NamedTuple):
@@ -109,7 +109,7 @@ def _cut(picture, box):
     left, bottom = (max(b, 0) for b in box[:2])
     right, top = (min(b, n) for b, n in zip(box[2:], picture.size, strict=True))
     state = picture.window.GetState()
-    state.SetEnumState(_SCISSOR_TEST, True)
+    state.SetEnumState(SCISSOR_TEST, True)
     state.vtkglScissor(left, bottom, max(right - left, 0), max(top - bottom, 0))
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core import _vtk
+from pvibr.gl import enums as gl
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture
-
-_COLOR, _LINEAR, _READ, _DRAW = 0x4000, 0x2601, 0x8CA8, 0x8CA9  # GL enums
 
 
 class MipTexture(Texture):
@@ -98,13 +97,13 @@ def copy(source: Target | _Level, target: Target | _Level, *, turned=False):
     state = source.window.GetState()
     state.Push()
     state.PushFramebufferBindings()
-    source.object.Bind(_READ)
+    source.object.Bind(gl.READ_FRAMEBUFFER)
     source.object.ActivateReadBuffer(0)
-    target.object.Bind(_DRAW)
+    target.object.Bind(gl.DRAW_FRAMEBUFFER)
     target.object.ActivateDrawBuffer(0)
     state.vtkglScissor(0, 0, target.width, target.height)
     left, right = (source.width, 0) if turned else (0, source.width)
     rects = left, 0, right, source.height, 0, 0, target.width, target.height
-    state.vtkglBlitFramebuffer(*rects, _COLOR, _LINEAR)
+    state.vtkglBlitFramebuffer(*rects, gl.COLOR_BUFFER_BIT, gl.LINEAR)
     state.PopFramebufferBindings()
     state.Pop()

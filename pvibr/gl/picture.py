@@ -5,14 +5,11 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import Any
 
+from pvibr.gl import enums as gl
 from pvibr.gl.fused import Pointwise
 from pvibr.gl.scene_pass import like_window
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture
-
-_COLOR, _DEPTH = 0x4000, 0x0100  # GL_COLOR_BUFFER_BIT, GL_DEPTH_BUFFER_BIT
-_NEAREST = 0x2600
-_READ, _DRAW = 0x8CA8, 0x8CA9  # GL_READ_FRAMEBUFFER, GL_DRAW_FRAMEBUFFER
 
 
 class Picture:
@@ -51,7 +48,7 @@ class Picture:
         self._drawn, self._pending, self._ends = None, [], False
         framebuffer = framebuffer or self.window.GetRenderFramebuffer()
         # Two blits: where the driver refuses one of depth, colours come all the same.
-        for bits in (_COLOR, _DEPTH):
+        for bits in (gl.COLOR_BUFFER_BIT, gl.DEPTH_BUFFER_BIT):
             self._blit(framebuffer, self._source.object, bits, self._place(), (0, 0, *self.size))
 
     def apply(self, point):
@@ -100,10 +97,10 @@ class Picture:
         window = self.window.GetRenderFramebuffer()
         place, whole = self._place(), (0, 0, *self.size)
         if self.needs_hdr:
-            self._blit(self._source.object, window, _DEPTH, whole, place)
+            self._blit(self._source.object, window, gl.DEPTH_BUFFER_BIT, whole, place)
         if self.needs_hdr or self._drawn is not None:
             drawn = self._drawn or self._source
-            self._blit(drawn.object, window, _COLOR, whole, place)
+            self._blit(drawn.object, window, gl.COLOR_BUFFER_BIT, whole, place)
 
     def _place(self):
         (x, y), (width, height) = self.origin, self.size
@@ -113,13 +110,13 @@ class Picture:
         state = self.window.GetState()
         state.Push()
         state.PushFramebufferBindings()
-        source.Bind(_READ)
+        source.Bind(gl.READ_FRAMEBUFFER)
         source.ActivateReadBuffer(0)
-        target.Bind(_DRAW)
+        target.Bind(gl.DRAW_FRAMEBUFFER)
         target.ActivateDrawBuffer(0)
         x0, y0, x1, y1 = target_rect
         state.vtkglScissor(x0, y0, x1 - x0, y1 - y0)  # the scissor cuts blits too
-        state.vtkglBlitFramebuffer(*source_rect, *target_rect, bits, _NEAREST)
+        state.vtkglBlitFramebuffer(*source_rect, *target_rect, bits, gl.NEAREST)
         state.PopFramebufferBindings()
         state.Pop()
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
-
 from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
+from pvibr.gl import enums as gl
 from pvibr.gl.texture import SPARE_UNIT
+from pvibr.gl.uniforms import set_uniforms
 
 _VERTEX = """//VTK::System::Dec
 in vec4 ndCoordIn;
@@ -22,18 +22,12 @@ _FRAGMENT_HEAD = """//VTK::System::Dec
 in vec2 uv;
 """
 _GEOMETRY_HEAD = '//VTK::System::Dec\n'
-# GL enums of the states that a full-screen program wants off.
-_BLEND, _DEPTH_TEST, _CULL_FACE, _STENCIL_TEST = 0x0BE2, 0x0B71, 0x0B44, 0x0B90
-# How what is drawn is blended with what is there: factors of both, of colours and of alpha.
-_ONE, _REST_OF_COLOR, _REST_OF_ALPHA = 1, 0x0307, 0x0305
-_ALPHA, _REST_OF_OWN_ALPHA = 0x0302, 0x0303
-_ADD = 0x8006
-_WAYS = {
-    'over': (_ALPHA, _REST_OF_OWN_ALPHA, _ONE, _REST_OF_OWN_ALPHA),
-    'add': (_ONE, _ONE, _REST_OF_ALPHA, _ONE),
-    'screen': (_REST_OF_COLOR, _ONE, _REST_OF_ALPHA, _ONE),
+# How a program's output is blended: factors of source and target, of colours and of alpha.
+_BLENDS = {
+    'over': gl.OVER,
+    'add': (gl.ONE, gl.ONE, gl.ONE_MINUS_DST_ALPHA, gl.ONE),
+    'screen': (gl.ONE_MINUS_DST_COLOR, gl.ONE, gl.ONE_MINUS_DST_ALPHA, gl.ONE),
 }
-_SETTERS = {2: 'SetUniform2f', 3: 'SetUniform3f', 4: 'SetUniform4f'}
 _MOST_LINES = 8  # of a driver's log in a message
 
 
@@ -41,32 +35,6 @@ def shader_source(module_file, stem=None) -> str:
     """Return the text of the shader that lies beside a module."""
     path = Path(module_file)
     return path.with_name(f'{stem or path.stem}.glsl').read_text(encoding='utf-8')
-
-
-def set_uniforms(program, uniforms):
-    """Set uniforms of a program by the type of each value."""
-    for name, value in uniforms.items():
-        kind = type(value)
-        if kind is float:  # most are of these kinds; dozens are set in a frame
-            program.SetUniformf(name, value)
-        elif kind is tuple or kind is list:
-            getattr(program, _SETTERS[len(value)])(name, value)
-        elif isinstance(value, (int, np.integer)):
-            program.SetUniformi(name, int(value))
-        elif isinstance(value, np.floating):
-            program.SetUniformf(name, float(value))
-        elif hasattr(value, 'GetElement'):
-            program.SetUniformMatrix(name, value)
-        else:
-            values = [float(v) for v in value]
-            getattr(program, _SETTERS[len(values)])(name, values)
-
-
-def uniform_matrix(rows):
-    """Return a matrix as :func:`set_uniforms` takes it."""
-    matrix = _vtk.vtkMatrix3x3() if len(rows) == 3 else _vtk.vtkMatrix4x4()
-    matrix.DeepCopy(np.asarray(rows, float).T.ravel().tolist())
-    return matrix
 
 
 def _log(fragment):
@@ -117,12 +85,12 @@ class Quad:
     def draw_alone(self, uniforms, textures, blend=None):
         """Draw, and leave the states that it needs behind: the caller puts them back."""
         state = self._state
-        for flag in (_DEPTH_TEST, _CULL_FACE, _STENCIL_TEST):
+        for flag in (gl.DEPTH_TEST, gl.CULL_FACE, gl.STENCIL_TEST):
             state.SetEnumState(flag, False)
-        state.SetEnumState(_BLEND, blend is not None)
+        state.SetEnumState(gl.BLEND, blend is not None)
         if blend is not None:
-            state.vtkglBlendEquation(_ADD)
-            state.vtkglBlendFuncSeparate(*_WAYS[blend])
+            state.vtkglBlendEquation(gl.FUNC_ADD)
+            state.vtkglBlendFuncSeparate(*_BLENDS[blend])
         program = self.program
         self._shaders.ReadyShaderProgram(program)
         objects = [texture.object for texture in textures.values()]

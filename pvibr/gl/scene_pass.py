@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from pvibr.core import _vtk
+from pvibr.gl.enums import COLOR_BUFFER_BIT
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture
 
 _MARK = 'pvibr: '  # begins the names of props that are no part of a scene
 _NAME = f'{_MARK}end of opaque props'
-_COLOR_BIT = 0x4000  # GL_COLOR_BUFFER_BIT
 _FIRST, _NONE = 0x8CE0, 0  # GL_COLOR_ATTACHMENT0, GL_NONE
 # A blit of depth wants the same format on both sides: the window's, whatever it is.
 _DEPTH_FORMATS = {0x81A5: 'Fixed16', 0x81A6: 'Fixed24', 0x81A7: 'Fixed32', 0x8CAC: 'Float32'}
@@ -78,7 +78,7 @@ class ScenePass:
         state.vtkglScissor(*frame.origin, *frame.size)
         state.vtkglColorMask(True, True, True, True)
         state.vtkglClearColor(0.0, 0.0, 0.0, 0.0)
-        state.vtkglClear(_COLOR_BIT)
+        state.vtkglClear(COLOR_BUFFER_BIT)
         state.Pop()
 
     def _detach(self):

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 
+from pvibr.gl import enums as gl
 from pvibr.gl.quad import Quad
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture
 
-_DEPTH_TEST, _STENCIL_TEST, _DEPTH_CLAMP = 0x0B71, 0x0B90, 0x864F  # GL enums
-_STENCIL_BIT = 0x0400
-_LESS, _LEQUAL, _NOTEQUAL, _ALWAYS = 0x0201, 0x0203, 0x0205, 0x0207
-_FRONT, _BACK = 0x0404, 0x0405
-_KEEP, _MORE, _FEWER = 0x1E00, 0x8507, 0x8508  # GL_KEEP, GL_INCR_WRAP, GL_DECR_WRAP
 _DARK = 'void main() { gl_FragData[0] = vec4(min(uv.x, 0.0)); }\n'
 
 
@@ -55,13 +51,13 @@ class StencilTarget:
                 state.vtkglColorMask(False, False, False, False)
                 yield
             finally:
-                state.SetEnumState(_STENCIL_TEST, False)
-                state.SetEnumState(_DEPTH_CLAMP, False)  # VTK's stack of states knows none
-                state.vtkglStencilOp(_KEEP, _KEEP, _KEEP)
-                state.vtkglStencilFunc(_ALWAYS, 0, 0xFF)
+                state.SetEnumState(gl.STENCIL_TEST, False)
+                state.SetEnumState(gl.DEPTH_CLAMP, False)  # VTK's stack of states knows none
+                state.vtkglStencilOp(gl.KEEP, gl.KEEP, gl.KEEP)
+                state.vtkglStencilFunc(gl.ALWAYS, 0, 0xFF)
                 state.vtkglColorMask(True, True, True, True)
                 state.vtkglDepthMask(True)
-                state.vtkglDepthFunc(_LEQUAL)
+                state.vtkglDepthFunc(gl.LEQUAL)
 
     @contextmanager
     def counting(self, mask):
@@ -69,22 +65,22 @@ class StencilTarget:
         state = self.window.GetState()
         with self._targets[mask // 4].drawing():
             state.vtkglStencilMask(0xFF)
-            state.vtkglClear(_STENCIL_BIT)
-            state.SetEnumState(_STENCIL_TEST, True)
-            state.vtkglStencilFunc(_ALWAYS, 0, 0xFF)
+            state.vtkglClear(gl.STENCIL_BUFFER_BIT)
+            state.SetEnumState(gl.STENCIL_TEST, True)
+            state.vtkglStencilFunc(gl.ALWAYS, 0, 0xFF)
             state.vtkglColorMask(False, False, False, False)
             state.vtkglDepthMask(False)
-            state.vtkglDepthFunc(_LESS)
+            state.vtkglDepthFunc(gl.LESS)
             yield
             self._darken(mask % 4)
 
     def _darken(self, channel):
         state = self.window.GetState()
-        state.SetEnumState(_DEPTH_CLAMP, False)
-        state.SetEnumState(_DEPTH_TEST, False)
+        state.SetEnumState(gl.DEPTH_CLAMP, False)
+        state.SetEnumState(gl.DEPTH_TEST, False)
         state.vtkglScissor(0, 0, *self.size)
-        state.vtkglStencilOp(_KEEP, _KEEP, _KEEP)
-        state.vtkglStencilFunc(_NOTEQUAL, 0, 0xFF)
+        state.vtkglStencilOp(gl.KEEP, gl.KEEP, gl.KEEP)
+        state.vtkglStencilFunc(gl.NOTEQUAL, 0, 0xFF)
         state.vtkglColorMask(*(channel == k for k in range(4)))
         self.window.GetShaderCache().ReadyShaderProgram(self._dark.program)
         self._dark.helper.Render()
@@ -92,13 +88,13 @@ class StencilTarget:
     def count(self, *, behind):
         """Say which surfaces count from now on: those turned to the eye as 1, others as -1."""
         state = self.window.GetState()
-        state.SetEnumState(_DEPTH_CLAMP, behind)
+        state.SetEnumState(gl.DEPTH_CLAMP, behind)
         for face, change in (
-            (_FRONT, _FEWER if behind else _MORE),
-            (_BACK, _MORE if behind else _FEWER),
+            (gl.FRONT, gl.DECR_WRAP if behind else gl.INCR_WRAP),
+            (gl.BACK, gl.INCR_WRAP if behind else gl.DECR_WRAP),
         ):
-            fails, passes = (change, _KEEP) if behind else (_KEEP, change)
-            state.vtkglStencilOpSeparate(face, _KEEP, fails, passes)
+            fails, passes = (change, gl.KEEP) if behind else (gl.KEEP, change)
+            state.vtkglStencilOpSeparate(face, gl.KEEP, fails, passes)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from pvibr.core import _vtk
+from pvibr.gl.enums import COLOR_BUFFER_BIT, DEPTH_BUFFER_BIT
 from pvibr.gl.texture import Texture
 
 
@@ -82,7 +83,7 @@ class Target:
         state.vtkglDepthMask(True)
         state.vtkglClearColor(*color)
         state.vtkglClearDepth(1.0)
-        state.vtkglClear(0x4000 | 0x0100)  # GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT
+        state.vtkglClear(COLOR_BUFFER_BIT | DEPTH_BUFFER_BIT)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core import _vtk
+from pvibr.gl import enums as gl
 
 _VTK_TYPES = {'uint8': 'VTK_UNSIGNED_CHAR', 'uint16': 'VTK_UNSIGNED_SHORT', 'float32': 'VTK_FLOAT'}
 # GL's sized formats of a render target: what VTK does not choose by itself from a data type.
@@ -19,9 +20,7 @@ _FORMATS = {
 }
 # Passes that allocate textures bind them to whichever unit was used last: let it be the last one
 # that core profile 3.2 has for certain. VTK hands out the first ones.
-SPARE_UNIT = 0x84C0 + 47
-_FRAGMENT_UNITS = 0x8872  # GL_MAX_TEXTURE_IMAGE_UNITS
-_PACK_ALIGNMENT = 0x0D05  # GL_PACK_ALIGNMENT
+SPARE_UNIT = gl.TEXTURE0 + 47
 _BYTES = {
     'rgba8': 4,
     'rgb8': 3,
@@ -42,7 +41,7 @@ def texture_limit(window) -> int:
 def texture_units(window) -> int:
     """Return how many textures a fragment shader may sample."""
     found = [0]
-    window.GetState().vtkglGetIntegerv(_FRAGMENT_UNITS, found)
+    window.GetState().vtkglGetIntegerv(gl.MAX_TEXTURE_IMAGE_UNITS, found)
     return max(found[0], 16)
 
 
@@ -127,7 +126,7 @@ class Texture:
     def download(self) -> np.ndarray:
         """Return the texels as an array (height, width, channels), row 0 at v = 0."""
         # Rows lie close together: windows of Qt have them begin at multiples of four.
-        self.window.GetState().vtkglPixelStorei(_PACK_ALIGNMENT, 1)
+        self.window.GetState().vtkglPixelStorei(gl.PACK_ALIGNMENT, 1)
         buffer = self.object.Download()
         kind = self.object.GetVTKDataType()
         width, height, channels = *self.size, self.object.GetComponents()

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.gl import shader_source, uniform_matrix
+from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.cards import card_mesh
 from pvibr.scene.shader_actor import ShaderActor
@@ -71,8 +71,8 @@ def _uniforms(frame, picture, warp, turn) -> dict:
     else:
         scale, shift = (1 / x, 1 / y, 0.0, -clip[2, 3]), (clip[0, 2], clip[1, 2], 0.0, clip[2, 2])
     return {
-        'ibr_clip_from_uv': uniform_matrix(shown / np.abs(shown[2]).max()),
-        'ibr_depth_from_uv': uniform_matrix(depths),
+        'ibr_clip_from_uv': shown / np.abs(shown[2]).max(),
+        'ibr_depth_from_uv': depths,
         'ibr_crop': tuple(map(float, picture.crop)),
         'ibr_eye_from_clip': tuple(map(float, scale)),
         'ibr_eye_shift': tuple(map(float, shift)),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core._vtk import address
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
@@ -17,7 +18,7 @@ from pvibr.image_layers.members import Lighting, Member
 from pvibr.image_layers.picture import Settings
 from pvibr.instances.instances import Instances
 from pvibr.maths.views import View, may_see
-from pvibr.scene.casters import Casters, Surfaces, address, listed
+from pvibr.scene.casters import Casters, Surfaces, listed
 
 # The eye may go this share of the way to the nearest middle until a split by depth is made anew.
 _NEAR = 0.25

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.scene.casters import address
+from pvibr.core._vtk import address
 
 # The steepest slope of a highlight, cos(angle) ** power, is this times the root of the power.
 _SLOPE = np.exp(-0.5)

@@ -9,6 +9,7 @@ import numpy as np
 
 from pvibr.core.determinism import elapsed
 from pvibr.gl import Quad, Target, shader_source, texture_limit
+from pvibr.gl import enums as gl
 from pvibr.gl.feature import sections
 from pvibr.impostors.costs import ACTOR, CELL
 from pvibr.maths.layers import (
@@ -32,7 +33,6 @@ PIXEL = 1e-8
 BLOCKS = 64
 _SIGMAS, _WIDEST = 3.0, 3.0  # of a Gaussian: where it ends, and texels that are blurred at most
 _TEXEL_BYTES = 16  # colour, depth, and depth to be filtered; more where colours are floats
-_BLEND, _ALPHA, _REST, _ONE = 0x0BE2, 0x0302, 0x0303, 1  # GL enums
 _TEXTS = sections(shader_source(__file__, 'image_layers'))
 
 
@@ -232,8 +232,8 @@ class LayerPicture:
         state = window.GetState()
         with self._target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
             drawer.look(view, (0, 0, *self.texels))
-            state.SetEnumState(_BLEND, True)
-            state.vtkglBlendFuncSeparate(_ALPHA, _REST, _ONE, _REST)
+            state.SetEnumState(gl.BLEND, True)
+            state.vtkglBlendFuncSeparate(*gl.OVER)
             drawer.inner.UpdateLightsGeometryToFollowCamera()
             drawer.inner.UpdateLights()
             drawer.draw(actors)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.gl import Texture, shader_source, uniform_matrix
+from pvibr.gl import Texture, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.cards import DULL, card_mesh
 from pvibr.scene.shader_actor import ShaderActor
@@ -89,8 +89,8 @@ class ImpostorCards(ShaderActor):
         self._textures = {**pool.textures, 'ibr_cards': self._table, 'ibr_materials': self._matter}
         self._uniforms = {
             'ibr_count': len(rows),
-            'ibr_clip_from_eye': uniform_matrix(clip),
-            'ibr_eye_from_world': uniform_matrix(view[:3, :3]),
+            'ibr_clip_from_eye': clip,
+            'ibr_eye_from_world': view[:3, :3],
             'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
         }
         self.actor.SetVisibility(bool(len(rows)))

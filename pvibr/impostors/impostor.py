@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core._vtk import address
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
@@ -19,7 +20,7 @@ from pvibr.impostors.nodes import FARTHEST, NEAREST, Nodes
 from pvibr.impostors.sources import Materials, Source
 from pvibr.instances.instances import Instances
 from pvibr.maths.views import View, may_see, may_see_boxes
-from pvibr.scene.casters import address, listed
+from pvibr.scene.casters import listed
 
 #: Side of an image in texels above which there is none.
 LARGEST = 1024

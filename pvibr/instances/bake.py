@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.gl import Quad, Target, shader_source, texture_limit
+from pvibr.gl import enums as gl
 from pvibr.gl.offscreen import hidden_window
 from pvibr.instances.atlas import MARGIN, Atlas, bounding_sphere
 from pvibr.maths import octahedral
@@ -122,8 +123,8 @@ class Baker:
         side = self.tile * self.scale
         state = self.window.GetState()
         with self.raster.drawing(clear=(0, 0, 0, 0)):
-            state.SetEnumState(0x0BE2, False)  # GL_BLEND
-            state.SetEnumState(0x0B71, True)  # GL_DEPTH_TEST
+            state.SetEnumState(gl.BLEND, False)
+            state.SetEnumState(gl.DEPTH_TEST, True)
             for i, axes in enumerate(frames):
                 state.vtkglViewport(i * side, 0, side, side)
                 state.vtkglScissor(i * side, 0, side, side)

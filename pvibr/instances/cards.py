@@ -10,7 +10,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
+from pvibr.gl import Texture, set_uniforms, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.atlas import MARGIN, pyramid
 from pvibr.meshes.turntable import LEVEL
@@ -244,8 +244,8 @@ class Cards:
         self.uniforms |= {
             'ibr_parallel': int(frame.parallel),
             'ibr_pixel_scale': frame.pixel_scale,
-            'ibr_eye_from_world': uniform_matrix(view[:3, :3]),
-            'ibr_clip_from_eye': uniform_matrix(clip),
+            'ibr_eye_from_world': view[:3, :3],
+            'ibr_clip_from_eye': clip,
             'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
             'ibr_cut': 0.5 if frame.picking or frame.casting else 1 / 255,
         }

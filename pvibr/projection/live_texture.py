@@ -12,6 +12,7 @@ from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl import MipTexture, Quad, Target, Texture
+from pvibr.gl import enums as gl
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.mipmaps import copy
 from pvibr.maths.cameras import as_camera
@@ -20,7 +21,6 @@ from pvibr.projection.visibility import view_of
 from pvibr.scene.casters import Casters, Surfaces
 
 _FINE = 2  # pixels drawn for each texel, along a side
-_BLEND, _SOURCE_ALPHA, _REST, _ONE = 0x0BE2, 0x0302, 0x0303, 1  # GL enums
 _NEAR_IS_WHITE = """uniform sampler2D depth; uniform vec2 planes; uniform int parallel;
 void main()
 {
@@ -426,10 +426,10 @@ def _blended(window):
     """Mix translucent props with what is there, in the order in which they were added."""
     state = window.GetState()
     state.vtkglDepthMask(False)
-    state.SetEnumState(_BLEND, True)
-    state.vtkglBlendFuncSeparate(_SOURCE_ALPHA, _REST, _ONE, _REST)
+    state.SetEnumState(gl.BLEND, True)
+    state.vtkglBlendFuncSeparate(*gl.OVER)
     yield
-    state.SetEnumState(_BLEND, False)
+    state.SetEnumState(gl.BLEND, False)
     state.vtkglDepthMask(True)
 
 

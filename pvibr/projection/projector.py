@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import MipTexture, Texture, shader_source, texture_limit
+from pvibr.gl import MipTexture, Texture, set_fragment_uniforms, shader_source, texture_limit
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.feature import Feature, declared_samplers, sections
+from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.images.projected import LivePictures, Pictures, is_live
 from pvibr.maths import depth_test
 from pvibr.maths.cameras import Orthographic, as_camera
@@ -26,7 +27,7 @@ from pvibr.projection.visibility import (
     surface_of,
     view_of,
 )
-from pvibr.scene.casters import Casters, Surfaces, address
+from pvibr.scene.casters import Casters, Surfaces
 from pvibr.scene.depth_view import DepthView, receiver_shader
 
 #: Pictures on a surface at once: each takes two of the 16 texture units that OpenGL promises, and
@@ -201,7 +202,7 @@ class _Projection(Effect):
     def __init__(self, slides, actors=None, casters=None, **settings):
         self._slides = [_Slide(*slide) for slide in slides]
         self.actors, self.casters = actors, casters
-        self._worn: dict = {}
+        self._attached = FeatureSet()
         self._surfaces: Any = None
         self._drawer: Any = None
         self._found_gains: tuple = (None, None)
@@ -281,7 +282,7 @@ class _Projection(Effect):
                 slide.look(frame, self._drawer, casters, self.resolution)
             else:
                 slide.drop_depth()
-        self._dress(frame, casters, things)
+        self._attach(frame, casters, things)
 
     def _at(self, slide, time):
         return slide.pictures.at(time, self.fps, self.loop)
@@ -295,24 +296,13 @@ class _Projection(Effect):
         actors, things = self._surfaces.chosen(self.actors, things)
         return actors | {address(a): a for thing in things for a in thing.actors()}
 
-    def _dress(self, frame, casters, things):
+    def _attach(self, frame, casters, things):
         receivers = self._receivers(things)
         size = _size(casters.bounds())
         uniforms = self._uniforms(frame, size, self._gains(casters))
-        worn, self._worn = self._worn, {}
-        for key, actor in receivers.items():
-            feature = self._feature(actor)
-            old = worn.pop(key, None)
-            if old is not None and old[1] is not feature:
-                old[1].detach(actor)
-            if old is None or old[1] is not feature:
-                feature.attach(actor)
-            self._worn[key] = (actor, feature)
-            target = actor.GetShaderProperty().GetFragmentCustomUniforms()
-            for setter, *values in uniforms:
-                getattr(target, setter)(*values)
-        for actor, feature in worn.values():
-            feature.detach(actor)
+        actors = list(receivers.values())
+        self._attached.match(actors, lambda actor: (self._feature(actor),))
+        set_fragment_uniforms(actors, uniforms)
 
     def _feature(self, actor) -> Feature:
         prop = actor.GetProperty()
@@ -325,7 +315,7 @@ class _Projection(Effect):
         lit = self.lit and self.mode in ('replace', 'decal')
         return _feature(self.number, lenses, seen, self.mode, lit, self.blend == 'best', between)
 
-    def _uniforms(self, frame, size, gains) -> list:
+    def _uniforms(self, frame, size, gains) -> dict:
         pre = f'ibr_projector_{self.number}'
         view = frame.view_from_world
         inverse = np.linalg.inv(view)
@@ -345,17 +335,17 @@ class _Projection(Effect):
         # In perspective depth is taken from w, in a parallel view from z.
         clip = frame.clip_from_view
         rows = np.stack([clip[0], clip[1], clip[2 if frame.parallel else 3], [0, 0, 0, 1.0]])
-        uniforms = [
-            _matrices('ibr_view_from_clip', [np.linalg.inv(rows)]),
-            ('SetUniform2f', 'ibr_ahead', [1.0, 0.0] if frame.parallel else [0.0, 1.0]),
-            ('SetUniform4f', 'ibr_viewport', [float(x) for x in (*frame.origin, *frame.size)]),
-            _matrices(f'{pre}_matrix', matrices),
-            ('SetUniform1fv', f'{pre}_number', len(numbers), [float(x) for x in numbers]),
-            ('SetUniform1fv', f'{pre}_set', len(settings), [float(x) for x in settings]),
-        ]
+        uniforms = {
+            'ibr_view_from_clip': np.linalg.inv(rows)[None],
+            'ibr_ahead': (1.0, 0.0) if frame.parallel else (0.0, 1.0),
+            'ibr_viewport': (*frame.origin, *frame.size),
+            f'{pre}_matrix': np.stack(matrices),
+            f'{pre}_number': np.reshape(numbers, (-1, 1)),
+            f'{pre}_set': np.reshape(settings, (-1, 1)),
+        }
         for k, slide in enumerate(self._slides):
             for name, texture in slide_textures(slide).items():
-                uniforms.append(('SetUniformi', f'{pre}_{name}_{k}', texture.activate()))
+                uniforms[f'{pre}_{name}_{k}'] = texture.activate()
         return uniforms
 
     def finish(self, frame):
@@ -364,16 +354,11 @@ class _Projection(Effect):
             for texture in slide_textures(slide).values():
                 texture.deactivate()
         # Another subplot that shows the same actor has other pictures, or none.
-        for key, (actor, feature) in [*self._worn.items()]:
-            if actor.GetNumberOfConsumers() > 1:
-                feature.detach(actor)
-                del self._worn[key]
+        self._attached.leave_shared()
 
     def rest(self):
         """Take the shader text off all receivers."""
-        for actor, feature in self._worn.values():
-            feature.detach(actor)
-        self._worn = {}
+        self._attached.clear()
 
     def detach(self):
         """Leave the pipeline."""
@@ -395,7 +380,7 @@ class _Projection(Effect):
             'bytes': sum(s.nbytes for s in self._slides),
             'pictures': len(self._slides),
             'views drawn': sum(s.bakes for s in self._slides),
-            'receivers': len(self._worn),
+            'receivers': len(self._attached),
             'reduced': max(s.reduced for s in self._slides),
         }
 
@@ -718,11 +703,6 @@ def _reduced(picture, factor):
     high, wide = picture.shape[:2]
     padded = np.pad(picture, ((0, -high % factor), (0, -wide % factor), (0, 0)), mode='edge')
     return np.rint(box_reduce(padded, factor)).astype(np.uint8)
-
-
-def _matrices(name, matrices):
-    flat = np.concatenate([np.asarray(m).T.ravel() for m in matrices]).tolist()
-    return 'SetUniformMatrix4x4v', name, len(matrices), flat
 
 
 @lru_cache(maxsize=64)

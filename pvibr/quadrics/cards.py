@@ -12,14 +12,14 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
-from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
+from pvibr.gl import Texture, set_uniforms, shader_source
+from pvibr.gl import enums as gl
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.cards import BLOCK, DULL, card_mesh, pack
 from pvibr.maths.blocks import frustum_planes
 from pvibr.scene.translucent import MOST
 
 ROW = 1024  # texels of a row
-_VIEWPORT, _PROGRAM_POINT_SIZE = 0x0BA2, 0x8642  # GL enums
 _LARGEST_SMALL = 4.0  # px: those are edges all over, and their depths differ by two pixels
 
 
@@ -173,7 +173,7 @@ class Layer:
         owner = self._owner()
         state = owner.window.GetState()
         if self.way.corners == 1:
-            state.SetEnumState(_PROGRAM_POINT_SIZE, True)
+            state.SetEnumState(gl.PROGRAM_POINT_SIZE, True)
         textures = {**owner.textures, 'ibr_blocks': self.entries}
         set_uniforms(program, owner.binder.bind(self, textures))
         set_uniforms(program, owner.uniforms)
@@ -241,14 +241,14 @@ def view_uniforms(frame, count, unit) -> dict:
         'ibr_near': float(frame.near),
         'ibr_ndc_from_slope': (float(m[0, 0]), float(m[1, 1]), *map(float, offset)),
         'ibr_zw_from_z': (float(m[2, 2]), float(m[2, 3]), float(m[3, 2]), float(m[3, 3])),
-        'ibr_eye_from_world': uniform_matrix(frame.view_from_world[:3, :3]),
+        'ibr_eye_from_world': frame.view_from_world[:3, :3],
     }
 
 
 def _pixel_uniforms(state, uniforms) -> dict:
     """Return what is known of the target's pixels: passes may draw in one of their own size."""
     found = [0, 0, 0, 0]
-    state.vtkglGetIntegerv(_VIEWPORT, found)
+    state.vtkglGetIntegerv(gl.VIEWPORT, found)
     corner, size = np.array(found[:2], float), np.array(found[2:], float)
     scale, offset = np.reshape(uniforms['ibr_ndc_from_slope'], (2, 2))
     factors = 2 / size / scale

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from pvibr.gl import Quad, Target
+from pvibr.gl import enums as gl
 from pvibr.maths.occlusion import behind, likely_seen, on_screen
 from pvibr.quadrics.cards import DRAW_MODES, HIDING, QUADS, Layer
 
-_BLEND, _DEPTH_TEST = 0x0BE2, 0x0B71  # GL enums
 _TILE = 8  # px, side of the squares of which the farthest depth is kept
 _LEAST = 512  # blocks from which on a first drawing of some may pay
 _LAYERS = 20.0  # in front of what is not expected to be seen: gaps in all of them are rare
@@ -80,8 +80,8 @@ class Occlusion:
         self._begin(frame)
         state, renderer = frame.window.GetState(), frame.renderer
         with self._target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            state.SetEnumState(_BLEND, False)
-            state.SetEnumState(_DEPTH_TEST, True)
+            state.SetEnumState(gl.BLEND, False)
+            state.SetEnumState(gl.DEPTH_TEST, True)
             for layer, entries in zip(self.layers, parts, strict=True):
                 for actor in layer.show(entries)[0]:
                     actor.RenderOpaqueGeometry(renderer)

@@ -7,13 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
-from pvibr.gl import Quad, Target
+from pvibr.gl import Quad, Target, set_fragment_uniforms
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.feature import Feature
+from pvibr.gl.feature import Feature, FeatureSet
 from pvibr.gl.scene_pass import is_marker
 from pvibr.maths.views import View
-from pvibr.scene.casters import Surfaces, address
+from pvibr.scene.casters import Surfaces
 
 NAMES = ('depth', 'normal', 'id', 'color')
 
@@ -59,70 +60,48 @@ class _Numbers:
 
     def __init__(self, renderer):
         self.renderer = renderer
-        self._worn: dict = {}
-        self._set: list = []
+        self._attached = FeatureSet()
+        self._numbered: list = []
 
     def put(self, numbers):
         """Give actors numbers, pairs of both, until `clear`."""
         lights = [light.GetSwitch() for light in self.renderer.GetLights()]
-        fresh = set()
+        before = []
+
+        def features_of(actor):
+            before.append((actor, actor.GetShaderProperty().GetShaderMTime()))
+            return (_LIT if _is_lit(actor, any(lights)) else _UNLIT,)
+
+        def version_of(actor):
+            return actor.GetMTime(), *_data_time(actor.GetMapper()), lights
+
+        numbers = list(numbers)
+        self._attached.attach([actor for actor, _ in numbers], features_of, version_of)
+        changed = {
+            actor.GetMapper()
+            for actor, time in before
+            if actor.GetShaderProperty().GetShaderMTime() != time
+        }
+        # A mapper of several actors asks the newest whether to build its programs again.
+        for actor in self._attached.actors() if changed else ():
+            if actor.GetMapper() in changed:
+                actor.GetShaderProperty().Modified()
         for actor, number in numbers:
-            key = address(actor)
-            worn = self._worn.get(key)
-            if worn is None or worn.content_key != (
-                actor.GetMTime(),
-                *_data_time(worn.mapper),
-                lights,
-            ):
-                before = actor.GetShaderProperty().GetShaderMTime()
-                worn = self._worn[key] = self._dressed(actor, lights)
-                if worn.shader.GetShaderMTime() != before:
-                    fresh.add(worn.mapper)
-            worn.uniforms.SetUniformf('ibr_id', float(number))
-            self._set.append(worn.uniforms)
-        if fresh:
-            self._build_again(fresh)
-
-    def _build_again(self, mappers):
-        """Have mappers build programs for all their actors: of several, they ask the newest."""
-        for worn in self._worn.values():
-            if worn.mapper in mappers:
-                worn.shader.Modified()
-
-    def _dressed(self, actor, lights):
-        lit = _is_lit(actor, any(lights))
-        (_UNLIT if lit else _LIT).detach(actor)
-        (_LIT if lit else _UNLIT).attach(actor)
-        mapper, shader = actor.GetMapper(), actor.GetShaderProperty()
-        content_key = actor.GetMTime(), *_data_time(mapper), lights
-        return _Worn(actor, mapper, shader, shader.GetFragmentCustomUniforms(), content_key)
+            set_fragment_uniforms([actor], {'ibr_id': float(number)})
+        self._numbered += [actor for actor, _ in numbers]
 
     def clear(self):
         """Take the numbers away: VTK's own passes have second colours of their own."""
-        for uniforms in self._set:
-            uniforms.SetUniformf('ibr_id', 0.0)
-        self._set = []
+        set_fragment_uniforms(self._numbered, {'ibr_id': 0.0})
+        self._numbered = []
 
     def release(self):
         self.clear()
-        for worn in self._worn.values():
-            _LIT.detach(worn.actor)
-            _UNLIT.detach(worn.actor)
-        self._worn = {}
-
-
-class _Worn(NamedTuple):
-    """An actor that can be numbered, and what it was when its program was chosen."""
-
-    actor: Any
-    mapper: Any
-    shader: Any
-    uniforms: Any
-    content_key: tuple
+        self._attached.clear()
 
 
 def _data_time(mapper):
-    """Return when a mapper's data, or which they are, changed."""
+    """Return when a mapper or its data changed."""
     data = mapper.GetInputDataObject(0, 0)
     return mapper.GetMTime(), data.GetMTime() if data is not None else 0
 

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import address
 from pvibr.gl.feature import Feature
 from pvibr.gl.scene_pass import is_marker
+from pvibr.gl.uniforms import set_fragment_uniforms
 from pvibr.maths.views import may_see
 
 _FLAT, _SURFACE = 0, 2  # VTK_FLAT, VTK_SURFACE
@@ -58,11 +60,6 @@ def listed(things) -> list:
     """Return one prop or effect, or several, as a list."""
     several = isinstance(things, Iterable) and not isinstance(things, str)
     return list(things) if several and not hasattr(things, 'IsA') else [things]
-
-
-def address(actor) -> str:
-    """Return what two wrappers of one VTK object have in common."""
-    return actor.GetAddressAsString('')
 
 
 def _is_surface(actor) -> bool:
@@ -132,25 +129,20 @@ def _tells_bulge(actor, point_data) -> bool:
     return bool(np.allclose(np.linalg.norm(some, axis=1), 1.0, atol=1e-3))
 
 
-def dress(actor, *, casts=True):
-    """Have an actor's shader tell where its surface is, where that is not on its triangles."""
-    smooth = is_smooth(actor)
-    spheres = draws_spheres(actor)
-    (SPHERES.attach if spheres else SPHERES.detach)(actor)
-    if spheres and not casts:
-        _set_bulge(actor, 1.0)
-        _set_number(actor, 'ibr_radius', 0.0)
-    (SMOOTH.attach if smooth else SMOOTH.detach)(actor)
-    if smooth:
-        matrix = actor.GetMatrix()
+def surface_features(actor) -> list[Feature]:
+    """Return what tells shaders where an actor's surface is, if that is not on its triangles."""
+    features = {SPHERES: draws_spheres(actor), SMOOTH: is_smooth(actor)}
+    return [feature for feature, wanted in features.items() if wanted]
+
+
+def set_surface_uniforms(actor, *, casts=True):
+    """Set the uniforms of :func:`surface_features`."""
+    if not casts and draws_spheres(actor):
+        set_fragment_uniforms([actor], {'ibr_bulge': 0.0, 'ibr_radius': 0.0})
+    if is_smooth(actor):
         # VTK's normals are as short as the actor is large.
-        _set_number(actor, 'ibr_scale', abs(matrix.Determinant()) ** (1 / 3))
-
-
-def undress(actor):
-    """Take off what :func:`dress` put on."""
-    for feature in (SPHERES, SMOOTH):
-        feature.detach(actor)
+        scale = abs(actor.GetMatrix().Determinant()) ** (1 / 3)
+        set_fragment_uniforms([actor], {'ibr_scale': scale})
 
 
 def is_thin(actor) -> bool:
@@ -187,8 +179,9 @@ def sized(actors, frame, seen, bulge):
             prop.SetPointSize(max(size * scale, 1.0))
             prop.SetLineWidth(max(width * scale, 1.0))
             tube = prop.GetRenderLinesAsTubes()
+            radius = 0.5 * pixel * (width if tube else size)
             _set_bulge(actor, 0.0 if tube else bulge)
-            _set_number(actor, 'ibr_radius', 0.5 * pixel * (width if tube else size))
+            set_fragment_uniforms([actor], {'ibr_radius': float(radius)})
     try:
         yield
     finally:
@@ -201,11 +194,7 @@ def sized(actors, frame, seen, bulge):
 def _set_bulge(actor, bulge):
     if draws_spheres(actor):
         SPHERES.attach(actor)
-        _set_number(actor, 'ibr_bulge', bulge - 1.0)
-
-
-def _set_number(actor, name, value):
-    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf(name, float(value))
+        set_fragment_uniforms([actor], {'ibr_bulge': bulge - 1.0})
 
 
 def depths_of(thing) -> list:

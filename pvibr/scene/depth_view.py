@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.gl import Target, shader_source, texture_limit
-from pvibr.gl.feature import Feature, sections
-from pvibr.scene.casters import SPHERES, address, depths_of, sized
+from pvibr.gl import Target, set_fragment_uniforms, shader_source, texture_limit
+from pvibr.gl.feature import Feature, FeatureSet, sections
+from pvibr.scene.casters import SPHERES, depths_of, draws_spheres, sized
 
 # What a translucent caster leaves of the light, and how near it is: one pass each, since the
 # two blend in different ways.
@@ -49,7 +49,7 @@ class DepthView:
             self.veils = [Target(drawer.window, *size, (f,), depth=self.texture) for f in formats]
         self.views: list = [None] * views
         self._keys: list = [None] * views
-        self._dressed: dict = {}
+        self._attached = FeatureSet()
         self.bakes = 0
 
     @property
@@ -83,6 +83,7 @@ class DepthView:
         self.views = list(views)
         if not stale:
             return []
+        self._attached.match(casters.actors, self._features_of)
         with self.target.drawing():
             for k in stale:
                 self._draw(frame, k, casters, faces)
@@ -93,7 +94,6 @@ class DepthView:
         for thing in casters.things:
             thing.prepare(frame)
         self.drawer.doubles.keep(casters.actors, self.drawer.window)
-        self._forget(casters.actors)
         self.drawer.done()
         # Taken again: things may have made actors for these views.
         shared = casters.key(again=True)
@@ -109,7 +109,6 @@ class DepthView:
         for thing in casters.things:
             thing.prepare(seen)
         self.drawer.look(view, (*self.corner(k), self.resolution, self.resolution))
-        self._dress(casters.actors)
         # In a parallel view VTK has spheres bulge twice as far.
         bulge = self.drawer.inner.GetSize()[0] / self.resolution * (0.5 if view.parallel else 1.0)
         with sized(casters.actors, frame, seen, bulge):
@@ -118,43 +117,29 @@ class DepthView:
             self.drawer.draw(depths_of(thing))
             thing.finish(seen)
 
-    def _dress(self, actors):
-        self._dressed |= {address(a): a for a in actors}
+    def _features_of(self, actor):
+        features = {SPHERES: draws_spheres(actor), _VEIL: self._is_veil(actor)}
+        return [feature for feature, wanted in features.items() if wanted]
 
-    def _forget(self, actors):
-        """Let all other actors go: some are drawn no more."""
-        for key in self._dressed.keys() - {address(a) for a in actors}:
-            self._undress_one(self._dressed.pop(key))
-
-    def _undress_one(self, actor):
-        for feature in (_VEIL, SPHERES):
-            feature.detach(actor)
+    def _is_veil(self, actor):
+        return bool(self.veils) and actor.HasTranslucentPolygonalGeometry()
 
     def _draw_veil(self, view, k, casters, mode):
         rect = (*self.corner(k), self.resolution, self.resolution)
         self.drawer.look(view, rect, clear=False)
         self.drawer.fill((1.0, 1.0, 1.0, 1.0))
         actors = casters.seen(view).translucent()
-        for actor in actors:
-            _VEIL.attach(actor)
-            _set_veil(actor, mode)
+        set_fragment_uniforms(actors, {'ibr_veil': mode})
         with self.drawer.blending('multiply' if mode == 1 else 'least'):
             self.drawer.draw(actors, translucent=True)
-        for actor in actors:
-            _set_veil(actor, 0)
+        set_fragment_uniforms(actors, {'ibr_veil': 0})
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for actor in self._dressed.values():
-            self._undress_one(actor)
-        self._dressed = {}
+        self._attached.clear()
         for veil in self.veils:
             veil.release()
         self.target.release()
-
-
-def _set_veil(actor, mode):
-    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformi('ibr_veil', mode)
 
 
 def seen_from(frame, view, resolution):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core._vtk import address
+
 #: Other translucent props among which a thing divides its draws; more share a place.
 MOST = 8
 
@@ -22,13 +24,13 @@ class DepthSortedDraws:
         if renderer.GetUseOIT():
             self._weighted = True
             renderer.SetUseOIT(False)
-        own = {actor.GetAddressAsString('') for actor in mine}
+        own = {address(actor) for actor in mine}
         found = [
             prop
             for prop in renderer.GetViewProps()
             if prop.IsA('vtkActor')
             and prop.GetVisibility()
-            and prop.GetAddressAsString('') not in own
+            and address(prop) not in own
             and prop.GetMapper() is not None
             and prop.HasTranslucentPolygonalGeometry()
         ]
@@ -39,7 +41,7 @@ class DepthSortedDraws:
 
     def key(self, others) -> tuple:
         """Return what changes whenever the order does."""
-        return tuple((depth, actor.GetAddressAsString('')) for depth, actor in others)
+        return tuple((depth, address(actor)) for depth, actor in others)
 
     def arrange(self, renderer, groups, others):
         """Have a renderer draw groups of actors in turn with others."""
@@ -47,9 +49,9 @@ class DepthSortedDraws:
         for actor, group in zip(others, groups[1:], strict=True):
             wanted += [actor, *group]
         props = renderer.GetViewProps()
-        among = {actor.GetAddressAsString('') for actor in wanted}
-        now = [a for p in props if (a := p.GetAddressAsString('')) in among]
-        if now != [actor.GetAddressAsString('') for actor in wanted]:
+        among = {address(actor) for actor in wanted}
+        now = [a for p in props if (a := address(p)) in among]
+        if now != [address(actor) for actor in wanted]:
             for actor in wanted:
                 props.RemoveItem(actor)
                 props.AddItem(actor)

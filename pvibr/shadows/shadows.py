@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import shader_source, texture_units
+from pvibr.gl import set_fragment_uniforms, shader_source, texture_units
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.feature import DITHER, Feature, declared_samplers, sections
+from pvibr.gl.feature import DITHER, Feature, FeatureSet, declared_samplers, sections
 from pvibr.maths.kernels import vogel_disk
-from pvibr.scene.casters import Casters, Surfaces, address, dress, undress
+from pvibr.scene.casters import Casters, Surfaces, set_surface_uniforms, surface_features
 from pvibr.scene.depth_view import DepthView, receiver_shader
 from pvibr.scene.lights import SceneLight, light_views, lights_of
 from pvibr.shadows.moments import KINDS, WARP, Moments
@@ -137,8 +138,7 @@ class Shadows(Effect):
                     raise TypeError(msg)
         self.casts, self.receives = casts, receives
         self._lights: list[_LightMaps] = []
-        self._feature: Any = None
-        self._shadowed: dict = {}
+        self._attached = FeatureSet()
         self._surfaces: Any = None
         self._drawer: Any = None
         self._volumes: Any = None
@@ -190,7 +190,7 @@ class Shadows(Effect):
         for maps in self._lights:
             maps.update(frame, casters)
         self._count(frame, casters)
-        self._dress(frame)
+        self._attach(frame)
 
     def _casting(self) -> list[SceneLight]:
         """Return the lights that cast shadows: as many as a shader may sample."""
@@ -258,74 +258,56 @@ class Shadows(Effect):
             return self.softness
         return 2.0 if self.method in KINDS else 0.5
 
-    def _dress(self, frame):
-        """Put the shader text on receivers, and the numbers of this frame."""
-        feature, uniforms = self._worn(frame)
-        receivers = {} if feature is None else self._receivers()
-        if feature is not self._feature:
-            self._undress()
-            self._feature = feature
-        if feature is None:
-            return
-        for key in self._shadowed.keys() - receivers.keys():
-            self._undress_one(self._shadowed.pop(key)[0])
-        for key, actor in receivers.items():
-            if key not in self._shadowed:
-                feature.attach(actor)
-            if self._shadowed.get(key, (None, None))[1] != actor.GetMTime():
-                dress(actor, casts=key in self._cast)
-                self._shadowed[key] = actor, actor.GetMTime()
-            _set(actor.GetShaderProperty().GetFragmentCustomUniforms(), uniforms)
+    def _attach(self, frame):
+        """Attach the shader text to receivers, and set the uniforms of this frame."""
+        feature, uniforms = self._receiver(frame)
+        receivers = [] if feature is None else list(self._receivers().values())
 
-    def _worn(self, frame):
-        """Return the shader text of what receives shadows, and the numbers of this frame."""
+        def features_of(actor):
+            return feature, *surface_features(actor)
+
+        def version_of(actor):
+            return actor.GetMTime(), feature
+
+        for actor in self._attached.match(receivers, features_of, version_of):
+            set_surface_uniforms(actor, casts=address(actor) in self._cast)
+        set_fragment_uniforms(receivers, uniforms)
+
+    def _receiver(self, frame):
+        """Return the feature of receivers, None if no light casts a shadow, and its uniforms."""
         if self.method == 'volume':
             lights = tuple((light.number, light.positional) for light in self._casting())
-            uniforms = [_place(frame, light) for light in self._casting()]
-            return _feature('volume', 0, lights), uniforms + self._volumes.uniforms(frame)
+            uniforms = self._volumes.uniforms(frame)
+            for light in self._casting():
+                uniforms |= _place(frame, light)
+            return _feature('volume', 0, lights), uniforms
         lit = [m for m in self._lights if m.view is not None]
         if not lit:
-            return None, []
+            return None, {}
         signature = (*self._filter(), tuple(m.signature() for m in lit))
         return _feature(*signature), self._uniforms(frame, lit)
-
-    def _undress(self):
-        for actor, _ in self._shadowed.values():
-            self._undress_one(actor)
-        self._shadowed = {}
-
-    def _undress_one(self, actor):
-        self._feature.detach(actor)
-        undress(actor)
 
     def _uniforms(self, frame, lit):
         world_from_view = np.linalg.inv(frame.view_from_world)
         matrices = [v.texture_from_world() @ world_from_view for m in lit for v in m.views]
         texels = [t for m in lit for v in m.views for t in _texel(v, m.view.resolution)]
-        on_plane, offsets = self.bias == 'plane', list(self.polygon_offset)
+        on_plane = self.bias == 'plane'
         ranges = [x for m in lit for v in m.views for x in (v.near, v.far, *self._size(v))]
-        uniforms = [
-            (
-                'SetUniformMatrix4x4v',
-                'ibr_shadow_from_view',
-                len(matrices),
-                np.concatenate([m.T.ravel() for m in matrices]).tolist(),
-            ),
-            ('SetUniform1fv', 'ibr_shadow_texel', len(texels), texels),
-            ('SetUniformf', 'ibr_shadow_offset', self.offset if on_plane else 0.0),
-            ('SetUniform2f', 'ibr_shadow_polygon', [-1.0, 0.0] if on_plane else offsets),
-            ('SetUniform1fv', 'ibr_shadow_range', len(ranges), ranges),
-            ('SetUniformf', 'ibr_shadow_softness', self._softness()),
-            ('SetUniformi', 'ibr_shadow_taps', max(1, round(self._filter()[1] * frame.quality))),
-        ]
+        uniforms = {
+            'ibr_shadow_from_view': np.stack(matrices),
+            'ibr_shadow_texel': np.reshape(texels, (-1, 1)),
+            'ibr_shadow_offset': self.offset if on_plane else 0.0,
+            'ibr_shadow_polygon': (-1.0, 0.0) if on_plane else self.polygon_offset,
+            'ibr_shadow_range': np.reshape(ranges, (-1, 1)),
+            'ibr_shadow_softness': self._softness(),
+            'ibr_shadow_taps': max(1, round(self._filter()[1] * frame.quality)),
+        }
         for maps in lit:
             n = maps.light.number
-            uniforms += [
-                _place(frame, maps.light),
-                ('SetUniformf', f'ibr_shadow_size_{n}', float(maps.view.resolution)),
-            ]
+            uniforms |= _place(frame, maps.light)
+            uniforms[f'ibr_shadow_size_{n}'] = float(maps.view.resolution)
             for name, texture in maps.textures().items():
-                uniforms.append(('SetUniformi', f'ibr_shadow_{name}_{n}', texture.activate()))
+                uniforms[f'ibr_shadow_{name}_{n}'] = texture.activate()
         return uniforms
 
     def _size(self, view) -> list[float]:
@@ -343,16 +325,11 @@ class Shadows(Effect):
         if self._volumes is not None:
             self._volumes.finish()
         # Another subplot that shows the same actor has other lights, or no shadows.
-        for key, (actor, _) in [*self._shadowed.items()]:
-            if actor.GetNumberOfConsumers() > 1:
-                self._undress_one(actor)
-                del self._shadowed[key]
+        self._attached.leave_shared()
 
     def rest(self):
         """Take the shader text off all receivers."""
-        if self._feature is not None:
-            self._undress()
-            self._feature = None
+        self._attached.clear()
 
     def attach(self, pipeline):
         """Take a place in a pipeline that has no shadows yet."""
@@ -401,7 +378,7 @@ class Shadows(Effect):
                 {
                     'bytes': self._volumes.nbytes,
                     'lights': len(self._casting()),
-                    'receivers': len(self._shadowed),
+                    'receivers': len(self._attached),
                 }
                 | self._volumes.report()
                 | dark
@@ -411,7 +388,7 @@ class Shadows(Effect):
             'lights': len(views),
             'views': sum(len(v.views) for v in views),
             'views drawn': self._drawn + sum(m.bakes for m in self._lights),
-            'receivers': len(self._shadowed),
+            'receivers': len(self._attached),
         } | dark
 
 
@@ -488,14 +465,9 @@ def _texel(view, resolution) -> list[float]:
     return (2 / np.diag(view.clip_from_view)[:2] / resolution).tolist()
 
 
-def _place(frame, light) -> tuple:
-    place = (frame.view_from_world @ light.homogeneous())[:3].tolist()
-    return 'SetUniform3f', f'ibr_shadow_place_{light.number}', place
-
-
-def _set(target, uniforms):
-    for setter, *values in uniforms:
-        getattr(target, setter)(*values)
+def _place(frame, light) -> dict:
+    place = (frame.view_from_world @ light.homogeneous())[:3]
+    return {f'ibr_shadow_place_{light.number}': place}
 
 
 @lru_cache(maxsize=16)

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import address
 from pvibr.gl import shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.gl.stencil import StencilTarget
 from pvibr.maths.silhouettes import edge_table, moved_table, volume, volume_triangles
 from pvibr.maths.views import View, corners
-from pvibr.scene.casters import address, depths_of, sized
+from pvibr.scene.casters import depths_of, sized
 
 _SURFACE = 2  # VTK_SURFACE
 #: A rounding of float32, and how often it adds up on the way to the screen.
@@ -143,17 +144,14 @@ class ShadowVolumes:
 
     # -- what receives --------------------------------------------------------------------------
 
-    def uniforms(self, frame) -> list[tuple]:
-        """Return what the receivers' shader reads, and bind the masks."""
-        tile = [float(x) for x in (*frame.origin, *self.target.size)]
-        return [
-            ('SetUniformMatrix4x4', 'ibr_shadow_clip', frame.clip_from_view.T.ravel().tolist()),
-            ('SetUniform4f', 'ibr_shadow_tile', tile),
-            *(
-                ('SetUniformi', f'ibr_shadow_mask_{k}', texture.activate())
-                for k, texture in enumerate(self.target.textures)
-            ),
-        ]
+    def uniforms(self, frame) -> dict:
+        """Return the uniforms of receivers, with the masks bound."""
+        masks = enumerate(self.target.textures)
+        return {
+            'ibr_shadow_clip': frame.clip_from_view,
+            'ibr_shadow_tile': (*frame.origin, *self.target.size),
+            **{f'ibr_shadow_mask_{k}': texture.activate() for k, texture in masks},
+        }
 
     def finish(self):
         """Give the texture units back."""

@@ -297,7 +297,7 @@ def test_only_where_something_shines_is_anything_drawn(monkeypatch, style, paral
     pl.show(auto_close=False)
     pl.ibr.add(pvibr.Glow(actor, debug='bright', reduction=16))
     found = grab(pl)
-    monkeypatch.setattr('pvibr.effects.glow._Dress.is_within_bounds', lambda dress: False)
+    monkeypatch.setattr('pvibr.effects.glow._is_within_bounds', lambda actor: False)
     assert found[..., :3].any()
     np.testing.assert_array_equal(grab(pl), found)
 

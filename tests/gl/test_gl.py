@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.core.errors import ShaderError
-from pvibr.gl import Quad, Target, Texture, texture_limit, uniform_matrix
+from pvibr.gl import Quad, Target, Texture, texture_limit
 from pvibr.gl.offscreen import hidden_window, read_rgba
 
 COPY = 'uniform sampler2D image; void main() { gl_FragData[0] = texture(image, uv); }'
@@ -92,7 +92,7 @@ def test_uniforms_by_their_types(window):
       }
     """
     values = {'i': np.int64(3), 'f': np.float32(0.5), 'a': (1, 2), 'c': [1, 2, 3, 4]}
-    values['m'] = uniform_matrix(rows)
+    values['m'] = np.asarray(rows, float)
     seen = drawn(window, text, values)
     np.testing.assert_allclose(seen[0, 0], [3.5, 2, 4, rows[1] @ [1, 10, 100]])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.scene.casters import address
+from pvibr.core._vtk import address
 from pvibr.shadows.shadows import Shadows
 from pvibr_widgets.handles import Handles
 from pvibr_widgets.handles_stage import Stage

@@ -1,0 +1,45 @@
+"""Uniforms of programs and of actors' shaders, set by the type of each value."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_VECTORS = {2: 'SetUniform2f', 3: 'SetUniform3f', 4: 'SetUniform4f'}
+_MATRICES = {(3, 3): 'SetUniformMatrix3x3', (4, 4): 'SetUniformMatrix4x4'}
+
+
+def set_uniforms(program, uniforms):
+    """Set numbers, vectors, matrices, mat4[n] of (n, 4, 4) and float[n] of (n, 1) of a program."""
+    for name, value in uniforms.items():
+        if type(value) is float:  # most are; dozens are set in a frame
+            program.SetUniformf(name, value)
+        else:
+            setter, *values = _setter(value)
+            getattr(program, setter)(name, *values)
+
+
+def set_fragment_uniforms(actors, uniforms):
+    """Set custom uniforms of the fragment shaders of actors, as :func:`set_uniforms` does."""
+    calls = [(name, *_setter(value)) for name, value in uniforms.items()]
+    for actor in actors:
+        target = actor.GetShaderProperty().GetFragmentCustomUniforms()
+        for name, setter, *values in calls:
+            getattr(target, setter)(name, *values)
+
+
+def _setter(value) -> tuple:
+    """Return the name of the method that sets a value, and its arguments after the name."""
+    if isinstance(value, (tuple, list)):
+        return _VECTORS[len(value)], [float(v) for v in value]
+    if isinstance(value, (int, np.integer)):
+        return 'SetUniformi', int(value)
+    if isinstance(value, (float, np.floating)):
+        return 'SetUniformf', float(value)
+    if value.ndim == 1:
+        return _VECTORS[len(value)], value.tolist()
+    flat = value.swapaxes(-1, -2).ravel().tolist()  # OpenGL has matrices by columns
+    if value.ndim == 3:
+        return 'SetUniformMatrix4x4v', len(value), flat
+    if value.shape[1] == 1:
+        return 'SetUniform1fv', len(value), flat
+    return _MATRICES[value.shape], flat
