@@ -116,8 +116,7 @@ class IBRComponent:
         for pipeline in self._pipelines:
             pipeline.time = seconds
             for thing in pipeline.things:
-                if hasattr(thing, 'follow'):
-                    thing.follow()
+                thing.follow()
 
     def play(self, speed=1.0, loop=None, *, fps=None):
         """Let the time go on by itself, in windows, notebooks and movies.
@@ -740,8 +739,7 @@ class IBRComponent:
             What the first thing that is hit says of the hit; None where none is.
         """
         for thing in self.pipeline.effects:
-            pick = getattr(thing, 'pick', None)
-            hit = pick(x, y) if pick is not None else None
+            hit = thing.pick(x, y)
             if hit is not None:
                 return hit
         return None

@@ -18,6 +18,7 @@ from pvibr.gl.fused import Fused
 from pvibr.gl.picture import Picture
 from pvibr.gl.scene_pass import ScenePass
 from pvibr.scene.buffers import Buffers, Tap
+from pvibr.scene.thing import Thing
 
 
 class Pipeline:
@@ -73,7 +74,7 @@ class Pipeline:
     def stops(self, frame, picture) -> float:
         """Return the exposure of a frame, for effects that come before it."""
         exposing = [e.effect for e in self._entries if e.running]
-        return sum(e.expose(frame, picture) for e in exposing if hasattr(e, 'expose'))
+        return sum(e.expose(frame, picture) for e in exposing)
 
     def add(self, effect) -> Effect:
         """Put an effect or a thing in; it is in the next frame."""
@@ -88,7 +89,7 @@ class Pipeline:
         """Have these entries, in their order; asked for what is in it many times in a frame."""
         self._entries = entries
         self._effects = tuple(entry.effect for entry in entries)
-        self._things = [e for e in self._effects if callable(getattr(e, 'drawn', None))]
+        self._things = [e for e in self._effects if isinstance(e, Thing)]
 
     def _check_addable(self, effect):
         if self._closed:
@@ -110,7 +111,7 @@ class Pipeline:
     def remove(self, effect):
         """Take an effect or a thing out and free what it holds on the GPU."""
         if effect not in self.effects:
-            name = getattr(effect, 'name', repr(effect))
+            name = effect.name if isinstance(effect, Effect) else repr(effect)
             msg = f'{name} is not in this subplot; here are: {self._names() or "none"}'
             raise ValueError(msg)
         self._enter([e for e in self._entries if e.effect is not effect])
@@ -182,7 +183,7 @@ class Pipeline:
         self._turn = turn = _Turn(frame)
         for entry in self._entries:
             entry.begin(turn)
-        images = [e for e in self._entries if e.running and e.draws]
+        images = [e for e in self._entries if e.running and e.effect.is_image_effect]
         if images and not frame.picking:
             turn.images = images
             effects = [e.effect for e in images]
@@ -214,7 +215,6 @@ class _Entry:
     def __init__(self, effect, row):
         self.effect, self.row = effect, row
         self.running = self._awake = False
-        self.draws = callable(getattr(effect, 'render', None))
 
     def begin(self, turn):
         """Ask whether the frame needs the effect, and prepare it."""
@@ -228,7 +228,7 @@ class _Entry:
         else:
             self._ask(turn)
         if self._awake and not self.running:
-            turn.guard([self], effect.rest)
+            turn.guard([self], effect.deactivate)
         self._awake = self.running
 
     def _ask(self, turn):

@@ -20,10 +20,10 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
 from pvibr.images.sheet import Sheet, as_images
 from pvibr.instances.cards import card_mesh, pack
-from pvibr.scene.anchor import Anchored, set_bounds
-from pvibr.scene.anchor import anchor as new_anchor
 from pvibr.scene.painted import Painted
 from pvibr.scene.picking import Hit, pixel_ray
+from pvibr.scene.thing import Thing, set_bounds
+from pvibr.scene.thing import anchor as new_anchor
 from pvibr.scene.translucent import MOST, DepthSortedDraws
 
 _CHUNK = 65_536  # billboards of one draw
@@ -31,7 +31,7 @@ _ROW, _WIDE = 1024, 3072  # texels; the second is a multiple of 3 and of 4
 _HIT = 0.05  # alpha from which a blended billboard can be picked
 
 
-class Billboards(Painted, Anchored):
+class Billboards(Painted, Thing):
     """An image at each of many points, turned toward the eye.
 
     Parameters
@@ -336,7 +336,7 @@ class Billboards(Painted, Anchored):
             return 'its live texture is in no subplot, or not drawn yet: add it'
         return bool(len(self)) or 'no points'
 
-    def rest(self):
+    def deactivate(self):
         """Draw nothing: frames are drawn without them now."""
         self._hide()
 

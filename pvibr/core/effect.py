@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
 
 from pvibr.core.params import params_of
 
 
 class Effect:
-    """Settings and up to two hooks: before a frame is drawn, and on its pixels.
+    """Settings, and the hooks that a pipeline calls in every frame.
 
-    A subclass declares its settings as :class:`pvibr.Param` and writes the hooks that it needs.
-    Image effects have ``render(frame, picture)``: they read ``picture.color`` and
-    ``picture.depth`` and draw the new picture within ``with picture.drawing():``. Things in a
-    scene add their actors in `attach` and name them in `props`.
+    A subclass declares its settings as :class:`pvibr.Param` and overrides the hooks it needs.
+    An image effect has ``render(frame, picture)``: it reads ``picture.color`` and
+    ``picture.depth`` and draws the new picture within ``with picture.drawing():``.
 
     Parameters
     ----------
@@ -23,15 +22,15 @@ class Effect:
     Raises
     ------
     TypeError
-        Where a setting is unknown or of the wrong type.
+        If a setting is unknown or of the wrong type.
     ValueError
-        Where a value is out of range.
+        If a value is out of range.
 
     Examples
     --------
     >>> from pvibr import Effect, Param
     >>> class Fade(Effect):
-    ...     amount = Param(0.5, 'How much is taken away.', range='[0, 1]')
+    ...     amount = Param(0.5, 'Share of the light that is removed.', range='[0, 1]')
     ...
     ...     def needed(self, frame):
     ...         return self.amount > 0 or 'amount is 0'
@@ -39,26 +38,127 @@ class Effect:
     {'amount': 0.25}
     """
 
-    #: Off without being removed; the pipeline puts it off after an error.
-    enabled = True
-    #: Whether `prepare` also runs when a frame is drawn to pick.
-    picks = False
-    #: Whether `render` needs colours above 1: such a frame has no multisampling.
-    needs_hdr = False
-    #: What it runs right before, of ``pvibr.effects.ORDER``; by default its class has a place.
-    before: str | None = None
+    #: Names below that are for users; the others are hooks, which `dir` leaves out.
+    FOR_USERS: tuple[str, ...] = (
+        'enabled',
+        'before',
+        'name',
+        'remove',
+        'state',
+        'restore',
+        'report',
+    )
 
-    #: What becomes of it where a browser draws the scene, 'shown' as it is, 'baked' by `bake_into`
-    #: or 'lost', and as what, or why.
+    # -- what a class declares ---------------------------------------------------------------
+
+    #: Whether it runs; the pipeline disables an effect that raises.
+    enabled = True
+    #: Name of the class in ``pvibr.effects.ORDER`` that it runs right before, None for its own.
+    before: str | None = None
+    #: Whether it also runs in frames that are drawn to pick.
+    picks = False
+    #: Whether `render` needs colours above 1; such frames have no multisampling.
+    needs_hdr = False
+    #: In a browser: 'shown', 'baked' by `bake_into` or 'lost'; and as what, or why.
     web: tuple[str, str] = ('lost', 'works on frames, and a browser draws its own')
-    #: Whether `render` asks ``pipeline.buffers`` for normals and numbers of surfaces.
-    surfaces: Any = False
-    pipeline: Any = None
+
+    _pipeline = None
     _revision = 0
     _name: str | None = None
 
+    @property
+    def pipeline(self):
+        """The pipeline that it is in; None in none."""
+        return self._pipeline
+
+    @pipeline.setter
+    def pipeline(self, pipeline):
+        self._pipeline = pipeline
+
+    # -- hooks, in the order in which they are called ----------------------------------------
+
+    def attach(self, pipeline):
+        """Enter a pipeline: add props to ``pipeline.renderer``."""
+        self.pipeline = pipeline
+
+    def needed(self, frame) -> bool | str:
+        """Return True if the frame needs the effect, or the reason why not."""
+        return True
+
+    def prepare(self, frame):
+        """Work before the scene is drawn."""
+
+    def render(self, frame, picture):
+        """Draw a new picture from the drawn one; a class that has this is an image effect."""
+
+    def finish(self, frame):
+        """Undo what only the drawing needed, such as bound textures."""
+
+    def deactivate(self):
+        """Undo what `prepare` left in the scene: the next frames are drawn without the effect."""
+
+    def release(self):
+        """Free GPU memory; the context is current, and the effect may be used again."""
+
+    def detach(self):
+        """Leave the pipeline: remove props from the scene."""
+        self.pipeline = None
+
+    # -- questions that a pipeline asks ------------------------------------------------------
+
+    @property
+    def props(self) -> tuple:
+        """VTK props of its own in the scene; once all are removed, the effect is too."""
+        return ()
+
+    @property
+    def is_image_effect(self) -> bool:
+        """Whether it draws on the picture of a frame: its class has `render`."""
+        return type(self).render is not Effect.render
+
+    @property
+    def surfaces(self) -> bool:
+        """Whether `render` reads normals and ids of surfaces from ``pipeline.buffers``."""
+        return False
+
+    @property
+    def lives(self) -> list:
+        """Live textures that it shows."""
+        return []
+
+    def reach(self, frame) -> float:
+        """Return how many pixels around itself a pixel depends on: tiles overlap by it."""
+        return 0.0
+
+    def expose(self, frame, picture) -> float:
+        """Return the stops by which it exposes the picture."""
+        return 0.0
+
+    def pick(self, x, y) -> object | None:
+        """Return what of it is under a pixel, counted from the window's lower left corner."""
+        return None
+
+    def report(self) -> dict:
+        """Return figures on the last frame; ``bytes`` is the GPU memory held."""
+        return {'bytes': 0}
+
+    def bake_into(self, scene):
+        """Add what it shows to a `BakedScene`; called if `web` says 'baked'."""
+
+    # -- what users use ----------------------------------------------------------------------
+
     def __init__(self, **settings):
         self._set(self._checked(settings))
+
+    def __dir__(self) -> Iterable[str]:
+        """Return the names that users use: hooks are left out."""
+        hooks = set()
+        for base in type(self).__mro__:
+            if 'FOR_USERS' in vars(base):
+                public = {name for name in vars(base) if not name.startswith('_')}
+                hooks |= public.difference(vars(base)['FOR_USERS'])
+        shown = set(super().__dir__()) - hooks
+        return shown.union(params_of(type(self)))
 
     def _checked(self, settings):
         params = params_of(type(self))
@@ -75,94 +175,17 @@ class Effect:
 
     @property
     def name(self) -> str:
-        """What reports, warnings and the state call it; the class's name unless set."""
+        """Name in reports, warnings and the state; the class's name by default."""
         return self._name or type(self).__name__
 
     @name.setter
     def name(self, name):
         self._name = name
 
-    @property
-    def props(self) -> tuple:
-        """The VTK props that it has in the scene; it is removed once all of them are."""
-        return ()
-
-    def attach(self, pipeline):
-        """Take a place in a pipeline; things add their props to ``pipeline.renderer`` here.
-
-        Parameters
-        ----------
-        pipeline : pvibr.pipeline.Pipeline
-            Where it was added.
-        """
-        self.pipeline = pipeline
-
-    def detach(self):
-        """Leave the pipeline; things take their props out of the scene here."""
-        self.pipeline = None
-
-    def needed(self, frame) -> bool | str:
-        """Tell whether a frame needs it.
-
-        Parameters
-        ----------
-        frame : pvibr.core.frame.Frame
-            The frame about to be drawn.
-
-        Returns
-        -------
-        bool or str
-            True, or why not.
-        """
-        return True
-
-    def reach(self, frame) -> float:
-        """Return how far around itself a pixel looks: tiles of large pictures overlap by it.
-
-        Parameters
-        ----------
-        frame : pvibr.core.frame.Frame
-            A tile.
-
-        Returns
-        -------
-        float
-            Pixels.
-        """
-        return 0.0
-
-    def prepare(self, frame):
-        """Do what must be done before the frame is drawn.
-
-        Parameters
-        ----------
-        frame : pvibr.core.frame.Frame
-            The frame about to be drawn.
-        """
-
-    def finish(self, frame):
-        """Put back what only the drawing needed, such as bound textures; the frame is drawn.
-
-        Parameters
-        ----------
-        frame : pvibr.core.frame.Frame
-            The frame that `prepare` was given.
-        """
-
-    def bake_into(self, scene):
-        """Hand what it shows to a scene without pvibr; called where `web` says 'baked'.
-
-        Parameters
-        ----------
-        scene : pvibr.export.scene.BakedScene
-            Takes meshes, copies of them, quads, lines, and what colours surfaces.
-        """
-
-    def rest(self):
-        """Take back what `prepare` left in the scene: frames are drawn without it now."""
-
-    def release(self):
-        """Free what it holds on the GPU; the context is current. It may be used again."""
+    def remove(self):
+        """Remove it from its plotter and free its GPU memory; it may be added again."""
+        if self.pipeline is not None:
+            self.pipeline.remove(self)
 
     def state(self) -> dict:
         """Return the settings as values that JSON keeps.
@@ -186,23 +209,13 @@ class Effect:
         Returns
         -------
         list of str
-            Names that are no settings of this effect, left out.
+            Names that are no settings of this effect; they are ignored.
 
         Raises
         ------
         TypeError, ValueError
-            Where a value is not allowed.
+            If a value is not allowed; nothing is set.
         """
         known = params_of(type(self))
         self._set(self._checked({n: v for n, v in state.items() if n in known}))
         return [n for n in state if n not in known]
-
-    def report(self) -> dict:
-        """Return what it has to tell, beside what the pipeline knows.
-
-        Returns
-        -------
-        dict
-            ``bytes`` (int) is what it holds on the GPU.
-        """
-        return {'bytes': 0}

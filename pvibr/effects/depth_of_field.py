@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl import Quad, Target, shader_source
 from pvibr.gl.feature import sections
+from pvibr.scene.thing import Thing
 
 _STAGES = ('', 'coc', 'near', 'far')
 _TILE = 8  # texels of half size along a side, see depth_of_field.glsl
@@ -103,7 +105,7 @@ class DepthOfField(Effect):
 
     @target.setter
     def target(self, target):
-        known = target is None or hasattr(target, 'GetCenter') or hasattr(target, 'drawn')
+        known = target is None or isinstance(target, Thing | _vtk.vtkProp3D)
         self._target = target if known else _point(target)
 
     def focus(self, frame) -> float:
@@ -125,7 +127,7 @@ class DepthOfField(Effect):
         if target is None:
             target = frame.renderer.GetActiveCamera().GetFocalPoint()
         elif not isinstance(target, tuple):
-            target = target.GetCenter() if hasattr(target, 'GetCenter') else target.center
+            target = target.center if isinstance(target, Thing) else target.GetCenter()
         away = -float(frame.view_from_world[2, :3] @ target + frame.view_from_world[2, 3])
         return max(away, frame.near, 1e-12)
 

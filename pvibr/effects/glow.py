@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
@@ -15,6 +16,7 @@ from pvibr.gl.blur import filtered
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, replacements, sections
 from pvibr.maths.views import View, covered
+from pvibr.scene.thing import Thing
 
 _PBR = 3  # VTK_PBR
 _STEP = 16  # pixels: of the largest squares of light, a multiple of all others
@@ -127,7 +129,7 @@ class Glow(LightSpread):
         """Return the actors that shine now, each with its strength."""
         found = []
         for one, strength in zip(self._actors, self._strengths, strict=True):
-            if callable(getattr(one, 'drawn', None)):
+            if isinstance(one, Thing):
                 drawn = one.drawn() if one.pipeline is self.pipeline else []
             else:
                 drawn = [one] if one.GetVisibility() and renderer.HasViewProp(one) else []
@@ -153,7 +155,7 @@ class Glow(LightSpread):
         feature = {'color': _COLOR, 'alpha': _ALPHA, 'emissive': _EMISSIVE}[self.source]
         self._gpu.draw(frame, self._lit, feature)
 
-    def rest(self):
+    def deactivate(self):
         """Draw the actors as they are: frames are drawn without it now."""
         if self._gpu is not None:
             self._gpu.detach()
@@ -365,8 +367,7 @@ def _checked_actors(actors):
 
 
 def _shines(one) -> bool:
-    is_actor = hasattr(one, 'GetShaderProperty') and hasattr(one, 'GetMapper')
-    return is_actor or callable(getattr(one, 'drawn', None))
+    return isinstance(one, Thing | _vtk.vtkActor)
 
 
 class _GlowFeatures(FeatureSet):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
@@ -14,6 +15,7 @@ from pvibr.gl import Quad, Texture, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.tiles import SIDE, Tiles, sized
 from pvibr.scene.buffers import Drawn
+from pvibr.scene.thing import Thing
 
 
 class Outline(Effect):
@@ -283,7 +285,7 @@ def _checked(actors) -> list | None:
         return None
     chosen = list(actors) if isinstance(actors, (list, tuple, set)) else [actors]
     for item in chosen:
-        if not (hasattr(item, 'drawn') or (hasattr(item, 'IsA') and item.IsA('vtkProp'))):
+        if not isinstance(item, Thing | _vtk.vtkProp):
             msg = f'actors has {item!r:.80}: must be actors, as add_mesh returns, or None for all'
             raise TypeError(msg)
     return chosen
@@ -293,7 +295,7 @@ def _check_here(actors, pipeline):
     for item in actors or ():
         here = (
             item in pipeline.effects
-            if hasattr(item, 'drawn')
+            if isinstance(item, Thing)
             else pipeline.renderer.HasViewProp(item)
         )
         if not here:

@@ -120,10 +120,15 @@ class ShaderEffect(Effect):
         else:
             self._text = str(source)
         #: Whether the text names what is drawn for that alone.
-        self.surfaces = bool(_SURFACES.search(_COMMENT.sub(' ', self._text)))
+        self._asks_surfaces = bool(_SURFACES.search(_COMMENT.sub(' ', self._text)))
         if not self._text.strip():
             msg = f'{self.name}.source is empty: give GLSL with vec4 effect(vec2 uv), or a file'
             raise ValueError(msg)
+
+    @property
+    def surfaces(self) -> bool:
+        """Whether the shader reads normals or ids."""
+        return self._asks_surfaces
 
     def needed(self, frame) -> bool | str:
         """Tell whether the picture changes."""

@@ -13,6 +13,7 @@ from pvibr.core.errors import PvibrWarning
 from pvibr.core.frame import Frame
 from pvibr.export.scene import BakedScene, names_of
 from pvibr.export.web_report import web_report
+from pvibr.scene.thing import Thing
 
 _LIMITS = {'triangles': (1, 10**9), 'texture': (0, 16_384)}
 
@@ -130,7 +131,7 @@ def _props(renderer, effects) -> list:
     hidden = set()
     for thing in effects:
         # What stands for plain actors has them visible between frames, and its own actors not.
-        if callable(getattr(thing, 'drawn', None)) and thing.web[0] != 'shown':
+        if isinstance(thing, Thing) and thing.web[0] != 'shown':
             hidden |= {address(a) for a in (*thing.actors(), *thing.props)}
     names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if address(p) not in hidden]

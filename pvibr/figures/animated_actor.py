@@ -12,15 +12,15 @@ from pvibr.figures.mesh_actors import PosedMeshActor, as_mesh_actors, moved_boun
 from pvibr.figures.picking import nearest_hit, stand_in
 from pvibr.figures.player import FigurePlayer
 from pvibr.figures.posing import Posing
-from pvibr.scene.anchor import Anchored, anchor, set_bounds
 from pvibr.scene.picking import pixel_ray
 from pvibr.scene.placing import Placed
+from pvibr.scene.thing import anchor, set_bounds
 
 #: Texture units that figures leave to VTK and to all else that is drawn.
 _SPARE = 8
 
 
-class AnimatedActor(FigurePlayer, Anchored, Placed):
+class AnimatedActor(FigurePlayer, Placed):
     """A figure that moves: ordinary actors whose vertices are posed on the GPU.
 
     Parameters
@@ -227,7 +227,7 @@ class AnimatedActor(FigurePlayer, Anchored, Placed):
         self._set_visible(shown)
         return shown or 'not visible'
 
-    def rest(self):
+    def deactivate(self):
         """Draw nothing: its vertices are nowhere without it."""
         self._set_visible(False)
         self._put_stand_ins(False)

@@ -12,8 +12,8 @@ import numpy as np
 from pvibr.animation.blending import crossfade
 from pvibr.animation.mixer import ClipSource, PoseSource, revision_of
 from pvibr.animation.pose import Pose
-from pvibr.core.effect import Effect
 from pvibr.core.params import Param
+from pvibr.scene.thing import Thing
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class _Fade:
         return crossfade(self.before.sample(time), self.after.sample(time), max(share, 0.0))
 
 
-class FigurePlayer(Effect):
+class FigurePlayer(Thing):
     """A figure in time: what it shows is known, and it is not drawn yet.
 
     Parameters

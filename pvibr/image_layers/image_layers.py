@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.determinism import is_deterministic
-from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.scene_pass import is_marker
@@ -16,15 +16,16 @@ from pvibr.image_layers.card import LayerCard
 from pvibr.image_layers.layer import Layer, Now, around, numbers_by_depth
 from pvibr.image_layers.members import Lighting, Member
 from pvibr.image_layers.picture import Settings
-from pvibr.instances.instances import Instances
 from pvibr.maths.views import View, may_see
+from pvibr.projection.live_texture import LiveTexture
 from pvibr.scene.casters import Casters, Surfaces, listed
+from pvibr.scene.thing import Thing
 
 # The eye may go this share of the way to the nearest middle until a split by depth is made anew.
 _NEAR = 0.25
 
 
-class ImageLayers(Effect):
+class ImageLayers(Thing):
     """Parts of the scene that are drawn as pictures, taken again only when they must be.
 
     A picture shows the actors of a layer, lit, beyond the edges of the screen as well. In every
@@ -184,10 +185,6 @@ class ImageLayers(Effect):
             self._update_members()
         return around([m.bounds for m in self._members.values() if m.why != 'hidden'])
 
-    def scalar_mapper(self):
-        """Return None: the actors have their own scalar bars."""
-        return
-
     # -- the life of an effect --------------------------------------------------------------------
 
     def attach(self, pipeline):
@@ -204,23 +201,18 @@ class ImageLayers(Effect):
                 msg = f'groups: {other.name} stands for some of these; remove it first'
                 raise ValueError(msg)
         super().attach(pipeline)
+
+    def _put_in(self, renderer):
         self._surfaces = Surfaces(renderer)
         for actor in self.props:
             renderer.AddViewProp(actor)
 
-    def detach(self):
-        """Take the quads out of the scene."""
-        self.rest()
+    def _take_out(self, renderer):
+        self.deactivate()
         for actor in self.props:
-            self.pipeline.renderer.RemoveViewProp(actor)
-        super().detach()
+            renderer.RemoveViewProp(actor)
 
-    def remove(self):
-        """Take it out of its plotter; the actors stay."""
-        if self.pipeline is not None:
-            self.pipeline.remove(self)
-
-    def rest(self):
+    def deactivate(self):
         """Show the actors themselves."""
         for card in self._all_cards():
             card.hide()
@@ -240,19 +232,19 @@ class ImageLayers(Effect):
         self._elsewhere = None
         if frame is self._frame or self._taking:
             return
-        self.rest()
+        self.deactivate()
         self._update_members()
         try:
             self._prepare(frame)
         except Exception:
-            self.rest()
+            self.deactivate()
             raise
         self._frame = frame
 
     def finish(self, frame):
         """Give everyone their actors back."""
         if frame is self._frame:
-            self.rest()
+            self.deactivate()
 
     # -- what is in which layer -------------------------------------------------------------------
 
@@ -260,7 +252,7 @@ class ImageLayers(Effect):
         """Look at all actors; those that were taken out of the subplot go."""
         self._gather()
         effects = self.pipeline.effects if self.pipeline is not None else ()
-        draws = {address(e.texture): e.draws for e in effects if hasattr(e, 'draws')}
+        draws = {address(e.texture): e.draws for e in effects if isinstance(e, LiveTexture)}
         changed = [m.update(draws) for m in self._members.values()]
         self._version += any(changed)
 
@@ -332,15 +324,15 @@ class ImageLayers(Effect):
 
     def _scene(self) -> tuple[list, tuple]:
         """Return the effects that the look of surfaces depends on, and when they changed."""
-        lives = [e for e in self.pipeline.effects if hasattr(e, 'draws')]
+        lives = [e for e in self.pipeline.effects if isinstance(e, LiveTexture)]
         effects = [
             e
             for e in self.pipeline.effects
-            if e.enabled and not hasattr(e, 'render') and e not in (*self.pipeline.things, *lives)
+            if e.enabled and not e.is_image_effect and e not in (*self.pipeline.things, *lives)
         ]
         if not effects:
             return [], ()
-        key = tuple((id(e), e._revision, _draws(getattr(e, 'lives', ()))) for e in effects)
+        key = tuple((id(e), e._revision, _draws(e.lives)) for e in effects)
         others = [t for t in self.pipeline.things if t is not self and t.enabled]
         self._surfaces.update([t for t in self.pipeline.things if t is not self])
         actors, _ = self._surfaces.chosen(None)
@@ -402,8 +394,7 @@ class ImageLayers(Effect):
 
     def _soft_edged(self):
         """Return actors that blend with what was drawn before them."""
-        sets = [thing for thing in self.pipeline.things if isinstance(thing, Instances)]
-        return [actor for thing in sets for actor in thing.soft_edged()]
+        return [actor for thing in self.pipeline.things for actor in thing.soft_edged()]
 
     def _seen_from(self, frame):
         """Return the actors that may be seen in a frame of another camera, as they are."""
@@ -417,7 +408,7 @@ class ImageLayers(Effect):
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
-        self.rest()
+        self.deactivate()
         window = None if self.pipeline is None else self.pipeline.window
         for card in self._all_cards():
             card.release(window)
@@ -452,7 +443,7 @@ def _several(name, value):
 def _checked_groups(groups) -> list:
     found = [listed(group) for group in listed(groups)]
     for actor in (a for group in found for a in group):
-        if not (hasattr(actor, 'IsA') and actor.IsA('vtkActor')):
+        if not isinstance(actor, _vtk.vtkActor):
             what = type(actor).__name__
             msg = f'groups holds a {what}: each must be an actor, as add_mesh returns it'
             raise TypeError(msg)

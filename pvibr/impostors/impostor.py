@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.determinism import is_deterministic
-from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.impostors.cards import ImpostorCards
 from pvibr.impostors.costs import Costs
@@ -21,6 +21,7 @@ from pvibr.impostors.sources import Materials, Source
 from pvibr.instances.instances import Instances
 from pvibr.maths.views import View, may_see, may_see_boxes
 from pvibr.scene.casters import listed
+from pvibr.scene.thing import Thing
 
 #: Side of an image in texels above which there is none.
 LARGEST = 1024
@@ -30,7 +31,7 @@ _SLOW = 1e-4
 _KEPT = 0.8
 
 
-class Impostor(Effect):
+class Impostor(Thing):
     """Actors that are drawn as images of themselves, taken again only when they must be.
 
     An image lies on a card through the middle of its actor, across the line of sight from where it
@@ -163,10 +164,6 @@ class Impostor(Effect):
         """What images are of, with their boxes; None before the first frame."""
         return self._nodes
 
-    def scalar_mapper(self):
-        """Return None: the actors have their own scalar bars."""
-        return
-
     # -- the life of an effect -------------------------------------------------------------------
 
     def attach(self, pipeline):
@@ -182,20 +179,15 @@ class Impostor(Effect):
                 msg = f'actors: {other.name} stands for some of them already; remove it first'
                 raise ValueError(msg)
         super().attach(pipeline)
+
+    def _put_in(self, renderer):
         renderer.AddViewProp(self._cards.actor)
 
-    def detach(self):
-        """Take the cards out of the scene."""
+    def _take_out(self, renderer):
         self._leaves.rest()
-        self.pipeline.renderer.RemoveViewProp(self._cards.actor)
-        super().detach()
+        renderer.RemoveViewProp(self._cards.actor)
 
-    def remove(self):
-        """Take it out of its plotter; the actors stay, as meshes."""
-        if self.pipeline is not None:
-            self.pipeline.remove(self)
-
-    def rest(self):
+    def deactivate(self):
         """Show the actors themselves."""
         self._leaves.rest()
         self._cards.hide()
@@ -214,7 +206,7 @@ class Impostor(Effect):
         try:
             self._prepare(frame)
         except Exception:
-            self.rest()
+            self.deactivate()
             raise
         self._frame = frame
 
@@ -487,7 +479,7 @@ def _checked(actors) -> list:
 
 
 def _is_actor(thing) -> bool:
-    return hasattr(thing, 'IsA') and thing.IsA('vtkActor')
+    return isinstance(thing, _vtk.vtkActor)
 
 
 def _view_of(frame) -> View:

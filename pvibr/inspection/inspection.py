@@ -78,19 +78,14 @@ class Inspection(Effect):
         self.pipeline.renderer.RemoveObserver(self._observer)
         super().detach()
 
-    def remove(self):
-        """Take it out of its plotter, which then draws as before."""
-        if self.pipeline is not None:
-            self.pipeline.remove(self)
-
-    def rest(self):
+    def deactivate(self):
         """Draw nothing."""
         self._untint()
         self._marks.hide()
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
-        self.rest()
+        self.deactivate()
         window = self.pipeline.window
         if window is not None:
             self._marks.release(window)

@@ -22,12 +22,12 @@ from pvibr.instances.levels import Limits, checked_force, forced_limits, limits_
 from pvibr.meshes.parts import as_meshes
 from pvibr.meshes.poses import as_poses
 from pvibr.scene import looks as look
-from pvibr.scene.anchor import Anchored, anchor, set_bounds
 from pvibr.scene.painted import TABLE_OPTIONS, Painted
 from pvibr.scene.picking import nearest_hit
+from pvibr.scene.thing import Thing, anchor, set_bounds
 
 
-class Instances(Painted, Anchored):
+class Instances(Painted, Thing):
     """A mesh, or several, drawn at many poses: near as mesh, far as cards made from images.
 
     Parameters

@@ -187,7 +187,7 @@ class LiveTexture(Effect):
     def _worn_in(self, frame) -> list[LiveTexture]:
         """Return the live textures on what it sees, worn or projected, itself too."""
         worn = [a.GetTexture() for a in self._casters().actors]
-        thrown = [live for e in self._scene_effects() for live in getattr(e, 'lives', ())]
+        thrown = [live for e in self._scene_effects() for live in e.lives]
         found = [e for e in self.pipeline.effects if isinstance(e, LiveTexture) and e.enabled]
         found = [e for e in found if e in thrown or any(t is e.texture for t in worn)]
         for live in found:
@@ -212,7 +212,7 @@ class LiveTexture(Effect):
         return [
             e
             for e in self.pipeline.effects
-            if e.enabled and not isinstance(e, LiveTexture) and not hasattr(e, 'render')
+            if e.enabled and not isinstance(e, LiveTexture) and not e.is_image_effect
         ]
 
     def _clear_color(self, frame) -> tuple:

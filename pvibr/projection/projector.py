@@ -356,18 +356,18 @@ class _Projection(Effect):
         # Another subplot that shows the same actor has other pictures, or none.
         self._attached.leave_shared()
 
-    def rest(self):
+    def deactivate(self):
         """Take the shader text off all receivers."""
         self._attached.clear()
 
     def detach(self):
         """Leave the pipeline."""
-        self.rest()
+        self.deactivate()
         super().detach()
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
-        self.rest()
+        self.deactivate()
         for slide in self._slides:
             slide.release()
         if self._drawer is not None:

@@ -24,10 +24,10 @@ from pvibr.quadrics.cards import (
     view_uniforms,
 )
 from pvibr.quadrics.occlusion import Occlusion
-from pvibr.scene.anchor import Anchored, set_bounds
-from pvibr.scene.anchor import anchor as new_anchor
 from pvibr.scene.painted import Painted
 from pvibr.scene.picking import Hit, pixel_ray
+from pvibr.scene.thing import Thing, set_bounds
+from pvibr.scene.thing import anchor as new_anchor
 from pvibr.scene.translucent import DepthSortedDraws, depths_of
 
 # Opacities in the alpha of looks: up to this with the material's colour, from the next on their
@@ -35,7 +35,7 @@ from pvibr.scene.translucent import DepthSortedDraws, depths_of
 _OPAQUE = 127
 
 
-class Quadrics(Painted, Anchored):
+class Quadrics(Painted, Thing):
     """Things of one shape by the million, exact to the pixel, without triangles.
 
     A subclass sets ``shape`` and its places before it calls this one's ``__init__``, and has
@@ -194,7 +194,7 @@ class Quadrics(Painted, Anchored):
     # -- the life of an effect ----------------------------------------------------------------
 
     def _take_out(self, renderer):
-        self.rest()
+        self.deactivate()
         super()._take_out(renderer)
 
     def content_key(self) -> tuple:
@@ -216,7 +216,7 @@ class Quadrics(Painted, Anchored):
             return 'not visible'
         return bool(len(self)) or f'no {self.shape.name}'
 
-    def rest(self):
+    def deactivate(self):
         """Draw nothing: frames are drawn without them now."""
         for actor in self.actors():
             actor.VisibilityOff()

@@ -199,7 +199,7 @@ def _set_bulge(actor, bulge):
 
 def depths_of(thing) -> list:
     """Return the actors that draw the depth of what a thing shows."""
-    return thing.depths() if hasattr(thing, 'depths') else thing.drawn()
+    return thing.depths()
 
 
 @dataclass
@@ -242,7 +242,7 @@ class Casters:
 
     def bounds(self) -> np.ndarray:
         """Return the world bounds of each, shape (n, 6); of what has none, nothing."""
-        reach = [getattr(t, 'cast_bounds', t.bounds) for t in self.things]
+        reach = [t.cast_bounds for t in self.things]
         things = np.array(reach, float).reshape(-1, 6)
         boxes = np.concatenate([self._boxes, things])
         return boxes[boxes[:, 0] <= boxes[:, 1]]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
@@ -17,6 +18,7 @@ from pvibr.maths.kernels import vogel_disk
 from pvibr.scene.casters import Casters, Surfaces, set_surface_uniforms, surface_features
 from pvibr.scene.depth_view import DepthView, receiver_shader
 from pvibr.scene.lights import SceneLight, light_views, lights_of
+from pvibr.scene.thing import Thing
 from pvibr.shadows.moments import KINDS, WARP, Moments
 from pvibr.shadows.volume import ShadowVolumes, receiver_text
 
@@ -131,7 +133,7 @@ class Shadows(Effect):
                 msg = f'{name} = {choice!r}: must be None, a list of actors, or a function of one'
                 raise TypeError(msg)
             for item in () if choice is None or callable(choice) else choice:
-                if not (hasattr(item, 'drawn') or (hasattr(item, 'IsA') and item.IsA('vtkProp'))):
+                if not isinstance(item, Thing | _vtk.vtkProp):
                     msg = (
                         f'{name} has a {type(item).__name__}: must be actors, as add_mesh returns'
                     )
@@ -327,7 +329,7 @@ class Shadows(Effect):
         # Another subplot that shows the same actor has other lights, or no shadows.
         self._attached.leave_shared()
 
-    def rest(self):
+    def deactivate(self):
         """Take the shader text off all receivers."""
         self._attached.clear()
 
@@ -340,12 +342,12 @@ class Shadows(Effect):
 
     def detach(self):
         """Leave the pipeline."""
-        self.rest()
+        self.deactivate()
         super().detach()
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
-        self.rest()
+        self.deactivate()
         for maps in self._lights:
             maps.release()
         for owner in (self._volumes, self._drawer):

@@ -78,7 +78,7 @@ class ShadowVolumes:
         old, self._tables = self._tables, {}  # what is gone is forgotten
         shapes = {key[1:]: table for key, table in old.items()}
         found = []
-        solids = [t.solids() if hasattr(t, 'solids') else [None] for t in casters.things]
+        solids = [t.solids() for t in casters.things]
         actors = [*casters.actors, *(a for group in solids for a in group)]
         for actor in actors:
             key, data = (None, None) if actor is None else _source(actor)

@@ -1,4 +1,4 @@
-"""The prop that stands for a thing in the scene: it draws nothing and has the thing's bounds."""
+"""Effects that draw with actors of their own, and the prop that stands for each in the scene."""
 
 from __future__ import annotations
 
@@ -38,10 +38,8 @@ def set_bounds(actor, bounds):
     actor.GetMapper().SetInputData(mesh)
 
 
-class Anchored(Effect):
-    """A thing in a scene: actors that draw it, and an anchor that stands for all of them.
-
-    A subclass sets ``_anchor``, and has ``bounds`` and ``actors()``.
+class Thing(Effect):
+    """An effect that draws with actors of its own; a subclass overrides the hooks it needs.
 
     Parameters
     ----------
@@ -49,21 +47,61 @@ class Anchored(Effect):
         Values of the class's settings.
     """
 
+    FOR_USERS = ('actors', 'bounds', 'center', 'actor', 'pick')
+
     _anchor: Any = None
     _title = ''  # what plotters call it where it has no name of its own
 
-    @property
-    def bounds(self) -> tuple[float, ...]:
-        """World bounds: x, y and z, low and high."""
-        raise NotImplementedError
+    # -- hooks: what draws it ----------------------------------------------------------------
 
     def actors(self) -> list:
-        """Return the actors that draw it, those that are not visible now too."""
+        """Return the actors that draw it, invisible ones included."""
         raise NotImplementedError
 
     def drawn(self) -> list:
-        """Return the actors that are visible."""
+        """Return the actors that draw it in the frame that it was prepared for."""
         return [actor for actor in self.actors() if actor.GetVisibility()]
+
+    def soft_edged(self) -> list:
+        """Return the actors whose edges blend with what was drawn before them."""
+        return []
+
+    def depths(self) -> list:
+        """Return the actors that draw its depth, as lights see it."""
+        return self.drawn()
+
+    def solids(self) -> list:
+        """Return the actors whose meshes cast its shadow volumes, None for what has no mesh."""
+        return [None]
+
+    # -- hooks: what is known of it ----------------------------------------------------------
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """World bounds: x, y and z, low and high; of nothing (1, -1, 1, -1, 1, -1)."""
+        raise NotImplementedError
+
+    @property
+    def cast_bounds(self) -> Any:
+        """World bounds of what casts shadows."""
+        return self.bounds
+
+    def content_key(self) -> tuple:
+        """Return a value that changes whenever the drawn content does, the camera left out."""
+        raise NotImplementedError
+
+    def follow(self):
+        """Take over a new time of the pipeline."""
+
+    def scalar_mapper(self):
+        """Return a mapper with the table of the shown scalars, None without scalars."""
+        return
+
+    def scalar_title(self) -> str:
+        """Return the title of the scalar bar."""
+        return ''
+
+    # -- its place in the scene --------------------------------------------------------------
 
     @property
     def center(self) -> tuple[float, ...]:
@@ -81,10 +119,12 @@ class Anchored(Effect):
         return (self._anchor,)
 
     def attach(self, pipeline):
-        """Put its props into the scene."""
+        """Add its props to the scene."""
         super().attach(pipeline)
         renderer, anchor = pipeline.renderer, self._anchor
-        if hasattr(renderer, 'add_actor'):
+        if anchor is None:
+            pass
+        elif isinstance(renderer, pv.Renderer):
             name = self._name or f'{self._title}({anchor.GetAddressAsString("")})'
             renderer.add_actor(anchor, name=name, reset_camera=False, render=False, pickable=False)
         else:
@@ -92,11 +132,11 @@ class Anchored(Effect):
         self._put_in(renderer)
 
     def detach(self):
-        """Take its props out of the scene."""
+        """Remove its props from the scene."""
         renderer, anchor = self.pipeline.renderer, self._anchor
         self._take_out(renderer)
-        if renderer.HasViewProp(anchor):
-            if hasattr(renderer, 'remove_actor'):
+        if anchor is not None and renderer.HasViewProp(anchor):
+            if isinstance(renderer, pv.Renderer):
                 renderer.remove_actor(anchor, reset_camera=False, render=False)
             else:
                 renderer.RemoveViewProp(anchor)
@@ -109,8 +149,3 @@ class Anchored(Effect):
     def _take_out(self, renderer):
         for actor in self.actors():
             renderer.RemoveViewProp(actor)
-
-    def remove(self):
-        """Take it out of its plotter and free what it holds on the GPU; it may be added again."""
-        if self.pipeline is not None:
-            self.pipeline.remove(self)
