@@ -37,7 +37,7 @@ else:
 # 2. The photograph on the mesh, seen from another side; flat angles are left out.
 pl = pv.Plotter(shape=(1, 2), window_size=(1100, 520))
 pl.add_mesh(mesh, color='tan', smooth_shading=True)
-pl.ibr.add(pvibr.Projector(photo, camera, facing=80.0))
+pl.ibr.add(pvibr.Projector(photo, camera, max_angle=80.0))
 eye, middle = camera.position, np.array(mesh.center)
 away = np.linalg.norm(middle - eye) * (-0.5 * camera.R[0] - 0.3 * camera.R[2])
 place = [tuple(eye + away), tuple(middle), tuple(-camera.R[1])]
@@ -45,7 +45,7 @@ pl.camera_position = place
 
 # %%
 # 3. The same as data of the points, which any viewer shows and any file keeps.
-draped = pvibr.Projector(photo, camera, facing=80.0).bake(mesh.subdivide(2))
+draped = pvibr.Projector(photo, camera, max_angle=80.0).bake(mesh.subdivide(2))
 print(f'{draped["covered"].mean():.0%} of the points are covered')
 colors = draped['projected'][:, :3].copy()
 colors[~draped['covered']] = (210, 180, 140)  # as the mesh is

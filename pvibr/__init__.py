@@ -37,7 +37,6 @@ def lazy_exports(package, exports):
 EFFECTS = {
     'Shadows': 'pvibr.shadows.shadows',  # light that reaches surfaces, before any is shaded
     'Projector': 'pvibr.projection.projector',  # photographs are lit and shadowed like surfaces
-    'Projectors': 'pvibr.projection.projector',  # as one
     'Sky': 'pvibr.effects.backgrounds',  # behind the scene: a lens blurs it, bright parts bloom
     'Backdrop': 'pvibr.effects.backgrounds',  # as the sky
     'DepthOfField': 'pvibr.effects.depth_of_field',  # a lens blurs the light of the scene

@@ -16,7 +16,7 @@ from pvibr.bench.rays import Rays, edge_band
 from pvibr.bench.rows import Row
 from pvibr.bench.runs import run
 from pvibr.maths.cameras import Pinhole
-from pvibr.projection.visibility import Samples
+from pvibr.projection.samples import Samples
 
 #: Pixels of the photograph, and a lens that bends its corners by a tenth.
 SIZE = (1280, 720)

@@ -47,7 +47,7 @@ def measure(settings, results):
 
 def _tried(settings) -> dict:
     """Return settings by blur, by method."""
-    blurred = {m: {b: {'method': m, 'softness': b} for b in settings.blurs} for m in _MOMENTS}
+    blurred = {m: {b: {'method': m, 'filter_radius': b} for b in settings.blurs} for m in _MOMENTS}
     plain = {m: {'': {'method': m}} for m in ('pcss', 'hard')}
     return plain | blurred | {VTK: {'': VTK}}
 

@@ -19,21 +19,24 @@ from pvibr.maths.silhouettes import edge_table, silhouettes
 BARS = {'camera': 0.5, 'light': 0.7}
 _STEP = 0.01  # of the scene's size, that camera or light move in a frame
 _SIZES = {f'{n}': {'resolution': n} for n in (2048, 512, 1024, 4096)}
-_BLURS = {f'{x:g} texels': {'softness': x} for x in (8.0, 2.0, 16.0)}
+_BLURS = {f'{x:g} texels': {'filter_radius': x} for x in (8.0, 2.0, 16.0)}
+_BIASES = {f'{x:g} texels': {'normal_bias': x} for x in (0.35, 0.0, 0.1, 1.0, 4.0)}
 #: Curves of the plot: by name, settings by what is written beside their points.
 HARD: dict = {
     'hard, by resolution': {k: v | {'method': 'hard'} for k, v in _SIZES.items()},
     'pcf, by resolution': _SIZES,
-    'pcf, by offset': {f'{x:g} texels': {'offset': x} for x in (0.35, 0.0, 0.1, 1.0, 4.0)},
+    'pcf, by normal bias': {
+        f'{x:g} texels': {'normal_bias': x} for x in (0.35, 0.0, 0.1, 1.0, 4.0)
+    },
     'volume': {'': {'method': 'volume'}},
     "VTK's own pass": {'': VTK},
 }
 SOFT: dict = {
     'hard': {'': {'method': 'hard'}},
-    'pcf, by softness': _BLURS,
+    'pcf, by filter radius': _BLURS,
     'pcss, by taps': {f'{n} taps': {'method': 'pcss', 'taps': n} for n in (32, 8, 16, 64)},
     **{
-        f'{m}, by softness': {k: v | {'method': m} for k, v in _BLURS.items()}
+        f'{m}, by filter radius': {k: v | {'method': m} for k, v in _BLURS.items()}
         for m in ('vsm', 'evsm', 'msm')
     },
     "VTK's own pass": {'': VTK},

@@ -8,8 +8,9 @@ import numpy as np
 
 from pvibr.export.surfaces import Surface, albedo_of, material_of
 from pvibr.maths.draping import sample
+from pvibr.projection.samples import Samples
 from pvibr.projection.unwrap import texels_of, unwrapped
-from pvibr.projection.visibility import Reach, Samples, toward_light
+from pvibr.projection.visibility import Reach, toward_light
 from pvibr.scene.lights import lights_of
 
 #: Edges are cut until they are no longer than this share of the scene, then only where colours

@@ -10,7 +10,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.meshes.parts import copy_property
-from pvibr.projection.visibility import sides_of
+from pvibr.projection.samples import sides_of
 
 _FLAT, _PHONG, _PBR = 0, 2, 3  # VTK_FLAT, VTK_PHONG, VTK_PBR
 _COLORS = 'colors'

@@ -17,7 +17,7 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.mipmaps import copy
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.views import View, look_along
-from pvibr.projection.visibility import view_of
+from pvibr.projection.depth_maps import view_of
 from pvibr.scene.casters import Casters, Surfaces
 
 _FINE = 2  # pixels drawn for each texel, along a side

@@ -4,7 +4,7 @@
 //
 // PRE stands for the effect, SLIDE for one of its pictures, VIEW for that one's number.
 // PRE_matrix: for each picture, view space to plane and to depth texture. PRE_number: 24 floats
-// each, see projector.py. PRE_set: feather, least cosine, opacity, dim, offset in texels.
+// each, see projector.py. PRE_set: feather, least cosine, opacity, outside brightness, normal bias in texels.
 
 //@picture
 #ifndef IBR_PICTURE

@@ -10,197 +10,141 @@ import numpy as np
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import MipTexture, Texture, set_fragment_uniforms, shader_source, texture_limit
+from pvibr.gl import set_fragment_uniforms, shader_source
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
-from pvibr.images.projected import LivePictures, Pictures, is_live
-from pvibr.maths import depth_test
-from pvibr.maths.cameras import Orthographic, as_camera
-from pvibr.maths.draping import blend, border, exposure_gains, sample, weights
-from pvibr.maths.image_error import box_reduce
+from pvibr.maths.cameras import as_camera
+from pvibr.projection.painting import painted, solved_gains
+from pvibr.projection.samples import Samples, sides_of, surface_of
+from pvibr.projection.slide import Slide
 from pvibr.projection.unwrap import texels_of, unwrapped
-from pvibr.projection.visibility import (
-    Samples,
-    bounds_of,
-    depth_maps,
-    sides_of,
-    surface_of,
-    view_of,
-)
 from pvibr.scene.casters import Casters, Surfaces
-from pvibr.scene.depth_view import DepthView, receiver_shader
+from pvibr.scene.depth_view import receiver_shader
 
 #: Pictures on a surface at once: each takes two of the 16 texture units that OpenGL promises, and
 #: the mesh, the light and other effects need some.
 MOST = 6
-#: Depth views are at least as sharp as this, and at most: texels along a side.
-_SIDES = (2048, 4096)
-_FLOATS = 24  # for each picture, see projector.glsl
-_GRAZING = 1e-3  # the least that a cosine counts, where surfaces may face away
-_GAIN_POINTS = 20_000  # on which exposures are compared
 
 
-class _Slide:
-    """A picture and its camera, with what they need on the GPU."""
+class Projector(Effect):
+    """Project a photograph, or several, on all that their cameras see.
 
-    def __init__(self, image, camera, mask=None):
-        self.live: Any = image if is_live(image) else None
-        self.pictures: Any = (LivePictures if self.live is not None else Pictures)(image, mask)
-        self.given = camera
-        self.camera()
-        self.view: Any = None
-        self.depth: DepthView | None = None
-        self.texture: Texture | None = None
-        self.reduced = 1
-        self._shown: tuple = ()
-        self._released = 0
+    Parameters
+    ----------
+    image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
+        See :class:`pvibr.images.projected.Pictures`; films and sequences run with ``pl.ibr.time``.
+        A list of images if `camera` is a list.
+    camera : pyvista.Camera, Pinhole, Orthographic, dict, tuple, or list of them
+        See :func:`pvibr.maths.cameras.as_camera`: ``(K, R, t)`` or ``(K, R, t, distortion)`` as in
+        OpenCV, or the extent of an orthophoto. A list has one camera per image, at most 6, since
+        each image takes two texture units.
+    mask : path or array, optional
+        0 where the image must not be used. If `camera` is a list: a list, None where there is no
+        mask.
+    actors : callable or sequence, optional
+        Actors to paint, or a function that returns True for them; by default all.
+    casters : callable or sequence, optional
+        Actors and things of pvibr that occlude; by default all that are visible and opaque.
+    **settings
+        Values of the settings.
 
-    def camera(self):
-        """Return the camera as it is now: a ``pyvista.Camera`` may have moved."""
-        return as_camera(self.given, self.pictures.size)
+    Raises
+    ------
+    ValueError
+        If an image cannot be read, a camera is invalid or for another image size, or the lists
+        differ in length.
 
-    @property
-    def bakes(self) -> int:
-        return self._released + (self.depth.bakes if self.depth else 0)
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> from pyvista import examples
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> _ = pl.add_mesh(pv.Sphere(center=(0, 0, 1)))
+    >>> _ = pl.add_mesh(pv.Plane(i_size=4, j_size=4))
+    >>> camera = pv.Camera()
+    >>> camera.position, camera.focal_point, camera.up = (0, -2, 6), (0, 0, 0), (0, 1, 0)
+    >>> photo = pl.ibr.add(pvibr.Projector(examples.mapfile, camera))
+    >>> pl.show(auto_close=False)
+    >>> photo.report()['receivers']
+    2
+    >>> pl.close()
 
-    @property
-    def nbytes(self) -> int:
-        own = None if self.live is not None else self.texture
-        return sum(owner.nbytes for owner in (own, self.depth) if owner)
+    Two overlapping images, blended:
 
-    def side(self, resolution) -> int:
-        """Return the texels along a side of the depth view."""
-        return resolution or int(np.clip(2 * max(self.pictures.size), *_SIDES))
-
-    def show(self, window, k, alpha):
-        """Have a picture on the GPU, in levels for whatever is far away or seen at an angle."""
-        if self.live is not None:
-            self.texture = self.live.shown
-            return
-        if self._shown == (k, alpha):
-            return
-        if self.texture is None:
-            self.texture = MipTexture(window)
-        picture = self.pictures.weighted(k, alpha)
-        self.reduced = -(-max(picture.shape[:2]) // texture_limit(window))
-        self.texture.upload(_reduced(picture, self.reduced)[::-1])
-        self._shown = (k, alpha)
-
-    def look(self, frame, drawer, casters, resolution):
-        """Have the depth that the camera sees on the GPU."""
-        side = self.side(resolution)
-        self.view = view_of(self.camera(), casters.bounds(), side)
-        if self.view is None:
-            return
-        if self.depth is not None and self.depth.resolution != min(side, self._limit(frame)):
-            self.drop_depth()
-        if self.depth is None:
-            self.depth = DepthView(drawer, 1, side)
-        self.depth.update(frame, [self.view], casters)
-
-    def _limit(self, frame):
-        return texture_limit(frame.window)
-
-    def drop_depth(self):
-        if self.depth is not None:
-            self._released += self.depth.bakes
-            self.depth.release()
-            self.depth = None
-
-    def release(self):
-        self.drop_depth()
-        if self.texture is not None and self.live is None:
-            self.texture.release()
-        self.texture, self._shown = None, ()
-        self.pictures.close()
-
-    # -- the numbers of the shader ------------------------------------------------------------
-
-    def matrices(self, world_from_view, size):
-        """Return view space to the picture's plane, and to the depth texture."""
-        camera = self.camera()
-        plane = _plane_from_world(camera, size) @ world_from_view
-        if self.view is None:
-            return [plane, np.eye(4)]
-        return [plane, self.view.texture_from_world() @ world_from_view]
-
-    def numbers(self, view_from_world, size, gain) -> list:
-        """Return what the shader's NUMBER is."""
-        camera = self.camera()
-        if isinstance(camera, Orthographic):
-            lens, radius, uv = np.zeros(8), 0.0, np.eye(2, 3)
-            place = np.append(view_from_world[:3, :3] @ camera.toward(np.zeros((1, 3)))[0], 0.0)
-        else:
-            lens, radius, uv = camera.distortion, camera.valid_radius, camera.uv_from_plane
-            place = (view_from_world @ np.append(camera.position, 1.0))[:3]
-            place = np.append(place, 1.0)
-        texel = 1.0
-        if self.view is not None and self.depth is not None:
-            texel = depth_test.texel_size(self.view, self.depth.resolution)
-        found = [*lens, min(radius, 1e15) ** 2, *uv.ravel(), *place, *gain]
-        return [*found, _density(camera, size), texel]
-
-
-class _Projection(Effect):
-    """What one projector and several have in common."""
+    >>> import numpy as np
+    >>> left = pvibr.Orthographic.from_extent(-1, 0.2, -1, 1, zmax=2)
+    >>> right = pvibr.Orthographic.from_extent(-0.2, 1, -1, 1, zmax=2)
+    >>> photos = pvibr.Projector([np.zeros((9, 9)), np.ones((9, 9))], [left, right])
+    >>> plane = pv.Plane(i_size=2, j_size=2, i_resolution=3, j_resolution=1)
+    >>> photos.bake(plane, to='cells')['views'].tolist()
+    [1, 2, 1]
+    """
 
     web = 'baked', 'colours or textures of surfaces'
     mode = Param(
         'replace',
-        'What the picture does: takes the place of the surface, lights it as a slide '
-        'projector does, covers it by its alpha, or is added.',
+        'How the image meets the surface: replaces its colour, lights it as a slide projector '
+        'does, covers it by alpha, or is added.',
         choices=('replace', 'modulate', 'decal', 'add'),
     )
     lit = Param(
         False,
-        'Whether the scene lights the picture; else it is shown as it was photographed. '
-        'For replace and decal.',
+        'Whether the scene lights the image, in modes replace and decal; else its colours are '
+        'shown as photographed.',
     )
-    occlusion = Param(True, 'Whether what is hidden from the camera stays as it is.')
-    opacity = Param(1.0, 'How much of the picture is seen.', range='[0, 1]')
+    occlusion = Param(True, 'Whether surfaces hidden from the camera stay unpainted.')
+    opacity = Param(1.0, 'Opacity of the image.', range='[0, 1]')
     feather = Param(
         0.0,
-        "Width of the picture's border over which it fades, as a share of its sides.",
+        'Width of the border over which the image fades out, as a fraction of its sides.',
         range='[0, 0.5]',
     )
-    dim = Param(
-        1.0, 'What the surface is multiplied by where no picture covers it.', range='[0, 1]'
+    outside_brightness = Param(
+        1.0, 'Factor of the surface colour outside the image.', range='[0, 1]'
     )
-    facing = Param(
+    max_angle = Param(
         90.0,
-        'Largest angle between a surface and the direction to the camera at which it is '
-        'painted: less than 90 leaves out what is seen at a flat angle, 180 paints both sides.',
+        'Maximum angle between the surface normal and the direction to the camera: below 90 '
+        'leaves out grazing views, 180 paints both sides.',
         range='(0, 180]',
         unit='degrees',
     )
-    gain = Param((1.0, 1.0, 1.0), 'What red, green and blue are multiplied by.', range='[0, inf)')
+    gain = Param((1.0, 1.0, 1.0), 'Factors of red, green and blue.', range='[0, inf)')
     resolution = Param(
         None,
-        'Texels along a side of the depth view; by default two a pixel of the picture, '
-        'from 2048 to 4096.',
+        'Texels along a side of the depth map; by default two per image pixel, from 2048 to 4096.',
         range='[16, 16384]',
         kind=int,
     )
-    offset = Param(
+    normal_bias = Param(
         0.25,
-        'How far a receiver is moved along its normal: less shows holes where surfaces are '
-        'concave, more paints what lies just behind an edge.',
+        'Distance by which receivers are moved along their normal for the depth test: too low '
+        'leaves holes on concave surfaces, too high paints just behind edges.',
         range='[0, 16]',
         unit='texels',
     )
     fps = Param(
         None,
-        "Pictures of a sequence per second of pl.ibr.time; by default the film's own.",
+        "Images of a sequence per second of pl.ibr.time; by default the film's frame rate.",
         range='(0, inf)',
         kind=float,
     )
-    loop = Param(True, 'Whether a sequence begins again after its end, or its last is held.')
+    loop = Param(True, 'Whether a sequence repeats; else its last image stays.')
 
-    blend: Any = 'feather'
-    gains: Any = 'none'
+    blend = Param(
+        'feather',
+        'How images share a place: weighted by angle, distance and border, or the best alone.',
+        choices=('feather', 'best'),
+    )
+    gains = Param(
+        'none',
+        'Whether the brightness of several images is made equal where they overlap.',
+        choices=('none', 'auto'),
+    )
 
-    def __init__(self, slides, actors=None, casters=None, **settings):
-        self._slides = [_Slide(*slide) for slide in slides]
+    def __init__(self, image, camera, *, mask=None, actors=None, casters=None, **settings):
+        self._slides = [Slide(*slide) for slide in _checked_slides(image, camera, mask)]
         self.actors, self.casters = actors, casters
         self._attached = FeatureSet()
         self._surfaces: Any = None
@@ -216,7 +160,7 @@ class _Projection(Effect):
 
     def attach(self, pipeline):
         """Take a place in a pipeline."""
-        taken = {e.number for e in pipeline.effects if isinstance(e, _Projection)}
+        taken = {e.number for e in pipeline.effects if isinstance(e, Projector)}
         self.number = next(n for n in range(len(taken) + 1) if n not in taken)
         super().attach(pipeline)
 
@@ -263,7 +207,7 @@ class _Projection(Effect):
 
     def needed(self, frame) -> bool | str:
         """Tell whether anything of the pictures is to be seen."""
-        if self.opacity == 0 and self.dim == 1:
+        if self.opacity == 0 and self.outside_brightness == 1:
             return 'opacity is 0'
         if any(live.shown is None for live in self.lives):
             return 'its live texture is in no subplot, or not drawn yet: add it'
@@ -277,15 +221,12 @@ class _Projection(Effect):
         self._surfaces.update(things)
         casters = self._casters(things)
         for slide in self._slides:
-            slide.show(frame.window, self._at(slide, frame.time), self.mode != 'replace')
+            slide.show(frame.window, frame.time, self)
             if self.occlusion:
                 slide.look(frame, self._drawer, casters, self.resolution)
             else:
                 slide.drop_depth()
         self._attach(frame, casters, things)
-
-    def _at(self, slide, time):
-        return slide.pictures.at(time, self.fps, self.loop)
 
     def _casters(self, things):
         actors, things = self._surfaces.chosen(self.casters, things)
@@ -308,10 +249,8 @@ class _Projection(Effect):
         prop = actor.GetProperty()
         # Edges and tubes are made by a geometry shader, which hands nothing on that is not VTK's.
         between = bool(prop.GetEdgeVisibility() or prop.GetRenderLinesAsTubes())
-        lenses = tuple(_has_lens(s.camera()) for s in self._slides)
-        seen = tuple(
-            self.occlusion and s.depth is not None and s.view is not None for s in self._slides
-        )
+        lenses = tuple(slide.has_lens for slide in self._slides)
+        seen = tuple(self.occlusion and 'depth' in slide.textures() for slide in self._slides)
         lit = self.lit and self.mode in ('replace', 'decal')
         return _feature(self.number, lenses, seen, self.mode, lit, self.blend == 'best', between)
 
@@ -327,10 +266,10 @@ class _Projection(Effect):
         ]
         settings = [
             self.feather,
-            np.cos(np.radians(self.facing)),
+            np.cos(np.radians(self.max_angle)),
             self.opacity,
-            self.dim,
-            self.offset,
+            self.outside_brightness,
+            self.normal_bias,
         ]
         # In perspective depth is taken from w, in a parallel view from z.
         clip = frame.clip_from_view
@@ -344,14 +283,14 @@ class _Projection(Effect):
             f'{pre}_set': np.reshape(settings, (-1, 1)),
         }
         for k, slide in enumerate(self._slides):
-            for name, texture in slide_textures(slide).items():
+            for name, texture in slide.textures().items():
                 uniforms[f'{pre}_{name}_{k}'] = texture.activate()
         return uniforms
 
     def finish(self, frame):
         """Give the texture units back."""
         for slide in self._slides:
-            for texture in slide_textures(slide).values():
+            for texture in slide.textures().values():
                 texture.deactivate()
         # Another subplot that shows the same actor has other pictures, or none.
         self._attached.leave_shared()
@@ -388,32 +327,15 @@ class _Projection(Effect):
 
     def _gains(self, casters) -> np.ndarray:
         """Return the gains of each picture, (v, 3), solved anew where what is seen changed."""
-        if self.gains == 'none':
+        if self.gains == 'none' or len(self._slides) == 1:
             return np.ones((len(self._slides), 3))
         key = (casters.key(), [s.camera() for s in self._slides])
         if self._found_gains[0] != key:
             receivers, _ = self._surfaces.chosen(self.actors)
             meshes = [surface_of(a) for a in receivers.values() if a.GetVisibility()]
             others = [surface_of(a) for a in casters.actors]
-            self._found_gains = (key, self._solve(meshes, others))
+            self._found_gains = (key, solved_gains(self._slides, self, meshes, others))
         return self._found_gains[1]
-
-    def _solve(self, meshes, casters):
-        parts = [Samples.of(m, 'cells') for m in meshes]
-        points = np.concatenate([p.points for p in parts])
-        normals = np.concatenate([p.normals for p in parts])
-        rows = np.arange(len(points))[:: -(-len(points) // _GAIN_POINTS) or 1]
-        samples = Samples(
-            points[rows],
-            normals[rows],
-            np.arange(len(rows)),
-            len(rows),
-            np.zeros((len(rows), 3), int),
-            np.zeros(len(rows)),
-        )
-        looks = self._looks(samples, casters, 0.0, 0)
-        colors, shown = np.stack([k.colors for k in looks]), np.stack([k.cover for k in looks])
-        return exposure_gains(np.nan_to_num(colors), shown)
 
     # -- as data ------------------------------------------------------------------------------
 
@@ -465,14 +387,14 @@ class _Projection(Effect):
             msg = f"to is {to!r}; it must be 'points', 'cells' or 'texture'."
             raise ValueError(msg)
         surfaces = [surface_of(m) for m in (mesh, *casters)]
-        side = 0 if self.facing > 90 else sides_of(mesh, None)
+        side = 0 if self.max_angle > 90 else sides_of(mesh, None)
         if to == 'texture':
             mesh = unwrapped(mesh)
             samples, image = texels_of(mesh, size)
-            colors, covered, _ = self._mixed(samples, surfaces, time, side)
+            colors, covered, _ = painted(self._slides, self, samples, surfaces, time, side)
             return mesh, image.filled(colors, covered)
         samples = Samples.of(mesh, to)
-        colors, covered, views = self._mixed(samples, surfaces, time, side)
+        colors, covered, views = painted(self._slides, self, samples, surfaces, time, side)
         found = mesh.copy()
         data = found.point_data if to == 'points' else found.cell_data
         data['projected'], data['covered'], data['views'] = colors, covered, views
@@ -483,176 +405,34 @@ class _Projection(Effect):
         """Hand its pictures to a scene without pvibr."""
 
         def draped(samples, surfaces, side):
-            side = 0 if self.facing > 90 else side
-            return self._mixed(samples, surfaces, scene.frame.time, side)[0]
+            side = 0 if self.max_angle > 90 else side
+            return painted(self._slides, self, samples, surfaces, scene.frame.time, side)[0]
 
         scene.drape(
             draped,
             mode=self.mode,
             lit=self.lit,
-            dim=self.dim,
+            dim=self.outside_brightness,
             receives=self.actors,
             casts=self.casters,
         )
 
-    def _mixed(self, samples, surfaces, time, side):
-        """Return colours (n, 4) uint8, whether any picture shows there, and how many do."""
-        looks = self._looks(samples, surfaces, time, side)
-        shares = weights(
-            np.stack([k.cosine for k in looks]),
-            np.stack([k.texel for k in looks]),
-            masks=np.stack([k.cover for k in looks]),
-            method=self.blend,
+
+def _checked_slides(image, camera, mask) -> list[tuple]:
+    """Return (image, camera, mask) of each image."""
+    if not isinstance(camera, list):
+        return [(image, camera, mask)]
+    masks = [None] * len(camera) if mask is None else mask
+    if not (isinstance(image, list) and isinstance(masks, list)):
+        msg = 'camera is a list, image or mask is not: give lists, or one camera as a tuple'
+        raise TypeError(msg)
+    if not len(image) == len(camera) == len(masks) or not 1 <= len(camera) <= MOST:
+        msg = (
+            f'image, camera and mask have {len(image)}, {len(camera)} and {len(masks)} entries: '
+            f'must be as many each, 1 to {MOST}'
         )
-        colors = np.stack([k.colors for k in looks])
-        if self.gains == 'auto':
-            colors *= exposure_gains(colors, np.stack([k.cover for k in looks]))[:, None]
-        mixed = np.nan_to_num(blend(colors * self.gain, shares))
-        cover = np.max([k.cover for k in looks], axis=0) * (shares.sum(0) > 0)
-        mixed = np.concatenate([mixed, 255 * cover[:, None] * self.opacity], 1)
-        mixed = np.rint(np.clip(mixed, 0, 255)).astype(np.uint8)
-        return mixed, cover > 0, np.sum([k.cover > 0 for k in looks], axis=0)
-
-    def _looks(self, samples, surfaces, time, side) -> list:
-        return [self._look(slide, samples, surfaces, time, side) for slide in self._slides]
-
-    def _look(self, slide, samples, surfaces, time, side):
-        """Return what one picture shows of each point or cell."""
-        camera, points = slide.camera(), samples.points
-        uv, _ = camera.project(points)
-        toward = camera.toward(points)
-        cosine = samples.facing(toward, side)
-        limit = max(float(np.cos(np.radians(self.facing))), 0.0)
-        cover = border(uv, self.feather) * (cosine > limit)
-        rows = np.flatnonzero(cover)
-        picture = slide.pictures.weighted(self._at(slide, time), self.mode != 'replace')
-        colors = np.full((len(points), 4), np.nan)
-        colors[rows] = sample(picture, uv[rows])
-        cover[rows] *= colors[rows, 3] / 255
-        if self.occlusion and len(rows):
-            texels = slide.side(self.resolution)
-            view = view_of(camera, bounds_of(surfaces), texels)
-            if view is not None:
-                (depth,) = depth_maps([view], surfaces, texels)
-                normals = samples.turned(toward)[rows]
-                cover[rows] *= depth_test.seen(view, depth, points[rows], normals, self.offset)
-        texel = np.where(cover > 0, camera.texel(points), np.inf)
-        return _Look(samples, cover, np.maximum(cosine, _GRAZING), texel, colors[:, :3])
-
-
-class _Look:
-    """What one picture shows: how much it covers, angle, width of a pixel, colours."""
-
-    def __init__(self, samples, cover, cosine, texel, colors):
-        self.cover = samples.most(cover)
-        self.cosine = samples.most(cosine * (cover > 0))
-        self.texel = 1 / np.maximum(samples.most(1 / texel), 1e-300)
-        self.colors = samples.mean(colors, cover)
-
-
-class Projector(_Projection):
-    """A picture on all that its camera sees.
-
-    Parameters
-    ----------
-    image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
-        See :class:`pvibr.images.projected.Pictures`; films and sequences run with ``pl.ibr.time``.
-    camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
-        From where, see :func:`pvibr.maths.cameras.as_camera`: ``(K, R, t)`` or ``(K, R, t,
-        distortion)`` as OpenCV has them, or an orthophoto's extent.
-    mask : path or array, optional
-        0 where the picture must not be used.
-    actors : callable or sequence, optional
-        Which actors are painted; by default all.
-    casters : callable or sequence, optional
-        Which actors and things of pvibr hide what is behind them; by default all that are visible
-        and not translucent.
-    **settings
-        Values of the settings.
-
-    Raises
-    ------
-    ValueError
-        Where the picture cannot be read, or the camera is none or for another size of picture.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> import pvibr
-    >>> from pyvista import examples
-    >>> pl = pv.Plotter(off_screen=True)
-    >>> _ = pl.add_mesh(pv.Sphere(center=(0, 0, 1)))
-    >>> _ = pl.add_mesh(pv.Plane(i_size=4, j_size=4))
-    >>> camera = pv.Camera()
-    >>> camera.position, camera.focal_point, camera.up = (0, -2, 6), (0, 0, 0), (0, 1, 0)
-    >>> photo = pl.ibr.add(pvibr.Projector(examples.mapfile, camera))
-    >>> pl.show(auto_close=False)
-    >>> photo.report()['receivers']
-    2
-    >>> pl.close()
-    """
-
-    def __init__(self, image, camera, *, mask=None, actors=None, casters=None, **settings):
-        super().__init__([(image, camera, mask)], actors, casters, **settings)
-
-
-class Projectors(_Projection):
-    """Several pictures on the same surfaces, made to fit each other.
-
-    Parameters
-    ----------
-    views : sequence of tuple
-        Each (image, camera) or (image, camera, mask), see :class:`Projector`; at most 6, since
-        each takes two texture units.
-    actors : callable or sequence, optional
-        Which actors are painted; by default all.
-    casters : callable or sequence, optional
-        Which actors and things of pvibr hide what is behind them.
-    **settings
-        Values of the settings.
-
-    Raises
-    ------
-    ValueError
-        Where there are none or too many, or one is not as :class:`Projector` needs it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import pyvista as pv
-    >>> import pvibr
-    >>> left = pvibr.Orthographic.from_extent(-1, 0.2, -1, 1, zmax=2)
-    >>> right = pvibr.Orthographic.from_extent(-0.2, 1, -1, 1, zmax=2)
-    >>> photos = pvibr.Projectors([(np.zeros((9, 9)), left), (np.ones((9, 9)), right)])
-    >>> plane = pv.Plane(i_size=2, j_size=2, i_resolution=3, j_resolution=1)
-    >>> photos.bake(plane, to='cells')['views'].tolist()
-    [1, 2, 1]
-    """
-
-    blend = Param(
-        'feather',
-        'How pictures share a place: by angle, distance and border, or the best alone.',
-        choices=('feather', 'best'),
-    )
-    gains = Param(
-        'none',
-        'Whether the brightness of the pictures is made alike where they overlap.',
-        choices=('none', 'auto'),
-    )
-
-    def __init__(self, views, *, actors=None, casters=None, **settings):
-        views = [tuple(view) for view in views]
-        if not 1 <= len(views) <= MOST or not all(len(v) in (2, 3) for v in views):
-            msg = f'views has {len(views)} entries; 1 to {MOST} of (image, camera[, mask]).'
-            raise ValueError(msg)
-        super().__init__(views, actors, casters, **settings)
-
-
-def slide_textures(slide) -> dict:
-    """Return the textures of a picture by name: itself, and what its camera sees of depth."""
-    depth = None if slide.depth is None or slide.view is None else slide.depth.texture
-    found = {'picture': slide.texture, 'depth': depth}
-    return {name: texture for name, texture in found.items() if texture is not None}
+        raise ValueError(msg)
+    return list(zip(image, camera, masks, strict=True))
 
 
 def _size(bounds) -> float:
@@ -661,48 +441,6 @@ def _size(bounds) -> float:
         return 1.0
     low, high = bounds[:, ::2].min(0), bounds[:, 1::2].max(0)
     return float(np.linalg.norm(high - low)) or 1.0
-
-
-def _has_lens(camera) -> bool:
-    return not isinstance(camera, Orthographic) and bool(camera.distortion.any())
-
-
-def _plane_from_world(camera, size):
-    """Return what takes world space to x, y and depth on the plane, times w."""
-    if isinstance(camera, Orthographic):
-        view = camera.view_from_world
-        matrix = np.zeros((4, 4))
-        matrix[0], matrix[1] = view[0] / camera.width, view[1] / camera.height
-        matrix[2], matrix[3, 3] = _depth_row(view, camera.near, camera.far, size), 1.0
-        return matrix
-    rows = np.column_stack([camera.R, camera.t]) / size
-    return np.stack([rows[0], rows[1], 0.5 * rows[2], rows[2]])
-
-
-def _depth_row(view, near, far, size):
-    """Return the row whose product is 0 to 1 from near to far."""
-    ends = np.isfinite([near, far])
-    if not ends.any():
-        return np.array([0, 0, 0, 0.5])
-    if not ends.all():  # a scene is far smaller than this
-        near, far = (near, near + 1e4 * size) if ends[0] else (far - 1e4 * size, far)
-    return (-view[2] - [0, 0, 0, near]) / (far - near)
-
-
-def _density(camera, size) -> float:
-    """Return pixels per length of the scene, at a distance of that length."""
-    if isinstance(camera, Orthographic):
-        return size / float(camera.texel(np.zeros((1, 3)))[0])
-    return float(np.sqrt(camera.K[0, 0] * camera.K[1, 1]))
-
-
-def _reduced(picture, factor):
-    """Return a picture with boxes of pixels averaged; what is left over is cropped by padding."""
-    if factor == 1:
-        return picture
-    high, wide = picture.shape[:2]
-    padded = np.pad(picture, ((0, -high % factor), (0, -wide % factor), (0, 0)), mode='edge')
-    return np.rint(box_reduce(padded, factor)).astype(np.uint8)
 
 
 @lru_cache(maxsize=64)

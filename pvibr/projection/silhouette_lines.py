@@ -7,7 +7,8 @@ import pyvista as pv
 
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.silhouettes import edge_table, silhouettes
-from pvibr.projection.visibility import bounds_of, depth_maps, surface_of, view_of
+from pvibr.projection.depth_maps import depth_maps, view_of
+from pvibr.projection.samples import bounds_of, surface_of
 
 _BESIDE = 1.5  # texels beside a line, off its own surface, where depth is looked up
 _BEFORE = 8.0  # texels by which what hides a line must be before it

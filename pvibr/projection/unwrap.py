@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from pvibr.core import _vtk
 from pvibr.gl.offscreen import hidden_window, read_rgba
-from pvibr.projection.visibility import Samples
+from pvibr.projection.samples import Samples
 
 #: Texels around each part of a texture that take its colours, for filters that reach over edges.
 _PAD = 8
@@ -81,13 +81,10 @@ def texels_of(mesh, size) -> tuple[Samples, TexelImage]:
     across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     length = np.linalg.norm(across, axis=1)
     normals = across / np.where(length > 0, length, 1)[:, None]
-    count = len(cell)
     return (
-        Samples(
+        Samples.at(
             np.einsum('nk,nkd->nd', share, corner[cell]),
             normals[cell],
-            np.arange(count),
-            count,
             faces[cell],
             length[cell] / 2,
         ),

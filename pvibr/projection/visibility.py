@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.frame import Frame
-from pvibr.gl.drawer import Drawer
-from pvibr.gl.offscreen import hidden_window
 from pvibr.maths import depth_test
-from pvibr.maths.cameras import Orthographic, as_camera
+from pvibr.maths.cameras import as_camera
 from pvibr.maths.kernels import vogel_disk
-from pvibr.maths.views import View, corners
-from pvibr.scene.casters import Casters
-from pvibr.scene.depth_view import DepthView
+from pvibr.projection.depth_maps import depth_maps, depth_scene, view_of
+from pvibr.projection.samples import Samples, bounds_of, sides_of, surface_of
 from pvibr.scene.lights import light_views, lights_of
 
-#: Texels around a picture in its depth view: what is compared at its edge lies beyond.
-_EDGE = 4.0
-#: The nearest that is drawn, over the farthest.
-_NEAREST = 1e-3
-#: How far points are moved into the faces that they belong to, as a share of the way.
-_INWARD = 1e-3
 #: How far points are moved along their normals before they are compared, texels: less than in
 #: pictures, since one wrong corner makes a point wrong.
 _OFFSET = 0.1
@@ -153,7 +143,7 @@ def shadow_mask(
     surfaces = [surface_of(m) for m in (mesh, *casters)]
     sides = sides_of(mesh, two_sided) or (0 if two_sided else _lit_side(light, found))
     total = np.zeros(len(found.points))
-    with _hidden(surfaces) as scene:
+    with depth_scene(surfaces) as scene:
         for place in _spread(_scene_light(light), samples, extent):
             total += _lit(place, _views(scene, place, resolution), found, sides)
     return found.most(total / samples)
@@ -194,221 +184,6 @@ def shadowed_area(mesh, lit) -> float:
     faces = Samples.of(mesh, 'cells')
     own = lit[faces.owner] if len(lit) == mesh.n_cells else lit[faces.corner].mean(1)
     return float((faces.area * (1 - own)).sum())
-
-
-# -- places on a mesh ---------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Places on the faces of a mesh that tell about its points or cells."""
-
-    points: np.ndarray
-    normals: np.ndarray
-    owner: np.ndarray
-    count: int
-    corner: np.ndarray
-    area: np.ndarray
-
-    @classmethod
-    def of(cls, mesh, to) -> Samples:
-        """Return samples of a mesh: triangle centroids, or points near the corners."""
-        if to not in ('points', 'cells'):
-            msg = f"to is {to!r}; it must be 'points' or 'cells'."
-            raise ValueError(msg)
-        corner, cell, point = _triangles(mesh)
-        places = np.asarray(mesh.points, float)[point][corner]
-        across = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
-        length = np.linalg.norm(across, axis=1)
-        normals = across / np.where(length > 0, length, 1)[:, None]
-        middle, corner = places.mean(1), point[corner]
-        if to == 'cells':
-            return cls(middle, normals, cell, mesh.n_cells, corner, length / 2)
-        inward = places + _INWARD * (middle[:, None] - places)
-        alone = np.setdiff1d(np.arange(mesh.n_points), corner)
-        return cls(
-            np.concatenate([inward.reshape(-1, 3), np.asarray(mesh.points, float)[alone]]),
-            np.concatenate([np.repeat(normals, 3, 0), np.zeros((len(alone), 3))]),
-            np.concatenate([corner.ravel(), alone]),
-            mesh.n_points,
-            np.concatenate([np.repeat(corner, 3, 0), np.stack([alone] * 3, 1)]),
-            np.concatenate([np.repeat(length / 2, 3), np.zeros(len(alone))]),
-        )
-
-    def facing(self, toward, two_sided) -> np.ndarray:
-        """Return the cosines between normals and directions, (m,); 1 without normals."""
-        cosine = np.einsum('ij,ij->i', self.normals, toward)
-        cosine = np.abs(cosine) if not two_sided else two_sided * cosine
-        return np.where(self.normals.any(1), cosine, 1.0)
-
-    def turned(self, toward) -> np.ndarray:
-        """Return normals on the side of some directions, (m, 3); those where there is none."""
-        back = np.einsum('ij,ij->i', self.normals, toward) < 0
-        normals = np.where(back[:, None], -self.normals, self.normals)
-        return np.where(self.normals.any(axis=1, keepdims=True), normals, toward)
-
-    def most(self, values) -> np.ndarray:
-        """Return the largest value of each owner, (count,); 0 for one without samples."""
-        found = np.zeros(self.count)
-        np.maximum.at(found, self.owner, values)
-        return found
-
-    def mean(self, values, weights) -> np.ndarray:
-        """Return the weighted mean of each owner, (count, c); NaN where all weights are 0."""
-        total = np.bincount(self.owner, weights, self.count)
-        values = np.where(weights[:, None] > 0, values, 0.0)
-        sums = [np.bincount(self.owner, weights * c, self.count) for c in values.T]
-        with np.errstate(invalid='ignore', divide='ignore'):
-            return np.stack(sums, 1) / total[:, None]
-
-
-def _triangles(mesh):
-    """Return triangles by surface point, their cells in the mesh, and its points' numbers."""
-    if isinstance(mesh, pv.PolyData):
-        surface = mesh.copy(deep=False)
-        surface.clear_data()
-        point, cell = np.arange(mesh.n_points), np.arange(mesh.n_cells)
-    else:
-        surface = mesh.extract_surface(pass_pointid=True, pass_cellid=True, algorithm=None)
-        point = np.asarray(surface['vtkOriginalPointIds'])
-        cell = np.asarray(surface['vtkOriginalCellIds'])
-        surface.clear_data()
-    surface.cell_data['cell'] = cell
-    faces = surface.triangulate()
-    return faces.regular_faces.reshape(-1, 3), np.asarray(faces.cell_data['cell']), point
-
-
-def surface_of(thing) -> pv.PolyData:
-    """Return the surface of a mesh or an actor in world units, without data."""
-    matrix = None
-    if hasattr(thing, 'GetMapper'):
-        matrix = thing.GetMatrix()
-        matrix = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-        mapper = thing.GetMapper()
-        mapper.Update()
-        thing = pv.wrap(mapper.GetInput())
-    if isinstance(thing, pv.MultiBlock):
-        thing = thing.combine()
-    if not isinstance(thing, pv.DataSet):
-        msg = f'{thing!r:.100} is no mesh and no actor.'
-        raise TypeError(msg)
-    surface = thing if isinstance(thing, pv.PolyData) else thing.extract_surface(algorithm=None)
-    points = np.asarray(surface.points, np.float64)
-    if matrix is not None:
-        points = points @ matrix[:3, :3].T + matrix[:3, 3]
-    return _with_points(surface, points)
-
-
-def _with_points(surface, points):
-    """Return a surface with other points and no data; the given one stays as it is."""
-    found = surface.copy(deep=False)
-    found.clear_data()
-    found.SetPoints(pv.vtk_points(points))  # setting `points` would write into the given one's
-    return found
-
-
-def bounds_of(surfaces) -> np.ndarray:
-    """Return the bounds of those that are not empty, (n, 6)."""
-    return np.array([s.bounds for s in surfaces if s.n_points], float).reshape(-1, 6)
-
-
-def sides_of(mesh, two_sided) -> int:
-    """Return which side of a mesh's faces is outside, 1 or -1; 0 where both count."""
-    if two_sided is None:
-        surface = surface_of(mesh).triangulate().clean()
-        two_sided = not len(surface.regular_faces) or surface.n_open_edges > 0
-        if not two_sided:
-            a, b, c = np.moveaxis(
-                (surface.points - surface.center)[surface.regular_faces.reshape(-1, 3)], 1, 0
-            )
-            return 1 if np.einsum('ij,ij->', a, np.cross(b, c)) > 0 else -1
-    return 0 if two_sided else 1
-
-
-# -- depth views --------------------------------------------------------------------------------
-
-
-def view_of(camera, bounds, resolution) -> View | None:
-    """Return the view of a calibrated camera, deep enough for the whole scene."""
-    matrix = camera.view_from_world
-    away = -(corners(bounds) @ matrix[2, :3] + matrix[2, 3])
-    if not away.size:
-        return None
-    low, high = float(away.min()), float(away.max())
-    margin = _EDGE / resolution
-    if not isinstance(camera, Orthographic):
-        if high <= 0:
-            return None
-        near, far = max(0.999 * low, _NEAREST * high), 1.001 * high
-        return View(matrix, camera.clip_from_view(near, far, margin), near, far, False)
-    low = max(low, camera.near)
-    if low >= high and camera.near >= high:
-        return None
-    room = max(1e-3 * (high - low), 1e-3 * max(camera.width, camera.height))
-    low, high = low - (room if low > camera.near else 0.0), high + room
-    # The eye is put before all: a camera's planes must be in front of it.
-    back = np.eye(4)
-    back[2, 3] = low - (high - low)
-    near, far = high - low, 2 * (high - low)
-    return View(back @ matrix, camera.clip_from_view(near, far, margin), near, far, True)
-
-
-def depth_maps(views, surfaces, resolution) -> list:
-    """Return what some views see of meshes, drawn in a hidden window."""
-    with _hidden(surfaces) as scene:
-        return [scene.depth(view, resolution) for view in views]
-
-
-@contextmanager
-def _hidden(surfaces):
-    with hidden_window() as (_, renderer):
-        scene = _Scene(renderer, surfaces)
-        try:
-            yield scene
-        finally:
-            scene.release()
-
-
-class _Scene:
-    """Meshes in a hidden window, around the origin so that no place is too far for floats."""
-
-    def __init__(self, renderer, surfaces):
-        self.renderer = renderer
-        self.bounds = bounds_of(surfaces)
-        corner = corners(self.bounds).reshape(-1, 3)
-        self.center = (corner.min(0) + corner.max(0)) / 2 if len(corner) else np.zeros(3)
-        self.actors = [_actor(s, self.center) for s in surfaces if s.n_points]
-        for actor in self.actors:
-            renderer.AddActor(actor)
-        self.drawer = Drawer(renderer)
-        self._map = None
-
-    def depth(self, view, resolution):
-        """Return what a view in world units sees, (n, n)."""
-        if self._map is None:
-            self._map = DepthView(self.drawer, 1, resolution)
-        shift = np.eye(4)
-        shift[:3, 3] = self.center
-        moved = replace(view, view_from_world=view.view_from_world @ shift)
-        self._map.update(Frame.of(self.renderer), [moved], Casters(self.actors))
-        return self._map.texture.download()[..., 0]
-
-    def release(self):
-        if self._map is not None:
-            self._map.release()
-        self.drawer.release()
-        self.renderer.RemoveAllViewProps()
-        for actor in self.actors:
-            actor.ReleaseGraphicsResources(self.renderer.GetRenderWindow())
-
-
-def _actor(surface, center):
-    mapper = _vtk.vtkPolyDataMapper()
-    mapper.SetInputData(_with_points(surface, surface.points - center))
-    mapper.ScalarVisibilityOff()
-    actor = _vtk.vtkActor()
-    actor.SetMapper(mapper)
-    return actor
 
 
 # -- light --------------------------------------------------------------------------------------
@@ -502,7 +277,7 @@ class Reach:
         if not any(surface.n_points for surface in surfaces):
             self._places = [[] for _ in lights]
             return
-        with _hidden(surfaces) as scene:
+        with depth_scene(surfaces) as scene:
             for light, extent in zip(lights, extents, strict=True):
                 places = _spread(light, samples, extent)
                 self._places.append([(p, _views(scene, p, resolution)) for p in places])

@@ -60,14 +60,14 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 // here of every texel that a square around the receiver overlaps, each with the plane's depth.
 float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 {
-  vec2 corner = s.place.xy * s.side - ibr_shadow_softness;
+  vec2 corner = s.place.xy * s.side - ibr_shadow_filter_radius;
   vec2 first = clamp(floor(corner), vec2(0.0), vec2(s.side - float(TAPS)));
   ivec2 origin = ivec2(s.tile.xy * vec2(textureSize(map, 0)) + 0.5) + ivec2(first);
   vec2 slope = s.slope / s.side;
   float row = s.place.z - s.bias + dot(s.slope, (first + 0.5) / s.side - s.place.xy);
   // How much of each texel the square covers, along either axis.
   vec2 begin = corner - first;
-  vec2 end = begin + 2.0 * ibr_shadow_softness;
+  vec2 end = begin + 2.0 * ibr_shadow_filter_radius;
   float hidden = 0.0;
   for (int j = 0; j < TAPS; ++j)
   {
@@ -83,7 +83,7 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
     }
     row += slope.y;
   }
-  return 1.0 - hidden / (4.0 * ibr_shadow_softness * ibr_shadow_softness);
+  return 1.0 - hidden / (4.0 * ibr_shadow_filter_radius * ibr_shadow_filter_radius);
 }
 
 //@pcf
@@ -97,7 +97,7 @@ float ibr_shadow_test(sampler2DShadow map, ibr_Shadow s)
   float lit = 0.0;
   for (int i = 0; i < ibr_shadow_taps; ++i)
   {
-    vec2 d = turn * ibr_shadow_tap(i) * ibr_shadow_softness / s.side;
+    vec2 d = turn * ibr_shadow_tap(i) * ibr_shadow_filter_radius / s.side;
     vec2 uv = clamp(s.place.xy + d, 1.0 / s.side, 1.0 - 1.0 / s.side);
     float plane = s.place.z + dot(s.slope, uv - s.place.xy) - reach;
     lit += texture(map, vec3(s.tile.xy + uv * s.tile.zw, min(plane, 1.0)));
@@ -176,7 +176,7 @@ vec4 ibr_shadow_moments(sampler2D map, ibr_Shadow s)
 // The variance that the receiver's own plane has within the filter.
 float ibr_shadow_spread(ibr_Shadow s)
 {
-  float d = 0.5 * length(s.slope) * max(ibr_shadow_softness, 1.0) / s.side;
+  float d = 0.5 * length(s.slope) * max(ibr_shadow_filter_radius, 1.0) / s.side;
   float step = ibr_shadow_linear(s, s.place.z) - ibr_shadow_linear(s, s.place.z - d);
   return step * step + 1e-7;
 }
@@ -269,7 +269,7 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
   vec2 way = abs(slope) * (texel.x + texel.y) / texel + 1e-6;
   float across = dot(way, texel) / length(way) * (POSITIONAL ? q.w : 1.0);
   // The receiver's plane is moved along its normal; its place in the map stays.
-  vec3 moved = ibr_along(m, q, n) * (across * ibr_shadow_offset);
+  vec3 moved = ibr_along(m, q, n) * (across * ibr_shadow_normal_bias);
   s.z += moved.z - dot(slope, moved.xy);
   // Rounding: of depth, and of vertices to parts of a texel when the map was drawn.
   float bias = 4e-7 + (abs(slope.x) + abs(slope.y)) / side / 128.0;

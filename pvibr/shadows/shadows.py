@@ -67,62 +67,61 @@ class Shadows(Effect):
     web = 'baked', 'darker colours of surfaces'
     method = Param(
         'pcf',
-        'How a shadow is found: compared once, compared and filtered, softer with '
-        'distance as the size of the light has it, from blurred moments of depth, or counted by '
-        'volumes, exact to the pixel.',
+        'Shadow algorithm: hard or filtered shadow map (pcf), penumbrae by the size of the light '
+        '(pcss), blurred moments of depth (vsm, evsm, msm), or volumes, exact to the pixel.',
         choices=('hard', 'pcf', 'pcss', *KINDS, 'volume'),
     )
-    resolution = Param(2048, "Texels along a side of a light's view.", range='[16, 16384]')
-    softness = Param(
+    resolution = Param(2048, 'Texels along a side of a shadow map.', range='[16, 16384]')
+    filter_radius = Param(
         None,
-        'Radius of the filter of pcf, standard deviation of the blur of moments; by default '
-        '0.5 and 2.',
+        'Radius of the filter of pcf (0.5 by default), or standard deviation of the blur of '
+        'moments (2 by default).',
         range='[0, 64]',
         unit='texels',
         kind=float,
     )
     taps = Param(
         None,
-        'Places on a disk where pcf and pcss compare; by default pcf compares every texel '
-        'of a small filter, 16 places of a large one, and pcss 32.',
+        'Depth comparisons per pixel of pcf and pcss; by default one per texel of a small pcf '
+        'filter, 16 for a large one, 32 for pcss.',
         range='[1, 64]',
         kind=int,
     )
     angle = Param(
         0.53,
-        'Apparent diameter of directional lights, for pcss; the sun has 0.53.',
+        'Angular diameter of directional lights for pcss; that of the sun is 0.53.',
         range='(0, 90)',
         unit='degrees',
     )
     radius = Param(
         None,
-        'Radius of spot and point lights, for pcss; by default a fiftieth of how far their '
-        'casters reach.',
+        'Radius of spot and point lights for pcss; by default 1/50 of the distance to their '
+        'farthest caster.',
         range='(0, inf)',
         unit='world',
         kind=float,
     )
     bias = Param(
         'plane',
-        'What keeps a surface from shadowing itself: depth is compared on its own plane, '
-        'or behind it by the polygon offset.',
+        'How self-shadowing is avoided: depth is compared on the plane of the receiver, or '
+        'behind a polygon offset.',
         choices=('plane', 'polygon_offset'),
     )
     polygon_offset = Param(
         (1.1, 4.0),
-        'Factor of the slope and units of depth as of glPolygonOffset, for that bias.',
+        'Slope factor and depth units of the polygon offset, as in glPolygonOffset.',
         range='[0, 1e6]',
     )
     faces = Param(
         'both',
-        'Which sides of polygons cast: back faces alone leave no acne on closed meshes, '
-        'and gaps under thin ones.',
+        'Faces that cast: back faces alone leave no acne on closed meshes, but light leaks under '
+        'thin ones.',
         choices=('both', 'back'),
     )
-    offset = Param(
+    normal_bias = Param(
         0.35,
-        'How far a receiver is moved along its normal: less shows acne where surfaces '
-        'are concave, more opens gaps under what touches the ground.',
+        'Distance by which receivers are moved along their normal: too low shows acne on '
+        'concave surfaces, too high detaches shadows from contacts.',
         range='[0, 16]',
         unit='texels',
     )
@@ -250,14 +249,14 @@ class Shadows(Effect):
         """Return the section of the shader that finds shadows, and its number of taps."""
         if self.method != 'pcf':
             return self.method, self.taps or 32
-        radius = self._softness()
+        radius = self._radius()
         if self.taps is None and 0.5 <= radius <= _WINDOW:
             return 'window', int(np.ceil(2 * radius)) + 1
         return 'pcf', self.taps or 16
 
-    def _softness(self) -> float:
-        if self.softness is not None:
-            return self.softness
+    def _radius(self) -> float:
+        if self.filter_radius is not None:
+            return self.filter_radius
         return 2.0 if self.method in KINDS else 0.5
 
     def _attach(self, frame):
@@ -298,10 +297,10 @@ class Shadows(Effect):
         uniforms = {
             'ibr_shadow_from_view': np.stack(matrices),
             'ibr_shadow_texel': np.reshape(texels, (-1, 1)),
-            'ibr_shadow_offset': self.offset if on_plane else 0.0,
+            'ibr_shadow_normal_bias': self.normal_bias if on_plane else 0.0,
             'ibr_shadow_polygon': (-1.0, 0.0) if on_plane else self.polygon_offset,
             'ibr_shadow_range': np.reshape(ranges, (-1, 1)),
-            'ibr_shadow_softness': self._softness(),
+            'ibr_shadow_filter_radius': self._radius(),
             'ibr_shadow_taps': max(1, round(self._filter()[1] * frame.quality)),
         }
         for maps in lit:
@@ -441,7 +440,7 @@ class _LightMaps:
             self.moments = Moments(self.view, method) if method in KINDS else None
         for k in self.view.update(frame, self.views, casters, faces=self.owner.faces):
             if self.moments is not None:
-                self.moments.update(k, self.owner._softness())
+                self.moments.update(k, self.owner._radius())
 
     def signature(self):
         return (

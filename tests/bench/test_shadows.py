@@ -58,7 +58,7 @@ def test_soft_errors_are_those_of_what_is_known():
 
 
 def test_a_gap_is_as_wide_as_it_is_made():
-    narrow, wide = (shadow_contact.gap(0.0, 'spot', {'offset': x}) for x in (0.0, 8.0))
+    narrow, wide = (shadow_contact.gap(0.0, 'spot', {'normal_bias': x}) for x in (0.0, 8.0))
     assert narrow < 1
     assert 5 < wide < 12
 

@@ -65,7 +65,7 @@ def _live(pl):
 
 
 def _projectors(pl):
-    pl.ibr.add(pvibr.Projectors([(STRIPES, _camera((0, 0, 9))), (STRIPES, _camera((3, 0, 8)))]))
+    pl.ibr.add(pvibr.Projector([STRIPES] * 2, [_camera((0, 0, 9)), _camera((3, 0, 8))]))
 
 
 def _add(name, *args, **settings):
@@ -80,7 +80,7 @@ def _add_to_ball(name, **settings):
 EFFECTS = {
     'Shadows': _add('Shadows'),
     'Projector': _add('Projector', STRIPES, _camera((0, 0, 9))),
-    'Projectors': _projectors,
+    'Projector, two images': _projectors,
     'Sky': _add('Sky'),
     'Backdrop': _add('Backdrop', STRIPES),
     'DepthOfField': _add('DepthOfField', radius=1.0, distance=4.0),

@@ -70,7 +70,7 @@ def test_each_pixel_shows_what_float64_says(stage, lens, window, lighting):
     ball = pv.Sphere(radius=0.5, center=(0.4, 0, 0.5))
     pl = stage(floor(), ball, window=window, lighting=lighting)
     surface = Rays([floor(), ball]).surface(Frame.of(pl.renderer))
-    photo = pl.ibr.add(pvibr.Projector(image, camera, occlusion=False, dim=0.0))
+    photo = pl.ibr.add(pvibr.Projector(image, camera, occlusion=False, outside_brightness=0.0))
     found = shot(pl)
     points, normals = surface.points[surface.hit], surface.normals[surface.hit]
     uv, _ = camera.project(points)
@@ -133,7 +133,7 @@ def test_the_back_of_a_sheet_stays_as_it_is(stage):
     pl = stage(floor(2.0), eye=(0, -2, -5))
     photo = pl.ibr.add(pvibr.Projector(GREEN, ABOVE))
     assert not (shot(pl)[..., 1] > shot(pl)[..., 0]).any()
-    photo.facing = 180.0
+    photo.max_angle = 180.0
     photo.occlusion = False
     assert (shot(pl)[..., 1] > shot(pl)[..., 0]).any()
 
@@ -143,7 +143,7 @@ def test_flat_angles_can_be_left_out(stage):
     photo = pl.ibr.add(pvibr.Projector(GREEN, ABOVE))
     areas = []
     for angle in (90.0, 60.0, 30.0):
-        photo.facing = angle
+        photo.max_angle = angle
         areas.append((shot(pl)[..., 0] < 0.5).sum())
     assert areas[0] > areas[1] > areas[2] > 0
 
@@ -198,7 +198,7 @@ def test_a_lit_picture_has_the_light_of_the_surface(stage):
 
 def test_outside_is_dimmed_and_borders_fade(stage):
     pl = stage(floor(), eye=(0, -0.01, 8))
-    photo = pl.ibr.add(pvibr.Projector(GREEN, ABOVE, dim=0.5))
+    photo = pl.ibr.add(pvibr.Projector(GREEN, ABOVE, outside_brightness=0.5))
     found = shot(pl)[..., 0]
     assert set(np.unique(np.round(found, 2))) == {0.0, 0.5}
     photo.feather = 0.25
@@ -363,9 +363,9 @@ def sides():
 
 
 def test_several_are_mixed_by_weight(stage):
-    views = [(np.full((9, 9), 0.2), sides()[0]), (np.full((9, 9), 0.8), sides()[1])]
+    images = [np.full((9, 9), 0.2), np.full((9, 9), 0.8)]
     pl = stage(floor(), eye=(0, -0.01, 8))
-    photos = pl.ibr.add(pvibr.Projectors(views, dim=0.0))
+    photos = pl.ibr.add(pvibr.Projector(images, list(sides()), outside_brightness=0.0))
     row = shot(pl)[100, :, 0]
     assert set(np.unique(np.round(row[row > 0], 1))) == {0.2, 0.5, 0.8}
     photos.blend = 'best'
@@ -375,9 +375,9 @@ def test_several_are_mixed_by_weight(stage):
 
 def test_gains_make_overlaps_alike(stage):
     base = 0.3 + 0.2 * picture((90, 90))
-    views = [(base, sides()[0]), (np.clip(1.5 * base, 0, 1), sides()[1])]
+    images = [base, np.clip(1.5 * base, 0, 1)]
     grid = pv.Plane(i_size=4, j_size=4, i_resolution=60, j_resolution=60).triangulate()
-    photos = pvibr.Projectors(views, gains='auto')
+    photos = pvibr.Projector(images, list(sides()), gains='auto')
     pl = stage(grid, eye=(0, -0.01, 8))
     pl.ibr.add(photos)
     mixed = shot(pl)
@@ -422,9 +422,9 @@ def test_a_texture_is_baked_where_there_are_coordinates():
 def test_bakes_are_blended_as_frames_are():
     left = Orthographic.from_extent(-1, 0.2, -1, 1, zmax=5)
     right = Orthographic.from_extent(-0.2, 1, -1, 1, zmax=5)
-    views = [(np.full((9, 9), 0.2), left), (np.full((9, 9), 0.8), right)]
+    images = [np.full((9, 9), 0.2), np.full((9, 9), 0.8)]
     mesh = pv.Plane(i_size=2, j_size=2, i_resolution=5, j_resolution=1)
-    draped = pvibr.Projectors(views).bake(mesh, to='cells')
+    draped = pvibr.Projector(images, [left, right]).bake(mesh, to='cells')
     assert draped['views'].tolist() == [1, 1, 2, 1, 1]
     np.testing.assert_allclose(
         draped['projected'][:, 0] / 255, [0.2, 0.2, 0.5, 0.8, 0.8], atol=0.01
@@ -462,15 +462,19 @@ def test_bad_input_is_named(image, camera, error, message):
 
 def test_bad_numbers_of_views():
     with pytest.raises(ValueError, match='1 to 6'):
-        pvibr.Projectors([])
+        pvibr.Projector([], [])
     with pytest.raises(ValueError, match='1 to 6'):
-        pvibr.Projectors([(GREEN, ABOVE)] * 7)
+        pvibr.Projector([GREEN] * 7, [ABOVE] * 7)
+    with pytest.raises(ValueError, match='2, 1 and 1 entries'):
+        pvibr.Projector([GREEN] * 2, [ABOVE])
+    with pytest.raises(TypeError, match='give lists'):
+        pvibr.Projector(GREEN, [ABOVE])
     with pytest.raises(ValueError, match="'texture'"):
         pvibr.Projector(GREEN, ABOVE).bake(floor(), to='paper')
 
 
 def test_pictures_above_the_limit_are_reduced_and_it_is_said(stage, monkeypatch):
-    monkeypatch.setattr('pvibr.projection.projector.texture_limit', lambda window: 100)
+    monkeypatch.setattr('pvibr.projection.slide.texture_limit', lambda window: 100)
     pl = stage(floor())
     photo = pl.ibr.add(pvibr.Projector(picture((300, 170)), ABOVE))
     np.testing.assert_allclose(middle(pl), picture((300, 170))[85, 150], atol=0.03)

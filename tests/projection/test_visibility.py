@@ -9,7 +9,8 @@ import pyvista as pv
 import pvibr
 from pvibr.bench.rays import Rays
 from pvibr.maths.cameras import Orthographic, Pinhole
-from pvibr.projection.visibility import Samples, view_of
+from pvibr.projection.depth_maps import view_of
+from pvibr.projection.samples import Samples
 
 ABOVE = Orthographic.from_extent(-1, 1, -1, 1, zmax=5)
 

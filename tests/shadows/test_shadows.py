@@ -569,8 +569,8 @@ def test_point_light_within_a_closed_box():
         ({'method': 'soft'}, ValueError),
         ({'resolution': 0}, ValueError),
         ({'resolution': 2.5}, TypeError),
-        ({'softness': -1.0}, ValueError),
-        ({'offset': float('nan')}, ValueError),
+        ({'filter_radius': -1.0}, ValueError),
+        ({'normal_bias': float('nan')}, ValueError),
         ({'angle': 90.0}, ValueError),
         ({'radius': 0.0}, ValueError),
         ({'casts': 3}, TypeError),
@@ -587,7 +587,7 @@ def test_settings_change_and_are_restored():
     shadows = scene.pl.ibr.add(pvibr.Shadows(method='hard'))
     hard = scene.draw()
     state = scene.pl.ibr.state()
-    shadows.method, shadows.softness = 'msm', 8.0
+    shadows.method, shadows.filter_radius = 'msm', 8.0
     assert np.abs(scene.draw() - hard).max() > 20
     with warnings.catch_warnings():
         warnings.simplefilter('error', PvibrWarning)

@@ -157,7 +157,7 @@ def test_a_camera_that_is_none_changes_nothing():
 def test_several_pictures_have_handles_each(hand):
     pl = scene()
     cameras = [camera_of('camera'), camera_of('pinhole')]
-    photos = pl.ibr.add(pvibr.Projectors([(PICTURE, c) for c in cameras]))
+    photos = pl.ibr.add(pvibr.Projector([PICTURE] * 2, cameras))
     handles = projector_handles(pl, photos, view=1)
     pl.show(auto_close=False)
     hand(pl).drag(handles.pixels['aim'], (150, 100))

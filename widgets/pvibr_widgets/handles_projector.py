@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.maths.cameras import Orthographic, Pinhole, as_camera
-from pvibr.projection.projector import Projector, Projectors
+from pvibr.projection.projector import Projector
 from pvibr_widgets.handles import Handles
 from pvibr_widgets.handles_stage import Stage
 
@@ -31,7 +31,7 @@ def projector_handles(pl, photo, *, view=0, callback=None, size=28):
     ----------
     pl : pyvista.BasePlotter or vtkRenderer
         Where the projector is, in any subplot.
-    photo : pvibr.Projector or pvibr.Projectors
+    photo : pvibr.Projector
         A ``pyvista.Camera`` that it was given is moved itself; in place of any other camera it
         gets new ones, see ``photo.cameras``.
     view : int, optional
@@ -71,8 +71,8 @@ def projector_handles(pl, photo, *, view=0, callback=None, size=28):
     ['position', 'aim', 'roll', 'angle']
     >>> pl.close()
     """
-    if not isinstance(photo, Projector | Projectors):
-        msg = f'photo = {photo!r:.80}: must be a pvibr.Projector or pvibr.Projectors'
+    if not isinstance(photo, Projector):
+        msg = f'photo = {photo!r:.80}: must be a pvibr.Projector'
         raise TypeError(msg)
     stage = Stage.of(pl, photo)
     if not 0 <= view < len(photo.cameras):

@@ -13,7 +13,7 @@ from pvibr.core.params import params_of
 #: What is not named here has its default.
 SUPPLIED: dict[str, dict[str, dict]] = {
     'Shadows': {
-        'crisp': {'method': 'pcf', 'resolution': 4096, 'softness': 0.5},
+        'crisp': {'method': 'pcf', 'resolution': 4096, 'filter_radius': 0.5},
         'soft': {'method': 'pcss', 'angle': 3.0},
         'fast': {'method': 'hard', 'resolution': 1024},
     },

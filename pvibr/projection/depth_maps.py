@@ -1,0 +1,107 @@
+"""Depth of meshes in the views of calibrated cameras and lights: no plotter is needed."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from pvibr.core import _vtk
+from pvibr.core.frame import Frame
+from pvibr.gl.drawer import Drawer
+from pvibr.gl.offscreen import hidden_window
+from pvibr.maths.cameras import Orthographic
+from pvibr.maths.views import View, corners
+from pvibr.projection.samples import bounds_of, with_points
+from pvibr.scene.casters import Casters
+from pvibr.scene.depth_view import DepthView
+
+#: Texels around a picture in its depth view: what is compared at its edge lies beyond.
+_EDGE = 4.0
+#: The nearest that is drawn, over the farthest.
+_NEAREST = 1e-3
+
+
+def view_of(camera, bounds, resolution) -> View | None:
+    """Return the view of a calibrated camera, deep enough for the whole scene."""
+    matrix = camera.view_from_world
+    away = -(corners(bounds) @ matrix[2, :3] + matrix[2, 3])
+    if not away.size:
+        return None
+    low, high = float(away.min()), float(away.max())
+    margin = _EDGE / resolution
+    if not isinstance(camera, Orthographic):
+        if high <= 0:
+            return None
+        near, far = max(0.999 * low, _NEAREST * high), 1.001 * high
+        return View(matrix, camera.clip_from_view(near, far, margin), near, far, False)
+    low = max(low, camera.near)
+    if low >= high and camera.near >= high:
+        return None
+    room = max(1e-3 * (high - low), 1e-3 * max(camera.width, camera.height))
+    low, high = low - (room if low > camera.near else 0.0), high + room
+    # The eye is put before all: a camera's planes must be in front of it.
+    back = np.eye(4)
+    back[2, 3] = low - (high - low)
+    near, far = high - low, 2 * (high - low)
+    return View(back @ matrix, camera.clip_from_view(near, far, margin), near, far, True)
+
+
+def depth_maps(views, surfaces, resolution) -> list:
+    """Return what some views see of meshes, drawn in a hidden window."""
+    with depth_scene(surfaces) as scene:
+        return [scene.depth(view, resolution) for view in views]
+
+
+@contextmanager
+def depth_scene(surfaces):
+    """Yield meshes in a hidden window, to draw their depth in views."""
+    with hidden_window() as (_, renderer):
+        scene = _Scene(renderer, surfaces)
+        try:
+            yield scene
+        finally:
+            scene.release()
+
+
+class _Scene:
+    """Meshes in a hidden window, around the origin so that no place is too far for floats."""
+
+    def __init__(self, renderer, surfaces):
+        self.renderer = renderer
+        self.bounds = bounds_of(surfaces)
+        corner = corners(self.bounds).reshape(-1, 3)
+        self.center = (corner.min(0) + corner.max(0)) / 2 if len(corner) else np.zeros(3)
+        self.actors = [_actor(s, self.center) for s in surfaces if s.n_points]
+        for actor in self.actors:
+            renderer.AddActor(actor)
+        self.drawer = Drawer(renderer)
+        self._map = None
+
+    def depth(self, view, resolution):
+        """Return what a view in world units sees, (n, n)."""
+        if self._map is None:
+            self._map = DepthView(self.drawer, 1, resolution)
+        shift = np.eye(4)
+        shift[:3, 3] = self.center
+        moved = replace(view, view_from_world=view.view_from_world @ shift)
+        self._map.update(Frame.of(self.renderer), [moved], Casters(self.actors))
+        return self._map.texture.download()[..., 0]
+
+    def release(self):
+        if self._map is not None:
+            self._map.release()
+        self.drawer.release()
+        self.renderer.RemoveAllViewProps()
+        for actor in self.actors:
+            actor.ReleaseGraphicsResources(self.renderer.GetRenderWindow())
+
+
+def _actor(surface, center):
+    mapper = _vtk.vtkPolyDataMapper()
+    mapper.SetInputData(with_points(surface, surface.points - center))
+    mapper.ScalarVisibilityOff()
+    actor = _vtk.vtkActor()
+    actor.SetMapper(mapper)
+    return actor

@@ -1,0 +1,144 @@
+"""Places on the surface of a mesh that tell about its points or cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+
+#: How far points are moved into the faces that they belong to, as a share of the way.
+_INWARD = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Places on the faces of a mesh that tell about its points or cells."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    owner: np.ndarray
+    count: int
+    corner: np.ndarray
+    area: np.ndarray
+
+    @classmethod
+    def of(cls, mesh, to) -> Samples:
+        """Return samples of a mesh: triangle centroids, or points near the corners."""
+        if to not in ('points', 'cells'):
+            msg = f"to is {to!r}; it must be 'points' or 'cells'."
+            raise ValueError(msg)
+        corner, cell, point = _triangles(mesh)
+        places = np.asarray(mesh.points, float)[point][corner]
+        across = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+        length = np.linalg.norm(across, axis=1)
+        normals = across / np.where(length > 0, length, 1)[:, None]
+        middle, corner = places.mean(1), point[corner]
+        if to == 'cells':
+            return cls(middle, normals, cell, mesh.n_cells, corner, length / 2)
+        inward = places + _INWARD * (middle[:, None] - places)
+        alone = np.setdiff1d(np.arange(mesh.n_points), corner)
+        return cls(
+            np.concatenate([inward.reshape(-1, 3), np.asarray(mesh.points, float)[alone]]),
+            np.concatenate([np.repeat(normals, 3, 0), np.zeros((len(alone), 3))]),
+            np.concatenate([corner.ravel(), alone]),
+            mesh.n_points,
+            np.concatenate([np.repeat(corner, 3, 0), np.stack([alone] * 3, 1)]),
+            np.concatenate([np.repeat(length / 2, 3), np.zeros(len(alone))]),
+        )
+
+    @classmethod
+    def at(cls, points, normals, corner=None, area=None) -> Samples:
+        """Return samples that tell about themselves."""
+        n = len(points)
+        corner = np.zeros((n, 3), int) if corner is None else corner
+        return cls(points, normals, np.arange(n), n, corner, np.zeros(n) if area is None else area)
+
+    def facing(self, toward, two_sided) -> np.ndarray:
+        """Return the cosines between normals and directions, (m,); 1 without normals."""
+        cosine = np.einsum('ij,ij->i', self.normals, toward)
+        cosine = np.abs(cosine) if not two_sided else two_sided * cosine
+        return np.where(self.normals.any(1), cosine, 1.0)
+
+    def turned(self, toward) -> np.ndarray:
+        """Return normals on the side of some directions, (m, 3); those where there is none."""
+        back = np.einsum('ij,ij->i', self.normals, toward) < 0
+        normals = np.where(back[:, None], -self.normals, self.normals)
+        return np.where(self.normals.any(axis=1, keepdims=True), normals, toward)
+
+    def most(self, values) -> np.ndarray:
+        """Return the largest value of each owner, (count,); 0 for one without samples."""
+        found = np.zeros(self.count)
+        np.maximum.at(found, self.owner, values)
+        return found
+
+    def mean(self, values, weights) -> np.ndarray:
+        """Return the weighted mean of each owner, (count, c); NaN where all weights are 0."""
+        total = np.bincount(self.owner, weights, self.count)
+        values = np.where(weights[:, None] > 0, values, 0.0)
+        sums = [np.bincount(self.owner, weights * c, self.count) for c in values.T]
+        with np.errstate(invalid='ignore', divide='ignore'):
+            return np.stack(sums, 1) / total[:, None]
+
+
+def _triangles(mesh):
+    """Return triangles by surface point, their cells in the mesh, and its points' numbers."""
+    if isinstance(mesh, pv.PolyData):
+        surface = mesh.copy(deep=False)
+        surface.clear_data()
+        point, cell = np.arange(mesh.n_points), np.arange(mesh.n_cells)
+    else:
+        surface = mesh.extract_surface(pass_pointid=True, pass_cellid=True, algorithm=None)
+        point = np.asarray(surface['vtkOriginalPointIds'])
+        cell = np.asarray(surface['vtkOriginalCellIds'])
+        surface.clear_data()
+    surface.cell_data['cell'] = cell
+    faces = surface.triangulate()
+    return faces.regular_faces.reshape(-1, 3), np.asarray(faces.cell_data['cell']), point
+
+
+def surface_of(thing) -> pv.PolyData:
+    """Return the surface of a mesh or an actor in world units, without data."""
+    matrix = None
+    if hasattr(thing, 'GetMapper'):
+        matrix = thing.GetMatrix()
+        matrix = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+        mapper = thing.GetMapper()
+        mapper.Update()
+        thing = pv.wrap(mapper.GetInput())
+    if isinstance(thing, pv.MultiBlock):
+        thing = thing.combine()
+    if not isinstance(thing, pv.DataSet):
+        msg = f'{thing!r:.100} is no mesh and no actor.'
+        raise TypeError(msg)
+    surface = thing if isinstance(thing, pv.PolyData) else thing.extract_surface(algorithm=None)
+    points = np.asarray(surface.points, np.float64)
+    if matrix is not None:
+        points = points @ matrix[:3, :3].T + matrix[:3, 3]
+    return with_points(surface, points)
+
+
+def with_points(surface, points):
+    """Return a surface with other points and no data; the given one stays as it is."""
+    found = surface.copy(deep=False)
+    found.clear_data()
+    found.SetPoints(pv.vtk_points(points))  # setting `points` would write into the given one's
+    return found
+
+
+def bounds_of(surfaces) -> np.ndarray:
+    """Return the bounds of those that are not empty, (n, 6)."""
+    return np.array([s.bounds for s in surfaces if s.n_points], float).reshape(-1, 6)
+
+
+def sides_of(mesh, two_sided) -> int:
+    """Return which side of a mesh's faces is outside, 1 or -1; 0 where both count."""
+    if two_sided is None:
+        surface = surface_of(mesh).triangulate().clean()
+        two_sided = not len(surface.regular_faces) or surface.n_open_edges > 0
+        if not two_sided:
+            a, b, c = np.moveaxis(
+                (surface.points - surface.center)[surface.regular_faces.reshape(-1, 3)], 1, 0
+            )
+            return 1 if np.einsum('ij,ij->', a, np.cross(b, c)) > 0 else -1
+    return 0 if two_sided else 1
