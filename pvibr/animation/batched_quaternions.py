@@ -1,4 +1,4 @@
-"""Quaternions of a few dozen joints in columns, (4, n): the same as maths, at small n faster."""
+"""Quaternions of few joints, components first (4, n): as in maths, faster at small n."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pvibr.maths import quaternions
 
 _E = np.eye(4)
 _PRODUCT = np.moveaxis(quaternions.multiply(_E[:, None], _E), -1, 0).reshape(4, 16)
-# Entry (c, b) of the rotation matrix is what q e_b q* has along c.
+# Entry (c, b) of the rotation matrix is component c of q e_b q*.
 _MATRIX = np.einsum(
     'ibjc->cbij',
     quaternions.multiply(
@@ -21,13 +21,13 @@ CROSS = np.array([[np.cross(a, b) for b in np.eye(3)] for a in np.eye(3)]).resha
 
 
 def product(a, b):
-    """Return products of quaternions: the rotation b, and then a."""
+    """Return products of quaternions: rotation b, then a."""
     return _PRODUCT @ (a[:, None] * b).reshape(16, -1)
 
 
-def matrices(columns):
+def matrices(rotations):
     """Return rotation matrices."""
-    return (_MATRIX @ (columns[:, None] * columns).reshape(16, -1)).T.reshape(-1, 3, 3)
+    return (_MATRIX @ (rotations[:, None] * rotations).reshape(16, -1)).T.reshape(-1, 3, 3)
 
 
 def cross(a, b):

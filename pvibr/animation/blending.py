@@ -1,4 +1,4 @@
-"""Blending of poses: weighted mixes, cross-fades, additive poses and masks of joints."""
+"""Blending of poses: weighted means, cross-fades, additive poses and joint masks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def mix(poses, weights):
 
 
 def crossfade(a, b, weight, mask=None):
-    """Return poses between two poses."""
+    """Return poses blended between two poses; a mask scales the weight per joint."""
     weight = unit_range('weight', weight)
     factors, morphs = _factors(mask, a.n_joints)
     total = PoseSum(np.broadcast_shapes(weight.shape, a.shape, b.shape), a)
@@ -34,7 +34,7 @@ def crossfade(a, b, weight, mask=None):
 
 
 def difference(pose, reference):
-    """Return what leads from a reference to a pose: an additive pose."""
+    """Return the additive pose that leads from a reference to a pose."""
     some = reference.scale != 0
     return Pose(
         pose.translation - reference.translation,
@@ -61,16 +61,16 @@ def added(pose, extra, weight=1.0, mask=None):
 
 
 def joint_mask(skeleton, joints, feather=0):
-    """Return a mask of joints and all that hangs on them.
+    """Return a mask of joints and all their descendants.
 
     Parameters
     ----------
     skeleton : Skeleton
         The skeleton.
     joints : sequence of str or int
-        Where it begins, as 'spine' for the upper body.
+        First joints, such as 'spine' for the upper body.
     feather : int
-        Joints on the way down over which it grows to 1: a begin in steps twists the body less.
+        Number of joints over which the mask rises to 1, which avoids a sharp twist.
 
     Returns
     -------
@@ -85,8 +85,7 @@ def joint_mask(skeleton, joints, feather=0):
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.animation import Pose, Skeleton
-    >>> from pvibr.animation.blending import joint_mask
+    >>> from pvibr.animation import Pose, Skeleton, joint_mask
     >>> chain = Skeleton([-1, 0, 1, 2], Pose(np.zeros((4, 3))))
     >>> joint_mask(chain, [1], feather=1).tolist()
     [0.0, 0.5, 1.0, 1.0]
@@ -105,7 +104,7 @@ def joint_mask(skeleton, joints, feather=0):
 
 
 class PoseSum:
-    """A weighted sum of poses that grows pose by pose."""
+    """A weighted sum of poses."""
 
     def __init__(self, shape, like):
         n = like.n_joints
@@ -117,7 +116,7 @@ class PoseSum:
         self._largest = np.zeros(shape)
 
     def add(self, pose, share, joints=None, morphs=None, where=...):
-        """Add a pose."""
+        """Add weighted poses."""
         share = np.asarray(share, dtype=np.float64)
         joints = share[..., None] if joints is None else joints
         morphs = share if morphs is None else np.asarray(morphs)
@@ -132,22 +131,22 @@ class PoseSum:
         self._largest[where] = np.maximum(share, self._largest[where])
 
     def pose(self):
-        """Return the sum, with rotations of length one."""
+        """Return the sum, with unit quaternions."""
         return Pose(self._translation, self._rotation, self._scale, self._weights, self._time)
 
 
 def shares(weights):
-    """Return weights that sum to one."""
+    """Return weights normalised to sum to one."""
     weights = np.atleast_1d(np.asarray(weights, dtype=np.float64))
     total = weights.sum(-1, keepdims=True)
     if not np.isfinite(weights).all() or (weights < 0).any() or not (total > 0).all():
-        msg = 'weights must be finite and not negative, and some of each mix above 0.'
+        msg = 'weights must be finite, not negative and not all 0.'
         raise ValueError(msg)
     return weights / total
 
 
 def unit_range(name, values):
-    """Return values from 0 to 1, or say which is not."""
+    """Return values checked to be within 0 to 1."""
     values = np.asarray(values, dtype=np.float64)
     bad = values[~((values >= 0) & (values <= 1))]
     if bad.size:
@@ -157,7 +156,7 @@ def unit_range(name, values):
 
 
 def _factors(mask, n):
-    """Return the factors of the joints, and that of the morph weights."""
+    """Return the factors of the joints and of the morph weights."""
     if mask is None:
         return np.ones(n), 1.0
     mask = unit_range('mask', mask)

@@ -1,4 +1,4 @@
-"""Boxes that a posed mesh cannot leave, from the boxes of its joints."""
+"""Bounding boxes of a posed mesh, from the boxes of its joints."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.maths import skinning
 
-#: Growth of a box by part of its size: pictures are drawn from numbers of 32 bits.
+#: Growth of a box relative to its size, for rounding to float32.
 _ROUNDING = 1e-6
 #: Corners of a box: lower (0) or upper (1) bound of each axis.
 _CORNERS = np.array(list(np.ndindex(2, 2, 2)))
@@ -16,19 +16,19 @@ _AXES = np.arange(3)
 
 
 class Boxes:
-    """Boxes of a mesh in any pose, without looking at its vertices again."""
+    """Bounding boxes of a mesh in any pose, without looking at its vertices again."""
 
     def __init__(self, mesh):
         self._mesh = mesh
 
     def around(self, world, layers=(), time=0.0, how='linear'):
-        """Return boxes around the posed mesh."""
+        """Return boxes (..., 6) around the posed mesh."""
         mesh, world = self._mesh, np.asarray(world, dtype=np.float64)
         if mesh.skin is None:
             node = np.eye(4) if mesh.node < 0 else world[..., mesh.node, :, :]
             node = np.broadcast_to(node, (*world.shape[:-3], 4, 4))[..., None, :, :]
             boxes = _moved(node, self._still(self._all, layers, time))
-        elif how == 'linear' or not self._others:  # a joint alone moves its vertices as it is
+        elif how == 'linear' or not self._others:  # one joint per vertex: both ways agree
             matrices = mesh.skin.matrices(world)[..., self._singles.keys, :, :]
             boxes = _moved(matrices, self._still(self._singles, layers, time))
         else:
@@ -42,12 +42,12 @@ class Boxes:
         real, dual, stretch = skinning.dual_parts(matrices, skin.centers[joints])
         rigid = skinning.rigid(real, dual)
 
-        def most(values):  # of all pairs that have the same first joint
+        def most(values):  # of all pairs with the same first joint
             return np.maximum.reduceat(values, starts, -1)[..., first]
 
-        # The first phase stretches a vertex by a mean of its joints: no further than the most.
+        # First phase: a vertex is stretched by the mean of its joints, at most by the largest.
         boxes = _grown(boxes, most(_apart(stretch[..., second, :, :], np.eye(4)[:3], boxes)))
-        # The second: see the top of this file.
+        # Second phase: the blended rotation deviates at most this far from the first joint's.
         apart = most(_apart(rigid[..., first, :, :], rigid[..., second, :, :], boxes))
         turned = most(1.0 - np.abs((real[..., first, :] * real[..., second, :]).sum(-1)))
         others = self._others
@@ -56,7 +56,7 @@ class Boxes:
         return _grown(_moved(rigid[..., first[own], :, :], boxes[..., own, :, :]), leave)
 
     def _still(self, groups, layers, time):
-        """Return the boxes of groups of vertices before joints move them, (..., g, 2, 3)."""
+        """Return the boxes of vertex groups before skinning, (..., g, 2, 3)."""
         mesh = self._mesh
         if mesh.frames is None:
             boxes = groups.boxes('points', lambda: mesh.points)
@@ -93,12 +93,12 @@ class Boxes:
 
     @cached_property
     def _others(self):
-        """The largest share of all joints but the heaviest in a vertex."""
+        """The largest total weight of all joints but the heaviest of a vertex."""
         return 1.0 - self._mesh.skin.weights.max(1).min()
 
     @cached_property
     def _pairs(self):
-        """Vertices by each two joints that they have in common, and by a joint and itself."""
+        """Vertices by pairs of joints that influence them; a joint also pairs with itself."""
         skin = self._mesh.skin
         keys = skin.joints[:, :, None] * len(skin.nodes) + skin.joints[:, None, :]
         keys = keys.reshape(len(keys), -1)
@@ -108,14 +108,14 @@ class Boxes:
 
     @cached_property
     def _members(self):
-        """Joints of pairs, where pairs of each begin, and the first and second of each pair."""
+        """Joints of pairs, where pairs of each begin, and first and second of each pair."""
         first, second = np.divmod(self._pairs.keys, len(self._mesh.skin.nodes))
         joints, starts, place = np.unique(first, return_index=True, return_inverse=True)
         return joints, starts, place, np.searchsorted(joints, second)
 
 
 class _Groups:
-    """Rows of an array in groups, a row in any number of them, and boxes of each group."""
+    """Rows of an array in overlapping groups, and the box of each group."""
 
     def __init__(self, keys, rows=None):
         order = np.argsort(keys, kind='stable')
@@ -124,7 +124,7 @@ class _Groups:
         self._boxes = {}
 
     def boxes(self, name, values):
-        """Return and remember the boxes of an array's rows: (g, 2, 3)."""
+        """Return the cached boxes of an array's groups, (g, 2, 3)."""
         if name not in self._boxes:
             rows = values()[self._rows]
             bounds = [f.reduceat(rows, self._starts) for f in (np.minimum, np.maximum)]
@@ -156,7 +156,7 @@ def _grown(boxes, lengths):
 
 
 def _apart(a, b, boxes):
-    """Return the longest distance between where two motions take a point of a box."""
+    """Return the largest distance between two motions of a point of a box."""
     corners = boxes[..., _CORNERS, _AXES]
     between = a - b
     apart = corners @ np.swapaxes(between[..., :3, :3], -1, -2) + between[..., None, :3, 3]
@@ -164,7 +164,7 @@ def _apart(a, b, boxes):
 
 
 def _joined(boxes):
-    """Return the boxes around groups as (..., 6)."""
+    """Return the union of the boxes of groups, (..., 6)."""
     low, high = boxes[..., 0, :].min(-2), boxes[..., 1, :].max(-2)
     rounding = _ROUNDING * (high - low).max(-1, keepdims=True)
     return np.stack([low - rounding, high + rounding], -1).reshape(*low.shape[:-1], 6)

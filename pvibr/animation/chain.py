@@ -11,7 +11,7 @@ from pvibr.maths import quaternions
 
 
 class Chain:
-    """Rigid joints: one chain or a tree, in any place."""
+    """Rigid joints, parents before children: a chain or a tree."""
 
     def __init__(self, parents, offsets, limits=None, rest=None):
         self.parents = np.array(parents, dtype=np.int64).reshape(-1)
@@ -44,15 +44,15 @@ class Chain:
         return path[::-1]
 
     def reach(self, joint):
-        """Return how far a joint can be from its root."""
+        """Return the largest distance of a joint from its root."""
         return self.lengths[self.path(joint)].sum()
 
     def world(self, rotations):
-        """Return the matrices that take points of each joint to the figure's space."""
+        """Return the ``figure_from_joint`` matrices."""
         return self.scanned(np.asarray(rotations, dtype=np.float64).T)[1:]
 
     def scanned(self, columns):
-        """Return world matrices after a row for the space of the figure."""
+        """Return world matrices after a row for the figure's space."""
         world = self._locals.copy()
         world[1:, :3, :3] = matrices(columns)
         return chained(world, self._jumps)

@@ -1,4 +1,4 @@
-"""Clips: keys over time and what lies between them."""
+"""Clips: key frames over time and the interpolation between them."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ import numpy as np
 from pvibr.animation.pose import Pose
 from pvibr.maths import quaternions
 
-#: Numbers of a value by what is driven; of weights any number.
+#: Components of a value by property; weights have any number.
 WIDTHS = {'translation': 3, 'rotation': 4, 'scale': 3, 'weights': None}
 INTERPOLATIONS = ('step', 'linear', 'cubic')
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Keys of one property of one joint.
+    """Key frames of one property of one joint.
 
     Parameters
     ----------
     node : int
-        The joint; of ``'weights'`` the first column of :attr:`Pose.weights` that is driven.
+        The joint; for ``'weights'`` the first driven column of :attr:`Pose.weights`.
     path : {'translation', 'rotation', 'scale', 'weights'}
-        What is driven.
+        The animated property.
     times : array_like, shape (k,)
-        Times of the keys in seconds, in order; k > 0.
+        Key times in seconds, increasing; k > 0.
     values : array_like, shape (k, c), or (k, 3, c) for 'cubic'
-        Values at the keys: c is 3, 4 (w, x, y, z) or the number of weights. For 'cubic' each key
-        holds the tangent toward it, the value and the tangent from it (per second), as in glTF.
+        Key values: c is 3, 4 (w, x, y, z) or the number of weights. A 'cubic' key holds its
+        in-tangent, value and out-tangent (per second), as in glTF.
     interpolation : {'linear', 'step', 'cubic'}
-        What lies between two keys: 'linear' turns rotations along the shortest arc.
+        Interpolation between keys; 'linear' turns rotations along the shortest arc.
 
     Raises
     ------
@@ -68,27 +68,21 @@ class Track:
 
     @property
     def width(self):
-        """Numbers of one value."""
+        """Components of a value."""
         return self.values.shape[-1]
 
     def sample(self, times):
-        """Return values at times; before the first key and after the last one theirs.
+        """Return values at given times; the first and the last key are held.
 
         Parameters
         ----------
         times : array_like, shape (...)
-            Seconds.
+            Times in seconds.
 
         Returns
         -------
         numpy.ndarray, shape (..., c), float64
-            Values; rotations of length one.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Track
-        >>> Track(0, 'scale', [0, 1], [[1, 1, 1], [3, 3, 3]], 'step').sample([0.9, 1.0])[:, 0]
-        array([1., 3.])
+            Values; rotations are unit quaternions.
         """
         times = np.asarray(times, dtype=np.float64)
         return _between(self.path, self.interpolation, self.times, self.values, times)
@@ -106,7 +100,7 @@ class Track:
             i = back[0]
             msg = (
                 f'times[{i + 1}] is {times[i + 1]} after times[{i}] = {times[i]}: '
-                'keys must be in order, each later than the one before.'
+                'keys must be in increasing order.'
             )
             raise ValueError(msg)
 
@@ -127,7 +121,7 @@ class Track:
             raise ValueError(msg)
 
     def _unit(self, values):
-        """Return rotations of length one; tangents stay as they are."""
+        """Return unit quaternions; tangents stay as they are."""
         if self.interpolation != 'cubic':
             return quaternions.normalized(values)
         values = values.copy()
@@ -136,16 +130,16 @@ class Track:
 
 
 class Clip:
-    """A movement with a name: tracks that are played together.
+    """A named animation: tracks that play together.
 
     Parameters
     ----------
     name : str
-        Its name.
+        Name of the clip.
     tracks : sequence of Track
-        What it drives; what no track drives rests.
+        What is animated; everything else stays at rest.
     duration : float, optional
-        Length in seconds; default the time of the last key.
+        Duration in seconds; default the time of the last key.
 
     Raises
     ------
@@ -173,32 +167,26 @@ class Clip:
         return f'Clip({self.name!r}, {len(self.tracks)} tracks, {self.duration:g} s)'
 
     def sample(self, times, rest, loop=True):
-        """Return the pose at times.
+        """Return the poses at given times.
 
         Parameters
         ----------
         times : array_like, shape (...)
-            Seconds; many give many poses at once.
+            Times in seconds.
         rest : Pose
-            One pose: what no track drives.
+            A single pose: the values that no track drives.
         loop : bool
-            Begin again after the end; otherwise the last pose stays.
+            Restart at the end; otherwise hold the last pose.
 
         Returns
         -------
         Pose
-            Of shape ``times.shape``.
+            Poses of shape ``times.shape``.
 
         Raises
         ------
         ValueError
             If a track drives a joint or a weight that ``rest`` lacks.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Clip, Pose
-        >>> Clip('still', []).sample([0, 1], Pose([[1.0, 0.0, 0.0]])).shape
-        (2,)
         """
         self._check_fit(rest)
         times = self.local_time(times, loop)
@@ -220,14 +208,14 @@ class Clip:
         Parameters
         ----------
         times : array_like, shape (...)
-            Seconds.
+            Times in seconds.
         loop : bool
-            Begin again after the end; otherwise stay at the end.
+            Restart at the end; otherwise stay at the end.
 
         Returns
         -------
         numpy.ndarray, shape (...), float64
-            Seconds from 0 to the duration. A loop starts again at the duration itself.
+            Seconds from 0 to the duration; a loop restarts at the duration itself.
 
         Examples
         --------
@@ -246,8 +234,8 @@ class Clip:
 
     @cached_property
     def _groups(self):
-        """Tracks of joints that have their keys at the same times, evaluated at once."""
-        # Of two tracks for the same the later one holds.
+        """Tracks of joints grouped by key times, to be evaluated together."""
+        # The later of two tracks for the same property wins.
         tracks = {(t.node, t.path): t for t in self.tracks if t.path != 'weights'}.values()
         alike: dict[tuple, list[Track]] = {}
         for track in tracks:
@@ -279,7 +267,7 @@ class Clip:
 
 
 def _between(path, how, keys, values, times):
-    """Return values at times: (..., c), or (..., g, c) if there are g tracks with these keys."""
+    """Return values at times: (..., c), or (..., g, c) for g tracks with the same keys."""
     times = np.minimum(np.maximum(times, keys[0]), keys[-1])
     before = np.searchsorted(keys, times, side='right') - 1
     if how == 'step':
@@ -298,7 +286,7 @@ def _between(path, how, keys, values, times):
 
 
 def _hermite(path, before, after, part, step):
-    """Blend keys, (3, ..., c), by the Hermite polynomials (glTF 2.0, appendix C.5)."""
+    """Blend keys (3, ..., c) by Hermite polynomials (glTF 2.0, appendix C.5)."""
     a, leaving, b, arriving = before[1], before[2] * step, after[1], after[0] * step
     t2, t3 = part**2, part**3
     value = (2 * t3 - 3 * t2 + 1) * a + (t3 - 2 * t2 + part) * leaving

@@ -1,4 +1,4 @@
-"""Constraints of a rig: joints that look at a point, copy another joint, or keep limits."""
+"""Constraints of a rig: aim a joint at a point, copy another joint, clamp to limits."""
 
 from __future__ import annotations
 
@@ -9,33 +9,28 @@ from pvibr.maths import quaternions
 
 
 class Aim:
-    """Turn a joint so that one of its axes shows a point.
+    """Turn a joint so that one of its axes points at a target.
 
     Parameters
     ----------
     joint : str or int
         The joint.
     at : array_like, shape (3,), or str
-        A point in the figure's space; or its name in ``targets``, without which nothing turns.
+        A point in the figure's space, or the name of a target; without that target nothing turns.
     axis : array_like, shape (3,), default: (0, 0, 1)
-        Axis in the joint's own space that shall show the point.
+        Axis in the joint's space that points at the target.
     up : array_like, shape (3,), optional
-        Direction in the figure's space; with it the joint rolls until ``up_axis`` is as near to
-        it as can be. Without it the joint turns the shortest way.
+        Direction in the figure's space that ``up_axis`` is rolled towards. By default the joint
+        turns the shortest way.
     up_axis : array_like, shape (3,), default: (0, 1, 0)
-        Axis in the joint's own space, not along ``axis``.
+        Axis in the joint's space, not parallel to ``axis``.
     weight : float, default: 1.0
-        Share of the turn that is done, 0 to 1.
-
-    Attributes
-    ----------
-    asks : tuple
-        Names of targets that it takes.
+        Fraction of the turn to apply, 0 to 1.
 
     Raises
     ------
     ValueError
-        If an axis has no direction, both are along each other or the weight is not in 0 to 1.
+        If an axis is zero, the axes are parallel or the weight is outside 0 to 1.
 
     Examples
     --------
@@ -51,23 +46,23 @@ class Aim:
         self.up = None if up is None else _direction(up, 'up')
         self.up_axis = _direction(up_axis, 'up_axis')
         if self.up is not None and np.linalg.norm(np.cross(self.axis, self.up_axis)) < 1e-6:
-            msg = f'up_axis {up_axis} is along axis {axis}; it must point elsewhere.'
+            msg = f'up_axis {up_axis} is parallel to axis {axis}; choose another up_axis.'
             raise ValueError(msg)
         self.weight = _share(weight)
         self.asks = (at,) if isinstance(at, str) else ()
 
     def bound(self, rig):
-        """Return this step on the joints of a rig.
+        """Return this step bound to the joints of a rig.
 
         Parameters
         ----------
         rig : Rig
-            Whose joints and limits to use.
+            Skeleton and limits.
 
         Returns
         -------
         callable
-            Takes a pose and targets, returns a pose.
+            ``(pose, targets) -> Pose``.
         """
         joint = rig.skeleton.index(self.joint)
 
@@ -85,7 +80,7 @@ class Aim:
         return apply
 
     def _aimed(self, rotation, scale, way, up):
-        """Return the rotation in the parent's space, where the joint's axes are scaled first."""
+        """Return the rotation in the parent's space; the joint's axes are scaled first."""
         if not way.any():
             return rotation
         turn = quaternions.between(quaternions.rotate(rotation, scale * self.axis), way)
@@ -94,14 +89,14 @@ class Aim:
             return rotation
         way = way / np.linalg.norm(way)
         now = quaternions.rotate(rotation, scale * self.up_axis)
-        # The angle between what both are across the way; without any, no roll is better.
+        # The angle between both, projected across the way; if either vanishes, any roll will do.
         sine, cosine = way @ np.cross(now, up), now @ up - (now @ way) * (up @ way)
         roll = quaternions.from_axis_angle(way, np.arctan2(sine, cosine))
         return quaternions.multiply(roll, rotation)
 
 
 class CopyTransform:
-    """Give a joint the rotation, the position or both of another.
+    """Copy the rotation, the position or both of another joint.
 
     Parameters
     ----------
@@ -110,22 +105,17 @@ class CopyTransform:
     source : str or int
         The joint that is copied.
     rotation, position : bool
-        What is copied; default the rotation.
+        What to copy; default the rotation.
     space : {'figure', 'local'}, default: 'figure'
-        ``'figure'``: both come to lie alike in the figure's space. ``'local'``: the joint
-        leaves its rest as the source leaves its own, each seen from its parent.
+        ``'figure'`` copies the transform in the figure's space; ``'local'`` copies the offset
+        from the rest pose, each relative to its parent.
     weight : float, default: 1.0
-        Share of the way that is done, 0 to 1.
-
-    Attributes
-    ----------
-    asks : tuple
-        Names of targets that it takes: none.
+        Blend weight, 0 to 1.
 
     Raises
     ------
     ValueError
-        If the space is unknown, nothing is copied or the weight is not in 0 to 1.
+        If the space is unknown, nothing is copied or the weight is outside 0 to 1.
 
     Examples
     --------
@@ -144,7 +134,7 @@ class CopyTransform:
         self.joint, self.source = joint, source
         self.rotation, self.position = bool(rotation), bool(position)
         if not (rotation or position):
-            msg = 'rotation and position are False: there is nothing to copy.'
+            msg = 'rotation and position are both False; set at least one of them.'
             raise ValueError(msg)
         if space not in ('figure', 'local'):
             msg = f"space is {space!r}; it must be 'figure' or 'local'."
@@ -153,17 +143,17 @@ class CopyTransform:
         self.weight = _share(weight)
 
     def bound(self, rig):
-        """Return this step on the joints of a rig.
+        """Return this step bound to the joints of a rig.
 
         Parameters
         ----------
         rig : Rig
-            Whose joints and limits to use.
+            Skeleton and limits.
 
         Returns
         -------
         callable
-            Takes a pose and targets, returns a pose.
+            ``(pose, targets) -> Pose``.
         """
         joint, source = rig.skeleton.index(self.joint), rig.skeleton.index(self.source)
         seen = self._in_figure if self.space == 'figure' else self._from_rest
@@ -200,12 +190,7 @@ class CopyTransform:
 
 
 class ClampToLimits:
-    """Cut the rotations of all joints to the limits of the rig, of a clip's pose for example.
-
-    Attributes
-    ----------
-    asks : tuple
-        Names of targets that it takes: none.
+    """Clamp the rotations of all joints to the limits of the rig, for example of a clip's pose.
 
     Examples
     --------
@@ -219,30 +204,30 @@ class ClampToLimits:
     asks = ()
 
     def bound(self, rig):
-        """Return this step on the joints of a rig.
+        """Return this step bound to the joints of a rig.
 
         Parameters
         ----------
         rig : Rig
-            Whose joints and limits to use.
+            Skeleton and limits.
 
         Returns
         -------
         callable
-            Takes a pose and targets, returns a pose.
+            ``(pose, targets) -> Pose``.
         """
         return lambda pose, _: pose.replaced(rotation=rig.limits.clamped(pose.rotation))
 
 
 def _with_rotation(rig, pose, joint, rotation, weight):
-    """Return the pose with a joint turned by a share of the way, inside of its limit."""
+    """Return a pose with one joint blended towards a rotation, within its limit."""
     turned = pose.rotation.copy()
     turned[joint] = rig.kept(quaternions.slerp(turned[joint], rotation, weight), joint)
     return pose.replaced(rotation=turned)
 
 
 def _rotation(matrix):
-    """Return the rotation that is nearest to a matrix, whatever its scale, mirror or shear."""
+    """Return the rotation nearest to a matrix that may scale, mirror or shear."""
     u, _, v = np.linalg.svd(matrix[:3, :3] * np.sign(np.linalg.det(matrix[:3, :3])))
     return quaternions.from_matrices(u @ v)
 
@@ -250,7 +235,7 @@ def _rotation(matrix):
 def _direction(vector, name):
     vector = as_point(vector, name)
     if not vector.any():
-        msg = f'{name} is {vector.tolist()}; it must have a direction.'
+        msg = f'{name} is {vector.tolist()}; it must not be zero.'
         raise ValueError(msg)
     return vector / np.linalg.norm(vector)
 

@@ -1,8 +1,8 @@
-"""Pose space deformation: shapes that are keyed to poses and correct what skinning gets wrong.
+"""Pose space deformation: shapes keyed to poses that correct artefacts of skinning.
 
 J. P. Lewis, M. Cordner and N. Fong, "Pose space deformation: a unified approach to shape
-interpolation and skeleton-driven deformation", SIGGRAPH 2000. The differences act as morph
-targets, before the skeleton moves the mesh; what is new is where their weights come from.
+interpolation and skeleton-driven deformation", SIGGRAPH 2000. The shapes act as morph targets
+before skinning; their weights follow from the pose.
 """
 
 from __future__ import annotations
@@ -11,31 +11,31 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.animation.morphs import Morphs
+from pvibr.maths.vectors import unit_vectors
 
-_SAME = 1e-4  # radians: poses that are nearer cannot have different shapes
-_CONDITION = 1e8  # leaves eight digits to the shapes at the key poses
+_SAME = 1e-4  # radians: nearer poses count as equal
+_CONDITION = 1e8  # leaves eight digits for the shapes at the key poses
 _COLLAPSED = 1e-6  # |det| relative to the largest stretch cubed
 
 
 class PoseSpace:
-    """Poses that matter, and how near another pose is to each.
+    """Key poses, and interpolation weights of any pose between them.
 
-    A pose is the rotations of some joints. The distance of two poses is the geodesic angle
-    between their rotations, over several joints the root of the sum of squares. The weights
-    interpolate between the key poses by radial basis functions: Wendland's of smoothness C2,
-    since it is zero beyond its radius, so that a pose far from all keys gets exactly nothing.
+    A pose is the rotations of some joints; the distance of two poses is the geodesic angle between
+    rotations, as a root of squares over the joints. Weights are interpolated by radial basis
+    functions (Wendland's, C2), which vanish beyond their radius.
 
     Parameters
     ----------
     joints : sequence of int, length j
-        Joints of the skeleton that matter.
+        Joints of the skeleton that count.
     keys : Pose
-        The k key poses: of shape (k,).
+        The key poses, of shape (k,).
     neutral : Pose
-        Where all weights are 0, as a rule the skeleton's pose at rest.
+        Pose at which all weights are 0, usually the rest pose.
     radius : float or array_like, shape (k,), optional
-        How far each key is felt, in radians; default twice the distance to its nearest neighbour,
-        the neutral pose among them.
+        Support of each key in radians; default twice the distance to the nearest key or the
+        neutral pose.
     influence : array_like, shape (j,), optional
         Factor on the angle of each joint; default 1.
     names : sequence of str, optional
@@ -44,14 +44,13 @@ class PoseSpace:
     Raises
     ------
     ValueError
-        If there are no keys or joints, a joint is out of range, two keys are the same pose, or
-        the radii are not positive or too large to tell the keys apart.
+        If there are no keys or joints, a joint is out of range, two keys are equal, or the radii
+        are not positive or too large to separate the keys.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.animation.correctives import PoseSpace
-    >>> from pvibr.animation.pose import Pose
+    >>> from pvibr.animation import Pose, PoseSpace
     >>> from pvibr.maths.quaternions import from_axis_angle
     >>> bent = from_axis_angle([0, 0, 1], np.radians([[45.0], [90.0]]))  # two poses, one joint
     >>> space = PoseSpace([0], Pose(np.zeros((2, 1, 3)), bent), Pose(np.zeros((1, 3))))
@@ -79,7 +78,7 @@ class PoseSpace:
         self._check_apart(apart)
         nearest = np.where(np.eye(k + 1, dtype=bool), np.inf, apart).min(1)
         self.radius = _positive('radius', radius, k, 2 * nearest[1:])
-        # The neutral pose is a centre too, with nothing to give.
+        # The neutral pose is a centre too, with no shape.
         self._radii = np.append(2 * nearest[0], self.radius)
         self._mix = self._solved(_wendland(apart / self._radii))
 
@@ -95,27 +94,17 @@ class PoseSpace:
         Parameters
         ----------
         pose : Pose
-            One pose or many.
+            One or many poses.
 
         Returns
         -------
         numpy.ndarray, shape (..., k), float64
-            1 at the key and 0 at all others and at the neutral pose; may pass these on the way.
+            1 at the key, 0 at all others and at the neutral pose; may overshoot between.
 
         Raises
         ------
         ValueError
             If the pose lacks joints.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from pvibr.animation.correctives import PoseSpace
-        >>> from pvibr.animation.pose import Pose
-        >>> at_rest = Pose(np.zeros((1, 3)))
-        >>> half_turn = Pose(np.zeros((1, 1, 3)), [[[0.0, 1.0, 0.0, 0.0]]])
-        >>> PoseSpace([0], half_turn, at_rest).weights(at_rest).round(9).tolist()
-        [0.0]
         """
         if pose.n_joints <= self.joints.max():
             msg = f'the pose has {pose.n_joints} joints; joint {self.joints.max()} is needed.'
@@ -124,8 +113,8 @@ class PoseSpace:
         return _wendland(distances / self._radii) @ self._mix
 
     def _distances(self, rotations):
-        """Return how far rotations (..., j, 4) are from each centre: (..., k + 1)."""
-        # Near 1 the cosine has lost digits of the angle, but there the kernel is flat.
+        """Return the distance of rotations (..., j, 4) from each centre, (..., k + 1)."""
+        # Near 1 the cosine loses digits of the angle, but there the kernel is flat.
         cosine = np.abs(np.einsum('...jq,cjq->...cj', rotations, self._centers))
         angles = 2 * np.arccos(np.minimum(cosine, 1.0))
         return np.sqrt(np.square(angles * self.influence).sum(-1))
@@ -134,13 +123,13 @@ class PoseSpace:
         i, j = np.unravel_index(np.argmin(apart + np.pi * 1e3 * np.eye(len(apart))), apart.shape)
         if apart[i, j] < _SAME:
             names = ('the neutral pose', *self.names)
-            msg = f'{names[i]} and {names[j]} are the same pose of joints {self.joints.tolist()}.'
+            msg = f'{names[i]} and {names[j]} are equal poses of joints {self.joints.tolist()}.'
             raise ValueError(msg)
 
     def _solved(self, kernel):
-        """Return the factors that make the weights 1 at their own key and 0 at the others."""
+        """Return the factors that make each weight 1 at its own key and 0 at the others."""
         if np.linalg.cond(kernel) > _CONDITION:
-            msg = f'radius is {self.radius.tolist()}; too large to tell the key poses apart.'
+            msg = f'radius is {self.radius.tolist()}; too large to separate the key poses.'
             raise ValueError(msg)
         return np.linalg.solve(kernel, np.eye(len(kernel))[:, 1:])
 
@@ -151,11 +140,10 @@ class Correctives:
     Parameters
     ----------
     spaces : PoseSpace or sequence of PoseSpace
-        Their keys one after another are the k shapes. Joints that do not belong together, as two
-        elbows, have a space each.
+        Pose spaces, one for each group of joints that belong together; their keys in order are
+        the k shapes.
     shapes : dict of int to Morphs
-        For meshes of the figure, by number: k targets, differences of the mesh before the
-        skeleton moves it.
+        By index of the mesh: k targets, applied before skinning.
 
     Raises
     ------
@@ -165,9 +153,7 @@ class Correctives:
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.animation import Morphs
-    >>> from pvibr.animation.correctives import Correctives, PoseSpace
-    >>> from pvibr.animation.pose import Pose
+    >>> from pvibr.animation import Correctives, Morphs, Pose, PoseSpace
     >>> half_turn = Pose(np.zeros((1, 1, 3)), [[[0.0, 1.0, 0.0, 0.0]]])
     >>> space = PoseSpace([0], half_turn, Pose(np.zeros((1, 3))))
     >>> Correctives(space, {0: Morphs([[[0.0, 0.0, 1.0]]])}).weights(half_turn).tolist()
@@ -200,29 +186,22 @@ class Correctives:
         )
 
     def weights(self, pose):
-        """Return the weight of each shape in poses: those of morph targets.
+        """Return the weight of each shape in poses.
 
         Parameters
         ----------
         pose : Pose
-            One pose or many.
+            One or many poses.
 
         Returns
         -------
         numpy.ndarray, shape (..., k), float64
-            Weights.
+            Morph weights.
 
         Raises
         ------
         ValueError
             If the pose lacks joints.
-
-        Examples
-        --------
-        >>> from pvibr.animation.correctives import Correctives
-        >>> from pvibr.animation.pose import Pose
-        >>> Correctives([], {}).weights(Pose([[0.0, 0.0, 0.0]])).shape
-        (0,)
         """
         parts = [space.weights(pose) for space in self.spaces]
         return np.concatenate([np.zeros((*pose.shape, 0)), *parts], axis=-1)
@@ -231,23 +210,23 @@ class Correctives:
     def from_sculpted(cls, figure, joints, keys, points, normals=None, **options):
         """Return the correctives that give a mesh sculpted shapes in key poses.
 
-        Each shape is brought back through the inverse of the skinning, to where it is added.
+        Each shape is transformed back through the inverse of the skinning.
 
         Parameters
         ----------
         figure : Figure
             The figure, without these correctives.
         joints : sequence of str or int
-            Joints that matter.
+            Joints that count.
         keys : Pose
             The k key poses of the whole skeleton, of shape (k,).
         points : array_like, shape (k, v, 3)
-            Where the mesh's vertices are to be in each key pose, in the figure's space.
+            Sculpted vertices in each key pose, in the figure's space.
         normals : array_like, shape (k, v, 3), optional
-            Their normals, exact where no morph target is active in the key pose. Unless given,
-            normals follow the slope of the faces as far as it was changed.
+            Sculpted normals, exact if no morph target is active in the key pose; default estimated
+            from the change of the faces.
         **options
-            ``mesh``, its number (default 0); ``skinning``, the way it will be skinned ('linear');
+            ``mesh``, its index (default 0); ``skinning``, as it will be used ('linear');
             ``radius``, ``influence`` and ``names`` of :class:`PoseSpace`.
 
         Returns
@@ -258,15 +237,14 @@ class Correctives:
         Raises
         ------
         ValueError
-            If shapes do not fit, or skinning collapses vertices in a key pose, so that nothing
-            that is added before could move them; and as :class:`PoseSpace` does.
+            If shapes do not fit, or skinning collapses vertices in a key pose, so that no shape
+            can correct them; and as :class:`PoseSpace` does.
 
         Examples
         --------
         >>> import pyvista as pv
         >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh, Pose, Skeleton
-        >>> from pvibr.animation.correctives import Correctives
+        >>> from pvibr.animation import Correctives, FigureMesh, Pose, Skeleton
         >>> ball = Figure(
         ...     [FigureMesh(pv.Sphere(), node=0)], Skeleton([-1], Pose([[0.0, 0.0, 0.0]]))
         ... )
@@ -282,9 +260,9 @@ class Correctives:
         joints = [skeleton.index(joint) for joint in joints]
         space = PoseSpace(joints, keys, skeleton.rest, **options)
         shape = (len(space), len(figure.meshes[mesh].points), 3)
-        for name, given in (('points', points), ('normals', normals)):
-            if given is not None and np.shape(given) != shape:
-                msg = f'{name} has the shape {np.shape(given)}; it must be {shape}.'
+        for name, values in (('points', points), ('normals', normals)):
+            if values is not None and np.shape(values) != shape:
+                msg = f'{name} has the shape {np.shape(values)}; it must be {shape}.'
                 raise ValueError(msg)
         differences = [
             _brought_back(
@@ -298,19 +276,19 @@ class Correctives:
 
 
 def _wendland(r):
-    """Return Wendland's function of smoothness C2 of r >= 0: 1 at 0, 0 from 1 on."""
+    """Return Wendland's C2 function of r >= 0: 1 at 0, 0 from 1 on."""
     return np.square(np.square(np.maximum(1 - r, 0.0))) * (4 * r + 1)
 
 
 def _brought_back(figure, mesh, pose, skinning, points, normals):
-    """Return differences of points and normals before the skeleton, of those after it."""
+    """Return differences of points and normals before skinning, from those after it."""
     linear = _linear(figure, mesh, pose, skinning)
     stretch = np.abs(linear).max((1, 2), initial=np.finfo(float).tiny)
     collapsed = np.flatnonzero(np.abs(np.linalg.det(linear)) < _COLLAPSED * stretch**3)
     if collapsed.size:
         msg = (
             f'{skinning} skinning collapses {collapsed.size} vertices in a key pose, the first '
-            f'is {collapsed[0]}; nothing can correct them: use a smaller angle or "dual".'
+            f'is {collapsed[0]}: use a smaller angle or "dual".'
         )
         raise ValueError(msg)
     posed, upright = figure.posed(mesh, pose, skinning)
@@ -318,13 +296,13 @@ def _brought_back(figure, mesh, pose, skinning, points, normals):
     if normals is None:
         mesh = figure.meshes[mesh].mesh
         normals = upright + _slopes(mesh, points) - _slopes(mesh, posed)
-    # Normals go out by the inverse transpose, so they come back by the transpose.
-    before, after = (_unit(np.einsum('vij,vi->vj', linear, n)) for n in (upright, normals))
+    # Normals transform by the inverse transpose, so they transform back by the transpose.
+    before, after = (unit_vectors(np.einsum('vij,vi->vj', linear, n)) for n in (upright, normals))
     return moved, after - before
 
 
 def _slopes(mesh, points):
-    """Return the normals of a mesh's points at other places; zero where no polygon is."""
+    """Return the normals of a mesh with its points moved; zero for points without polygons."""
     if not mesh.GetNumberOfPolys():
         return np.zeros((mesh.n_points, 3))
     shape = pv.PolyData()
@@ -337,7 +315,7 @@ def _slopes(mesh, points):
 
 
 def _linear(figure, index, pose, skinning):
-    """Return the linear part of what moves each vertex: (v, 3, 3)."""
+    """Return the linear part of the transform of each vertex, (v, 3, 3)."""
     mesh, world = figure.meshes[index], figure.world(pose)
     if mesh.skin is not None:
         return mesh.skin.blend(world, skinning)[:, :, :3]
@@ -345,13 +323,8 @@ def _linear(figure, index, pose, skinning):
     return np.broadcast_to(matrix[:3, :3], (len(mesh.points), 3, 3))
 
 
-def _unit(vectors):
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
-
-
 def _joined(parts):
-    """Return the targets of several morphs (or none of them, and how many) one after another."""
+    """Return the targets of several Morphs, or of (None, count), one after another."""
     entries: dict = {'positions': [], 'normals': [], 'tangents': [], 'colors': []}
     for morphs, n in parts:
         for what, targets in entries.items():

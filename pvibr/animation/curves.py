@@ -1,4 +1,4 @@
-"""Numbers over time: weights that rise and fall."""
+"""Values over time: weights that rise and fall."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from pvibr.maths.keyframes import blend, checked_keys, frame_weights
 
 
 class Curve:
-    """Values at times and straight lines between them; before and after they stay.
+    """A piecewise linear function of time; the end values are held.
 
     Parameters
     ----------
     values : array_like, shape (f, ...)
-        Values; one without a time is always the same.
+        Values at the keys; a single one without a time is constant.
     times : array_like, shape (f,), optional
-        When, in seconds, increasing; 0 unless given.
+        Key times in seconds, increasing; default 0.
 
     Raises
     ------
@@ -24,11 +24,12 @@ class Curve:
 
     Examples
     --------
-    >>> from pvibr.animation.curves import Curve
+    >>> from pvibr.animation import Curve
     >>> weight = Curve([0.0])
-    >>> weight.go(1.0, at=2.0, fade=4.0)
-    >>> weight.at([0.0, 3.0, 9.0]).tolist()
-    [0.0, 0.25, 1.0]
+    >>> weight.go(1.0, at=1.0, fade=1.0)
+    >>> weight.go(0.0, at=1.5, fade=1.0)  # half way up
+    >>> weight.at([1.5, 2.0, 2.5]).tolist()
+    [0.5, 0.25, 0.0]
     """
 
     def __init__(self, values, times=None):
@@ -45,12 +46,12 @@ class Curve:
         return f'Curve({len(self.times)} times, {self.times[0]:g} to {self.times[-1]:g} s)'
 
     def at(self, times):
-        """Return the values at times.
+        """Return the values at given times.
 
         Parameters
         ----------
         times : array_like, any shape
-            Seconds.
+            Times in seconds.
 
         Returns
         -------
@@ -61,31 +62,25 @@ class Curve:
         ------
         ValueError
             If a time is not finite.
-
-        Examples
-        --------
-        >>> from pvibr.animation.curves import Curve
-        >>> Curve([[0.0, 4.0], [1.0, 0.0]], [0.0, 2.0]).at(0.5).tolist()
-        [0.25, 3.0]
         """
         return blend(self.values, *frame_weights(self.times, times))
 
     def integral(self, times):
-        """Return the integral from the first time on.
+        """Return the exact integral from the first key on.
 
         Parameters
         ----------
         times : array_like, any shape
-            Seconds.
+            Times in seconds.
 
         Returns
         -------
         numpy.ndarray, shape (..., ...), float64
-            Value times seconds; exact.
+            Value times seconds.
 
         Examples
         --------
-        >>> from pvibr.animation.curves import Curve
+        >>> from pvibr.animation import Curve
         >>> Curve([0.0, 1.0], [0.0, 2.0]).integral([-1.0, 2.0, 5.0]).tolist()
         [0.0, 1.0, 4.0]
         """
@@ -100,36 +95,25 @@ class Curve:
         return (before + inside + after).reshape(times.shape + self.values.shape[1:])
 
     def go(self, value, at, fade=0.2):
-        """Go to another value from where it is at a time; what was to come later is dropped.
+        """Fade from the value at a time to another one; later keys are dropped.
 
         Parameters
         ----------
         value : array_like
-            Where to; shape of one value.
+            Target value, of the shape of one value.
         at : float
-            When it begins, in seconds; not before the first time.
+            Start of the fade in seconds; not before the first key.
         fade : float
-            Seconds that it takes, above 0.
+            Duration of the fade in seconds, above 0.
 
         Raises
         ------
         ValueError
-            If the value is not finite or does not fit, the time is before the first or the fade
+            If the value is not finite or does not fit, ``at`` is before the first key or the fade
             is not above 0.
-
-        Examples
-        --------
-        >>> from pvibr.animation.curves import Curve
-        >>> weight = Curve([0.0])
-        >>> weight.go(1.0, at=1.0, fade=1.0)
-        >>> weight.go(0.0, at=1.5, fade=1.0)  # half way up
-        >>> weight.at([1.5, 2.0, 2.5]).tolist()
-        [0.5, 0.25, 0.0]
         """
         if not self.times[0] <= at < np.inf:
-            msg = (
-                f'at is {at}; it must be finite and not before {self.times[0]} s, the first time.'
-            )
+            msg = f'at is {at}; it must be finite and not before the first key, {self.times[0]} s.'
             raise ValueError(msg)
         if not 0 < fade < np.inf:
             msg = f'fade is {fade}; it must be above 0 seconds and finite.'

@@ -1,28 +1,27 @@
 """Inverse kinematics by damped Gauss-Newton steps with bounds: all joints and effectors at once.
 
-A joint's freedom has three directions: a twist, a swing outward and a swing sideways. Where one
-of them would cross a limit it is left out of the step, so that the others take its share; what
-overshoots is cut. The steps are those of Buss (2004), "Introduction to inverse kinematics with
-Jacobian transpose, pseudoinverse and damped least squares methods"; that a step is kept only if
-it helps, and damped more if not, is Levenberg and Marquardt's.
+Each joint has three directions: twist, swing outward and swing sideways. Directions that would
+cross a limit are left out of a step, so that other joints compensate; overshoot is clamped. Steps
+as in Buss (2004), "Introduction to inverse kinematics with Jacobian transpose, pseudoinverse and
+damped least squares methods"; damping is adapted as by Levenberg and Marquardt.
 """
 
 from __future__ import annotations
 
 import math
 import operator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pvibr.animation.batched_quaternions import CROSS, cross, product
 
-_DAMPING = 0.1, 1e-5  # of the mean square of the Jacobian: per share of reach missing, and least
-_LARGEST_STEP = 0.6  # radians of any joint: beyond, the tangent says little
+_DAMPING = 0.1, 1e-5  # of the mean square of the Jacobian: per missing share of reach, minimum
+_LARGEST_STEP = 0.6  # radians of any joint: linearisation fails beyond
 _ROUNDS = 3  # of leaving out directions that would cross a limit, per step
-_GAIN = 0.05  # share of the squared error that a step must take off to count
-_STUCK = 1.0  # damping at which no step helps where none does
-_KICKS = 3  # out of poses where no small step helps, as a straight chain that must fold
+_GAIN = 0.05  # share of the squared error that an accepted step must remove
+_STUCK = 1.0  # damping beyond which the solver counts as stuck
+_KICKS = 3  # out of poses where no small step helps, such as a straight chain that must fold
 
 
 def solve(chain, rotations, effectors, targets, weights, tolerances, iterations):
@@ -32,7 +31,7 @@ def solve(chain, rotations, effectors, targets, weights, tolerances, iterations)
     caution, kicks, done = 1.0, 0, 0
     while done < iterations and (best.distances > tolerances).any():
         done += 1
-        # Far away the damping keeps steps short; near, steps are those of Newton.
+        # Far from the target the damping keeps steps short; near it, they are Newton steps.
         damping = caution * (_DAMPING[0] * math.sqrt(now.error) / task.size + _DAMPING[1])
         trial = task.moved(now, task.step(now, damping))
         if trial.error < now.error * (1 - _GAIN):
@@ -49,14 +48,14 @@ def solve(chain, rotations, effectors, targets, weights, tolerances, iterations)
 
 
 class _Pose(NamedTuple):
-    """A pose of the chain, what it leaves to do, and how it may move."""
+    """A pose of the chain, its residual, and its free directions."""
 
-    delta: Any  # (4, n) rotations away from rest, cut to the limits
-    basis: Any  # (n, 3, 3) columns: twist, swing outward, swing sideways, in the space at rest
-    ends: Any  # (3, n) bool: twist at its lower end, at its upper end, swing at its bound
-    world: Any  # (n + 1, 4, 4)
-    residual: Any  # (k, 3) from the effectors to their targets, times the roots of weights
-    distances: Any  # (k,)
+    delta: np.ndarray  # (4, n) rotations from rest, clamped to the limits
+    basis: np.ndarray  # (n, 3, 3) columns: twist, swing outward, swing sideways, at rest
+    ends: np.ndarray  # (3, n) bool: twist at its lower end, at its upper end, swing at its bound
+    world: np.ndarray  # (n + 1, 4, 4)
+    residual: np.ndarray  # (k, 3) effectors to targets, times the square roots of the weights
+    distances: np.ndarray  # (k,)
     error: float
 
 
@@ -70,7 +69,7 @@ class _Task:
         limits = chain.limits
         n = len(chain)
         self.chain, self.effectors, self.targets = chain, effectors, targets
-        weights = np.sqrt(weights)  # what is least is the sum of weights times squares
+        weights = np.sqrt(weights)  # the sum of weights times squares is minimised
         self.weights = weights[:, None]
         reach = [chain.reach(effector) for effector in effectors]
         self.size = max(float(np.linalg.norm(weights * reach)), 1e-300)
@@ -78,7 +77,7 @@ class _Task:
         self.from_rest = self.rest * [[1], [-1], [-1], [-1]]
         self.turned = self.rest[1:].any()
         self.rest_matrices = chain.rest_matrices
-        # Which joints move which effector, times the root of its weight.
+        # Which joints move which effector, times the square root of its weight.
         self.share = np.zeros((len(effectors), n, 1))
         for row, (effector, weight) in enumerate(zip(effectors, weights, strict=True)):
             self.share[row, chain.path(effector)[:-1]] = weight
@@ -90,12 +89,12 @@ class _Task:
         self.open[self.at[limits.swing[self.at] == 0], 1:] = 0.0  # hinges only twist
 
     def pose(self, delta):
-        """Cut rotations to the limits, and see where they lead."""
+        """Return rotations clamped to the limits, with their residual."""
         basis, ends = self.straight.copy(), self.free.copy()
         if len(self.at):
             cut = self.limits.cut(delta.take(self.at, 1))
             delta[:, self.at], ends[:, self.at] = cut.rotations, cut.ends
-            # The turn that no swing shares lies between the axis and where it was swung to.
+            # The twist's direction lies halfway between the axis and the swung axis.
             twisting = cut.swing[0] * self.axis + cross(cut.swing[1:], self.axis)
             directions = twisting, cut.outward, cross(twisting, cut.outward)
             basis[self.at] = np.array(directions).transpose(2, 1, 0)
@@ -106,7 +105,7 @@ class _Task:
         return _Pose(delta, basis, ends, world, residual, distances, float((residual**2).sum()))
 
     def step(self, pose, damping):
-        """Return the small rotations (n, 3) along each joint's three directions."""
+        """Return small rotations (n, 3) along each joint's three directions."""
         k, n = self.share.shape[:2]
         at = pose.world[1:, :3, 3]
         away = (at[self.effectors, None] - at) * self.share
@@ -120,7 +119,7 @@ class _Task:
         if not pose.ends.any():
             return self._least(whole * self.open.reshape(-1), residual, damping).reshape(n, 3)
         open_ = self.open
-        step = residual @ whole  # the steepest way tells which bounds to leave alone
+        step = residual @ whole  # the gradient tells which bounds are active
         for _ in range(_ROUNDS):
             open_ = open_ * ~self._shut(step.reshape(n, 3), pose.ends)
             step = self._least(whole * open_.reshape(-1), residual, damping)
@@ -135,7 +134,7 @@ class _Task:
         return np.linalg.solve(square, residual) @ jacobian
 
     def _shut(self, step, ends):
-        """Which directions of a step cross a limit."""
+        """Return which directions of a step cross a limit."""
         low, high, swung = ends
         shut = np.zeros(step.shape, dtype=bool)
         shut[:, 0] = np.where(step[:, 0] < 0, low, high & (step[:, 0] > 0))
@@ -143,7 +142,7 @@ class _Task:
         return shut
 
     def moved(self, pose, step, largest=_LARGEST_STEP):
-        """Return the pose after a step, cut to the limits."""
+        """Return the pose after a step, clamped to the limits."""
         step = (pose.basis @ step[:, :, None])[:, :, 0].T
         size = np.sqrt((step * step).sum(0).max(initial=0.0))
         turn = np.empty((4, step.shape[1]))
@@ -153,7 +152,7 @@ class _Task:
         return self.pose(delta / np.sqrt((delta * delta).sum(0)))
 
     def kicked(self, pose, times):
-        """Return the pose with all joints that count turned, the same way at each call."""
+        """Return the pose with all active joints turned at random, reproducibly."""
         turns = np.random.default_rng(times).uniform(-1, 1, self.open.shape)
         turns = turns * self.open * self.share.any(0)
         return self.moved(pose, turns, largest=0.4 * times)

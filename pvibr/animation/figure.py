@@ -1,4 +1,4 @@
-"""A figure: meshes, the skeleton that moves them, and its clips."""
+"""A figure: meshes, the skeleton that moves them, and clips."""
 
 from __future__ import annotations
 
@@ -11,45 +11,44 @@ from pvibr.animation import sources
 from pvibr.animation.clip import Clip
 from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.model import Model
-from pvibr.animation.pose import Pose
 from pvibr.animation.vertex_animation import VertexAnimation
 
-# Looked up when a figure is saved: what reads and writes files stands above what they hold.
+# Imported when a figure is saved: file formats stand above figure data.
 _WRITER = 'pvibr.animation.gltf.write'
 
 
 class Figure(Model):
-    """Meshes that move: meshes, their skeleton and clips.
+    """An animated model: meshes, their skeleton and clips.
 
     Parameters
     ----------
-    meshes : sequence of Body
+    meshes : sequence of FigureMesh
         The meshes.
     skeleton : Skeleton, optional
         Joints; default none.
     clips : sequence of Clip
-        Movements, played by name.
+        Animations, played by name.
     correctives : Correctives, optional
         Pose space deformation.
     cameras : sequence
-        Cameras that came with the figure.
+        Cameras that move with joints, as :func:`pvibr.read_gltf` reads them.
     lights : sequence
-        Lights that came with the figure.
+        Lights that move with joints, as :func:`pvibr.read_gltf` reads them.
     name : str
         Name of the figure.
 
     Raises
     ------
     ValueError
-        If a node is out of the skeleton's range.
+        If a mesh refers to a joint that the skeleton lacks.
 
     Examples
     --------
     >>> import pyvista as pv
     >>> from pvibr import Figure
     >>> from pvibr.animation import FigureMesh
-    >>> Figure([FigureMesh(pv.Cube())]).mesh().n_cells
-    6
+    >>> Figure([FigureMesh(pv.Cube()), FigureMesh(pv.Sphere())]).mesh().n_blocks
+    2
     """
 
     def __init__(
@@ -98,28 +97,27 @@ class Figure(Model):
         points : array_like, shape (v, 3)
             Vertices at rest.
         faces : array_like of int
-            Triangles (f, 3), or any polygons as PyVista has them.
+            Triangles (f, 3), or polygons in PyVista's flat format.
         joints : array_like of int, shape (v, k), optional
-            Up to eight joints of each vertex. Without them, ``weights`` has a column per joint.
+            Up to eight joints of each vertex. Without them ``weights`` has a column per joint.
         weights : array_like, shape (v, k) or (v, n), optional
-            Their weights; made to sum to one.
+            Blend weights; normalised to sum to one.
         parents : array_like of int, shape (n,), optional
             Parent of each joint, -1 for a root.
         rest : Pose or array_like, shape (n, 4, 4), optional
-            Pose at rest, relative to the parents.
+            Rest pose, relative to the parents.
         inverse_bind : array_like, shape (n, 4, 4), optional
-            ``joint_from_mesh`` at rest; default such that the mesh lies where it is given when
-            the skeleton is at rest.
+            Inverse bind matrices, ``joint_from_mesh``; default the inverse of the rest pose.
         normals : array_like, shape (v, 3), optional
             Normals at rest; default computed.
         morphs : Morphs, optional
             Morph targets.
-        frames : Frames, optional
-            Key frames of all vertices.
+        frames : VertexAnimation, optional
+            Vertex animation.
         names : sequence of str, optional
             Names of the joints.
         clips : sequence of Clip
-            Movements.
+            Animations.
         look : dict, optional
             Keywords of ``Plotter.add_mesh``.
         name : str
@@ -133,7 +131,7 @@ class Figure(Model):
         Raises
         ------
         ValueError
-            If parts of a skeleton are missing, or arrays do not fit each other.
+            If parts of a skeleton are missing, or arrays do not fit.
 
         Examples
         --------
@@ -147,10 +145,9 @@ class Figure(Model):
         >>> strip = Figure.from_arrays(
         ...     points,
         ...     [[0, 1, 3], [1, 2, 3]],
-        ...     [[0], [0], [1], [1]],
-        ...     np.ones((4, 1)),
-        ...     [-1, 0],
-        ...     Pose(bone),
+        ...     weights=[[1, 0], [1, 0], [0, 1], [0, 1]],
+        ...     parents=[-1, 0],
+        ...     rest=Pose(bone),
         ... )
         >>> bent = Pose(bone, [[1, 0, 0, 0], [1, 0, 1, 0]])
         >>> strip.posed(0, bent)[0][2].round(12).tolist()
@@ -169,18 +166,18 @@ class Figure(Model):
 
     @classmethod
     def from_series(cls, meshes, times=None, *, interpolation='linear', look=None, name='series'):
-        """Make a figure from a series of meshes that differ in their points only.
+        """Make a figure from a time series of meshes that differ in their points only.
 
         Parameters
         ----------
         meshes : sequence of pyvista.DataSet, pyvista.MultiBlock, path, paths or reader
-            One mesh per time; or a file of a series (``.pvd``, ...), or a list of files. The
-            outer surface is taken of what is no surface. Other data are those of the first.
+            One mesh per time, a list of files, or a file of a series (``.pvd``, ...). Volumes are
+            replaced by their outer surface. Data arrays are those of the first mesh.
         times : array_like, shape (f,), optional
-            Times in seconds, from 0 on and increasing; default those of the file, or one mesh a
-            second.
+            Times in seconds, increasing from 0 or later; default those of the file, or one mesh
+            per second.
         interpolation : {'linear', 'step', 'quadratic', 'cubic'}
-            How meshes are blended between their times.
+            Interpolation between meshes.
         look : dict, optional
             Keywords of ``Plotter.add_mesh``.
         name : str
@@ -189,13 +186,12 @@ class Figure(Model):
         Returns
         -------
         Figure
-            A figure of one mesh with key frames, and one clip as long as the series.
+            A figure of one vertex animated mesh, with one clip of the length of the series.
 
         Raises
         ------
         ValueError
-            If the meshes differ in their number of points or in their faces; the first such one
-            is named.
+            If the meshes differ in their faces or number of points.
         FileNotFoundError
             If there is no such file.
 
@@ -210,34 +206,33 @@ class Figure(Model):
         surfaces, times = sources.series_of(meshes, times)
         frames = VertexAnimation.from_meshes(surfaces, times, interpolation)
         if frames.times[0] < 0:
-            msg = f'times[0] is {frames.times[0]}; times of a series are from 0 on.'
+            msg = f'times[0] is {frames.times[0]}; times of a series must not be negative.'
             raise ValueError(msg)
         mesh = FigureMesh(surfaces[0], frames=frames, look=look or {}, name=name)
         return cls([mesh], clips=[Clip(name, [], frames.times[-1])], name=name)
 
     @classmethod
     def from_scene(cls, scene, *, clips=(), name=''):
-        """Make a figure from a scene of trimesh: its graph becomes the skeleton.
+        """Make a figure from a trimesh scene; its graph becomes the skeleton.
 
         Parameters
         ----------
         scene : trimesh.Scene
-            Meshes and the graph of their nodes.
+            Meshes and their scene graph.
         clips : sequence of Clip
-            Movements of the joints, which are in the order of ``skeleton.names``.
+            Animations of the joints, in the order of ``skeleton.names``.
         name : str
             Name of the figure.
 
         Returns
         -------
         Figure
-            One mesh per node with a mesh, which moves with its node; colours and textures come
-            along.
+            One mesh per node with a geometry, with its colours and texture.
 
         Raises
         ------
         ValueError
-            If a node's matrix shears or is singular.
+            If a node's matrix is sheared or singular.
 
         Examples
         --------
@@ -256,7 +251,7 @@ class Figure(Model):
         Parameters
         ----------
         clip : str, int, Clip or None
-            Its name, its number, itself, or ``None`` for the first one there is.
+            Name, index, the clip itself, or ``None`` for the first one.
 
         Returns
         -------
@@ -266,15 +261,7 @@ class Figure(Model):
         Raises
         ------
         ValueError
-            If there is no such clip; the message names those that exist.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh, Clip
-        >>> Figure([FigureMesh(pv.Cube())], clips=[Clip('Walk', [])]).clip('Walk')
-        Clip('Walk', 0 tracks, 0 s)
+            If there is no such clip.
         """
         if clip is None:
             return self.clips[0] if self.clips else None
@@ -284,89 +271,66 @@ class Figure(Model):
             if clip in (known.name, i):
                 return known
         names = ', '.join(repr(known.name) for known in self.clips) or 'none'
-        msg = f'there is no clip {clip!r}; there are {names}.'
+        msg = f'there is no clip {clip!r}; clips: {names}.'
         raise ValueError(msg)
 
     def sample(self, time, clip=None, loop=True):
-        """Return the pose at times.
+        """Return the poses at given times.
 
         Parameters
         ----------
         time : array_like, shape (...)
-            Seconds.
+            Times in seconds.
         clip : str, int or Clip, optional
-            What is played; default the first clip, or rest.
+            Clip; default the first one, or the rest pose if there is none.
         loop : bool
-            Begin again at the end, where time 0 is; otherwise the end stays.
+            Restart at the end; otherwise hold the last pose.
 
         Returns
         -------
         Pose
-            Of shape ``time.shape``.
+            Poses of shape ``time.shape``.
 
         Raises
         ------
         ValueError
             If there is no such clip.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh
-        >>> Figure([FigureMesh(pv.Cube())]).sample([0.0, 1.0]).shape
-        (2,)
         """
         found = self.clip(clip)
         if found is not None:
             return found.sample(time, self.rest, loop)
-        times = np.asarray(time, dtype=np.float64)
-        rest = self.rest
-        rows = times.shape
-        return Pose(
-            np.broadcast_to(rest.translation, rows + rest.translation.shape),
-            rest.rotation,
-            rest.scale,
-            rest.weights,
-            times,
-        )
+        times, rest = np.asarray(time, dtype=np.float64), self.rest
+        shape = times.shape + rest.translation.shape
+        return rest.replaced(translation=np.broadcast_to(rest.translation, shape), time=times)
 
     def mesh(self, time=0.0, clip=None, *, pose=None, skinning='linear', bulge=1.0, loop=True):
-        """Return the figure at a time as data for any backend and for filters.
+        """Return the posed figure as data, for any backend and for filters.
 
         Parameters
         ----------
         time : float
-            Seconds.
+            Time in seconds.
         clip : str, int or Clip, optional
-            What is played; default the first clip, or rest.
+            Clip; default the first one, or the rest pose if there is none.
         pose : Pose or array_like, shape (n, 4, 4), optional
-            A pose in place of a time.
+            A pose in place of time and clip.
         skinning : {'linear', 'dual'}
-            How joints are blended.
+            Linear blend or dual quaternion skinning.
         bulge : float
-            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+            Share of dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
         loop : bool
-            Begin again at the end, where time 0 is; otherwise the end stays.
+            Restart at the end; otherwise hold the last pose.
 
         Returns
         -------
         pyvista.PolyData or pyvista.MultiBlock
-            Posed copies of the meshes, with their normals and other data; a MultiBlock if the
-            figure has several meshes or none.
+            Posed copies of the meshes with their normals and data; a MultiBlock unless the figure
+            has exactly one mesh.
 
         Raises
         ------
         ValueError
             If there is no such clip or the pose does not fit.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh
-        >>> Figure([FigureMesh(pv.Cube()), FigureMesh(pv.Sphere())]).mesh().n_blocks
-        2
         """
         pose = self.sample(time, clip, loop) if pose is None else pose
         how = skinning, bulge
@@ -395,23 +359,23 @@ class Figure(Model):
         return mesh
 
     def series(self, clip=None, fps=30.0, *, skinning='linear'):
-        """Return a clip as meshes at equal steps of time.
+        """Return a clip as a time series of meshes.
 
         Parameters
         ----------
         clip : str, int or Clip, optional
-            What is played; default the first clip.
+            Clip; default the first one.
         fps : float
             Meshes per second.
         skinning : {'linear', 'dual'}
-            How joints are blended.
+            Linear blend or dual quaternion skinning.
 
         Returns
         -------
         times : numpy.ndarray, shape (f,), float64
-            Seconds, from 0 to the last step within the clip.
+            Times in seconds, from 0 to the last step within the clip.
         meshes : list of pyvista.PolyData or pyvista.MultiBlock
-            A mesh per time, as :meth:`mesh` gives them.
+            One mesh per time, as :meth:`mesh` returns it.
 
         Raises
         ------
@@ -431,44 +395,30 @@ class Figure(Model):
             raise ValueError(msg)
         found = self.clip(clip)
         duration = 0.0 if found is None else found.duration
-        # A step that rounding puts just past the end still counts.
+        # A step just past the end by rounding still counts.
         times = np.arange(np.floor(duration * fps * (1 + 1e-12)) + 1) / fps
         return times, [self.mesh(t, found, skinning=skinning, loop=False) for t in times]
 
     def save(self, path):
         """Write the figure as binary glTF 2.0.
 
-        Skins, clips, morph targets, colours and textures are written. Key frames become morph
-        targets, which holds for those that are blended linearly or not at all. Numbers are
-        rounded to 32 bits. Correctives, cameras and lights are left out.
+        Skins, clips, morph targets, colours and textures are written, rounded to float32. Linear
+        and stepped vertex animations become morph targets. Correctives, cameras and lights are
+        left out.
 
         Parameters
         ----------
         path : str or pathlib.Path
-            A file that ends in ``.glb``. It is written under another name first, so that a
-            failure leaves what was there.
+            A ``.glb`` file; an existing one is replaced only after a complete write.
 
         Raises
         ------
         ValueError
-            If the name ends otherwise, or a clip or key frames are of a kind that glTF lacks.
+            If the file name ends otherwise, or glTF cannot express a clip or vertex animation.
 
         Warns
         -----
         pvibr.PvibrWarning
-            Of what is left out.
-
-        Examples
-        --------
-        >>> import pathlib, tempfile
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     file = pathlib.Path(folder) / 'cube.glb'
-        ...     Figure([FigureMesh(pv.Cube().triangulate())]).save(file)
-        ...     file.read_bytes()[:4]
-        b'glTF'
+            Names what is left out.
         """
-        writer = import_module(_WRITER)  # figure data knows no file format
-        writer.write_glb(self, path)
+        import_module(_WRITER).write_glb(self, path)

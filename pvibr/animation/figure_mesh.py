@@ -1,4 +1,4 @@
-"""A figure_mesh: one mesh of a figure and what deforms it."""
+"""One mesh of a figure and its deformers."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ SKINNINGS = ('linear', 'dual')
 
 
 class Skin:
-    """Which joints pull at which vertex.
+    """The influences of joints on vertices.
 
     Parameters
     ----------
     nodes : array_like of int, shape (m,)
-        Joints of the figure's skeleton that the skin hangs on.
+        Joints of the figure's skeleton that influence the mesh.
     inverse_bind : array_like, shape (m, 4, 4)
-        ``joint_from_mesh``: takes a vertex of the mesh at rest to the joint's space.
+        Inverse bind matrices, ``joint_from_mesh`` at rest.
     joints : array_like of int, shape (v, k)
         For each vertex up to eight rows of ``nodes``.
     weights : array_like, shape (v, k)
-        Their weights; made to sum to one.
+        Their blend weights, normalised to sum to one.
 
     Raises
     ------
@@ -77,12 +77,12 @@ class Skin:
 
     @cached_property
     def centers(self):
-        """Joints in the mesh's space at rest: float64 array of shape (m, 3)."""
+        """Origins of the joints in the mesh's space at rest: float64, shape (m, 3)."""
         linear, shift = self.inverse_bind[:, :3, :3], self.inverse_bind[:, :3, 3]
         return -np.einsum('mij,mj->mi', np.linalg.pinv(linear), shift)
 
     def matrices(self, world):
-        """Return where each joint takes the mesh at rest.
+        """Return the skinning matrices of the joints.
 
         Parameters
         ----------
@@ -93,13 +93,6 @@ class Skin:
         -------
         numpy.ndarray, shape (..., m, 4, 4), float64
             ``figure_from_mesh`` of each joint of the skin.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from pvibr.animation import Skin
-        >>> Skin([0], [np.eye(4)], [[0]], [[1.0]]).matrices(2 * np.eye(4)[None])[0, 0, 0]
-        np.float64(2.0)
         """
         return np.asarray(world)[..., self.nodes, :, :] @ self.inverse_bind
 
@@ -111,9 +104,9 @@ class Skin:
         world : array_like, shape (n, 4, 4)
             ``figure_from_joint`` of the whole skeleton.
         how : {'linear', 'dual'}
-            The mean of matrices, or dual quaternions.
+            Linear blend or dual quaternion skinning.
         bulge : float
-            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+            Share of dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
 
         Returns
         -------
@@ -123,14 +116,7 @@ class Skin:
         Raises
         ------
         ValueError
-            If ``how`` is another word.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from pvibr.animation import Skin
-        >>> Skin([0], [np.eye(4)], [[0]], [[1.0]]).blend(np.eye(4)[None], 'dual')[0, 0].tolist()
-        [1.0, 0.0, 0.0, 0.0]
+            If ``how`` is unknown.
         """
         if how not in SKINNINGS:
             msg = f"skinning is {how!r}; it must be 'linear' or 'dual'."
@@ -143,23 +129,23 @@ class Skin:
 
 @dataclass(eq=False)
 class FigureMesh:
-    """One mesh of a figure and what deforms it.
+    """One mesh of a figure and its deformers.
 
-    In this order: key frames, morph targets, correctives, skin or else the node.
+    Order of deformation: vertex animation, morph targets, correctives, then the skin, or without
+    one the node.
 
     Parameters
     ----------
     mesh : pyvista.PolyData
-        The mesh at rest; normals of its points are computed where it has none.
+        The mesh at rest; missing point normals are computed.
     node : int
-        Joint that an unskinned mesh moves with; -1 for none. A skinned mesh ignores it, as in
-        glTF.
+        Joint that an unskinned mesh moves with; -1 for none. Ignored with a skin, as in glTF.
     skin : Skin, optional
         Joints and weights of the vertices.
     morphs : Morphs, optional
         Morph targets.
-    frames : Frames, optional
-        Key frames of all vertices; their normals are computed where they have none.
+    frames : VertexAnimation, optional
+        Vertex animation; missing normals are computed.
     look : dict, optional
         Keywords of ``Plotter.add_mesh``.
     name : str
@@ -168,7 +154,7 @@ class FigureMesh:
     Raises
     ------
     ValueError
-        If skin, morphs or frames are of another number of vertices.
+        If skin, morphs or frames have another number of vertices.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The step of a rig that reaches: inverse kinematics on a pose of a skeleton."""
+"""Inverse kinematics as a step of a rig."""
 
 from __future__ import annotations
 
@@ -8,34 +8,30 @@ from pvibr.animation.chain import Chain
 from pvibr.animation.kinematics import METHODS, solve
 from pvibr.animation.rig import as_point, placed
 
-_EVEN = 1e-3  # of a scale, that its axes may differ: files hold rounded ones
+_EVEN = 1e-3  # relative difference between the axes of a scale: files round them
 
 
 class InverseKinematics:
-    """Turn joints so that others, the effectors, come to their targets.
+    """Turn joints so that end effectors reach their targets.
 
     Parameters
     ----------
     effectors : str, int or sequence of these
-        Joints that shall reach; ``targets`` of :meth:`~pvibr.animation.rig.Rig.solve` has their
-        points by these names.
+        End effectors: joints that reach for the points of these names in ``targets`` of
+        :meth:`Rig.solve`.
     root : str or int, optional
-        The first joint that turns. Default the root of the skeleton; for ``'two_bone'`` each
+        First joint of the chain. Default the root of the skeleton; for ``'two_bone'`` each
         effector's grandparent.
     method : {'damped', 'ccd', 'fabrik', 'two_bone'}, default: 'damped'
-        How, see :func:`pvibr.animation.kinematics.solve`.
+        Solver: damped least squares, cyclic coordinate descent, FABRIK, or the closed form for
+        two bones.
     weights : sequence of float, optional
-        What each effector counts where not all can reach; default 1.
+        Weight of each effector where not all targets can be reached; default 1.
     poles : dict of (str or int) to (array_like or str), optional
-        For an effector, where its knee or elbow shall show: a point in the figure's space, or
-        the name of one in ``targets``.
+        Pole vector per effector: the point that its knee or elbow turns to, in the figure's space,
+        or the name of a target.
     tolerance : float, default: 1e-3
-        Distance that will do, as a share of each effector's reach.
-
-    Attributes
-    ----------
-    asks : tuple
-        Names of targets that it takes.
+        Accepted distance to the target, as a fraction of the effector's reach.
 
     Raises
     ------
@@ -68,30 +64,30 @@ class InverseKinematics:
         }
         for name in self.poles:
             if name not in self.effectors:
-                msg = f'poles has {name!r}, which is none of the effectors {self.effectors}.'
+                msg = f'poles has {name!r}; it must be one of the effectors {self.effectors}.'
                 raise ValueError(msg)
         self.tolerance = tolerance
         named = tuple(pole for pole in self.poles.values() if isinstance(pole, str))
         self.asks = self.effectors + named
 
     def bound(self, rig):
-        """Return this step on the joints of a rig.
+        """Return this step bound to the joints of a rig.
 
         Parameters
         ----------
         rig : Rig
-            Whose joints and limits to use.
+            Skeleton and limits.
 
         Returns
         -------
         callable
-            Takes a pose and targets, returns a pose.
+            ``(pose, targets) -> Pose``.
         """
         skeleton = rig.skeleton
         limbs: dict = {}
         for name, weight in zip(self.effectors, self.weights, strict=True):
             path = self._path(skeleton, name)
-            # What hangs on one root moves together; two bones are each for themselves.
+            # Effectors of one root are solved together; two-bone limbs on their own.
             key = (path[0], name) if self.method == 'two_bone' else path[0]
             limbs.setdefault(key, []).append((name, weight, path))
         limbs_ = [_Limb(self, rig, limb) for limb in limbs.values()]
@@ -104,14 +100,14 @@ class InverseKinematics:
         return apply
 
     def _path(self, skeleton, name):
-        """Return the joints from the first that turns to an effector."""
+        """Return the joints from the first of the chain to an effector."""
         path = [skeleton.index(name)]
         while skeleton.parents[path[0]] >= 0:
             path.insert(0, int(skeleton.parents[path[0]]))
         if self.root is not None:
             root = skeleton.index(self.root)
             if root not in path:
-                msg = f'effector {name!r} does not hang on the root {self.root!r}.'
+                msg = f'effector {name!r} is not below the root {self.root!r}.'
                 raise ValueError(msg)
             return path[path.index(root) :]
         if self.method == 'two_bone':
@@ -123,7 +119,7 @@ class InverseKinematics:
 
 
 class _Limb:
-    """The joints that turn together, in the space of their root's parent."""
+    """Joints that are solved together, in the space of their root's parent."""
 
     def __init__(self, reach, rig, effectors):
         self.reach, self.rig, self.skeleton = reach, rig, rig.skeleton
@@ -138,7 +134,7 @@ class _Limb:
         self.chain = None
 
     def posed(self, pose, targets):
-        """Return the pose with these joints turned."""
+        """Return the pose with these joints solved."""
         wanted = [row for row in self.effectors if row[0] in targets]
         if not wanted:
             return pose
@@ -170,7 +166,7 @@ class _Limb:
         return pose.replaced(rotation=rotation)
 
     def _chain(self, pose):
-        """Return the chain with the lengths that bones have in a pose, kept while they do."""
+        """Return the chain with the bone lengths of a pose; it is kept while they stay."""
         offsets = pose.translation[self.joints]
         offsets[0] = 0.0
         scale = pose.scale[self.joints]
@@ -187,8 +183,8 @@ class _Limb:
         for i in self.bears[spread[self.bears]]:
             name = self.skeleton.names[self.joints[i]]
             msg = (
-                f'joint {name!r} has the scale {scale[i].tolist()}; joints that shall turn so '
-                'that others reach must scale all axes alike.'
+                f'joint {name!r} has the scale {scale[i].tolist()}; inverse kinematics needs '
+                'uniform scale.'
             )
             raise ValueError(msg)
         own, sizes = scale.mean(1), np.ones(len(scale))

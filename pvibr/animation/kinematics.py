@@ -1,35 +1,36 @@
-"""Inverse kinematics: rotations of joints that bring effectors to their targets."""
+"""Inverse kinematics: joint rotations that bring end effectors to their targets."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pvibr.animation import damped
+from pvibr.animation.chain import Chain
 from pvibr.animation.sweeps import Sweeps
 from pvibr.maths import quaternions
 
 #: Ways to solve, see :func:`solve`.
 METHODS = ('damped', 'ccd', 'fabrik', 'two_bone')
-_LITTLE = 0.9  # of the squared error left: a sweep that leaves more brings little
-_PATIENCE = 3  # such sweeps in a row
+_LITTLE = 0.9  # share of the squared error that a useful sweep may leave
+_PATIENCE = 3  # useless sweeps in a row before giving up
 
 
 class Solution(NamedTuple):
-    """What a solver found."""
+    """Result of a solver: rotations (n, 4), distances to the targets (k,), iterations."""
 
-    rotations: Any
-    errors: Any
+    rotations: np.ndarray
+    errors: np.ndarray
     iterations: int
 
 
 class _Task(NamedTuple):
-    chain: Any
-    effectors: Any  # (k,) int
-    targets: Any  # (k, 3) within reach
-    weights: Any  # (k,)
-    tolerances: Any  # (k,) in the figure's unit
+    chain: Chain
+    effectors: np.ndarray  # (k,) int
+    targets: np.ndarray  # (k, 3) within reach
+    weights: np.ndarray  # (k,)
+    tolerances: np.ndarray  # (k,) in the figure's unit
 
     def errors(self, rotations):
         at = self.chain.world(rotations)[self.effectors, :3, 3]
@@ -48,7 +49,7 @@ def solve(
     tolerance=1e-3,
     iterations=100,
 ):
-    """Return rotations that bring effectors to their targets, inside of the joints' limits."""
+    """Return rotations within the joints' limits that bring effectors to their targets."""
     if method not in METHODS:
         msg = f'method is {method!r}; it must be one of {", ".join(METHODS)}.'
         raise ValueError(msg)
@@ -89,7 +90,7 @@ def _task(chain, effectors, targets, weights, tolerance):
     if weights.shape != effectors.shape or not ((weights > 0) & np.isfinite(weights)).all():
         msg = f'weights must be {len(effectors)} positive numbers: {weights.tolist()}.'
         raise ValueError(msg)
-    # A target out of reach is taken to where the stretched joints could be at best.
+    # A target out of reach is moved to the nearest point that the stretched chain can reach.
     roots = chain.offsets[[chain.path(effector)[0] for effector in effectors]]
     reach = np.array([chain.reach(effector) for effector in effectors])
     away = targets - roots
@@ -100,7 +101,7 @@ def _task(chain, effectors, targets, weights, tolerance):
 
 
 def _run(task, rotations, method, iterations):
-    """Return rotations and the number of steps; sweeps that stall leave the rest to steps."""
+    """Return rotations and the number of steps; what sweeps leave is solved by damped steps."""
     done = 0
     if method == 'two_bone':
         for effector, target in zip(task.effectors, task.targets, strict=True):
@@ -117,7 +118,7 @@ def _run(task, rotations, method, iterations):
 
 
 def _swept(task, rotations, method, iterations):
-    """Sweep until all is reached, or sweeps bring little more; return the best seen."""
+    """Sweep until all targets are reached or the gain is small; return the best rotations."""
     sweeps = Sweeps(
         *(task.chain, rotations, task.effectors.tolist(), task.targets, task.weights.tolist())
     )
@@ -185,10 +186,10 @@ def _turned(chain, world, rotations, joint, turn):
 
 
 def _swivelled(task, rotations, effector, pole, method):
-    """Turn a limb about the line from its root to the effector, until its knee shows a pole."""
+    """Turn a limb about the line from root to effector until its knee points at the pole."""
     chain = task.chain
     if effector not in task.effectors:
-        msg = f'poles has {effector}, which is none of the effectors {task.effectors.tolist()}.'
+        msg = f'poles has {effector}; it must be one of the effectors {task.effectors.tolist()}.'
         raise ValueError(msg)
     others = {j for e in task.effectors if e != effector for j in chain.path(e)}
     path = [joint for joint in chain.path(effector) if joint not in others]

@@ -1,10 +1,10 @@
-"""Limits of joints: how far a joint may swing and twist away from its rest."""
+"""Joint limits: how far a joint may swing and twist from its rest rotation."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,27 +17,27 @@ _CONJUGATE = np.array([[1.0], [-1.0], [-1.0], [-1.0]])
 
 @dataclass(frozen=True)
 class JointLimit:
-    """How far one joint may turn away from its rest.
+    """How far one joint may turn from its rest rotation.
 
     Parameters
     ----------
     axis : sequence of float, length 3
-        Axis of the twist in the joint's own space at rest; of any length but zero. For a bone
-        its direction, for a hinge its pin.
+        Twist axis in the joint's space at rest, of any length: for a bone its direction, for a
+        hinge its pin.
     swing : float, default: pi
-        Largest angle between the axis and where it was at rest, in radians, 0 to pi.
+        Largest angle between the axis and its rest direction, in radians, 0 to pi.
     twist : tuple of float, default: (-pi, pi)
-        Smallest and largest turn about the axis, in radians; a range of 2 pi bounds nothing.
+        Range of the twist about the axis in radians; a range of 2 pi is unlimited.
 
     Raises
     ------
     ValueError
-        If the axis has no direction, the swing is not in 0 to pi or the range of the twist is
-        empty or more than a turn.
+        If the axis is zero, the swing is outside 0 to pi, or the twist range is empty or more
+        than a full turn.
 
     Examples
     --------
-    >>> from pvibr.animation.limits import JointLimit
+    >>> from pvibr.animation import JointLimit
     >>> JointLimit.hinge([1, 0, 0], 0.0, 2.5)
     JointLimit(axis=(1.0, 0.0, 0.0), swing=0.0, twist=(0.0, 2.5))
     """
@@ -70,26 +70,20 @@ class JointLimit:
         Parameters
         ----------
         axis : sequence of float, length 3
-            Axis in the joint's own space at rest.
+            Axis in the joint's space at rest.
         low, high : float
             Range of the angle in radians.
 
         Returns
         -------
-        Limit
+        JointLimit
             A limit without swing.
-
-        Examples
-        --------
-        >>> from pvibr.animation.limits import JointLimit
-        >>> JointLimit.hinge([0, 0, 3]).swing
-        0.0
         """
         return cls(axis, 0.0, (low, high))
 
 
 class Limits:
-    """The limits of some of n joints, held together."""
+    """The limits of some of n joints, enforced together."""
 
     def __init__(self, limits, rest):
         self.rest = quaternions.normalized(rest)
@@ -104,7 +98,7 @@ class Limits:
         self.swing = np.array([limit.swing for limit in all_])
         low, high = np.array([limit.twist for limit in all_]).reshape(n, 2).T
         self.middle, self.half = (low + high) / 2, (high - low) / 2
-        #: Joints that have a limit: those that :meth:`cut` takes.
+        #: Limited joints, which :meth:`cut` takes.
         self.at = np.array(sorted(limits), dtype=np.int64)
         self._axis = self.axis[self.at].T.copy()
         sideways = np.cross(self.axis, np.eye(3)[np.abs(self.axis).argmin(1)])[self.at].T
@@ -112,12 +106,12 @@ class Limits:
         self._swing, self._middle, self._half = (
             values[self.at] for values in (self.swing, self.middle, self.half)
         )
-        # A full turn or swing has no end.
+        # A full turn or swing is unlimited.
         self._twist_end = np.where(self._half < np.pi - _AT, self._half, np.inf)
         self._swing_end = np.where(self._swing < np.pi - _AT, self._swing, np.inf)
 
     def clamped(self, rotations):
-        """Return rotations inside of the limits, near those given."""
+        """Return rotations clamped to the limits."""
         rotations = np.array(rotations, dtype=np.float64)
         rest = self.rest[self.at].T
         away = product(rest * _CONJUGATE, rotations[self.at].T)
@@ -125,18 +119,18 @@ class Limits:
         return rotations
 
     def cut(self, away):
-        """Cut the rotations of the limited joints, and see where they are in their limits."""
+        """Clamp the rotations of the limited joints, and locate them within their limits."""
         axis = self._axis
         w, xyz = away[0], away[1:]
         along = (xyz * axis).sum(0)
         across = xyz - along * axis
         half_twist = np.arctan2(along, w)
-        # About the middle of its range the twist is cut to the end that is nearer round the
-        # circle, and ranges beyond half a turn need no case.
+        # Relative to the middle of its range the twist is clamped to the nearer end round the
+        # circle, so that ranges beyond half a turn need no special case.
         twist = 2 * half_twist - self._middle
         twist -= 2 * np.pi * np.rint(twist / (2 * np.pi))
         twist = np.minimum(np.maximum(twist, -self._half), self._half)
-        # The swing is what is left after the twist: its axis is turned back by half of that.
+        # The swing remains after the twist: its axis is turned back by half the twist.
         across = np.cos(half_twist) * across - np.sin(half_twist) * cross(across, axis)
         sine = np.sqrt((across * across).sum(0))
         outward = np.where(sine > 1e-12, across / np.maximum(sine, 1e-12), self._sideways)
@@ -158,7 +152,7 @@ class Limits:
         return Cut(product(turns[0], turns[1]), turns[0], outward, ends)
 
     def excess(self, rotations):
-        """Return how far rotations are beyond their limits."""
+        """Return by how many radians rotations exceed their limits, shape (n,)."""
         away = quaternions.multiply(quaternions.conjugate(self.rest), rotations)
         swing, twist = quaternions.swing_twist(away, self.axis)
         off = (quaternions.log(twist) * self.axis).sum(-1) - self.middle
@@ -169,9 +163,9 @@ class Limits:
 
 
 class Cut(NamedTuple):
-    """Rotations away from rest that keep the limits, in columns."""
+    """Clamped rotations from rest, components first."""
 
-    rotations: Any
-    swing: Any
-    outward: Any
-    ends: Any
+    rotations: np.ndarray
+    swing: np.ndarray
+    outward: np.ndarray
+    ends: np.ndarray

@@ -1,9 +1,6 @@
-"""Movements that are put together: layers over layers, clips in step."""
+"""Sources of poses: clips, clips in step, and layers blended over one another."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,8 +16,29 @@ from pvibr.animation.curves import Curve
 from pvibr.animation.pose import Pose
 
 
-@dataclass(frozen=True, eq=False)
-class ClipSource:
+class Source:
+    """Base of everything that gives poses over time."""
+
+    def sample(self, times):
+        """Return the poses at given times.
+
+        Parameters
+        ----------
+        times : array_like, shape (...)
+            Times in seconds.
+
+        Returns
+        -------
+        Pose
+            Poses of shape ``times.shape``.
+        """
+        return self._sampled(np.asarray(times, dtype=np.float64))
+
+    def _sampled(self, times) -> Pose:
+        raise NotImplementedError
+
+
+class ClipSource(Source):
     """A clip of a figure as a source of poses.
 
     Parameters
@@ -28,164 +46,120 @@ class ClipSource:
     figure : Figure
         The figure.
     clip : str, int or Clip, optional
-        What is played; default the first clip, or rest.
+        Clip to play; default the first one, or the rest pose if the figure has none.
     speed : float
-        Seconds of the clip per second; negative plays backwards.
+        Clip seconds per second; negative plays backwards.
     offset : float
-        Where in the clip time 0 is, in seconds.
+        Clip time at time 0, in seconds.
     loop : bool
-        Begin again after the end.
+        Restart the clip at its end.
     root : str or int, optional
-        Joint that goes on from where it got to, round after round, in place of back to where it
-        began (root motion): a walk that gets somewhere. Only where it is, not how it is turned.
+        Joint whose translation accumulates over the loops (root motion), so that a walk cycle
+        moves forward. Rotation does not accumulate.
 
     Raises
     ------
     ValueError
-        If there is no such clip or joint.
+        If the figure has no such clip or joint.
 
     Examples
     --------
     >>> import pyvista as pv
     >>> from pvibr import Figure
-    >>> from pvibr.animation import FigureMesh, Clip
-    >>> from pvibr.animation.mixer import ClipSource
+    >>> from pvibr.animation import Clip, ClipSource, FigureMesh
     >>> cube = Figure([FigureMesh(pv.Cube())], clips=[Clip('still', [], duration=3.0)])
     >>> ClipSource(cube, 'still', speed=2.0).duration
     1.5
     """
 
-    figure: Any
-    clip: Any = None
-    speed: float = 1.0
-    offset: float = 0.0
-    loop: bool = True
-    root: Any = None
+    def __init__(self, figure, clip=None, speed=1.0, offset=0.0, loop=True, root=None):
+        self.figure = figure
+        self.clip = figure.clip(clip)
+        self.speed, self.offset, self.loop = speed, offset, loop
+        self.root = None if root is None else figure.skeleton.index(root)
 
-    def __post_init__(self):
-        object.__setattr__(self, 'clip', self.figure.clip(self.clip))
-        if self.root is not None:
-            object.__setattr__(self, 'root', self.figure.skeleton.index(self.root))
+    def __repr__(self):
+        return f'ClipSource({self.clip!r}, speed={self.speed:g}, loop={self.loop})'
 
     @property
     def duration(self):
-        """Seconds that it takes once; infinite without a clip or at no speed."""
+        """Seconds of one cycle; infinite without a clip or at speed 0."""
         if self.clip is None or not self.speed:
             return np.inf
         return self.clip.duration / abs(self.speed)
 
-    def sample(self, times):
-        """Return the pose at times.
-
-        Parameters
-        ----------
-        times : array_like, shape (...)
-            Seconds.
-
-        Returns
-        -------
-        Pose
-            Of shape ``times.shape``.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh
-        >>> from pvibr.animation.mixer import ClipSource
-        >>> ClipSource(Figure([FigureMesh(pv.Cube())])).sample([0.0, 1.0]).shape
-        (2,)
-        """
-        times = self.offset + self.speed * np.asarray(times, dtype=np.float64)
+    def _sampled(self, times):
+        times = self.offset + self.speed * times
         pose = self.figure.sample(times, self.clip, self.loop)
         if self.root is None or self.clip is None or not (self.loop and self.clip.duration):
             return pose
         ends = self.figure.sample([0.0, self.clip.duration], self.clip, loop=False)
-        rounds = np.floor_divide(times, self.clip.duration)
+        cycles = np.floor_divide(times, self.clip.duration)
         translation = pose.translation.copy()
-        way = ends.translation[1, self.root] - ends.translation[0, self.root]
-        translation[..., self.root, :] += rounds[..., None] * way
+        step = ends.translation[1, self.root] - ends.translation[0, self.root]
+        translation[..., self.root, :] += cycles[..., None] * step
         return pose.replaced(translation=translation)
 
 
-@dataclass(frozen=True, eq=False)
-class PoseSource:
-    """One pose at all times, as a source of poses.
+class PoseSource(Source):
+    """A constant pose as a source of poses.
 
     Parameters
     ----------
     pose : Pose
-        A single one.
+        A single pose.
 
     Examples
     --------
-    >>> from pvibr.animation import Pose
-    >>> from pvibr.animation.mixer import PoseSource
+    >>> from pvibr.animation import Pose, PoseSource
     >>> PoseSource(Pose([[1.0, 0.0, 0.0]])).sample([0.0, 1.0]).translation.shape
     (2, 1, 3)
     """
 
-    pose: Pose
+    def __init__(self, pose):
+        self.pose = pose
 
-    def sample(self, times):
-        """Return the pose, once for each time.
+    def __repr__(self):
+        return f'PoseSource({self.pose.n_joints} joints)'
 
-        Parameters
-        ----------
-        times : array_like, shape (...)
-            Seconds.
-
-        Returns
-        -------
-        Pose
-            Of shape ``times.shape``.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Pose
-        >>> from pvibr.animation.mixer import PoseSource
-        >>> PoseSource(Pose([[1.0, 0.0, 0.0]])).sample(0.0).translation.tolist()
-        [[1.0, 0.0, 0.0]]
-        """
-        total = PoseSum(np.shape(times), self.pose)
+    def _sampled(self, times):
+        total = PoseSum(times.shape, self.pose)
         total.add(self.pose, np.ones(()))
         return total.pose()
 
 
-class SyncedClips:
-    """Clips of different lengths in step: walk and run with the same foot in front.
+class SyncedClips(Source):
+    """A blend of clips of different lengths in phase: walk and run with the same foot in front.
 
-    All share one phase, that of a round; each clip is stretched to it. Rounds per second are the
-    weighted mean of the clips' own.
+    All clips share one phase and are stretched to it. Cycles per second are the weighted mean
+    of the clips' own.
 
     Parameters
     ----------
     figure : Figure
         The figure.
     clips : sequence of str, int or Clip, length k
-        What is played, all in loops that begin at the same foot.
+        Looping clips that start at the same phase.
     weights : array_like, shape (k,) or (f, k)
-        Shares of the clips, constant or at times.
+        Blend weights of the clips, constant or at key times.
     times : array_like, shape (f,), optional
-        When the weights are reached, in seconds, in line between. The phase is 0 at the first;
-        at time 0 when the weights are constant.
+        Key times of the weights in seconds, with linear interpolation. The phase is 0 at the
+        first key; at time 0 if the weights are constant.
 
     Raises
     ------
     ValueError
-        If a clip does not exist or has no length, or weights or times do not fit.
+        If a clip does not exist or has no duration, or weights or times do not fit.
 
     Examples
     --------
     >>> import pyvista as pv
     >>> from pvibr import Figure
-    >>> from pvibr.animation import FigureMesh, Clip
-    >>> from pvibr.animation.mixer import SyncedClips
+    >>> from pvibr.animation import Clip, FigureMesh, SyncedClips
     >>> clips = [Clip('walk', [], duration=1.0), Clip('run', [], duration=0.5)]
-    >>> gait = SyncedClips(
-    ...     Figure([FigureMesh(pv.Cube())], clips=clips), ['walk', 'run'], [0.5, 0.5]
-    ... )
-    >>> gait.phase(2.0)  # one and a half rounds per second
+    >>> figure = Figure([FigureMesh(pv.Cube())], clips=clips)
+    >>> gait = SyncedClips(figure, ['walk', 'run'], [0.5, 0.5])
+    >>> gait.phase(2.0)  # 1.5 cycles per second
     np.float64(3.0)
     """
 
@@ -199,40 +173,26 @@ class SyncedClips:
         self.weights = Curve(weights, times)
         for clip in self.clips:
             if not clip.duration:
-                msg = f'clip {clip.name!r} has no length, so it cannot be played in step.'
+                msg = f'clip {clip.name!r} has no duration, so it cannot be synchronised.'
                 raise ValueError(msg)
         self._rates = 1 / np.array([clip.duration for clip in self.clips])
 
     def go(self, weights, at, fade=0.2):
-        """Go to other shares of the clips, in step all the way.
+        """Fade to other blend weights; the clips stay in phase.
 
         Parameters
         ----------
         weights : array_like, shape (k,)
-            Shares.
+            Blend weights.
         at : float
-            When it begins, in seconds; not before the first time.
+            Start of the fade in seconds; not before the first key.
         fade : float
-            Seconds that it takes, above 0.
+            Duration of the fade in seconds, above 0.
 
         Raises
         ------
         ValueError
-            If weights do not fit, or as :meth:`pvibr.animation.curves.Curve.go` does.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh, Clip
-        >>> from pvibr.animation.mixer import SyncedClips
-        >>> clips = [Clip('walk', [], duration=1.0), Clip('run', [], duration=0.5)]
-        >>> gait = SyncedClips(
-        ...     Figure([FigureMesh(pv.Cube())], clips=clips), ['walk', 'run'], [1, 0]
-        ... )
-        >>> gait.go([0, 1], at=1.0, fade=2.0)
-        >>> gait.phase([1.0, 3.0, 4.0]).tolist()
-        [1.0, 4.0, 6.0]
+            If weights do not fit, or as :meth:`pvibr.animation.Curve.go` does.
         """
         weights = shares(weights)
         if weights.shape != (len(self.clips),):
@@ -241,54 +201,21 @@ class SyncedClips:
         self.weights.go(weights, at, fade)
 
     def phase(self, times):
-        """Return how many rounds have been played.
+        """Return the number of cycles played: the integral of the cycles per second.
 
         Parameters
         ----------
         times : array_like, shape (...)
-            Seconds.
+            Times in seconds.
 
         Returns
         -------
         numpy.ndarray, shape (...), float64
-            Rounds, also negative; the integral of the rounds per second.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh, Clip
-        >>> from pvibr.animation.mixer import SyncedClips
-        >>> cube = Figure([FigureMesh(pv.Cube())], clips=[Clip('walk', [], duration=2.0)])
-        >>> SyncedClips(cube, ['walk'], [1.0]).phase([-1.0, 0.0, 3.0]).tolist()
-        [-0.5, 0.0, 1.5]
+            Cycles; negative before the first key.
         """
         return self.weights.integral(times) @ self._rates
 
-    def sample(self, times):
-        """Return the pose at times.
-
-        Parameters
-        ----------
-        times : array_like, shape (...)
-            Seconds.
-
-        Returns
-        -------
-        Pose
-            Of shape ``times.shape``.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh, Clip
-        >>> from pvibr.animation.mixer import SyncedClips
-        >>> cube = Figure([FigureMesh(pv.Cube())], clips=[Clip('walk', [], duration=2.0)])
-        >>> SyncedClips(cube, ['walk'], [1.0]).sample([0.0, 3.0]).shape
-        (2,)
-        """
-        times = np.asarray(times, dtype=np.float64)
+    def _sampled(self, times):
         phase = self.phase(times)
         total = PoseSum(times.shape, self.figure.rest)
         weights = np.moveaxis(self.weights.at(times), -1, 0)
@@ -299,20 +226,20 @@ class SyncedClips:
 
 
 class AnimationLayer:
-    """What a mixer puts over the layers below.
+    """A layer that a mixer blends over the layers below it.
 
     Parameters
     ----------
     source : object
-        Whatever has ``sample(times) -> Pose``.
+        Anything with ``sample(times) -> Pose``.
     weight : float or Curve
-        How much of it, from 0 to 1, or any number when it is additive. It is kept as a
-        :class:`pvibr.animation.curves.Curve`: ``layer.weight.go(1.0, at=2.0)`` turns it on.
+        Blend weight, 0 to 1, or any number for an additive layer. It is stored as a
+        :class:`pvibr.animation.Curve`: ``layer.weight.go(1.0, at=2.0)`` fades the layer in.
     mask : array_like, shape (n,), optional
-        Factor of each joint, as from :func:`pvibr.animation.blending.joint_mask`; morph weights
-        then stay those below.
+        Factor per joint, as :func:`pvibr.animation.joint_mask` returns it. With a mask the layer
+        leaves morph weights unchanged.
     reference : Pose, optional
-        Makes the layer additive: what counts as no difference.
+        Makes the layer additive: its difference from this pose is added.
 
     Raises
     ------
@@ -321,8 +248,7 @@ class AnimationLayer:
 
     Examples
     --------
-    >>> from pvibr.animation import Pose
-    >>> from pvibr.animation.mixer import AnimationLayer, PoseSource
+    >>> from pvibr.animation import AnimationLayer, Pose, PoseSource
     >>> layer = AnimationLayer(PoseSource(Pose([[4.0, 0.0, 0.0]])), 0.0)
     >>> layer.weight.go(1.0, at=1.0, fade=2.0)
     >>> layer.over(Pose([[0.0, 0.0, 0.0]]), 2.0).translation.tolist()
@@ -336,27 +262,19 @@ class AnimationLayer:
             unit_range('weight', self.weight.values)
 
     def over(self, pose, times):
-        """Return poses with this layer over them.
+        """Return poses with this layer blended over them.
 
         Parameters
         ----------
         pose : Pose
-            Of the layers below, of shape ``times.shape``.
+            Poses of the layers below, of shape ``times.shape``.
         times : array_like, shape (...)
-            Seconds.
+            Times in seconds.
 
         Returns
         -------
         Pose
-            Of shape ``times.shape``.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Pose
-        >>> from pvibr.animation.mixer import AnimationLayer, PoseSource
-        >>> layer = AnimationLayer(PoseSource(Pose([[4.0, 0.0, 0.0]])), 0.25)
-        >>> layer.over(Pose([[0.0, 0.0, 0.0]]), 1.0).translation.tolist()
-        [[1.0, 0.0, 0.0]]
+            Poses of shape ``times.shape``.
         """
         weight = self.weight.at(times)
         if not np.any(weight):
@@ -367,21 +285,20 @@ class AnimationLayer:
         return added(pose, difference(mine, self.reference), weight, self.mask)
 
 
-class Mixer:
-    """Layers of movements: run, and fire with the upper body, and look up.
+class Mixer(Source):
+    """A stack of animation layers: run, fire with the upper body, look up.
 
     Parameters
     ----------
     base : object
-        Whatever has ``sample(times) -> Pose``.
-    *layers : Layer
-        What goes over it, in this order.
+        Anything with ``sample(times) -> Pose``.
+    *layers : AnimationLayer
+        Layers over the base, lowest first.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from pvibr.animation import Pose
-    >>> from pvibr.animation.mixer import AnimationLayer, Mixer, PoseSource
+    >>> from pvibr.animation import AnimationLayer, Mixer, Pose, PoseSource
     >>> rest, up, right = (Pose([p]) for p in np.array([[0, 0, 0], [0, 0, 1], [2, 0, 0]]))
     >>> mixer = Mixer(
     ...     PoseSource(rest),
@@ -401,29 +318,10 @@ class Mixer:
 
     @property
     def revision(self) -> tuple:
-        """What changes when what is shown at the same time may have."""
+        """Changes when the poses at the same times may have changed."""
         return revision_of(self.base, *(layer.source for layer in self.layers))
 
-    def sample(self, times):
-        """Return the pose at times.
-
-        Parameters
-        ----------
-        times : array_like, shape (...)
-            Seconds.
-
-        Returns
-        -------
-        Pose
-            Of shape ``times.shape``.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Pose
-        >>> from pvibr.animation.mixer import Mixer, PoseSource
-        >>> Mixer(PoseSource(Pose([[0.0, 0.0, 0.0]]))).sample([0.0, 1.0]).shape
-        (2,)
-        """
+    def _sampled(self, times):
         pose = self.base.sample(times)
         for layer in self.layers:
             pose = layer.over(pose, times)
@@ -431,5 +329,5 @@ class Mixer:
 
 
 def revision_of(*sources) -> tuple:
-    """Return what changes when poses of sources at the same time may have."""
+    """Return a key that changes when the poses of sources at the same times may have changed."""
     return tuple(getattr(source, 'revision', None) for source in sources)

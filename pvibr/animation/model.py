@@ -1,4 +1,4 @@
-"""What a pose does to the meshes of a figure: the float64 reference of every other way."""
+"""Posing of the meshes of a figure: the float64 reference of the GPU."""
 
 from __future__ import annotations
 
@@ -9,34 +9,12 @@ import numpy as np
 from pvibr.animation.boxes import Boxes
 from pvibr.animation.pose import Pose, as_matrices
 from pvibr.animation.skeleton import Skeleton
-from pvibr.maths import skinning
+from pvibr.maths.skinning import moved_normals, moved_points
+from pvibr.maths.vectors import unit_vectors
 
 
 class Model:
-    """Bodies on a skeleton, and where a pose takes them.
-
-    Parameters
-    ----------
-    meshes : sequence of Body
-        The meshes.
-    skeleton : Skeleton, optional
-        Joints; default none.
-    correctives : Correctives, optional
-        Pose space deformation.
-
-    Raises
-    ------
-    ValueError
-        If a node is out of the skeleton's range.
-
-    Examples
-    --------
-    >>> import pyvista as pv
-    >>> from pvibr.animation import FigureMesh
-    >>> from pvibr.animation.model import Model
-    >>> Model([FigureMesh(pv.Cube())]).bounds().round(3).tolist()
-    [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
-    """
+    """Meshes on a skeleton, and their posed points, normals, colours, tangents and bounds."""
 
     def __init__(self, meshes, skeleton=None, correctives=None):
         self.meshes = tuple(meshes)
@@ -49,24 +27,24 @@ class Model:
             nodes = [mesh.node] if mesh.skin is None else mesh.skin.nodes
             if len(nodes) and not -1 <= min(nodes) <= max(nodes) < len(self.skeleton):
                 msg = (
-                    f'meshes[{i}] hangs on the joints {min(nodes)} to {max(nodes)}; the skeleton '
-                    f'has {len(self.skeleton)}.'
+                    f'meshes[{i}] uses the joints {min(nodes)} to {max(nodes)}; the skeleton has '
+                    f'{len(self.skeleton)}.'
                 )
                 raise ValueError(msg)
 
     @cached_property
     def rest(self):
-        """Pose at rest, with the weights that the morph targets rest at."""
+        """The rest pose, with the rest weights of the morph targets."""
         weights = [mesh.morphs.weights for mesh in self.meshes if mesh.morphs is not None]
         return self.skeleton.rest.replaced(weights=np.concatenate([np.zeros(0), *weights]))
 
     def world(self, pose=None):
-        """Return the matrices of all joints.
+        """Return the world matrices of all joints.
 
         Parameters
         ----------
         pose : Pose or array_like, shape (..., n, 4, 4), optional
-            A pose, or the ``figure_from_joint`` matrices themselves; default at rest.
+            A pose, or ``figure_from_joint`` matrices, which are checked; default at rest.
 
         Returns
         -------
@@ -77,14 +55,6 @@ class Model:
         ------
         ValueError
             If there is another number of joints.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh
-        >>> Figure([FigureMesh(pv.Cube())]).world().shape
-        (0, 4, 4)
         """
         if pose is None or isinstance(pose, Pose):
             return self.skeleton.world(self.rest if pose is None else pose)
@@ -100,27 +70,19 @@ class Model:
         Parameters
         ----------
         index : int
-            Number of the mesh.
+            Index of the mesh.
         pose : Pose, optional
-            A pose; default, and where it holds no weights, at rest.
+            A pose; default, and if it holds no weights, at rest.
 
         Returns
         -------
         numpy.ndarray, shape (..., t), float64
-            One weight per target of that mesh.
+            One weight per target of the mesh.
 
         Raises
         ------
         ValueError
             If the pose holds another number of weights.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh
-        >>> Figure([FigureMesh(pv.Cube())]).weights(0).shape
-        (0,)
         """
         weights = self.rest.weights
         if isinstance(pose, Pose) and pose.weights.shape[-1]:
@@ -133,18 +95,18 @@ class Model:
         return weights[..., first : first + self.meshes[index].n_targets]
 
     def posed(self, index, pose=None, skinning='linear', bulge=1.0):
-        """Return a mesh's points and normals in a pose: the reference for all other ways.
+        """Return the points and normals of one mesh in a pose, computed in float64.
 
         Parameters
         ----------
         index : int
-            Number of the mesh.
+            Index of the mesh.
         pose : Pose or array_like, shape (n, 4, 4), optional
-            One pose, or the ``figure_from_joint`` matrices; default at rest.
+            A single pose, or ``figure_from_joint`` matrices; default at rest.
         skinning : {'linear', 'dual'}
-            How joints are blended.
+            Linear blend or dual quaternion skinning.
         bulge : float
-            Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+            Share of dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
 
         Returns
         -------
@@ -173,15 +135,15 @@ class Model:
             raise ValueError(msg)
         points, normals = self._deformed(index, pose)
         matrices = self._moves(self.meshes[index], world, skinning, bulge)
-        return _moved(matrices, points, normals)
+        return moved_points(matrices, points), moved_normals(matrices, normals)
 
     def layers(self, index, pose=None):
-        """Return what is added to a mesh before the skeleton moves it.
+        """Return the morph targets that act on one mesh before skinning.
 
         Parameters
         ----------
         index : int
-            Number of the mesh.
+            Index of the mesh.
         pose : Pose or array_like, shape (..., n, 4, 4), optional
             A pose; default at rest.
 
@@ -189,14 +151,6 @@ class Model:
         -------
         list of (Morphs, numpy.ndarray)
             The mesh's morph targets and the correctives, each with weights of shape (..., t).
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh
-        >>> Figure([FigureMesh(pv.Cube())]).layers(0)
-        []
         """
         layers = []
         if self.meshes[index].morphs is not None:
@@ -212,7 +166,7 @@ class Model:
         return Pose.from_matrices(self.skeleton.local(pose), self.rest.weights)
 
     def _deformed(self, index, pose):
-        """Return points and normals before the skeleton moves them."""
+        """Return points and normals before skinning."""
         mesh = self.meshes[index]
         points, normals = mesh.points, mesh.normals
         if mesh.frames is not None:
@@ -223,21 +177,20 @@ class Model:
         return points, normals
 
     def colors(self, index, pose=None):
-        """Return a mesh's colours in a pose.
+        """Return the point colours of one mesh in a pose.
 
         Parameters
         ----------
         index : int
-            Number of the mesh.
+            Index of the mesh.
         pose : Pose or array_like, shape (n, 4, 4), optional
-            One pose; default at rest.
+            A single pose; default at rest.
 
         Returns
         -------
         numpy.ndarray, shape (v, c), uint8 or float, or None
-            The array that ``look`` names as colours of the points, with what morph targets add:
-            differences count the full range, of bytes too, as 1. ``None`` if the look has no
-            such colours.
+            The colours that ``look`` names plus the differences of morph targets, in which 1 is
+            the full range, of uint8 too. ``None`` if the look has no point colours.
 
         Examples
         --------
@@ -256,44 +209,33 @@ class Model:
         name = mesh.look.get('scalars') if mesh.look.get('rgb') else None
         if name not in mesh.mesh.point_data:
             return None
-        given = np.asarray(mesh.mesh.point_data[name])
-        full = 255 if given.dtype == np.uint8 else 1
-        colors = given.astype(np.float64)
+        stored = np.asarray(mesh.mesh.point_data[name])
+        full = 255 if stored.dtype == np.uint8 else 1
+        colors = stored.astype(np.float64)
         for morphs, weights in self.layers(index, pose):
             change = morphs.total('colors', weights, len(colors))[:, : colors.shape[1]]
             colors[:, : change.shape[1]] += full * change
         colors = np.clip(colors, 0, full)
-        return (colors + 0.5 if full == 255 else colors).astype(given.dtype)
+        return (colors + 0.5 if full == 255 else colors).astype(stored.dtype)
 
     def tangents(self, index, pose=None, skinning='linear', bulge=1.0):
-        """Return a mesh's tangents in a pose.
+        """Return the tangents of one mesh in a pose.
 
         Parameters
         ----------
         index : int
-            Number of the mesh.
+            Index of the mesh.
         pose : Pose or array_like, shape (n, 4, 4), optional
-            One pose; default at rest.
+            A single pose; default at rest.
         skinning : {'linear', 'dual'}
-            How joints are blended.
+            Linear blend or dual quaternion skinning.
         bulge : float
-            Share of the dual quaternions.
+            Share of dual quaternions.
 
         Returns
         -------
         numpy.ndarray, shape (v, 3), float64, or None
             Unit tangents; ``None`` if the mesh has no ``'Tangents'``.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh
-        >>> mesh = pv.Plane()
-        >>> mesh['Tangents'] = np.tile([2.0, 0.0, 0.0], (mesh.n_points, 1))
-        >>> Figure([FigureMesh(mesh)]).tangents(0)[0].tolist()
-        [1.0, 0.0, 0.0]
         """
         mesh = self.meshes[index]
         if 'Tangents' not in mesh.mesh.point_data:
@@ -302,27 +244,25 @@ class Model:
         for morphs, weights in self.layers(index, pose):
             tangents += morphs.total('tangents', weights, len(tangents))
         matrices = self._moves(mesh, self.world(pose), skinning, bulge)
-        moved = np.einsum('...ij,...j->...i', matrices[..., :3], tangents)
-        lengths = np.linalg.norm(moved, axis=1, keepdims=True)
-        return np.divide(moved, lengths, out=np.zeros_like(moved), where=lengths > 0)
+        return unit_vectors(np.einsum('...ij,...j->...i', matrices[..., :3], tangents))
 
     def bounds(self, pose=None, skinning='linear'):
-        """Return boxes that hold the posed figure, from the boxes of its joints.
+        """Return bounding boxes of the posed figure without posing its vertices.
 
-        They are somewhat larger than needed, and cheap: no vertex is moved.
+        The boxes of the joints are moved, so that the result is fast and slightly too large.
 
         Parameters
         ----------
         pose : Pose or array_like, shape (..., n, 4, 4), optional
-            One pose or many, or ``figure_from_joint`` matrices; default at rest.
+            One or many poses, or ``figure_from_joint`` matrices; default at rest.
         skinning : {'linear', 'dual'}
-            How joints are blended.
+            Linear blend or dual quaternion skinning.
 
         Returns
         -------
         numpy.ndarray, shape (..., 6), float64
-            x, y and z, each from and to, in the figure's space; from 1 to -1, as PyVista has
-            it, if there are no points.
+            (x min, x max, y min, ...) in the figure's space; (1, -1, 1, -1, 1, -1), as PyVista
+            has it, if there are no points.
 
         Raises
         ------
@@ -358,7 +298,3 @@ class Model:
         if mesh.skin is not None:
             return mesh.skin.blend(world, how, bulge)
         return (np.eye(4) if mesh.node < 0 else world[mesh.node])[None, :3]
-
-
-def _moved(matrices, points, normals):
-    return skinning.moved_points(matrices, points), skinning.moved_normals(matrices, normals)

@@ -1,4 +1,4 @@
-"""Morph targets: what is added to a mesh's points, normals, tangents and colours."""
+"""Morph targets: differences of points, normals, tangents and colours."""
 
 from __future__ import annotations
 
@@ -6,23 +6,22 @@ import numpy as np
 
 from pvibr.animation.normals import normals_at
 
-#: What a target may change, and of how many numbers the difference is.
+#: Attributes of a target, and their possible numbers of components.
 WIDTHS = {'positions': (3,), 'normals': (3,), 'tangents': (3,), 'colors': (3, 4)}
 
-_SAME = 1e-7  # of a normal: what is less is rounding
+_SAME = 1e-7  # smaller differences of a normal are rounding
 
 
 class Morphs:
-    """Differences from the neutral mesh, one target after another.
+    """Morph targets: differences from the neutral mesh.
 
-    Each of the four is an array of shape (t, v, 3), or a sequence with one entry per target:
-    an array (v, 3), a sparse pair of indices (k,) and differences (k, 3), or ``None`` where the
-    target leaves it as it is.
+    Each of the four is an array of shape (t, v, 3), or a sequence with one entry per target: an
+    array (v, 3), a sparse pair of indices (k,) and differences (k, 3), or ``None`` for no change.
 
     Parameters
     ----------
     positions : array_like or sequence, shape (t, v, 3)
-        Differences of the points, in the mesh's unit.
+        Differences of the points.
     normals : array_like or sequence, optional
         Differences of the normals.
     tangents : array_like or sequence, optional
@@ -32,7 +31,7 @@ class Morphs:
     names : sequence of str, optional
         Names of the targets; default 'target0', 'target1', ...
     weights : array_like, shape (t,), optional
-        Weights at rest; default 0. They may be below 0 and above 1, here and in a pose.
+        Blend weights at rest; default 0. Weights may be below 0 and above 1.
 
     Raises
     ------
@@ -50,15 +49,10 @@ class Morphs:
     def __init__(
         self, positions, normals=None, tangents=None, colors=None, *, names=None, weights=None
     ):
-        given = {
-            'positions': positions,
-            'normals': normals,
-            'tangents': tangents,
-            'colors': colors,
-        }
         n = len(positions)
+        attributes = zip(WIDTHS, (positions, normals, tangents, colors), strict=True)
         self._targets = {
-            what: _targets(what, values, n) for what, values in given.items() if values is not None
+            what: _targets(what, values, n) for what, values in attributes if values is not None
         }
         self.names = tuple(f'target{i}' for i in range(n)) if names is None else tuple(names)
         self.weights = np.zeros(n) if weights is None else np.array(weights, dtype=np.float64)
@@ -67,7 +61,7 @@ class Morphs:
                 msg = f'{name} has the shape {np.shape(value)} for {n} morph targets.'
                 raise ValueError(msg)
         if not np.isfinite(self.weights).all():
-            msg = f'weights of morph targets must be finite, not {self.weights.tolist()}.'
+            msg = f'weights is {self.weights.tolist()}; it must be finite.'
             raise ValueError(msg)
 
     def __len__(self):
@@ -77,23 +71,17 @@ class Morphs:
         return f'Morphs({len(self)} targets of {", ".join(self._targets)})'
 
     def has(self, what):
-        """Say whether any target changes something.
+        """Return True if any target changes an attribute.
 
         Parameters
         ----------
         what : {'positions', 'normals', 'tangents', 'colors'}
-            What is asked for.
+            The attribute.
 
         Returns
         -------
         bool
-            Whether one does.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Morphs
-        >>> Morphs([([0], [[0, 0, 1]])]).has('normals')
-        False
+            True if any target changes it.
         """
         return any(target is not None for target in self._targets.get(what, ()))
 
@@ -103,46 +91,34 @@ class Morphs:
         Parameters
         ----------
         what : {'positions', 'normals', 'tangents', 'colors'}
-            What is changed.
+            The attribute.
         index : int
-            Number of the target.
+            Index of the target.
 
         Returns
         -------
         tuple of numpy.ndarray or None
             Indices (k,), or ``slice(None)`` for all vertices, and differences (k, c); ``None``
-            where the target changes nothing.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Morphs
-        >>> Morphs([([7], [[0, 0, 1]])]).target('positions', 0)[0].tolist()
-        [7]
+            if the target does not change the attribute.
         """
         return self._targets[what][index] if what in self._targets else None
 
     def total(self, what, weights, n_points):
-        """Return what the targets add, by their weights.
+        """Return the weighted sum of all targets.
 
         Parameters
         ----------
         what : {'positions', 'normals', 'tangents', 'colors'}
-            What is changed.
+            The attribute.
         weights : array_like, shape (t,)
-            Any numbers.
+            Blend weights, unlimited.
         n_points : int
-            Number of the mesh's vertices.
+            Number of vertices of the mesh.
 
         Returns
         -------
         numpy.ndarray, shape (n_points, c), float64
             Sum of weight times difference.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Morphs
-        >>> Morphs([[[1.0, 0, 0]], [[0, 1.0, 0]]]).total('positions', [2.0, -1.0], 1).tolist()
-        [[2.0, -1.0, 0.0]]
         """
         total = np.zeros((n_points, self.width(what)))
         for index in np.flatnonzero(weights):
@@ -152,29 +128,23 @@ class Morphs:
         return total
 
     def width(self, what):
-        """Return of how many numbers a difference is.
+        """Return the number of components of an attribute.
 
         Parameters
         ----------
         what : {'positions', 'normals', 'tangents', 'colors'}
-            What is changed.
+            The attribute.
 
         Returns
         -------
         int
-            3, or 4 for colours with an alpha.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Morphs
-        >>> Morphs([[[1.0, 0, 0]]]).width('positions')
-        3
+            3, or 4 for colours with alpha.
         """
         widths = {t[1].shape[1] for t in self._targets.get(what, ()) if t is not None}
         return max(widths, default=3)
 
     def with_normals(self, mesh):
-        """Return these targets with the differences that they make to the mesh's normals.
+        """Return these targets with differences of normals computed from the polygons.
 
         Parameters
         ----------
@@ -184,12 +154,10 @@ class Morphs:
         Returns
         -------
         Morphs
-            The same targets. Differences of normals are those between the normals of the
-            polygons with a target at weight 1 and without.
+            The same targets; the normals differ as those of the mesh at weight 1 and at weight 0.
 
         Examples
         --------
-        >>> import numpy as np
         >>> import pyvista as pv
         >>> from pvibr.animation import Morphs
         >>> flat = pv.Plane()
@@ -209,22 +177,17 @@ class Morphs:
         return Morphs(**others, names=self.names, weights=self.weights)
 
     def check(self, n_points):
-        """Refuse targets of another mesh.
+        """Raise an error if the targets belong to another mesh.
 
         Parameters
         ----------
         n_points : int
-            Number of the mesh's vertices.
+            Number of vertices of the mesh.
 
         Raises
         ------
         ValueError
             If a target has another number of vertices or an index out of range.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Morphs
-        >>> Morphs([[[1.0, 0, 0]]]).check(1)
         """
         for what, targets in self._targets.items():
             for i, target in enumerate(targets):
@@ -252,7 +215,7 @@ def _targets(what, values, n):
 
 
 def _target(name, what, value):
-    """Return where and by how much; float32 stays so, to hold many targets."""
+    """Return indices and differences; float32 stays float32, to save memory."""
     if isinstance(value, tuple) and isinstance(value[0], slice):  # as Morphs.target gives it
         value = value[1]
     sparse = isinstance(value, (tuple, list)) and len(value) == 2 and np.ndim(value[0]) == 1

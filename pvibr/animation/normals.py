@@ -1,4 +1,4 @@
-"""Normals of the points of a mesh, of which none is split."""
+"""Point normals of a mesh whose points must not be split."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def point_normals(mesh):
 
 
 def normals_at(mesh, points):
-    """Return the normals that a mesh's polygons give its points elsewhere."""
+    """Return the point normals of a mesh's polygons with its points moved."""
     shape = pv.PolyData(np.asarray(points, dtype=np.float64))
     shape.SetVerts(None)
     shape.SetPolys(mesh.GetPolys())

@@ -1,9 +1,8 @@
-"""A pose: where every joint of a figure is, relative to its parent, and the morph weights."""
+"""A pose: the transform of every joint relative to its parent, and the morph weights."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -14,59 +13,57 @@ _SHEAR = 1e-6
 _SINGULAR = 1e-12  # |det| of the axes scaled to length one
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Pose:
-    """Translations, rotations and scales of all joints, each relative to its parent's joint.
+    """Translation, rotation and scale of all joints relative to their parents, and morph weights.
 
-    Leading axes hold many poses at once: ``shape`` is () for one pose, (f,) for f poses.
+    Leading axes hold many poses: ``shape`` is () for one pose, (f,) for f poses.
 
     Parameters
     ----------
     translation : array_like, shape (..., n, 3)
-        Origins of the joints in their parents' space, in the figure's unit.
+        Origins of the joints in their parents' space.
     rotation : array_like, shape (..., n, 4), optional
         Quaternions (w, x, y, z) of any length but zero; default no rotation.
     scale : array_like, shape (..., n, 3), optional
-        Factors along the joints' own axes; default 1.
+        Factors along the joints' axes; default 1.
     weights : array_like, shape (..., m), optional
-        Morph weights of the whole figure: the targets of all its meshes one after another, in
-        the order of the meshes. Default none.
+        Morph weights: the targets of all meshes of the figure, mesh after mesh. Default none.
     time : array_like, shape (...), optional
-        Time of the meshes that are key-framed, in seconds; default 0.
+        Time of vertex animations in seconds; default 0.
 
     Raises
     ------
     ValueError
-        If shapes do not fit each other, a value is not finite or a quaternion is zero.
+        If shapes do not fit, a value is not finite or a quaternion is zero.
 
     Examples
     --------
-    >>> from pvibr.animation.pose import Pose
-    >>> Pose([[1.0, 2.0, 3.0]]).matrices()[0, :3, 3].tolist()
-    [1.0, 2.0, 3.0]
+    >>> from pvibr.animation import Pose
+    >>> pose = Pose([[1.0, 0.0, 0.0]], scale=2.0)
+    >>> (pose.matrices()[0] @ [1, 1, 1, 1]).tolist()
+    [3.0, 2.0, 2.0, 1.0]
     """
 
-    # Any: what is given may be any array_like or None, what is held is an array.
-    translation: Any
-    rotation: Any = None
-    scale: Any = None
-    weights: Any = None
-    time: Any = 0.0
+    translation: np.ndarray
+    rotation: np.ndarray
+    scale: np.ndarray
+    weights: np.ndarray
+    time: np.ndarray
 
-    def __post_init__(self):
-        translation = _checked('translation', self.translation, 3)
+    def __init__(self, translation, rotation=None, scale=None, weights=None, time=0.0):
+        translation = _checked('translation', translation, 3)
         lead = translation.shape[:-2]
         n = translation.shape[-2]
-        rotation = [1.0, 0.0, 0.0, 0.0] if self.rotation is None else self.rotation
-        scale = [1.0, 1.0, 1.0] if self.scale is None else self.scale
-        weights = np.zeros(0) if self.weights is None else self.weights
-        weights = np.asarray(weights, dtype=np.float64)
+        rotation = [1.0, 0.0, 0.0, 0.0] if rotation is None else rotation
+        scale = [1.0, 1.0, 1.0] if scale is None else scale
+        weights = np.asarray([] if weights is None else weights, dtype=np.float64)
         values = {
             'translation': translation,
             'rotation': quaternions.normalized(_fitted('rotation', rotation, (*lead, n, 4))),
             'scale': _fitted('scale', scale, (*lead, n, 3)),
             'weights': _fitted('weights', weights, (*lead, weights.shape[-1])),
-            'time': _fitted('time', self.time, lead),
+            'time': _fitted('time', time, lead),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -84,13 +81,13 @@ class Pose:
     def __getitem__(self, index):
         """Return the poses at an index of the leading axes."""
         if not self.shape:
-            msg = 'this is one pose, not several: it cannot be indexed.'
+            msg = 'a single pose cannot be indexed.'
             raise IndexError(msg)
         parts = (self.translation, self.rotation, self.scale, self.weights, self.time)
         return Pose(*(part[index] for part in parts))
 
     def replaced(self, **parts):
-        """Return this pose with other values.
+        """Return a pose with other values.
 
         Parameters
         ----------
@@ -101,28 +98,16 @@ class Pose:
         -------
         Pose
             A new pose.
-
-        Examples
-        --------
-        >>> from pvibr.animation.pose import Pose
-        >>> Pose([[0.0, 0.0, 0.0]]).replaced(weights=[0.5]).weights.tolist()
-        [0.5]
         """
         return replace(self, **parts)
 
     def matrices(self):
-        """Return the matrices that take points of each joint to its parent's space.
+        """Return the matrices of all joints relative to their parents.
 
         Returns
         -------
         numpy.ndarray, shape (..., n, 4, 4), float64
             ``parent_from_joint``: scale, then rotation, then translation.
-
-        Examples
-        --------
-        >>> from pvibr.animation.pose import Pose
-        >>> (Pose([[1.0, 0.0, 0.0]], scale=2.0).matrices()[0] @ [1, 1, 1, 1]).tolist()
-        [3.0, 2.0, 2.0, 1.0]
         """
         matrices = np.zeros((*self.translation.shape[:-1], 4, 4))
         rotation = quaternions.to_matrices(self.rotation)
@@ -133,7 +118,7 @@ class Pose:
 
     @classmethod
     def from_matrices(cls, matrices, weights=None, name='matrices'):
-        """Take matrices apart.
+        """Decompose matrices into a pose.
 
         Parameters
         ----------
@@ -142,7 +127,7 @@ class Pose:
         weights : array_like, shape (..., m), optional
             Morph weights.
         name : str
-            Name of the matrices in an error.
+            Name of the matrices in error messages.
 
         Returns
         -------
@@ -152,13 +137,12 @@ class Pose:
         Raises
         ------
         ValueError
-            If a matrix is no affine matrix, is not finite, is singular or shears; its place is
-            named.
+            If a matrix is not affine, not finite, singular or sheared.
 
         Examples
         --------
         >>> import numpy as np
-        >>> from pvibr.animation.pose import Pose
+        >>> from pvibr.animation import Pose
         >>> Pose.from_matrices([np.diag([2.0, 3.0, -4.0, 1.0])]).scale.tolist()
         [[2.0, 3.0, -4.0]]
         """
@@ -181,7 +165,7 @@ class Pose:
 
 
 def as_matrices(matrices, name):
-    """Return affine matrices as float64."""
+    """Return checked affine matrices, (..., n, 4, 4), float64."""
     matrices = np.asarray(matrices, dtype=np.float64)
     if matrices.ndim < 3 or matrices.shape[-2:] != (4, 4):
         msg = f'{name} must be (..., n, 4, 4), not of shape {matrices.shape}.'

@@ -1,4 +1,4 @@
-"""A rig: what is done to every pose of a skeleton, step by step."""
+"""A rig: constraints and inverse kinematics applied to every pose of a skeleton."""
 
 from __future__ import annotations
 
@@ -8,50 +8,39 @@ from collections.abc import Mapping
 import numpy as np
 
 from pvibr.animation.limits import Limits
-from pvibr.animation.mixer import PoseSource, revision_of
+from pvibr.animation.mixer import PoseSource, Source, revision_of
 from pvibr.animation.pose import Pose
 from pvibr.maths.transforms import trs
 
 
 class Rig:
-    """A skeleton with limits, constraints and targets to reach.
+    """A skeleton with joint limits, and the constraints that are applied to its poses.
 
-    The steps are done in the order given, each on the pose that the one before left: constraints
-    before and after `InverseKinematics` differ in what they see. A step keeps
-    the limits of the joints that it turns.
+    Steps are applied in order, each to the result of the one before, so that constraints before
+    and after `InverseKinematics` see different poses. Each step keeps the limits of the joints it
+    turns.
 
     Parameters
     ----------
     skeleton : Skeleton
         The joints.
-    steps : sequence of Reach, Aim, Copy or ClampToLimits
-        What to do.
-    limits : dict of (str or int) to Limit, optional
-        Limits of joints, counted from the skeleton's pose at rest.
-
-    Attributes
-    ----------
-    skeleton : Skeleton
-        The joints.
-    steps : tuple
-        What is done.
-    limits : Limits
-        The limits.
+    steps : sequence of InverseKinematics, Aim, CopyTransform or ClampToLimits
+        Constraints in order of application.
+    limits : dict of (str or int) to JointLimit, optional
+        Limits of joints, relative to the rest pose.
 
     Raises
     ------
     ValueError
-        If a step or a limit names a joint that is not there, or an effector that does not hang
-        on its root.
+        If a step or a limit names an unknown joint, or an effector is not below its root.
 
     Examples
     --------
-    >>> from pvibr.animation import JointLimit, Pose, InverseKinematics, Rig, Skeleton
+    >>> from pvibr.animation import InverseKinematics, JointLimit, Pose, Rig, Skeleton
     >>> bones = Pose([[0, 0, 0], [1, 0, 0], [1, 0, 0]])
     >>> arm = Skeleton([-1, 0, 1], bones, ['shoulder', 'elbow', 'hand'])
-    >>> rig = Rig(
-    ...     arm, [InverseKinematics('hand')], {'elbow': JointLimit.hinge([0, 0, 1], 0.0, 2.6)}
-    ... )
+    >>> elbow = JointLimit.hinge([0, 0, 1], 0.0, 2.6)
+    >>> rig = Rig(arm, [InverseKinematics('hand')], {'elbow': elbow})
     >>> pose = rig.solve(arm.rest, {'hand': [1.0, 1.0, 0.0]})
     >>> arm.world(pose)[2, :3, 3].round(2) + 0.0
     array([1., 1., 0.])
@@ -71,47 +60,35 @@ class Rig:
         Parameters
         ----------
         joint : int
-            Its number.
+            Joint index.
 
         Returns
         -------
-        Limit or None
-            None if it is free.
+        JointLimit or None
+            The limit; None if the joint is free.
         """
         return self._limits.get(joint)
 
     def solve(self, pose, targets=None):
-        """Return a pose after all steps.
+        """Apply all steps to a pose.
 
         Parameters
         ----------
         pose : Pose
-            One pose: of a clip, or the one solved before.
+            A single pose: of a clip, or the one solved before.
         targets : dict of str to array_like, shape (3,), optional
-            Points in the figure's space by name: for `InverseKinematics`
-            the names of effectors, for others the names that they ask for. An effector without
-            a target is left alone.
+            Points in the figure's space, by effector name for `InverseKinematics` and by target
+            name for other steps. An effector without a target is not moved.
 
         Returns
         -------
         Pose
-            A new pose.
+            The solved pose.
 
         Raises
         ------
         ValueError
-            If there are several poses, or a target is no point or nobody asks for it.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from pvibr.animation import Aim, Pose, Rig, Skeleton
-        >>> eye = Skeleton([-1], Pose([[0, 0, 0]]), ['eye'])
-        >>> pose = Rig(eye, [Aim('eye', 'moon', axis=[1, 0, 0])]).solve(
-        ...     eye.rest, {'moon': [0, 0, 5]}
-        ... )
-        >>> (pose.matrices()[0, :3, 0] + 0.0).round(9).tolist()
-        [0.0, 0.0, 1.0]
+            If there are several poses, a target is not a point or no step uses it.
         """
         if pose.shape or pose.n_joints != len(self.skeleton):
             msg = (
@@ -125,24 +102,28 @@ class Rig:
         return pose
 
     def on(self, source, targets=None):
-        """Return the poses of a source after all steps: what drives a figure, or is mixed.
+        """Return a source of solved poses, to drive a figure or to be mixed.
 
         Parameters
         ----------
         source : Pose or object
-            One pose, or anything with ``sample(times)`` that returns poses: a clip that is
-            played, a mixer, a graph of states.
+            A pose, or anything with ``sample(times) -> Pose``.
         targets : dict or callable, optional
-            Targets of :meth:`solve`, or what returns them at a time in seconds.
+            Targets of :meth:`solve`, or a function that returns them for a time in seconds.
 
         Returns
         -------
         Rigged
-            It has ``sample(times)`` too.
+            A source with ``sample(times) -> Pose``.
+
+        Raises
+        ------
+        TypeError
+            If the source has no ``sample``.
 
         Examples
         --------
-        >>> from pvibr.animation import Pose, InverseKinematics, Rig, Skeleton
+        >>> from pvibr.animation import InverseKinematics, Pose, Rig, Skeleton
         >>> bones = Pose([[0, 0, 0], [1, 0, 0], [1, 0, 0]])
         >>> arm = Skeleton([-1, 0, 1], bones, ['shoulder', 'elbow', 'hand'])
         >>> rig = Rig(arm, [InverseKinematics('hand')])
@@ -153,19 +134,19 @@ class Rig:
         return Rigged(self, source, targets)
 
     def kept(self, rotation, joint):
-        """Return the rotation of a joint, cut to its limit.
+        """Return a joint's rotation clamped to its limit.
 
         Parameters
         ----------
         rotation : array_like, shape (4,)
-            Relative to its parent, a unit quaternion (w, x, y, z).
+            Unit quaternion (w, x, y, z) relative to the parent.
         joint : int
-            Its number.
+            Joint index.
 
         Returns
         -------
         numpy.ndarray, shape (4,), float64
-            Inside of the limit.
+            Rotation within the limit.
         """
         if joint not in self._limits:
             return rotation
@@ -181,14 +162,14 @@ class Rig:
         points = {}
         for name, point in targets.items():
             if name not in asked:
-                wanted = ', '.join(sorted(map(str, asked))) or 'nothing'
-                msg = f'no step asks for the target {name!r}; they ask for {wanted}.'
+                wanted = ', '.join(sorted(map(str, asked))) or 'none'
+                msg = f'no step uses the target {name!r}; targets in use: {wanted}.'
                 raise ValueError(msg)
             points[name] = as_point(point, f'targets[{name!r}]')
         return points
 
 
-class Rigged:
+class Rigged(Source):
     """Poses of a source after the steps of a rig, see :meth:`Rig.on`."""
 
     def __init__(self, rig, source, targets=None):
@@ -200,12 +181,10 @@ class Rigged:
 
     @property
     def revision(self) -> tuple:
-        """What changes when what is shown at the same time may have."""
+        """Changes when the poses at the same times may have changed."""
         return revision_of(self.source)
 
-    def sample(self, times):
-        """Return the poses at times."""
-        times = np.asarray(times, dtype=np.float64)
+    def _sampled(self, times):
         poses = self.source.sample(times)
         rotation, translation = poses.rotation.copy(), poses.translation.copy()
         for place in np.ndindex(times.shape):
@@ -220,7 +199,7 @@ class Rigged:
 
 
 def as_point(point, name):
-    """Return one point."""
+    """Return a checked point, shape (3,)."""
     values = np.asarray(point, dtype=np.float64)
     if values.shape != (3,) or not np.isfinite(values).all():
         msg = f'{name} is {point}; it must be three finite numbers.'
@@ -229,7 +208,7 @@ def as_point(point, name):
 
 
 def placed(skeleton, pose, joint):
-    """Return the matrix of one joint, for which only those above it are looked at."""
+    """Return the world matrix of one joint, computed from its ancestors only."""
     path = []
     while joint >= 0:
         path.append(joint)

@@ -1,4 +1,4 @@
-"""A skeleton: joints, their parents and the pose they rest in."""
+"""A skeleton: joints, their parents and the rest pose."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ _SINGULAR = 1e-12  # smallest scale of a joint relative to its largest
 
 
 class Skeleton:
-    """Joints in a hierarchy, in any order.
+    """A hierarchy of joints, in any order.
 
     Parameters
     ----------
     parents : array_like of int, shape (n,)
         Parent of each joint, -1 for a root.
     rest : Pose or array_like, shape (n, 4, 4)
-        Pose at rest, relative to the parents (``parent_from_joint``).
+        Rest pose, relative to the parents (``parent_from_joint``).
     names : sequence of str, optional
         Names of the joints; default 'joint0', 'joint1', ...
 
     Raises
     ------
     ValueError
-        If a parent is out of range, the parents have a cycle, the rest pose is singular or does
-        not fit; the joint is named.
+        If a parent is out of range, the parents have a cycle, or the rest pose is singular or
+        does not fit; the message names the joint.
 
     Examples
     --------
@@ -74,39 +74,32 @@ class Skeleton:
         return [np.flatnonzero(self.parents == joint) for joint in range(len(self))]
 
     def index(self, name):
-        """Return the number of a joint.
+        """Return the index of a joint.
 
         Parameters
         ----------
         name : str or int
-            Its name, or its number.
+            Name or index.
 
         Returns
         -------
         int
-            Its number; the first of that name.
+            Index; the first one of that name.
 
         Raises
         ------
         ValueError
             If there is no such joint.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Skeleton
-        >>> import numpy as np
-        >>> Skeleton([-1], [np.eye(4)], ['hip']).index('hip')
-        0
         """
         if isinstance(name, (int, np.integer)) and 0 <= name < len(self):
             return int(name)
         if name not in self.names:
-            msg = f'there is no joint {name!r}; there are {", ".join(self.names) or "none"}.'
+            msg = f'there is no joint {name!r}; joints: {", ".join(self.names) or "none"}.'
             raise ValueError(msg)
         return self.names.index(name)
 
     def world(self, pose):
-        """Return the matrices that take points of each joint to the figure's space.
+        """Return the world matrices of all joints.
 
         Parameters
         ----------
@@ -122,14 +115,6 @@ class Skeleton:
         ------
         ValueError
             If the pose has another number of joints.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from pvibr.animation import Pose, Skeleton
-        >>> pair = Skeleton([-1, 0], Pose([[0, 0, 1.0], [0, 0, 1.0]]))
-        >>> pair.world(pair.rest)[:, 2, 3].tolist()
-        [1.0, 2.0]
         """
         local = self._matrices(pose)
         world = np.empty((*local.shape[:-3], len(self) + 1, 4, 4))
@@ -138,12 +123,12 @@ class Skeleton:
         return chained(world, self._jumps)[..., 1:, :, :]
 
     def local(self, world):
-        """Return the matrices relative to the parents: the opposite of :meth:`world`.
+        """Return the matrices relative to the parents: the inverse of :meth:`world`.
 
         Parameters
         ----------
         world : array_like, shape (..., n, 4, 4)
-            ``figure_from_joint``, as simulators give them.
+            ``figure_from_joint``, as physics simulators give them.
 
         Returns
         -------
@@ -157,7 +142,6 @@ class Skeleton:
 
         Examples
         --------
-        >>> import numpy as np
         >>> from pvibr.animation import Pose, Skeleton
         >>> pair = Skeleton([-1, 0], Pose([[0, 0, 1.0], [0, 0, 1.0]]))
         >>> pair.local(pair.world(pair.rest))[1, 2, 3]
@@ -200,7 +184,7 @@ class Skeleton:
         return levels
 
     def _cycle(self, joint):
-        for _ in range(len(self)):  # from a joint that hangs on the cycle into it
+        for _ in range(len(self)):  # from below the cycle into it
             joint = self.parents[joint]
         cycle = [joint]
         while len(cycle) == 1 or cycle[-1] != joint:
@@ -216,7 +200,7 @@ class Skeleton:
 
 
 def ancestors(parents):
-    """Return where to find the ancestors of joints 1, 2, 4, 8, ... steps up."""
+    """Return the ancestors of joints 1, 2, 4, 8, ... levels up; row 0 is the root of all."""
     jumps = []
     jump = np.concatenate([[0], parents + 1])
     while jump.any():
@@ -226,14 +210,14 @@ def ancestors(parents):
 
 
 def chained(matrices, jumps):
-    """Return products of matrices from the roots down, in as many steps as levels have digits."""
+    """Return products of matrices from the roots down, in log2(levels) steps."""
     for jump in jumps:
         matrices = matrices.take(jump, -3) @ matrices
     return matrices
 
 
 def whole_numbers(values, name):
-    """Return a row of whole numbers."""
+    """Return a checked row of integers, shape (n,), int64."""
     values = np.asarray(values)
     if values.ndim != 1 or (len(values) and values.dtype.kind not in 'iu'):
         msg = f'{name} must be whole numbers (n,), not {values.dtype} of shape {values.shape}.'

@@ -1,4 +1,4 @@
-"""What figures are made from: arrays, series of meshes, scenes of trimesh."""
+"""Conversion of arrays, series of meshes and trimesh scenes to figures."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from pvibr.core.errors import PvibrWarning
 from pvibr.maths.skinning import MAX_INFLUENCES
 from pvibr.meshes.trimesh_meshes import as_dataset
 
-#: Data that follow from the points, and are computed anew.
+#: Data that follow from the points and are computed again.
 _DERIVED = ('Normals', 'Tangents')
 
 
 def surface_of(points, faces, normals=None):
-    """Return arrays as a mesh."""
+    """Return arrays as a checked mesh."""
     points = np.asarray(points)
     points = points if points.dtype.kind == 'f' else points.astype(np.float64)
     faces = np.asarray(faces)
@@ -46,16 +46,16 @@ def surface_of(points, faces, normals=None):
 
 
 def skeleton_and_skin(joints, weights, parents, rest, inverse_bind=None, names=None):
-    """Return a skeleton and a skin that hangs on all its joints."""
+    """Return a skeleton and a skin on all its joints, or None for what is missing."""
     if (parents is None) != (rest is None):
-        msg = 'parents and rest make a skeleton together: give both or neither.'
+        msg = 'parents and rest define the skeleton: give both or neither.'
         raise ValueError(msg)
     if joints is not None and weights is None:
-        msg = 'joints without weights: give both.'
+        msg = 'joints are given without weights: give both.'
         raise ValueError(msg)
     if parents is None:
         if weights is not None:
-            msg = 'weights need the joints they are of: give parents and rest.'
+            msg = 'weights need a skeleton: give parents and rest.'
             raise ValueError(msg)
         return None, None
     skeleton = Skeleton(parents, rest, names)
@@ -69,17 +69,17 @@ def skeleton_and_skin(joints, weights, parents, rest, inverse_bind=None, names=N
 
 
 def heaviest(weights, n):
-    """Return the joints that pull at each vertex, from weights of all joints."""
+    """Return the joints (v, k) that influence each vertex, and weights, from dense weights."""
     weights = np.asarray(weights, dtype=np.float64)
     if weights.ndim != 2 or weights.shape[1] != n:
         msg = f'weights without joints must be (v, {n}), not of shape {weights.shape}.'
         raise ValueError(msg)
-    pulls = (weights != 0).sum(1)
-    if pulls.max(initial=0) > MAX_INFLUENCES:
-        row = pulls.argmax()
-        msg = f'weights[{row}] is of {pulls[row]} joints; at most {MAX_INFLUENCES} may pull.'
+    influences = (weights != 0).sum(1)
+    if influences.max(initial=0) > MAX_INFLUENCES:
+        row = influences.argmax()
+        msg = f'weights[{row}] has {influences[row]} joints; at most {MAX_INFLUENCES} are allowed.'
         raise ValueError(msg)
-    joints = np.argsort(np.abs(weights), axis=1)[:, ::-1][:, : max(pulls.max(initial=0), 1)]
+    joints = np.argsort(np.abs(weights), axis=1)[:, ::-1][:, : max(influences.max(initial=0), 1)]
     return joints, np.take_along_axis(weights, joints, 1)
 
 
@@ -94,7 +94,7 @@ def series_of(meshes, times=None):
             meshes.append(reader.read())
         times = read if times is None else times
     elif hasattr(meshes, 'read'):
-        msg = f'{type(meshes).__name__} reads one mesh, not a series; give a list of files.'
+        msg = f'{type(meshes).__name__} reads a single mesh, not a series; give a list of files.'
         raise ValueError(msg)
     surfaces = [_surface(mesh, f'meshes[{i}]') for i, mesh in enumerate(meshes)]
     _warn_of_data(surfaces)
@@ -102,7 +102,7 @@ def series_of(meshes, times=None):
 
 
 def scene_of(scene):
-    """Return the meshes and the skeleton of a scene."""
+    """Return the meshes and the skeleton of a trimesh scene."""
     edges = {child: (parent, data) for parent, child, data in scene.graph.to_edgelist()}
     names = [scene.graph.base_frame, *(n for n in scene.graph.nodes if n in edges)]
     number = {node: i for i, node in enumerate(names)}
@@ -122,7 +122,7 @@ def scene_of(scene):
 def _of_trimesh(geometry, textures):
     if hasattr(geometry, 'faces'):
         return as_dataset(geometry, textures=textures)
-    return pv.wrap(geometry), {}  # a path or a cloud of points
+    return pv.wrap(geometry), {}  # a path or a point cloud
 
 
 def _existing(path):
@@ -139,7 +139,7 @@ def _surface(mesh, name):
     if isinstance(mesh, pv.MultiBlock):
         leaves = [block for block in mesh.recursive_iterator(skip_none=True) if block.n_points]
         if len(leaves) != 1:
-            msg = f'{name} holds {len(leaves)} meshes; make a series of each, or merge them.'
+            msg = f'{name} holds {len(leaves)} meshes; merge them, or make a series of each.'
             raise ValueError(msg)
         (mesh,) = leaves
     if mesh is None:
@@ -149,7 +149,7 @@ def _surface(mesh, name):
 
 
 def _warn_of_data(surfaces):
-    """Name what goes along with the points and is not moved by them."""
+    """Warn of data arrays that change over the series."""
     changing = [
         name
         for mesh in surfaces[:1]
@@ -160,7 +160,7 @@ def _warn_of_data(surfaces):
     ]
     if changing:
         names = ', '.join(repr(name) for name in changing[:5]) + ', ...' * (len(changing) > 5)
-        msg = f'{names} differ from mesh to mesh: a figure shows those of the first'
+        msg = f'{names} differ between meshes: the figure shows those of the first one'
         warnings.warn(msg, PvibrWarning, stacklevel=4)
 
 

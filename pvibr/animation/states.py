@@ -1,4 +1,4 @@
-"""States of a figure - standing, running, falling - and the way from one to another."""
+"""States of a figure - standing, running, falling - and the fades between them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from pvibr.animation.blending import PoseSum
+from pvibr.animation.mixer import Source
 from pvibr.animation.pose import Pose
 
 
 class Visit(NamedTuple):
-    """One stay in a state."""
+    """A stay in a state: name, beginning and fade-in time in seconds."""
 
     name: str
     begin: float
@@ -20,52 +21,9 @@ class Visit(NamedTuple):
 
 
 class States:
-    """Orders, and the visits to states that follow from them.
+    """Base of state machines: orders over time, and the visits to states that follow from them."""
 
-    Parameters
-    ----------
-    states : dict of str to source
-        What is shown in each state.
-    start : str, optional
-        State at time 0 and before; default the first one.
-    fade : float
-        Seconds from one state to another.
-    fades : dict of (str, str) to float, optional
-        Seconds for some ways.
-    then : dict of str to str, optional
-        Where it goes by itself when a state, with a ``duration``, has been played once.
-    rules : sequence of (str or None, str, callable), optional
-        From (None: from any), to, and a function of the parameters, a dict, that says whether to
-        go; asked when parameters are set and when a state is reached. The first that holds wins.
-    parameters : dict, optional
-        Values of the parameters at the start.
-    smooth : bool
-        Begin and end fades gently.
-
-    Raises
-    ------
-    ValueError
-        If a state is not known or has no end where one is needed, or a fade is negative.
-
-    See Also
-    --------
-    StateGraph : States of poses.
-    pvibr.animation.vertex_animation_states.VertexAnimationStates : States of key frames.
-
-    Examples
-    --------
-    >>> from pvibr.animation.states import States
-    >>> states = States(
-    ...     {'stand': 'a', 'run': 'b'},
-    ...     rules=[('stand', 'run', lambda p: p['go'])],
-    ...     parameters={'go': False},
-    ... )
-    >>> states.set(at=3.0, go=True)
-    >>> states.state(2.0), states.state(4.0)
-    ('stand', 'run')
-    """
-
-    #: Whether clocks of states stand still on the way from one to the next.
+    #: True if the clocks of both states stand still during a fade.
     _holds = False
 
     def __init__(
@@ -82,7 +40,7 @@ class States:
     ):
         self.states = dict(states)
         if not self.states:
-            msg = 'states is empty; there must be at least one.'
+            msg = 'states is empty; give at least one state.'
             raise ValueError(msg)
         self.start = self._known(next(iter(self.states)) if start is None else start)
         self.fade = _seconds('fade', fade)
@@ -94,7 +52,7 @@ class States:
         self.rules = tuple((a and self._known(a), self._known(b), when) for a, b, when in rules)
         self.parameters = dict(parameters or {})
         self.smooth = bool(smooth)
-        #: The time that was asked for last: now, for orders that name none.
+        #: The time sampled last: the default time of orders.
         self.time = 0.0
         self._orders: list = []
         self._visits: list[Visit] = []
@@ -106,64 +64,48 @@ class States:
 
     @property
     def revision(self) -> int:
-        """What changes when what is shown at the same time may have."""
+        """Changes when the poses at the same times may have changed."""
         return len(self._orders)
 
     def go(self, state, at=None, fade=None):
-        """Give the order to go to a state; nothing happens if it is in it.
+        """Order a change of state; no effect if the state is the current one.
 
         Parameters
         ----------
         state : str
-            Where to.
+            Next state.
         at : float, optional
-            When, in seconds; default the time that was asked for last.
+            Time of the order in seconds; default the time sampled last.
         fade : float, optional
-            Seconds that the way takes; default that of the graph.
+            Duration of the fade in seconds; default that of the graph.
 
         Raises
         ------
         ValueError
-            If there is no such state, or a time is not finite or the fade is negative.
-
-        Examples
-        --------
-        >>> from pvibr.animation.states import States
-        >>> states = States({'stand': 'a', 'run': 'b'})
-        >>> states.go('run', at=2.0, fade=0.5)
-        >>> states.state(2.0)
-        'run'
+            If the state is unknown, the time is not finite or the fade is negative.
         """
         fade = None if fade is None else _seconds('fade', fade)
         self._order(at, (self._known(state), fade))
 
     def set(self, at=None, **parameters):
-        """Set parameters, on which rules depend.
+        """Set parameters of the rules.
 
         Parameters
         ----------
         at : float, optional
-            From when on, in seconds; default the time that was asked for last.
+            Time from which they hold, in seconds; default the time sampled last.
         **parameters
-            Their new values.
+            New values.
 
         Raises
         ------
         ValueError
             If the time is not finite.
-
-        Examples
-        --------
-        >>> from pvibr.animation.states import States
-        >>> states = States({'stand': 'a', 'run': 'b'}, rules=[(None, 'run', lambda p: p)])
-        >>> states.set(at=2.0, speed=3.0)
-        >>> states.state(2.0)
-        'run'
         """
         self._order(at, parameters)
 
     def visits(self, until):
-        """Return the states that have been gone to.
+        """Return the visits to states up to a time.
 
         Parameters
         ----------
@@ -173,29 +115,23 @@ class States:
         Returns
         -------
         list of Visit
-            In order of time; the first is the start.
+            ``(name, begin, fade)`` in order of time; the first is the start state.
 
         Raises
         ------
         ValueError
-            If rules lead from state to state without an end.
-
-        Examples
-        --------
-        >>> from pvibr.animation.states import States
-        >>> States({'stand': 'a', 'run': 'b'}).visits(9.0)
-        [Visit(name='stand', begin=0.0, fade=0.0)]
+            If rules form a cycle.
         """
         if until >= self._good_until:
             self._visits, self._good_until = self._replayed(until)
             names, begins, fades = zip(*self._visits, strict=True)
             stops = (*begins[1:], np.inf)
             self._table = tuple(np.array(column) for column in (names, begins, fades, stops))
-        # The first one is there at all times.
+        # The first visit has no beginning.
         return self._visits[: bisect_right(self._visits, until, lo=1, key=lambda v: v.begin)]
 
     def state(self, time):
-        """Return the state at a time; on the way to one, that one.
+        """Return the state at a time; during a fade, the next state.
 
         Parameters
         ----------
@@ -205,13 +141,7 @@ class States:
         Returns
         -------
         str
-            Its name.
-
-        Examples
-        --------
-        >>> from pvibr.animation.states import States
-        >>> States({'stand': 'a', 'run': 'b'}, 'run').state(0.0)
-        'run'
+            Name of the state.
         """
         return self.visits(time)[-1].name
 
@@ -221,11 +151,11 @@ class States:
             msg = f'at is {at}; it must be finite.'
             raise ValueError(msg)
         self._orders.append((at, order))
-        self._orders.sort(key=lambda timed: timed[0])  # stable: equal times in order given
+        self._orders.sort(key=lambda timed: timed[0])  # stable: equal times keep their order
         self._good_until = -np.inf
 
     def _replayed(self, until):
-        """Return all visits until a time, and the time until which these are all."""
+        """Return all visits up to a time, and the time up to which they are complete."""
         visits, parameters = [Visit(self.start, 0.0, 0.0)], dict(self.parameters)
         self._obey_rules(visits, 0.0, parameters)
         for at, order in self._orders:
@@ -235,11 +165,11 @@ class States:
                 self._obey_rules(visits, at, parameters)
             else:
                 self._arrive(visits, order[0], at, parameters, order[1])
-        # Orders may lie ahead of the time, and are played all the same.
+        # Orders later than the time are replayed too.
         return visits, self._run_out(visits, until, parameters)
 
     def _run_out(self, visits, until, parameters):
-        """Go on where a state has come to its end; return when the next one will."""
+        """Follow the transitions of states that ended; return the time of the next one."""
         while visits[-1].name in self.then:
             name = visits[-1].name
             begin = visits[-1].begin + (visits[-1].fade if self._holds else 0.0)
@@ -263,7 +193,7 @@ class States:
         seen = [visits[-1].name]
         while (name := self._ruled(seen[-1], parameters)) is not None:
             if name in seen:
-                msg = f'rules go round: {" -> ".join([*seen, name])} with {parameters}.'
+                msg = f'rules form a cycle: {" -> ".join([*seen, name])} with {parameters}.'
                 raise ValueError(msg)
             seen.append(name)
             self._enter(visits, name, at)
@@ -275,16 +205,16 @@ class States:
         return None
 
     def _shown(self, times):
-        """Return what is shown at times (t,): names, indices of times, clocks, shares."""
+        """Return the visible states at times (t,): names, time indices, clocks and weights."""
         if not np.isfinite(times).all():
             msg = 'times must be finite.'
             raise ValueError(msg)
         self.time = float(times.max(initial=-np.inf)) if times.size else self.time
         self.visits(self.time)
         names, begins, fades, stops = self._table
-        visit = np.searchsorted(begins[1:], times, side='right')  # the first is there before all
+        visit = np.searchsorted(begins[1:], times, side='right')  # the first has no beginning
         left, shown = np.ones(len(times)), []
-        # From what is on top down, until what is below is hidden.
+        # From the top visit down, until the visits below are hidden.
         while (seen := np.flatnonzero((left > 0) & (visit >= 0))).size:
             i = visit[seen]
             now = np.minimum(times[seen], stops[i]) if self._holds else times[seen]
@@ -302,82 +232,78 @@ class States:
         return shown[::-1]
 
     def _weights(self, since, fades):
-        """Return how much is there of states that have been gone to for some time."""
+        """Return the blend weights of states some time after their fade began."""
         weights = np.clip(since / np.where(fades > 0, fades, 1.0), 0.0, 1.0)
         weights = np.where(fades > 0, weights, since >= 0)
         return weights**2 * (3 - 2 * weights) if self.smooth else weights
 
     def _known(self, name):
         if name not in self.states:
-            msg = f'there is no state {name!r}; there are {", ".join(map(repr, self.states))}.'
+            msg = f'there is no state {name!r}; known states: {", ".join(map(repr, self.states))}.'
             raise ValueError(msg)
         return name
 
     def _ending(self, name, following):
         duration = getattr(self.states[self._known(name)], 'duration', np.inf)
         if not 0 < duration < np.inf:
-            msg = f'state {name!r} has no end, so nothing comes then: its duration is {duration}.'
+            msg = f'state {name!r} cannot end by itself: its duration is {duration}.'
             raise ValueError(msg)
         if name == following:
-            msg = f'then leads from {name!r} to itself; a movement that loops does so by itself.'
+            msg = f'then leads from {name!r} to itself; use a looping clip instead.'
             raise ValueError(msg)
         return name
 
 
-class StateGraph(States):
-    """States that a figure may be in, each a movement, with fades between them.
+class StateGraph(States, Source):
+    """States of a figure, each an animation, with cross-fades between them.
 
-    A fade that is cut short by the next order goes on while the new one comes over it, so that
-    nothing jumps. On the way both movements go on.
+    Both animations keep playing during a fade. A fade that is interrupted continues below the
+    new one, so that poses never jump.
 
-    Parameters are those of :class:`States`; states are whatever has ``sample(times) -> Pose``, as
-    :class:`pvibr.animation.ClipSource`. Their clocks start when the way to them begins.
+    Parameters
+    ----------
+    states : dict of str to object
+        Anything with ``sample(times) -> Pose``, as :class:`pvibr.animation.ClipSource`. A state's
+        clock starts when the fade into it begins.
+    start : str, optional
+        State at time 0 and before; default the first one.
+    fade : float
+        Default duration of a fade in seconds.
+    fades : dict of (str, str) to float, optional
+        Durations of single transitions.
+    then : dict of str to str, optional
+        Next state after one cycle of a state that has a ``duration``.
+    rules : sequence of (str or None, str, callable), optional
+        From state (None: any), to state, and a predicate of the parameters dict. Rules are checked
+        when parameters are set and when a state is entered; the first that holds wins.
+    parameters : dict, optional
+        Initial values of the parameters.
+    smooth : bool
+        Ease fades in and out.
 
-    See Also
-    --------
-    pvibr.animation.VertexAnimationStates : The same for key frames of whole meshes.
+    Raises
+    ------
+    ValueError
+        If a state is unknown, cannot end although ``then`` names it, or a fade is negative.
 
     Examples
     --------
-    >>> from pvibr.animation import Pose
-    >>> from pvibr.animation.mixer import PoseSource
-    >>> from pvibr.animation.states import StateGraph
+    >>> from pvibr.animation import Pose, PoseSource, StateGraph
     >>> low, high = PoseSource(Pose([[0.0, 0.0, 0.0]])), PoseSource(Pose([[0.0, 0.0, 1.0]]))
-    >>> graph = StateGraph({'crouch': low, 'stand': high}, fade=2.0)
-    >>> graph.go('stand', at=1.0)
+    >>> graph = StateGraph(
+    ...     {'crouch': low, 'stand': high},
+    ...     fade=2.0,
+    ...     rules=[('crouch', 'stand', lambda p: p['rise'])],
+    ...     parameters={'rise': False},
+    ... )
+    >>> graph.set(at=1.0, rise=True)  # or graph.go('stand', at=1.0)
     >>> graph.sample([1.0, 1.5, 9.0]).translation[:, 0, 2].tolist()
     [0.0, 0.25, 1.0]
     >>> graph.state(0.5), graph.state(1.5)
     ('crouch', 'stand')
     """
 
-    def sample(self, times):
-        """Return the pose at times.
-
-        Parameters
-        ----------
-        times : array_like, shape (...)
-            Seconds.
-
-        Returns
-        -------
-        Pose
-            Of shape ``times.shape``.
-
-        Raises
-        ------
-        ValueError
-            If a time is not finite.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Pose
-        >>> from pvibr.animation.mixer import PoseSource
-        >>> from pvibr.animation.states import StateGraph
-        >>> StateGraph({'stand': PoseSource(Pose([[0.0, 0.0, 1.0]]))}).sample([0.0, 1.0]).shape
-        (2,)
-        """
-        times = np.asarray(times, dtype=np.float64)
+    def _sampled(self, times):
         total = None
         for name, where, clocks, share in self._shown(times.reshape(-1)):
             pose = self.states[name].sample(clocks)
@@ -389,7 +315,7 @@ class StateGraph(States):
 
 
 def _reshaped(pose, shape):
-    """Return poses (t,) in another shape of the same size."""
+    """Return poses (t,) reshaped."""
     parts = (pose.translation, pose.rotation, pose.scale, pose.weights, pose.time)
     return Pose(*(part.reshape((*shape, *part.shape[1:])) for part in parts))
 

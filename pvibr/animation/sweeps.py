@@ -1,4 +1,4 @@
-"""Inverse kinematics joint by joint: cyclic coordinate descent, and FABRIK."""
+"""Inverse kinematics joint by joint: cyclic coordinate descent and FABRIK."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _NONE = (1.0, 0.0, 0.0, 0.0)
 
 
 class Sweeps:
-    """A chain in plain floats, and what it shall reach."""
+    """A chain in plain floats, and its targets."""
 
     def __init__(self, chain, rotations, effectors, targets, weights):
         self.parents = chain.parents.tolist()
@@ -17,7 +17,7 @@ class Sweeps:
         self.limits = _plain_limits(chain.limits)
         self.goals = list(zip(effectors, _tuples(targets), weights, strict=True))
         n = len(self.parents)
-        # The goals beyond each joint, and the joints on the way to any, with their weight.
+        # The goals beyond each joint, and the total weight of the goals it serves.
         self.beyond: list = [[] for _ in range(n)]
         self.load = [0.0] * n
         for goal in self.goals:
@@ -35,15 +35,14 @@ class Sweeps:
         self._place()
 
     def errors(self):
-        """Return how far each effector is from its target."""
+        """Return the distance of each effector from its target."""
         return [math.dist(self.origins[effector], goal) for effector, goal, _ in self.goals]
 
     def ccd(self):
         """Turn each joint, the last first, so that the effectors beyond it come nearest.
 
         Wang and Chen (1991), "A combined optimization method for solving the inverse kinematics
-        problems of mechanical manipulators". Of several effectors a joint follows the weighted
-        mean.
+        problems of mechanical manipulators"; several effectors count by their weights.
         """
         for joint in range(len(self.parents) - 1, -1, -1):
             at = self.origins[joint]
@@ -55,17 +54,17 @@ class Sweeps:
                 before = self.world[joint]
                 self._turn(joint, pairs)
                 turn = _product(self.world[joint], _conjugate(before))
-                # Until all is placed anew, effectors are all that the joints nearer the root ask.
+                # Joints nearer the root need only the effectors before all are placed again.
                 for effector, _, _ in self.beyond[joint]:
                     away = _rotated(turn, _minus(self.origins[effector], at))
                     self.origins[effector] = _plus(at, away)
         self._place()
 
     def fabrik(self):
-        """Lead the joints from the targets back to the root, then turn each to its place there.
+        """Place the joints from the targets back to the root, then turn each to its place.
 
         Aristidou and Lasenby (2011), "FABRIK: a fast, iterative solver for the inverse kinematics
-        problem". Where branches meet, the joint goes to the weighted mean of where each wants it.
+        problem"; where branches meet, the joint takes the weighted mean.
         """
         wanted = self._led_back()
         for joint, parent in enumerate(self.parents):
@@ -83,7 +82,7 @@ class Sweeps:
                 self._turn(joint, pairs)
 
     def _led_back(self):
-        """Return where each joint must be so that the effectors are at their targets."""
+        """Return where each joint must be for the effectors to be at their targets."""
         sums = [(0.0, 0.0, 0.0)] * len(self.parents)
         for effector, goal, weight in self.goals:
             sums[effector] = _plus(sums[effector], goal, weight)
@@ -105,12 +104,12 @@ class Sweeps:
         return wanted
 
     def _turn(self, joint, pairs):
-        """Turn a joint so that vectors (from, to, weight) agree best, inside of its limit."""
+        """Turn a joint so that vectors (from, to, weight) align best, within its limit."""
         parent = self.parents[joint]
         limit = self.limits[joint]
         above = _NONE if parent < 0 else self.world[parent]
         pin = None
-        if limit is not None and limit[2] == 0:  # a hinge, which sees only what is across it
+        if limit is not None and limit[2] == 0:  # a hinge
             pin = _rotated(_product(above, limit[0]), limit[1])
         turn = _product(_best(pairs, pin), self.world[joint])
         rotation = _product(_conjugate(above), turn)
@@ -133,7 +132,7 @@ class Sweeps:
 
 
 def _best(pairs, pin):
-    """Return the turn that brings vectors nearest to others; about a pin, if there is one."""
+    """Return the rotation that aligns vectors best; about a pin, if there is one."""
     total, most = (0.0, 0.0, 0.0, 0.0), 0.0
     for u, v, weight in pairs:
         if pin is not None:
@@ -144,12 +143,12 @@ def _best(pairs, pin):
         most += lengths
     if math.hypot(*total) > 1e-12 * most:
         return _unit(total)
-    # Nothing to turn, or half a turn: about the pin, or about any axis across.
+    # No turn, or half a turn: about the pin, or any perpendicular axis.
     return (0.0, *(pin or _any_across(u))) if most > 0 else _NONE
 
 
 def _plain_limits(limits):
-    """Return (rest, axis, swing, middle, half) of each joint, or None where it has no limit."""
+    """Return (rest, axis, swing, middle, half) of each joint, or None if it is free."""
     columns = (limits.rest, limits.axis, limits.swing, limits.middle, limits.half)
     plain = [None] * len(limits.rest)
     for joint in limits.at.tolist():
@@ -158,7 +157,7 @@ def _plain_limits(limits):
 
 
 def _clamped(rotation, limit):
-    """Cut a rotation as :meth:`pvibr.animation.limits.Limits.clamped` does."""
+    """Clamp a rotation as :meth:`pvibr.animation.limits.Limits.clamped` does."""
     if limit is None:
         return _unit(rotation)
     rest, axis, swing, middle, half = limit
@@ -166,7 +165,7 @@ def _clamped(rotation, limit):
     along = _dot(xyz, axis)
     half_twist = math.atan2(along, w)
     across = _across(xyz, axis)
-    # The swing is what is left after the twist: its axis is turned back by half of that.
+    # The swing remains after the twist: its axis is turned back by half the twist.
     across = _plus(
         _scaled(across, math.cos(half_twist)), _cross(across, axis), -math.sin(half_twist)
     )
@@ -227,7 +226,7 @@ def _scaled(a, factor):
 
 
 def _across(v, axis):
-    """Return what of a vector is perpendicular to a unit axis."""
+    """Return the part of a vector perpendicular to a unit axis."""
     return _plus(v, axis, -_dot(v, axis))
 
 

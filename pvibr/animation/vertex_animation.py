@@ -1,4 +1,4 @@
-"""Key-frame animation: every frame stores all vertices, and frames are blended."""
+"""Vertex animation: every key frame stores all vertices, and frames are blended."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from pvibr.maths.keyframes import blend, blend_directions, checked_keys, frame_w
 
 @dataclass(frozen=True, eq=False)
 class VertexAnimation:
-    """Shapes of one mesh over time: the same vertices and triangles, other places.
+    """Key frames of all vertices of a mesh; topology stays the same.
 
     Parameters
     ----------
     times : array_like, shape (f,)
         Times of the frames in seconds, increasing.
     positions : array_like, shape (f, v, 3)
-        Vertices of each frame. An array of floats is kept as it is, also if it is a file that is
-        mapped to memory, so that long series need not fit into memory.
+        Vertices of each frame. A float array is stored without a copy; it may be a memory-mapped
+        file larger than memory.
     normals : array_like, shape (f, v, 3), optional
         Normals of each frame.
     interpolation : {'linear', 'step', 'quadratic', 'cubic'}
-        How frames are blended: see :func:`pvibr.maths.keyframes.frame_weights`.
+        Interpolation between frames, see :func:`pvibr.maths.keyframes.frame_weights`.
     period : float, optional
-        Seconds after which it begins again; without one the ends stay.
-    states : pvibr.animation.vertex_animation_states.VertexAnimationStates, optional
-        Chooses the frames, in place of times, interpolation and period.
+        Seconds after which the animation repeats; default never, and the ends are held.
+    states : VertexAnimationStates, optional
+        Chooses the frames in place of times, interpolation and period.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, times do not increase, the interpolation is not known, the period
-        is too short, or states show frames that there are not.
+        If shapes do not fit, times do not increase, the interpolation is unknown, the period is
+        too short, or states refer to missing frames.
 
     Examples
     --------
-    >>> from pvibr.animation.vertex_animation import VertexAnimation
+    >>> from pvibr.animation import VertexAnimation
     >>> up = VertexAnimation([0.0, 1.0], [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]])
     >>> up.sample(0.25)[0].tolist()
     [[0.0, 0.0, 0.5]]
@@ -53,13 +53,13 @@ class VertexAnimation:
 
     def __post_init__(self):
         times = checked_keys(self.times, 'times')
-        frame_weights(times, times[0], self.interpolation, self.period)  # says what is wrong
+        frame_weights(times, times[0], self.interpolation, self.period)  # raises the errors
         object.__setattr__(self, 'times', times)
         for name in ('positions', 'normals'):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, self._floats(name))
         if self.states is not None and self.states.last >= len(times):
-            msg = f'states show frame {self.states.last}; there are {len(times)} frames.'
+            msg = f'states refer to frame {self.states.last}; there are {len(times)} frames.'
             raise ValueError(msg)
 
     @property
@@ -73,30 +73,24 @@ class VertexAnimation:
         return float(self.times[-1] - self.times[0]) if self.period is None else self.period
 
     def at(self, times):
-        """Return which frames are shown at times.
+        """Return the frames to blend at given times.
 
         Parameters
         ----------
         times : array_like, any shape
-            When, in seconds.
+            Times in seconds.
 
         Returns
         -------
         indices : numpy.ndarray, shape (..., k), int64
             Frames.
         weights : numpy.ndarray, shape (..., k), float64
-            Their weights, with the sum 1.
+            Their blend weights, which sum to one.
 
         Raises
         ------
         ValueError
             If a time is not finite.
-
-        Examples
-        --------
-        >>> from pvibr.animation.vertex_animation import VertexAnimation
-        >>> VertexAnimation([0.0, 1.0], [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]]).at(0.25)
-        (array([0, 1]), array([0.75, 0.25]))
         """
         if self.states is not None:
             return self.states.at(times)
@@ -117,14 +111,7 @@ class VertexAnimation:
         points : numpy.ndarray, shape (..., v, 3), float64
             Vertices.
         normals : numpy.ndarray, shape (..., v, 3), float64, or None
-            Normals of length 1; None if the frames have none.
-
-        Examples
-        --------
-        >>> from pvibr.animation.vertex_animation import VertexAnimation
-        >>> frames = VertexAnimation([0.0, 1.0], [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]])
-        >>> frames.blend([0, 1], [0.5, 0.5])[0].tolist()
-        [[0.0, 0.0, 1.0]]
+            Unit normals; None if the frames have none.
         """
         points = blend(self.positions, indices, weights)
         if self.normals is None:
@@ -132,73 +119,63 @@ class VertexAnimation:
         return points, blend_directions(self.normals, indices, weights)
 
     def sample(self, times):
-        """Return the mesh's vertices and normals at times.
+        """Return vertices and normals at given times.
 
         Parameters
         ----------
         times : array_like, any shape
-            When, in seconds.
+            Times in seconds.
 
         Returns
         -------
         points : numpy.ndarray, shape (..., v, 3), float64
             Vertices.
         normals : numpy.ndarray, shape (..., v, 3), float64, or None
-            Normals of length 1; None if the frames have none.
+            Unit normals; None if the frames have none.
 
         Raises
         ------
         ValueError
             If a time is not finite.
-
-        Examples
-        --------
-        >>> from pvibr.animation.vertex_animation import VertexAnimation
-        >>> fall = VertexAnimation(
-        ...     [0, 1, 2], [[[0, 0, 4.0]], [[0, 0, 3.0]], [[0, 0, 0.0]]], None, 'cubic'
-        ... )
-        >>> fall.sample(1.5)[0].tolist()
-        [[0.0, 0.0, 1.75]]
         """
         return self.blend(*self.at(times))
 
     @classmethod
     def from_meshes(cls, meshes, times=None, interpolation='linear', period=None):
-        """Return the frames of a series of meshes.
+        """Make an animation from a series of meshes.
 
         Parameters
         ----------
         meshes : sequence of pyvista.PolyData
-            One per frame: the same vertices in the same order, and the same faces. Normals at
-            points are used if all have them.
+            One mesh per frame, with the same vertices and faces in the same order. Point normals
+            are used if all meshes have them.
         times : array_like, shape (f,), optional
-            When, in seconds; one frame a second unless given.
+            Times in seconds; default one frame per second.
         interpolation : {'linear', 'step', 'quadratic', 'cubic'}
-            How frames are blended.
+            Interpolation between frames.
         period : float, optional
-            Seconds after which it begins again.
+            Seconds after which the animation repeats.
 
         Returns
         -------
-        Frames
-            The frames.
+        VertexAnimation
+            The animation.
 
         Raises
         ------
         ValueError
-            If there are no meshes, or one differs from the first in its faces or number of
-            points; it is named.
+            If there are no meshes, or one differs from the first in its faces or number of points.
 
         Examples
         --------
         >>> import pyvista as pv
-        >>> from pvibr.animation.vertex_animation import VertexAnimation
+        >>> from pvibr.animation import VertexAnimation
         >>> VertexAnimation.from_meshes([pv.Sphere(radius=r) for r in (1, 2, 3)]).n_points
         842
         """
         meshes = list(meshes)
         if not meshes:
-            msg = 'meshes is empty; there must be at least one.'
+            msg = 'meshes is empty; give at least one mesh.'
             raise ValueError(msg)
         for i, mesh in enumerate(meshes):
             _check_alike(meshes[0], mesh, i)
@@ -218,7 +195,7 @@ class VertexAnimation:
                 f'{name} has the shape {values.shape}; it must be ({len(self.times)}, {size}, 3).'
             )
             raise ValueError(msg)
-        # Frame after frame: the whole may be a file that is larger than memory.
+        # Frame by frame: the file may be larger than memory.
         for i, frame in enumerate(values):
             if not np.isfinite(frame).all():
                 msg = f'{name}[{i}] is not finite.'
@@ -227,7 +204,7 @@ class VertexAnimation:
 
 
 def _check_alike(first, mesh, i):
-    """Raise unless a mesh has the vertices and faces of the first one."""
+    """Raise an error unless a mesh has the vertices and faces of the first one."""
     if mesh.n_points != first.n_points:
         msg = (
             f'meshes[{i}] has {mesh.n_points} points and meshes[0] has {first.n_points}; '
@@ -236,5 +213,5 @@ def _check_alike(first, mesh, i):
         raise ValueError(msg)
     for part in ('verts', 'lines', 'faces', 'strips'):
         if not np.array_equal(getattr(mesh, part), getattr(first, part)):
-            msg = f'meshes[{i}] has other {part} than meshes[0]; all frames must have the same.'
+            msg = f'meshes[{i}] and meshes[0] differ in {part}; all frames must have the same.'
             raise ValueError(msg)

@@ -1,4 +1,4 @@
-"""States of a mesh that is animated by key frames: which frames are shown on the way."""
+"""States of a vertex animation: ranges of key frames and the blends between them."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from pvibr.maths.keyframes import SLOTS, frame_weights
 
 @dataclass(frozen=True)
 class FrameRange:
-    """Key frames that belong to a state.
+    """Key frames that belong to one state.
 
     Parameters
     ----------
     first, last : int
-        Its frames, both included.
+        Range of frames, both included.
     fps : float
         Frames per second.
     loop : bool
-        Go on from the last frame to the first; otherwise the last one stays.
+        Continue from the last frame to the first; otherwise hold the last one.
 
     Raises
     ------
@@ -30,8 +30,8 @@ class FrameRange:
 
     Examples
     --------
-    >>> from pvibr.animation.vertex_animation_states import FrameRange
-    >>> FrameRange(40, 45, fps=10.0).at(0.55)  # between the last and the first
+    >>> from pvibr.animation import FrameRange
+    >>> FrameRange(40, 45, fps=10.0).at(0.55)  # between the last frame and the first
     (array([45, 40]), array([0.5, 0.5]))
     """
 
@@ -42,7 +42,7 @@ class FrameRange:
 
     def __post_init__(self):
         if not 0 <= self.first <= self.last:
-            msg = f'frames {self.first} to {self.last} are no range; 0 <= first <= last.'
+            msg = f'first is {self.first}, last {self.last}; it must be 0 <= first <= last.'
             raise ValueError(msg)
         if not 0 < self.fps < np.inf:
             msg = f'fps is {self.fps}; it must be positive and finite.'
@@ -50,31 +50,25 @@ class FrameRange:
 
     @property
     def duration(self):
-        """Seconds that it takes once."""
+        """Seconds of one cycle."""
         return (self.last - self.first + bool(self.loop)) / self.fps
 
     def at(self, times, interpolation='linear'):
-        """Return which frames are shown at times.
+        """Return the frames to blend at given times.
 
         Parameters
         ----------
         times : array_like, any shape
             Seconds since the state began.
         interpolation : {'linear', 'step', 'quadratic', 'cubic'}
-            How frames are blended.
+            Interpolation between frames.
 
         Returns
         -------
         indices : numpy.ndarray, shape (..., k), int64
             Frames.
         weights : numpy.ndarray, shape (..., k), float64
-            Their weights.
-
-        Examples
-        --------
-        >>> from pvibr.animation.vertex_animation_states import FrameRange
-        >>> FrameRange(66, 71, fps=10.0, loop=False).at(9.0)
-        (array([70, 71]), array([0., 1.]))
+            Their blend weights.
         """
         keys = np.arange(self.last - self.first + 1) / self.fps
         period = self.duration if self.loop else None
@@ -83,11 +77,10 @@ class FrameRange:
 
 
 class VertexAnimationStates(States):
-    """States of a mesh that is animated by key frames, and the ways between them.
+    """States of a vertex animation, with blends between them.
 
-    On the way from one state to another the weight goes from 0 to 1 between what is shown when
-    the order is given, whatever frames that is made of, and the first frame of the next state,
-    which begins when it is reached.
+    A transition blends from the frames shown when the order came to the first frame of the next
+    state, which starts playing when the blend ends.
 
     Parameters
     ----------
@@ -96,26 +89,24 @@ class VertexAnimationStates(States):
     start : str, optional
         State at time 0 and before; default the first one.
     interpolation : {'linear', 'step', 'quadratic', 'cubic'}
-        How frames are blended within a state.
+        Interpolation between frames of a state.
     **options
-        ``fade``, ``fades``, ``then``, ``rules``, ``parameters`` and ``smooth``, as
-        :class:`pvibr.animation.states.StateGraph` has them.
+        ``fade``, ``fades``, ``then``, ``rules``, ``parameters`` and ``smooth`` of
+        :class:`pvibr.animation.StateGraph`.
 
     Raises
     ------
     ValueError
-        If a state is not known or has no end where one is needed, a fade is negative, or the
-        interpolation is not known.
+        If the interpolation is unknown, and as :class:`pvibr.animation.StateGraph` does.
 
     Examples
     --------
-    >>> from pvibr.animation.vertex_animation_states import FrameRange, VertexAnimationStates
+    >>> from pvibr.animation import FrameRange, VertexAnimationStates
     >>> soldier = VertexAnimationStates(
     ...     {'stand': FrameRange(0, 39), 'run': FrameRange(40, 45)}, fade=0.5
     ... )
     >>> soldier.go('run', at=1.05)
-    >>> indices, weights = soldier.at(1.3)
-    >>> indices, weights  # half of what was shown at 1.05, half of the first frame of run
+    >>> soldier.at(1.3)  # half the frames shown at 1.05, half the first frame of run
     (array([10, 11, 40, 41]), array([0.25, 0.25, 0.5 , 0.  ]))
     """
 
@@ -130,35 +121,28 @@ class VertexAnimationStates(States):
 
     @property
     def last(self):
-        """The highest frame that is shown."""
+        """The highest frame number of all states."""
         return max(frames.last for frames in self.states.values())
 
     def at(self, times):
-        """Return which frames are shown at times.
+        """Return the frames to blend at given times.
 
         Parameters
         ----------
         times : array_like, any shape
-            Seconds.
+            Times in seconds.
 
         Returns
         -------
         indices : numpy.ndarray, shape (..., k), int64
-            Frames. As many columns as the time with the most states needs: one set for each
-            state that is seen, two on a way, one more for each way that was cut short.
+            Frames; k is the largest number needed at any of the times.
         weights : numpy.ndarray, shape (..., k), float64
-            Their weights, with the sum 1.
+            Their blend weights, which sum to one.
 
         Raises
         ------
         ValueError
             If a time is not finite.
-
-        Examples
-        --------
-        >>> from pvibr.animation.vertex_animation_states import FrameRange, VertexAnimationStates
-        >>> VertexAnimationStates({'stand': FrameRange(0, 9, fps=1.0)}).at(2.5)
-        (array([2, 3]), array([0.5, 0.5]))
         """
         times = np.asarray(times, dtype=np.float64)
         shown = self._shown(times.reshape(-1))

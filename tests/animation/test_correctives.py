@@ -194,11 +194,11 @@ def test_many_poses_at_once():
 
 
 def test_bad_input_is_named():
-    with pytest.raises(ValueError, match='key0 and key1 are the same pose'):
+    with pytest.raises(ValueError, match='key0 and key1 are equal poses'):
         space([30.0, 30.0])
-    with pytest.raises(ValueError, match='neutral pose and key0 are the same'):
+    with pytest.raises(ValueError, match='neutral pose and key0 are equal'):
         space([0.0])
-    with pytest.raises(ValueError, match=r'too large to tell'):
+    with pytest.raises(ValueError, match=r'too large to separate'):
         space([10.0, 10.1, 10.2, 10.3], radius=100.0)
     with pytest.raises(ValueError, match=r'radius is -1.0'):
         space([10.0], radius=-1.0)

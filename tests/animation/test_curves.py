@@ -53,7 +53,7 @@ def test_bad_input_is_named():
         Curve([np.inf])
     with pytest.raises(ValueError, match=r'times\[1\] is 0\.0 after 0\.0'):
         Curve([0, 1], [0, 0])
-    with pytest.raises(ValueError, match=r'at is -1\.0; .* not before 0\.0 s'):
+    with pytest.raises(ValueError, match=r'at is -1\.0; .* not before the first key, 0\.0 s'):
         Curve([0]).go(1.0, at=-1.0)
     with pytest.raises(ValueError, match='fade is 0'):
         Curve([0]).go(1.0, at=1.0, fade=0)

@@ -143,9 +143,9 @@ def test_clips_are_found_by_name_number_and_self():
     clips = [Clip('Walk', []), Clip('Run', [])]
     figure = Figure([], clips=clips)
     assert [figure.clip(c) for c in ('Run', 1, clips[1], None)] == [clips[1]] * 3 + [clips[0]]
-    with pytest.raises(ValueError, match="there is no clip 'Fly'; there are 'Walk', 'Run'"):
+    with pytest.raises(ValueError, match="there is no clip 'Fly'; clips: 'Walk', 'Run'"):
         figure.sample(0.0, 'Fly')
-    with pytest.raises(ValueError, match='there is no clip 0; there are none'):
+    with pytest.raises(ValueError, match='there is no clip 0; clips: none'):
         Figure([]).sample(0.0, 0)
 
 
@@ -161,7 +161,7 @@ def test_skins_refuse_joints_out_of_range():
 
 def test_a_figure_refuses_what_does_not_fit():
     mesh = sheet(np.eye(3))
-    with pytest.raises(ValueError, match=r'meshes\[0\] hangs on the joints 2 to 2'):
+    with pytest.raises(ValueError, match=r'meshes\[0\] uses the joints 2 to 2'):
         Figure([FigureMesh(mesh, 2)])
     with pytest.raises(ValueError, match='the skin has 1 vertices, the mesh 3'):
         FigureMesh(mesh, skin=Skin([0], [np.eye(4)], [[0]], [[1.0]]))

@@ -172,5 +172,5 @@ def test_bad_input_is_named():
     with pytest.raises(ValueError, match=r'weights has the shape \(3,\) for 2 clips'):
         SyncedClips(fox, ['walk', 'run'], [0.5, 0.5]).go([1, 1, 1], 2.0)
     still = Figure(fox.meshes, fox.skeleton, [Clip('still', [])])
-    with pytest.raises(ValueError, match="'still' has no length"):
+    with pytest.raises(ValueError, match="'still' has no duration"):
         SyncedClips(still, ['still'], [1.0])

@@ -99,7 +99,7 @@ def test_unknown_joints_name_those_that_exist():
     skeleton = Skeleton([-1, 0], Pose(np.zeros((2, 3))), ['hip', 'knee'])
     assert [skeleton.index('knee'), skeleton.index(0)] == [1, 0]
     for name in ('toe', 2, -1):
-        with pytest.raises(ValueError, match=f'no joint {name!r}; there are hip, knee'):
+        with pytest.raises(ValueError, match=f'no joint {name!r}; joints: hip, knee'):
             skeleton.index(name)
 
 
@@ -126,7 +126,7 @@ def test_poses_refuse_what_does_not_fit():
         Pose(np.zeros((2, 3)), np.ones((3, 4)))
     with pytest.raises(ValueError, match=r'scale\[0\] is nan'):
         Pose(np.zeros((2, 3)), scale=[np.nan, 1, 1])
-    with pytest.raises(IndexError, match='one pose'):
+    with pytest.raises(IndexError, match='single pose'):
         Pose(np.zeros((2, 3)))[0]
     with pytest.raises(ValueError, match='the pose has 1 joints, the skeleton 2'):
         Skeleton([-1, 0], Pose(np.zeros((2, 3)))).world(Pose(np.zeros((1, 3))))

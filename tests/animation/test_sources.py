@@ -41,16 +41,16 @@ def test_a_column_per_joint_is_a_skin_too():
         ({'faces': [[0.5, 1, 2]]}, 'faces must be whole numbers'),
         ({'points': np.zeros((4, 2))}, r'points must be finite numbers of shape \(v, 3\)'),
         ({'points': np.full((4, 3), np.nan)}, 'points must be finite'),
-        ({'parents': [-1]}, 'parents and rest make a skeleton together'),
-        ({'joints': np.zeros((4, 1), int)}, 'joints without weights'),
-        ({'weights': np.ones((4, 1))}, 'weights need the joints they are of'),
+        ({'parents': [-1]}, 'parents and rest define the skeleton'),
+        ({'joints': np.zeros((4, 1), int)}, 'joints are given without weights'),
+        ({'weights': np.ones((4, 1))}, 'weights need a skeleton'),
         (
             {'weights': np.ones((4, 2)), 'parents': [-1], 'rest': [np.eye(4)]},
             r'weights without joints must be \(v, 1\)',
         ),
         (
             {'weights': np.ones((4, 9)), 'parents': [-1] * 9, 'rest': [np.eye(4)] * 9},
-            r'weights\[0\] is of 9 joints; at most 8',
+            r'weights\[0\] has 9 joints; at most 8',
         ),
         (
             {
@@ -113,12 +113,12 @@ def test_series_that_cannot_be_used_are_named(tmp_path):
         Figure.from_series([meshes[0], other])
     with pytest.raises(ValueError, match=r'meshes\[0\] holds 2 meshes'):
         Figure.from_series([pv.MultiBlock(meshes[:2])])
-    with pytest.raises(ValueError, match='times of a series are from 0 on'):
+    with pytest.raises(ValueError, match='times of a series must not be negative'):
         Figure.from_series(meshes, [-1, 0, 1])
     with pytest.raises(FileNotFoundError, match='nowhere'):
         Figure.from_series(tmp_path / 'nowhere.pvd')
     meshes[0].save(tmp_path / 'one.vtp')
-    with pytest.raises(ValueError, match='reads one mesh, not a series'):
+    with pytest.raises(ValueError, match='reads a single mesh, not a series'):
         Figure.from_series(tmp_path / 'one.vtp')
     with pytest.raises(ValueError, match='empty'):
         Figure.from_series([])

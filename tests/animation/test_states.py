@@ -178,7 +178,7 @@ def test_many_times_at_once():
 
 def test_bad_input_is_named():
     walker = graph()
-    with pytest.raises(ValueError, match=r"no state 'fly'; there are 'stand', 'run', 'jump'"):
+    with pytest.raises(ValueError, match=r"no state 'fly'; known states: 'stand', 'run', 'jump'"):
         walker.go('fly')
     with pytest.raises(ValueError, match='at is nan'):
         walker.go('run', at=np.nan)
@@ -188,9 +188,9 @@ def test_bad_input_is_named():
         walker.sample(np.inf)
     with pytest.raises(ValueError, match='states is empty'):
         StateGraph({})
-    with pytest.raises(ValueError, match="'run' has no end"):
+    with pytest.raises(ValueError, match="'run' cannot end by itself"):
         graph(then={'run': 'stand'})
     with pytest.raises(ValueError, match="from 'jump' to itself"):
         graph(then={'jump': 'jump'})
-    with pytest.raises(ValueError, match='rules go round: stand -> run -> stand'):
+    with pytest.raises(ValueError, match='rules form a cycle: stand -> run -> stand'):
         graph(rules=[('stand', 'run', bool), ('run', 'stand', bool)], parameters={'a': 1}).state(0)

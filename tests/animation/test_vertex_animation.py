@@ -67,7 +67,7 @@ def test_bad_input_is_named():
         VertexAnimation.from_meshes([sphere, pv.Cube().clean()])
     turned = sphere.copy()
     turned.flip_faces(inplace=True)
-    with pytest.raises(ValueError, match=r'meshes\[2\] has other faces'):
+    with pytest.raises(ValueError, match=r'meshes\[2\] and meshes\[0\] differ in faces'):
         VertexAnimation.from_meshes([sphere, sphere, turned])
     with pytest.raises(ValueError, match='empty'):
         VertexAnimation.from_meshes([])

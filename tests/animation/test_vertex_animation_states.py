@@ -76,12 +76,12 @@ def test_frames_of_a_mesh_are_chosen_by_states():
     states.go('run', at=0.45)
     points, _ = frames.sample([0.45, 0.95])
     np.testing.assert_allclose(points[..., 0], [[4.5, 4.5], [7.25, 7.25]])
-    with pytest.raises(ValueError, match='states show frame 20; there are 20 frames'):
+    with pytest.raises(ValueError, match='states refer to frame 20; there are 20 frames'):
         VertexAnimation(np.arange(20), positions[:20], states=states)
 
 
 def test_bad_input_is_named():
-    with pytest.raises(ValueError, match='frames 5 to 4 are no range'):
+    with pytest.raises(ValueError, match='first is 5, last 4'):
         FrameRange(5, 4)
     with pytest.raises(ValueError, match='fps is 0'):
         FrameRange(0, 4, fps=0)
