@@ -17,14 +17,14 @@ SETTINGS: tuple[dict[str, Any], ...] = (
     {},
     {'kernel': 3},
     {'kernel': 9},
-    {'reduction': 4},
-    {'reduction': 16},
+    {'downsample': 4},
+    {'downsample': 16},
     {'levels': 1},
     {'levels': 2},
     {'levels': 5},
     {'chain': 'tent'},
-    {'chain': 'tent', 'reduction': 4},
-    {'chain': 'tent', 'reduction': 16},
+    {'chain': 'tent', 'downsample': 4},
+    {'chain': 'tent', 'downsample': 16},
 )
 
 
@@ -44,12 +44,11 @@ def bloom_stages(size=(1280, 720), rounds=15, **settings) -> dict:
     with hidden_window() as (window, _):
         stand, bloom = Stand(window, _squares(size)), Bloom(**settings)
         bloom.render(stand, stand)
-        blur, light = bloom._blur, bloom._light
+        side, light = bloom.downsample // 2, bloom._light
+        blur = bloom._ready(stand, stand.size, side)
         source = blur.source.colors[0]
         jobs = {
-            'bright pass': partial(
-                bloom._draw_source, stand, stand, blur.source, bloom.reduction // 2
-            ),
+            'bright pass': partial(bloom._draw_source, stand, stand, blur.source, side),
             'is there light': blur.lit,
             'blur': partial(blur.draw, source, bloom.spread),
             'blend': partial(blur.blend, stand, light),
@@ -88,8 +87,8 @@ _BLUR_ALONE = {'threshold': 0.0, 'operator': 'keep', 'spread': 1.0, 'debug': 'bl
 
 def width_of(bloom) -> float:
     """Return the standard deviation of a bloom's widest blur in pixels."""
-    side = bloom.reduction // 2
-    squares, between = (side**2 - 1) / 12, bloom.reduction**2 / 6
+    side = bloom.downsample // 2
+    squares, between = (side**2 - 1) / 12, bloom.downsample**2 / 6
     return float(np.sqrt((side * bloom._blur.sigma) ** 2 + squares + between))
 
 

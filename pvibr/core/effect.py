@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import ClassVar
 
 from pvibr.core.params import params_of
 
@@ -30,10 +31,8 @@ class Effect:
     --------
     >>> from pvibr import Effect, Param
     >>> class Fade(Effect):
-    ...     amount = Param(0.5, 'Share of the light that is removed.', range='[0, 1]')
-    ...
-    ...     def needed(self, frame):
-    ...         return self.amount > 0 or 'amount is 0'
+    ...     amount = Param(0.5, 'Fraction of the light that is removed.', range='[0, 1]')
+    ...     neutral = 'amount', 0
     >>> Fade(amount=0.25).state()
     {'amount': 0.25}
     """
@@ -59,6 +58,12 @@ class Effect:
     picks = False
     #: Whether `render` needs colours above 1; such frames have no multisampling.
     needs_hdr = False
+    #: A setting and the value at which the effect changes nothing and is skipped.
+    neutral: tuple[str, object] | None = None
+    #: Whether it also draws over a transparent background, which is opaque there then.
+    covers = False
+    #: Named sets of settings for control panels; what a set leaves out has its default.
+    presets: ClassVar[dict[str, dict]] = {}
     #: In a browser: 'shown', 'baked' by `bake_into` or 'lost'; and as what, or why.
     web: tuple[str, str] = ('lost', 'works on frames, and a browser draws its own')
 
@@ -75,6 +80,11 @@ class Effect:
     def pipeline(self, pipeline):
         self._pipeline = pipeline
 
+    @classmethod
+    def sample(cls, actors) -> Effect:
+        """Return an instance that shows in any picture of some actors, for tests and trials."""
+        return cls()
+
     # -- hooks, in the order in which they are called ----------------------------------------
 
     def attach(self, pipeline):
@@ -83,6 +93,8 @@ class Effect:
 
     def needed(self, frame) -> bool | str:
         """Return True if the frame needs the effect, or the reason why not."""
+        if self.neutral is not None and getattr(self, self.neutral[0]) == self.neutral[1]:
+            return f'{self.neutral[0]} is {self.neutral[1]}'
         return True
 
     def prepare(self, frame):

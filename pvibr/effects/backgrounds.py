@@ -1,6 +1,8 @@
-"""What is behind the scene: an image, or a sky that turns with the camera."""
+"""Backgrounds: an image fixed to the screen, or a sky that turns with the camera."""
 
 from __future__ import annotations
+
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,12 +15,12 @@ _BLACK = (0.0, 0.0, 0.0)
 
 
 class _Behind(FullScreen):
-    """What shows where the scene does not: the renderer's background is away meanwhile."""
+    """A background that replaces the renderer's own while a frame is drawn."""
 
     _hidden: tuple | None = None
 
     def needed(self, frame) -> bool | str:
-        """Tell whether it can be seen."""
+        """Return True if the effect must run."""
         others = self.pipeline.effects if self.pipeline is not None else ()
         for other in others:
             if other is not self and isinstance(other, _Behind) and other._hidden:
@@ -28,7 +30,7 @@ class _Behind(FullScreen):
         return super().needed(frame)
 
     def prepare(self, frame):
-        """Take the background away, so that what shows through can be told from the scene."""
+        """Draw the scene on black, so that the background can be composited below it."""
         self.finish(frame)
         renderer = frame.renderer
         gradient, textured = renderer.GetGradientBackground(), renderer.GetTexturedBackground()
@@ -40,7 +42,7 @@ class _Behind(FullScreen):
         renderer.SetTexturedBackground(False)
 
     def finish(self, frame):
-        """Put the background back."""
+        """Restore the renderer's background."""
         if self._hidden is not None:
             low, gradient, textured = self._hidden
             self._hidden = None
@@ -54,21 +56,21 @@ class _Behind(FullScreen):
 
 
 class Backdrop(_Behind, FullScreenImage):
-    """Put an image, a sequence or a film behind the scene; it does not turn with the camera.
+    """An image, image sequence or film behind the scene, fixed to the screen.
 
-    The alpha of pixels stays: screenshots with a transparent background have it so still.
+    The alpha of pixels is kept: a transparent background stays transparent in screenshots.
 
     Parameters
     ----------
     image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
-        See :class:`pvibr.images.projected.Shown`; its alpha counts.
+        Image to show; its alpha channel is used.
     **settings
         `opacity`, `fit`, `place`, `fps`, `loop`.
 
     See Also
     --------
-    Picture : Over the scene.
-    Sky : Turns with the camera.
+    ImageOverlay : An image over the scene.
+    Sky : A background that turns with the camera.
 
     Examples
     --------
@@ -79,22 +81,22 @@ class Backdrop(_Behind, FullScreenImage):
     """
 
     parts = ('image', 'behind', 'backdrop')
-    web = 'lost', 'stays with the screen, and a browser has no such background'
+    web = 'lost', 'fixed to the screen, and a browser has no such background'
 
 
 class Sky(_Behind):
-    """Put a sky behind the scene that turns with the camera: a panorama, or a gradient.
+    """A sky that turns with the camera: a panorama or a gradient.
 
-    The alpha of pixels stays: screenshots with a transparent background have it so still. With a
-    parallel projection, it is seen as a camera with the same view angle would see it.
+    The alpha of pixels is kept: a transparent background stays transparent in screenshots. Under
+    a parallel projection, the sky is drawn in perspective with the camera's view angle.
 
     Parameters
     ----------
     panorama : path, array, pyvista.Texture or film, optional
-        Equirectangular: 360 degrees wide, 180 high, its middle towards +x (+y where `up` is x)
-        turned by `turn`. Without it, a gradient.
+        Equirectangular image, 360 x 180 degrees, centred on +x (+y if `up` is along x) and
+        rotated by `turn`. A gradient by default.
     **settings
-        `up`, `turn`, `strength`, `opacity`, `top`, `horizon`, `bottom`.
+        `up`, `turn`, `intensity`, `opacity`, `top`, `horizon`, `bottom`.
 
     Examples
     --------
@@ -107,17 +109,26 @@ class Sky(_Behind):
     """
 
     web = 'baked', 'a dome around the scene'
-    up = Param((0.0, 0.0, 1.0), 'Where up is in the world.')
-    turn = Param(0.0, 'How far it is turned about up.', unit='degrees')
-    strength = Param(
-        1.0, 'What its colours are multiplied by: above 1 it shines.', range='[0, 1000]'
-    )
-    opacity = Param(
-        1.0, "How much of it is seen, before the subplot's background.", range='[0, 1]'
-    )
-    top = Param((0.20, 0.38, 0.70), 'Colour of the gradient above.', range='[0, 1]')
+    neutral = 'opacity', 0
+    presets: ClassVar = {
+        'evening': {
+            'top': (0.13, 0.16, 0.35),
+            'horizon': (0.95, 0.62, 0.40),
+            'bottom': (0.18, 0.15, 0.16),
+        },
+        'overcast': {
+            'top': (0.62, 0.65, 0.69),
+            'horizon': (0.80, 0.81, 0.82),
+            'bottom': (0.40, 0.40, 0.39),
+        },
+    }
+    up = Param((0.0, 0.0, 1.0), 'Up direction in world space.')
+    turn = Param(0.0, 'Rotation about the up direction.', unit='degrees')
+    intensity = Param(1.0, 'Brightness factor; above 1, the sky can bloom.', range='[0, 1000]')
+    opacity = Param(1.0, "Opacity over the subplot's background.", range='[0, 1]')
+    top = Param((0.20, 0.38, 0.70), 'Colour of the gradient at the zenith.', range='[0, 1]')
     horizon = Param((0.80, 0.87, 0.93), 'Colour of the gradient at the horizon.', range='[0, 1]')
-    bottom = Param((0.35, 0.33, 0.31), 'Colour of the gradient below.', range='[0, 1]')
+    bottom = Param((0.35, 0.33, 0.31), 'Colour of the gradient at the nadir.', range='[0, 1]')
 
     def __init__(self, panorama=None, **settings):
         self._image = None if panorama is None else Shown(panorama, repeat=True)
@@ -125,38 +136,38 @@ class Sky(_Behind):
 
     @property
     def panorama(self):
-        """The picture that is shown; None is a gradient."""
+        """The panorama; None if the sky is a gradient."""
         return self._image
 
     def _entries(self):
         return 'behind', 'gradient' if self._image is None else 'panorama', 'sky'
 
     def needed(self, frame) -> bool | str:
-        """Tell whether it can be seen."""
+        """Return True if the effect must run."""
         if not np.any(self.up):
             return 'up is (0, 0, 0): give a direction'
         if self._image is not None and self._image.missing:
             return self._image.missing
-        return super().needed(frame) if self.opacity > 0 else 'opacity is 0'
+        return super().needed(frame)
 
     def bake_into(self, scene):
-        """Hand it to a scene without pvibr."""
+        """Add the sky to a scene without pvibr."""
         scene.dome(lambda directions: self.colors(directions, scene.frame))
 
     def colors(self, directions, frame) -> np.ndarray:
-        """Return what is seen of it in some directions.
+        """Return the colours of the sky in some directions.
 
         Parameters
         ----------
         directions : numpy.ndarray, shape (n, 3)
-            World space, of length 1.
+            Unit vectors in world space.
         frame : pvibr.core.frame.Frame
-            Its time and what is behind it.
+            Frame whose time and background are used.
 
         Returns
         -------
         numpy.ndarray, shape (n, 3), float64
-            0 to 1.
+            Colours in [0, 1].
         """
         to = directions @ _axes(self.up, self.turn).T
         rise = np.arcsin(np.clip(to[:, 2:], -1, 1)) / (np.pi / 2)
@@ -168,21 +179,21 @@ class Sky(_Behind):
             picture = self._image.picture(frame.time)
             seen = sample(picture, np.hstack([around, 0.5 + 0.5 * rise]))[:, :3] / 255
         ground = np.array(frame.renderer.GetBackground())
-        return np.clip(self.opacity * self.strength * seen + (1 - self.opacity) * ground, 0, 1)
+        return np.clip(self.opacity * self.intensity * seen + (1 - self.opacity) * ground, 0, 1)
 
     def directions(self, frame) -> np.ndarray:
-        """Return what brings a place on the screen to a direction.
+        """Return the matrix from positions on the screen to directions.
 
         Parameters
         ----------
         frame : pvibr.core.frame.Frame
-            The camera's frame.
+            Frame with the camera.
 
         Returns
         -------
         numpy.ndarray, shape (3, 3), float64
-            Applied to (x, y, 1), x and y from -1 to 1 across what is drawn: a direction, not
-            normalized, z up, x to the middle of the panorama.
+            Takes (x, y, 1), with x and y from -1 to 1 across the frame, to a direction that is
+            not normalized: z up, x towards the centre of the panorama.
         """
         return _axes(self.up, self.turn) @ frame.view_from_world[:3, :3].T @ _rays(frame)
 
@@ -192,7 +203,7 @@ class Sky(_Behind):
             'top': self.top,
             'horizon': self.horizon,
             'bottom': self.bottom,
-            'amount': (self.opacity, self.strength),
+            'amount': (self.opacity, self.intensity),
         }
 
     def _textures(self, frame):
@@ -202,7 +213,7 @@ class Sky(_Behind):
 
 
 def _axes(up, turn):
-    """Return the rows that bring a direction in the world into the sky's space."""
+    """Return the rotation from world space into the space of the sky."""
     z = np.array(up) / np.linalg.norm(up)
     ahead = np.eye(3)[0] if abs(z[0]) < 0.999 else np.eye(3)[1]
     x = ahead - (ahead @ z) * z
@@ -215,7 +226,7 @@ def _axes(up, turn):
 
 
 def _rays(frame):
-    """Return what brings (x, y, 1) on the screen to a direction in view space."""
+    """Return the matrix from (x, y, 1) on the screen to directions in view space."""
     if frame.parallel:
         camera = frame.renderer.GetActiveCamera()
         tangent = np.tan(np.radians(camera.GetViewAngle()) / 2)

@@ -1,8 +1,8 @@
-"""Bright light that spreads over what is beside it."""
+"""Bloom: bright light spreads over its surroundings."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import ClassVar
 
 from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
@@ -11,21 +11,21 @@ from pvibr.gl.blur import filtered
 from pvibr.gl.feature import sections
 from pvibr.maths.tones import to_display, to_light
 
-_WAYS = ('subtract', 'keep', 'soft')
+_OPERATORS = ('subtract', 'keep', 'soft')
 
 
 class Bloom(LightSpread):
-    """Bright parts of the picture shine over their surroundings.
+    """Light from bright parts of the picture spreads over their surroundings.
 
-    What is brighter than a threshold is taken from a small copy of the picture, blurred by a
-    chain of Gaussians on ever smaller images, and added. The blur keeps energy: the light that
-    is added sums up to `intensity` times what the bright pass took. Brightness is the largest
-    of red, green and blue, averaged over 2 x 2 pixels. Pixels that no light reaches keep their
-    colour, to the bit. Not for pictures whose colours are read as values all over: choose a high
-    `threshold`, or light by object.
+    The bright pass extracts light above a threshold at reduced resolution; a chain of Gaussian
+    blurs on ever smaller images spreads it, and it is added to the picture. The blur conserves
+    energy: the added light sums up to `intensity` times that of the bright pass. Brightness is
+    the maximum of red, green and blue, averaged over 2 x 2 pixels. Pixels that no light reaches
+    keep their colour exactly. If colours encode data, choose a high `threshold`, or use
+    :class:`pvibr.Glow` for chosen objects.
 
-    Where a :class:`pvibr.ToneMapping` exposes the picture, `threshold` and `knee` are those of
-    exposed colours: what is bright on the display shines.
+    If a :class:`pvibr.ToneMapping` exposes the picture, `threshold` and `knee` apply to exposed
+    colours.
 
     Parameters
     ----------
@@ -43,26 +43,37 @@ class Bloom(LightSpread):
     'soft'
     """
 
+    presets: ClassVar = {
+        'subtle': {'threshold': 0.9, 'intensity': 0.4, 'spread': 0.3},
+        'strong': {'threshold': 0.6, 'intensity': 2.0, 'spread': 0.8},
+    }
     threshold = Param(0.8, 'Brightness above which light spreads.', range='[0, inf)')
     operator = Param(
         'soft',
-        'What is taken of brightness S above threshold T: subtract max(S - T, 0), keep S where '
-        'S > T (heavier, and it flickers at T), soft S times a smooth step around T.',
-        choices=_WAYS,
+        'Bright pass for brightness S and threshold T: subtract max(S - T, 0); keep S if S > T '
+        '(stronger, but flickers near T); soft, S times a smooth step around T.',
+        choices=_OPERATORS,
     )
-    calm = Param(
+    firefly_reduction = Param(
         0.0,
-        'How much less lone bright pixels count, so that they do not flicker: 0 as others, '
-        'keeping energy, to 1 the partial average of Karis.',
+        'Attenuation of isolated bright pixels, which flicker: 0 conserves energy, 1 is the '
+        'partial Karis average.',
         range='[0, 1]',
     )
-    knee = Param(0.1, 'Half the width of the soft step.', range='(0, inf)')
-    saturation = Param(1.0, 'Colour of the light: 1 its own, 0 white.', range='[0, 1]')
-    background = Param(False, 'Whether a plain background shines too.')
-    needs_hdr = Param(False, 'See colours above 1, which multisampling does not go with.')
+    knee = Param(0.1, 'Half width of the soft threshold.', range='(0, inf)')
+    saturation = Param(
+        1.0, 'Saturation of the light: 1 keeps its colour, 0 white.', range='[0, 1]'
+    )
+    background = Param(False, 'Include a plain background in the bright pass.')
+    needs_hdr = Param(False, 'Use colours above 1; disables multisampling.')
 
-    _bright: Any = None
+    _bright: Quad | None = None
     _made: tuple = ()
+
+    @classmethod
+    def sample(cls, actors):
+        """Return an instance with a low threshold."""
+        return cls(threshold=0.2)
 
     def _draw_source(self, frame, picture, target, side):
         quad = self._quad(frame.window, side, picture.color.is_float)
@@ -74,14 +85,14 @@ class Bloom(LightSpread):
             'ramp': (factor, -low * factor),
             'background': float(self.background),
             'saturation': self.saturation,
-            'calm': self.calm,
+            'firefly_reduction': self.firefly_reduction,
         }
         color = picture.color
         with filtered(color):
             target.draw(quad, uniforms, {'color': color})
 
     def _limits(self, frame, picture):
-        """Return the threshold and the ends of the soft step before exposure."""
+        """Return the threshold and the ends of the soft step, before exposure."""
         limits = self.threshold, self.threshold - self.knee, self.threshold + self.knee
         stops = self.pipeline.stops(frame, picture) if self.pipeline else 0.0
         if stops == 0:
@@ -91,16 +102,16 @@ class Bloom(LightSpread):
         return [float(f) if n > 0 else n for f, n in zip(found, limits, strict=True)]
 
     def _quad(self, window, side, is_float):
-        step = 1 if self.calm else 2
+        step = 1 if self.firefly_reduction else 2
         defines = {
             'TAPS': side // step,
             'STEP': step,
-            'WAY': _WAYS.index(self.operator),
+            'OPERATOR': _OPERATORS.index(self.operator),
             'FLOATS': int(is_float),
-            'CALM': int(self.calm > 0),
+            'FIREFLIES': int(self.firefly_reduction > 0),
         }
         made = window, defines
-        if self._made != made:
+        if self._bright is None or self._made != made:
             self._forget()
             text = ''.join(f'#define {name} {value}\n' for name, value in defines.items())
             text += sections(shader_source(__file__))['bright']

@@ -1,8 +1,8 @@
-"""A lens as wide as a real one: sharp at one distance, soft before and behind it."""
+"""Depth of field of a thin lens."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,28 +15,26 @@ from pvibr.scene.thing import Thing
 
 _STAGES = ('', 'coc', 'near', 'far')
 _TILE = 8  # texels of half size along a side, see depth_of_field.glsl
-#: The focal length that none was given for, as a share of the distance in focus.
-_LEAST = 8  # looks
-_SHARE = 0.1
+_MIN_SAMPLES = 8
+_FOCAL_FRACTION = 0.1  # default focal length over the focus distance
 
 
 class DepthOfField(Effect):
-    """The blur of a thin lens: its size follows from aperture and focus, as in a camera.
+    """Depth of field of a thin lens, whose blur follows from aperture and focus.
 
-    A point at the distance d is spread over a circle whose radius is
-    ``radius * |d - focus| / focus`` world units where it lies, so that every length follows the
-    scene's own unit. What one layer of depth cannot tell is made up: what is hidden behind a
-    blurred edge is that which is seen beside it. Translucent props and volumes are blurred like
-    the surface behind them. A screenshot larger than the window is drawn in tiles: beside their
-    borders what lies beyond them is not known, and their outermost pixels stand for it.
+    A point at the distance d has a circle of confusion with the radius
+    ``radius * |d - focus| / focus`` in world units at its depth, so that all lengths are in units
+    of the scene. There is one layer of depth: surfaces hidden behind a blurred edge are filled in
+    from the visible ones beside it, and translucent props and volumes are blurred like the
+    surface behind them. Tiles of large screenshots repeat their border pixels.
 
     Parameters
     ----------
     target : None, array_like of shape (3,), actor, instances or figure, optional
-        What is in focus: a point in world units, or the middle of an actor or thing wherever it
-        goes; by default the camera's focal point. ``distance`` goes before it.
+        Focus target: a point in world units, or an actor or thing whose centre is followed; the
+        camera's focal point by default. ``distance`` overrides it.
     **settings
-        See the class's Params.
+        Values of the class's settings.
 
     Examples
     --------
@@ -48,46 +46,55 @@ class DepthOfField(Effect):
     >>> pl.show()
     """
 
+    neutral = 'radius', 0
+    covers = True
+    presets: ClassVar = {
+        'subtle': {'f_number': 5.6},
+        'strong': {'f_number': 1.2, 'limit': 0.1, 'samples': 96},
+        'fast': {'samples': 16},
+    }
+
     f_number = Param(
-        2.8, 'Focal length over the width of the opening: less is more blur.', range='(0, inf)'
+        2.8, 'Focal length over aperture diameter; smaller is more blur.', range='(0, inf)'
     )
     focal_length = Param(
         None,
-        'Of the lens, which with the f-number tells how wide it opens; by default a tenth '
-        "of the distance in focus. The angle of view is the camera's own.",
+        'Focal length for the aperture diameter, not for the angle of view; a tenth of the focus '
+        'distance by default.',
         range='(0, inf)',
         unit='world',
         kind=float,
     )
     radius = Param(
         None,
-        'Of the opening, in place of f-number and focal length; 0 is a pinhole and no blur.',
+        'Aperture radius, in place of f-number and focal length; 0 is a pinhole.',
         range='[0, inf)',
         unit='world',
         kind=float,
     )
     distance = Param(
         None,
-        'From the camera to the plane in focus; by default that of the target.',
+        'Focus distance; that of the target by default.',
         range='(0, inf)',
         unit='world',
         kind=float,
     )
     limit = Param(
         0.05,
-        'Largest radius of a circle as a share of the height of the picture: looks that are '
-        'too far apart make large circles coarse.',
+        'Maximum radius of the circle of confusion, as a fraction of the height of the picture; '
+        'large circles need more samples.',
         range='(0, 0.5]',
     )
     samples = Param(
         48,
-        'Most looks around each pixel, in large circles: more is smoother and slower.',
-        range=f'[{_LEAST}, 512]',
+        'Maximum number of samples per pixel; more is smoother and slower.',
+        range=f'[{_MIN_SAMPLES}, 512]',
     )
-    needs_hdr = Param(False, 'See colours above 1, which multisampling does not go with.')
+    needs_hdr = Param(False, 'Use colours above 1; disables multisampling.')
     debug = Param(
         '',
-        'Show the circles (red before, green behind the plane in focus) or one layer.',
+        'Intermediate stage to show: circles of confusion (red before, green behind the focus '
+        'plane) or one layer.',
         choices=_STAGES,
     )
 
@@ -98,9 +105,14 @@ class DepthOfField(Effect):
         self._targets: dict[str, Target] = {}
         self._size: tuple = ()
 
+    @classmethod
+    def sample(cls, actors):
+        """Return an instance with a wide aperture."""
+        return cls(distance=2, radius=0.2)
+
     @property
     def target(self) -> Any:
-        """What is in focus: None, a point, an actor or a thing."""
+        """Focus target: None, a point, an actor or a thing."""
         return self._target
 
     @target.setter
@@ -109,21 +121,21 @@ class DepthOfField(Effect):
         self._target = target if known else _point(target)
 
     def focus(self, frame) -> float:
-        """Return the distance of the plane in focus.
+        """Return the focus distance.
 
         Parameters
         ----------
         frame : pvibr.core.frame.Frame
-            Whose camera looks.
+            Frame with the camera.
 
         Returns
         -------
         float
-            World units along the view; never before the near plane.
+            World units along the view direction; at least the near plane's.
         """
         if self.distance is not None:
             return self.distance
-        target: Any = self.target
+        target = self.target
         if target is None:
             target = frame.renderer.GetActiveCamera().GetFocalPoint()
         elif not isinstance(target, tuple):
@@ -131,13 +143,13 @@ class DepthOfField(Effect):
         away = -float(frame.view_from_world[2, :3] @ target + frame.view_from_world[2, 3])
         return max(away, frame.near, 1e-12)
 
-    def opening(self, focus) -> float:
-        """Return the radius of the opening.
+    def aperture(self, focus) -> float:
+        """Return the aperture radius.
 
         Parameters
         ----------
         focus : float
-            Distance of the plane in focus, world units.
+            Focus distance in world units.
 
         Returns
         -------
@@ -146,43 +158,42 @@ class DepthOfField(Effect):
         """
         if self.radius is not None:
             return self.radius
-        return (self.focal_length or _SHARE * focus) / (2 * self.f_number)
+        return (self.focal_length or _FOCAL_FRACTION * focus) / (2 * self.f_number)
 
     def circles(self, frame) -> tuple[float, float]:
-        """Return the circle of confusion at the near plane and at the far plane.
+        """Return the radii of the circle of confusion at the near and the far plane.
 
-        Between them it is linear in the value of the depth buffer.
+        Between them, the radius is linear in the value of the depth buffer.
 
         Parameters
         ----------
         frame : pvibr.core.frame.Frame
-            Whose camera looks.
+            Frame with the camera.
 
         Returns
         -------
         tuple of 2 float
-            Radii in pixels; below 0 before the plane in focus.
+            Radii in pixels; negative before the focus plane.
         """
         focus = self.focus(frame)
-        scale = self.opening(focus) / focus * frame.pixel_scale
+        scale = self.aperture(focus) / focus * frame.pixel_scale
         near, far = (
             (d - focus) * scale / (1.0 if frame.parallel else d) for d in (frame.near, frame.far)
         )
         return near, far
 
     def needed(self, frame) -> bool | str:
-        """Tell whether anything may be out of focus."""
-        if self.radius == 0:
-            return 'radius is 0'
-        sharp = max(map(abs, self.circles(frame))) <= 0.5 and not self.debug
-        return 'nothing is out of focus by half a pixel' if sharp else True
+        """Return True if the effect must run."""
+        if self.radius != 0 and max(map(abs, self.circles(frame))) <= 0.5 and not self.debug:
+            return 'nothing is out of focus by half a pixel'
+        return super().needed(frame)
 
     def reach(self, frame) -> float:
-        """Return the radius of the largest circle of confusion, and of its tiles, in pixels."""
+        """Return the maximum radius of the circle of confusion and its tiles, in pixels."""
         return self.limit * frame.whole[1] + 4 * _TILE
 
     def render(self, frame, picture):
-        """Draw the picture as the lens sees it."""
+        """Blur the picture."""
         self._allocate(frame.window, picture.size)
         near, far = (c / 2 for c in self.circles(frame))
         most = max(self.limit * frame.whole[1] / 2, 0.5)
@@ -196,7 +207,7 @@ class DepthOfField(Effect):
         self._draw(
             'spread', 'spread', {'reach': reach}, {'tiles': self._targets['tiles'].colors[0]}
         )
-        samples = max(_LEAST, round(self.samples * frame.quality))
+        samples = max(_MIN_SAMPLES, round(self.samples * frame.quality))
         self._draw(
             'gather',
             'layers',
@@ -237,19 +248,19 @@ class DepthOfField(Effect):
         self._targets, self._size = {}, ()
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         self._free()
         for quad in self._quads.values():
             quad.release()
         self._quads = {}
 
     def state(self) -> dict:
-        """Return the settings, and the point in focus; an actor is no value, and left out."""
+        """Return the settings and a point in focus; an actor is left out."""
         is_point = isinstance(self.target, tuple)
         return super().state() | ({'target': list(self.target)} if is_point else {})
 
     def restore(self, state) -> list[str]:
-        """Set the settings to what `state` returned; all of them or none."""
+        """Restore the settings and a point in focus; all of them or none."""
         old = self.target
         if 'target' in state:
             self.target = state['target']
@@ -260,7 +271,7 @@ class DepthOfField(Effect):
             raise
 
     def report(self) -> dict:
-        """Return the bytes that it holds."""
+        """Return the bytes of GPU memory."""
         return {'bytes': sum(t.nbytes for t in self._targets.values())}
 
 

@@ -128,7 +128,7 @@ vec3 sky(vec3 to, float rise) {
 
 //@sky
 uniform mat3 sky_from_clip;  // of (x, y, 1) in what is drawn now: to a direction
-uniform vec2 amount;  // opacity, strength
+uniform vec2 amount;  // opacity, intensity
 void main() {
   vec4 c = texture(color, uv);
   gl_FragData[0] = c;

@@ -1,9 +1,8 @@
-"""What full-screen billboards have in common: one program, and at most one image."""
+"""Base classes of effects with one full-screen program and at most one image."""
 
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -19,39 +18,25 @@ _TEXTS = sections(shader_source(__file__))
 
 @cache
 def _text(entries):
-    """Return a program, the same object each time: it is a key, and hashed once."""
+    """Return a program; the same object each time, since it is a key and hashed once."""
     return ''.join(_TEXTS[name] for name in ('common', *entries))
 
 
 class FullScreen(Effect):
-    """One full-screen program over the picture, with at most one texture of its own.
+    """One full-screen program: a subclass has `parts`, `_uniforms` and `_textures`."""
 
-    A subclass names its entry points in `parts`, and gives ``_uniforms(frame, size)`` and
-    ``_textures(frame)``.
-
-    Parameters
-    ----------
-    **settings
-        Values of the class's settings.
-    """
-
-    #: Entry points of the shader, the last with ``main``.
+    #: Entry points of the shader, the last with ``main``; if it `covers`, it is blended in place.
     parts: tuple[str, ...] = ()
-    #: Whether it covers the picture, and is blended with it in place.
-    covers = False
 
-    _image: Any = None
+    _image: Shown | None = None
 
     def render(self, frame, picture):
-        """Draw over or behind the picture."""
+        """Draw the program."""
         size = frame.whole
         uniforms = {'tile': frame.tile, 'size': size, **self._uniforms(frame, size)}
         name, textures = f'screen {self.name}', self._textures(frame)
-        blend = 'over' if self._covers() else ''
+        blend = 'over' if self.covers else ''
         picture.apply(Pointwise(name, _text(self._entries()), uniforms, textures, blend))
-
-    def _covers(self) -> bool:
-        return self.covers
 
     def _entries(self) -> tuple[str, ...]:
         return self.parts
@@ -63,55 +48,57 @@ class FullScreen(Effect):
         return {}
 
     def release(self):
-        """Free what it holds on the GPU and close films; the context is current."""
+        """Free GPU memory and close films; the context is current."""
         if self._image is not None:
             self._image.release()
 
     def report(self) -> dict:
-        """Return the bytes on the GPU."""
+        """Return the bytes of GPU memory."""
         return {'bytes': self._image.nbytes if self._image else 0}
 
 
 class FullScreenImage(FullScreen):
-    """What a picture over the scene and one behind it have in common.
+    """An image over or behind the scene."""
 
-    Parameters
-    ----------
-    image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
-        See :class:`pvibr.images.projected.Shown`.
-    **settings
-        Values of the class's settings.
-    """
-
-    opacity = Param(1.0, 'How much of the picture is seen.', range='[0, 1]')
+    neutral = 'opacity', 0
+    opacity = Param(1.0, 'Opacity of the image.', range='[0, 1]')
     fit = Param(
         'contain',
-        'How it fills its place: whole, cut to the shape of the place, or stretched.',
+        'Fit to the rectangle: whole image, cropped to fill it, or stretched.',
         choices=('contain', 'cover', 'stretch'),
     )
     place = Param(
-        (0.0, 0.0, 1.0, 1.0), 'Left, bottom, right, top of where it is, as shares of the subplot.'
+        (0.0, 0.0, 1.0, 1.0),
+        'Rectangle of the image: left, bottom, right and top as fractions of the subplot.',
     )
     fps = Param(
         None,
-        "Pictures of a sequence per second of pl.ibr.time; by default the film's own.",
+        "Frames of a sequence per second of pl.ibr.time; the film's own rate by default.",
         range='(0, inf)',
         kind=float,
     )
-    loop = Param(True, 'Whether a sequence begins again after its end, or its last is held.')
+    loop = Param(True, 'Repeat a sequence after its end, instead of holding the last frame.')
+
+    _image: Shown
 
     def __init__(self, image, **settings):
         self._image = Shown(image)
         super().__init__(**settings)
 
+    @classmethod
+    def sample(cls, actors):
+        """Return an instance with a gradient."""
+        x, y = np.meshgrid(np.linspace(0, 1, 96), np.linspace(1, 0, 64))
+        return cls(np.dstack([x, y, np.ones_like(x)]))
+
     def needed(self, frame) -> bool | str:
-        """Tell whether it can be seen."""
+        """Return True if the effect must run."""
         left, bottom, right, top = self.place
         if not (left < right and bottom < top):
             return f'place = {self.place} is empty: left < right and bottom < top'
         if self._image.missing:
             return self._image.missing
-        return self.opacity > 0 or 'opacity is 0'
+        return super().needed(frame)
 
     def _uniforms(self, frame, size):
         edges = _fitted(self.place, self.fit, self._image.size, size)
@@ -122,7 +109,7 @@ class FullScreenImage(FullScreen):
 
 
 def _fitted(place, fit, image, size):
-    """Return where the edges of an image are, as shares of the subplot."""
+    """Return left, bottom, right and top of an image as fractions of the subplot."""
     low, high = np.array(place[:2]), np.array(place[2:])
     pixels = (high - low) * size
     scale = pixels / image

@@ -1,9 +1,9 @@
-"""Chosen objects shine, and may leave trails of light."""
+"""Glow of chosen objects, and trails of light behind them."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,11 +21,11 @@ from pvibr.scene.thing import Thing
 _PBR = 3  # VTK_PBR
 _STEP = 16  # pixels: of the largest squares of light, a multiple of all others
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper')
-# Zero, as any uniform is at first, leaves the scene's own drawing alone.
+# Uniforms begin at 0, which leaves the scene's own drawing as it is.
 _DRAW = """  if (ibr_glow > 0.0) gl_FragData[0] = vec4(ibr_glow * {light}, 1.0);
 //VTK::DepthPeeling::Impl
 """
-# Before VTK leaves out what has no alpha.
+# Before VTK discards transparent fragments.
 _SOLID = """//VTK::TCoord::Impl
   float ibr_glow_alpha = gl_FragData[0].a;
   gl_FragData[0].a = 1.0;
@@ -41,35 +41,34 @@ _COLOR = _feature('glow', 'gl_FragData[0].a * gl_FragData[0].rgb')
 _ALPHA = _feature(
     'glow_alpha', 'ibr_glow_alpha * gl_FragData[0].rgb', {'VTK::TCoord::Impl': _SOLID}
 )
-# VTK's own way from light to the display for physically based materials.
+# VTK's own gamma of physically based materials.
 _EMISSIVE = _feature(
     'glow_emissive', 'gl_FragData[0].a * pow(max(emissiveColor, 0.0), vec3(1.0 / 2.2))'
 )
 
 
 class Glow(LightSpread):
-    """Chosen actors shine over their surroundings, in the colours in which they are drawn.
+    """Chosen actors glow in the colours in which they are drawn.
 
-    They are drawn once more, alone, and their light is blurred and added where something else
-    does not hide them. Nothing else shines, however bright it is, so that colours that are read
-    as values stay. Volumes cannot be chosen. Drawn at the picture's own size: an actor of many
-    triangles costs its time again.
+    The actors are drawn once more, alone, at full resolution; the light of their visible parts is
+    blurred and added to the picture. Nothing else glows, however bright it is, so that colours of
+    other objects can still be read as data. Volumes cannot glow.
 
     Parameters
     ----------
     actors : vtkActor, pvibr.Instances, or sequence of them
-        What shines; of the same subplot.
-    strengths : float or sequence of float, optional
-        How much each does, from 0; one for all, or one each.
+        Actors or instances of the same subplot that glow.
+    weights : float or sequence of float, optional
+        Factor of the light of all actors, or of each; not negative.
     **settings
         Values of the class's settings.
 
     Raises
     ------
     TypeError
-        Where something is no actor.
+        If `actors` has something that is no actor.
     ValueError
-        Where strengths are negative, not finite, or not as many as actors.
+        If weights are negative, not finite, or not one per actor.
 
     Examples
     --------
@@ -78,62 +77,68 @@ class Glow(LightSpread):
     >>> pl = pv.Plotter(off_screen=True)
     >>> lamp = pl.add_mesh(pv.Sphere(), color='orange')
     >>> glow = pl.ibr.add(pvibr.Glow(lamp, intensity=2.0))
-    >>> glow.strengths
+    >>> glow.weights
     (1.0,)
     """
 
+    presets: ClassVar = {
+        'subtle': {'intensity': 0.5, 'spread': 0.3},
+        'strong': {'intensity': 2.0, 'spread': 0.8},
+    }
     source = Param(
         'color',
-        'What shines: the colours that are drawn, by their opacity; the same, by the '
-        'alpha of a texture, which is then drawn opaque; or the emissive texture of physically '
-        'based materials alone.',
+        'Source of the light: colour times opacity; colour times the alpha of the texture, which '
+        'is then drawn opaque; or the emissive texture of physically based materials.',
         choices=('color', 'alpha', 'emissive'),
     )
 
-    _gpu: Any = None
+    _gpu: _Gpu | None = None
     _lit: tuple | list = ()
 
-    def __init__(self, actors, strengths=1.0, **settings):
+    def __init__(self, actors, weights=1.0, **settings):
         super().__init__(**settings)
         self._actors = _checked_actors(actors)
-        self.strengths = strengths
+        self.weights = weights
+
+    @classmethod
+    def sample(cls, actors):
+        """Return an instance with the first actor."""
+        return cls(actors[:1])
 
     @property
     def actors(self) -> tuple:
-        """What shines."""
+        """The actors that glow."""
         return self._actors
 
     @property
-    def strengths(self) -> tuple[float, ...]:
-        """How much each actor shines; set one number for all, or one each."""
-        return self._strengths
+    def weights(self) -> tuple[float, ...]:
+        """Factor of the light of each actor; assign one number for all, or one each."""
+        return self._weights
 
-    @strengths.setter
-    def strengths(self, strengths):
+    @weights.setter
+    def weights(self, weights):
         count = len(self._actors)
-        values = np.asarray(strengths, float)
+        values = np.asarray(weights, float)
         if values.shape not in ((), (count,)) or not (np.isfinite(values) & (values >= 0)).all():
-            msg = f'strengths = {strengths!r}: must be a number from 0, or {count} of them'
+            msg = f'weights = {weights!r}: must be a number >= 0, or {count} of them'
             raise ValueError(msg)
-        self._seen = ()  # light of other strengths
-        self._strengths = tuple(np.broadcast_to(values, count).tolist())
+        self._seen = ()  # the light of other weights
+        self._weights = tuple(np.broadcast_to(values, count).tolist())
 
-    def needed(self, frame):
-        """Tell whether a frame needs it."""
-        self._lit = self._shining(frame.renderer)
-        if not self._lit:
-            return 'none of its actors is in the subplot, visible and of any strength'
-        return super().needed(frame)
+    def needed(self, frame) -> bool | str:
+        """Return True if the effect must run."""
+        self._lit = self._glowing(frame.renderer)
+        return super().needed(frame) if self._lit else 'none of its actors is visible here'
 
-    def _shining(self, renderer):
-        """Return the actors that shine now, each with its strength."""
+    def _glowing(self, renderer):
+        """Return the actors that glow now, each with its weight."""
         found = []
-        for one, strength in zip(self._actors, self._strengths, strict=True):
+        for one, weight in zip(self._actors, self._weights, strict=True):
             if isinstance(one, Thing):
                 drawn = one.drawn() if one.pipeline is self.pipeline else []
             else:
                 drawn = [one] if one.GetVisibility() and renderer.HasViewProp(one) else []
-            found += [(a, strength) for a in drawn if strength > 0 and self._has_source(a)]
+            found += [(a, weight) for a in drawn if weight > 0 and self._has_source(a)]
         return found
 
     def _has_source(self, actor):
@@ -145,7 +150,7 @@ class Glow(LightSpread):
         )
 
     def prepare(self, frame):
-        """Draw the actors alone, while the textures of other effects are bound."""
+        """Draw the actors alone, while textures of other effects are bound."""
         if self._is_part(frame):
             return
         if self._gpu is not None and self._gpu.key != (frame.renderer, frame.size):
@@ -156,12 +161,13 @@ class Glow(LightSpread):
         self._gpu.draw(frame, self._lit, feature)
 
     def deactivate(self):
-        """Draw the actors as they are: frames are drawn without it now."""
+        """Restore the shaders of the actors."""
         if self._gpu is not None:
             self._gpu.detach()
 
     def _draw_source(self, frame, picture, target, side):
-        self._gpu.light(frame, picture, target, side // 2)
+        if self._gpu is not None:
+            self._gpu.light(frame, picture, target, side // 2)
 
     def _forget(self):
         if self._gpu is not None:
@@ -169,25 +175,23 @@ class Glow(LightSpread):
             self._gpu = None
 
     def report(self) -> dict:
-        """Return what it has to tell; see :meth:`pvibr.Effect.report`."""
+        """Return the bytes of GPU memory, and why no light was drawn."""
         details = super().report()
         details['bytes'] += self._gpu.nbytes if self._gpu else 0
         return details
 
 
 class Afterglow(Glow):
-    """A glow that fades in time: what moves, or is passed by the camera, leaves a trail.
+    """A glow that fades over time, so that moving objects leave trails of light.
 
-    Light falls to 1 / e of itself in `fade` seconds of ``plotter.ibr.time``, in however many
-    frames; where it is shown again, the brighter one counts. Time that goes back, another size of
-    the picture, or :meth:`cut` ends all trails.
+    Light decays exponentially in ``plotter.ibr.time``, independent of the frame rate; the maximum
+    of old and new light is shown. Going back in time, resizing the picture or calling :meth:`cut`
+    ends all trails.
 
     Parameters
     ----------
-    actors : vtkActor, pvibr.Instances, or sequence of them
-        What shines; of the same subplot.
-    strengths : float or sequence of float, optional
-        How much each does, from 0; one for all, or one each.
+    actors, weights
+        As for :class:`Glow`.
     **settings
         Values of the class's settings.
 
@@ -200,21 +204,23 @@ class Afterglow(Glow):
     >>> trail.cut()
     """
 
-    fade = Param(0.5, 'Time in which a trail falls to 1 / e.', range='(0, inf)', unit='s')
+    presets: ClassVar = {
+        'subtle': {'intensity': 0.5, 'fade': 0.3},
+        'strong': {'intensity': 2.0, 'fade': 2.0},
+    }
+    fade = Param(0.5, 'Time constant of the decay.', range='(0, inf)', unit='s')
 
-    _past: Any = None
+    _past: _Past | None = None
+    _when = -math.inf
 
-    def needed(self, frame):
-        """Tell whether a frame needs it."""
-        # Trails outlast what made them.
-        self._lit = self._shining(frame.renderer)
-        return self.intensity > 0 or 'intensity is 0'
+    def needed(self, frame) -> bool | str:
+        """Return True if the effect must run; trails outlast the actors' visibility."""
+        self._lit = self._glowing(frame.renderer)
+        return LightSpread.needed(self, frame)
 
     def cut(self):
-        """End all trails: what was drawn so far is another scene."""
+        """End all trails, as after a cut to another scene."""
         self._when = -math.inf
-
-    _when = -math.inf
 
     def _draw_source(self, frame, picture, target, side):
         if frame.scale > 1:  # a tile has no part in what other frames leave
@@ -237,19 +243,19 @@ class Afterglow(Glow):
             self._past = None
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         super().release()
         self._forget_past()
 
     def report(self) -> dict:
-        """Return what it has to tell; see :meth:`pvibr.Effect.report`."""
+        """Return the bytes of GPU memory, and why no light was drawn."""
         details = super().report()
         details['bytes'] += self._past.nbytes if self._past else 0
         return details
 
 
 class _Gpu:
-    """Chosen actors drawn alone."""
+    """Draws chosen actors alone."""
 
     def __init__(self, renderer, size):
         self.key = renderer, size
@@ -265,8 +271,8 @@ class _Gpu:
     def nbytes(self) -> int:
         return self.target.nbytes
 
-    def draw(self, frame, shining, feature):
-        self._match([actor for actor, _ in shining], feature)
+    def draw(self, frame, glowing, feature):
+        self._match([actor for actor, _ in glowing], feature)
         view = View(
             frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
         )
@@ -275,15 +281,15 @@ class _Gpu:
             within = left, bottom, right - left, top - bottom
             self.drawer.look(view, (0, 0, *frame.size), within=within)
             self.drawer.fill((0.0, 0.0, 0.0, 0.0))
-            for actor, strength in shining:
-                _set_glow(actor, strength)
+            for actor, weight in glowing:
+                _set_glow(actor, weight)
                 for translucent in (False, True):
                     self.drawer.draw([actor], translucent=translucent)
                 _set_glow(actor, 0.0)
         self.drawer.done()
 
     def _covered(self, frame, view):
-        """Return which part of the picture actors may cover, in whole squares of light."""
+        """Return the part of the picture that actors may cover, in whole squares of light."""
         actors = self._attached.actors()
         if frame.scale > 1 or not all(self._bounded[address(actor)] for actor in actors):
             self._seen, self._box = (), (0, 0, *frame.size)
@@ -296,18 +302,18 @@ class _Gpu:
         return self._box
 
     def _match(self, actors, feature):
-        """Have these actors, and no others, drawn as light."""
+        """Attach the feature to exactly these actors."""
         changed = self._attached.match(
             actors, lambda _: (feature,), lambda actor: (feature, *_shader_version(actor))
         )
         self._bounded |= {address(actor): _is_within_bounds(actor) for actor in changed}
 
     def detach(self):
-        """Have no actor drawn as light."""
+        """Restore the shaders of all actors."""
         self._attached.clear()
 
     def light(self, frame, picture, target, taps):
-        """Draw the light where nothing hides it, in squares of twice as many pixels as taps."""
+        """Draw the light of visible parts, in squares of twice as many pixels as taps."""
         if taps not in self._quads:
             text = sections(shader_source(__file__))['source']
             text = f'#define TAPS {taps}\n{text}'
@@ -332,7 +338,7 @@ class _Gpu:
 
 
 class _Past:
-    """Light of this frame and of those before."""
+    """Light of this frame and of earlier ones."""
 
     def __init__(self, window, size):
         self.size = size
@@ -358,20 +364,20 @@ class _Past:
 
 
 def _checked_actors(actors):
-    actors = (actors,) if _shines(actors) else tuple(actors)
+    actors = (actors,) if _can_glow(actors) else tuple(actors)
     for actor in actors:
-        if not _shines(actor):
-            msg = f'actors: {actor!r} must be an actor, as add_mesh returns it, or instances'
+        if not _can_glow(actor):
+            msg = f'actors has {actor!r}: must be actors, as add_mesh returns, or instances'
             raise TypeError(msg)
     return actors
 
 
-def _shines(one) -> bool:
+def _can_glow(one) -> bool:
     return isinstance(one, Thing | _vtk.vtkActor)
 
 
 class _GlowFeatures(FeatureSet):
-    """What has actors drawn as light, also those of which VTK would leave out fragments."""
+    """Draws actors as light, including fragments that VTK would discard as transparent."""
 
     def __init__(self):
         super().__init__()
@@ -395,7 +401,7 @@ def _shader_version(actor) -> tuple:
 
 
 def _is_within_bounds(actor) -> bool:
-    """Return whether an actor draws nothing beyond its bounds; lines and points are thick."""
+    """Return True if an actor draws within its bounds, but for thick lines and points."""
     shader = actor.GetShaderProperty()
     moved = shader.HasVertexShaderCode() or any(
         stage == 'Vertex' for stage, _ in replacements(shader)
@@ -404,7 +410,7 @@ def _is_within_bounds(actor) -> bool:
 
 
 def _box(view, bounds, thickness, size):
-    """Return the part of a picture that is within bounds, in whole squares of light."""
+    """Return the part of a picture within bounds, in whole squares of light."""
     if not bounds:
         return 0, 0, 0, 0
     around = math.ceil(max(thickness)) + 1
@@ -421,5 +427,5 @@ def _thickness(prop):
     return max(prop.GetLineWidth(), prop.GetPointSize())
 
 
-def _set_glow(actor, strength):
-    set_fragment_uniforms([actor], {'ibr_glow': strength})
+def _set_glow(actor, weight):
+    set_fragment_uniforms([actor], {'ibr_glow': weight})

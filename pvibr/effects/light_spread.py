@@ -1,9 +1,8 @@
-"""Light that spreads over a picture: what bloom and glow share."""
+"""Light that spreads over a picture: the base of bloom and glow."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
@@ -14,48 +13,41 @@ from pvibr.gl.scene_pass import is_marker
 
 
 class LightSpread(Effect):
-    """Light, blurred on ever smaller images, on a picture.
+    """Light blurred by a pyramid; a subclass draws it with `_draw_source`, freed by `_forget`.
 
-    A screenshot larger than the window is drawn in tiles; their light is that of the last frame,
-    which saw the whole of it. Where the camera, the scene or the time changed since, each tile has
-    no light but its own, and seams may be seen: call ``plotter.render()`` first.
-
-    A subclass has ``_draw_source(frame, picture, target, side)``, which draws the light in
-    squares of `side` pixels, and ``_forget()``, which frees what that takes.
-
-    Parameters
-    ----------
-    **settings
-        Values of the class's settings.
+    Tiles of a screenshot larger than the window use the light of the last whole frame. If the
+    camera, the scene or the time changed since, each tile has only its own light.
     """
 
-    intensity = Param(1.0, 'How much of the light is added; 0 adds none.', range='[0, inf)')
-    reduction = Param(
+    neutral = 'intensity', 0
+    covers = True
+
+    intensity = Param(1.0, 'Factor of the added light.', range='[0, inf)')
+    downsample = Param(
         8,
-        'Size of the picture to that of its first blur; less is sharper and slower.',
+        'Downsampling before the first blur; smaller is sharper and slower.',
         choices=(4, 8, 16),
     )
     chain = Param(
         'gaussian',
-        'How each blur is made: a Gaussian along each axis, or the 13 taps and tents '
-        'of Jimenez (SIGGRAPH 2014), fewer passes of one width.',
+        'Blur filter: separable Gaussians, or the 13-tap and tent filters of Jimenez (SIGGRAPH '
+        '2014), which take fewer passes and have a fixed width.',
         choices=CHAINS,
     )
-    kernel = Param(5, 'Texels of each Gaussian, odd.', choices=tuple(range(3, 33, 2)), unit='px')
+    kernel = Param(5, 'Size of each Gaussian kernel.', choices=tuple(range(3, 33, 2)), unit='px')
     levels = Param(
         None,
-        'How many blurs, each on an image of half the size; from the picture unless given.',
+        'Number of blurs, each at half the resolution; chosen by the size of the picture by '
+        'default.',
         kind=int,
         range='[1, 10]',
     )
-    spread = Param(0.5, 'Share of the wider blurs, 0 narrow to 1 wide.', range='[0, 1]')
-    blend = Param(
-        'add', 'add light, or screen: it fills what is left to white.', choices=('add', 'screen')
-    )
-    debug = Param('', 'A stage to show in place of the picture.', choices=('', 'bright', 'blur'))
+    spread = Param(0.5, 'Weight of wide blurs against narrow ones.', range='[0, 1]')
+    blend = Param('add', 'Blend mode of the light.', choices=('add', 'screen'))
+    debug = Param('', 'Intermediate stage to show.', choices=('', 'bright', 'blur'))
 
-    _blur: Any = None
-    _window: Any = None
+    _blur: Blur | None = None
+    _window: object = None
     _light: Light | None = None
     _seen: tuple = ()
     _asked = -1, False
@@ -64,12 +56,8 @@ class LightSpread(Effect):
         self._drawn_at = _vtk.vtkTimeStamp()
         super().__init__(**settings)
 
-    def needed(self, frame):
-        """Tell whether a frame needs it."""
-        return self.intensity > 0 or 'intensity is 0'
-
     def render(self, frame, picture):
-        """Draw the picture with its light."""
+        """Add the light to the picture."""
         tile = None
         if self._is_part(frame):
             left, bottom = frame.tile[:2]
@@ -78,7 +66,7 @@ class LightSpread(Effect):
             self._light = self._spread_light(frame, picture)
             self._seen = (frame, *self._marks()) if frame.scale == 1 else ()
             self._drawn_at.Modified()
-        if self._light is not None:
+        if self._blur is not None and self._light is not None:
             self._blur.blend(
                 picture,
                 self._light,
@@ -89,10 +77,10 @@ class LightSpread(Effect):
             )
 
     def _is_part(self, frame):
-        """Tell whether a frame is a tile of a picture whose light is known."""
+        """Return True if a frame is a tile of a picture whose light is known."""
         if frame.scale == 1:
             return False
-        if self._asked[0] != frame.index:  # once: hooks must not differ in what they take it for
+        if self._asked[0] != frame.index:  # once: all hooks of a frame must agree
             same = bool(self._seen) and (
                 self._seen[1:] == self._marks() and _sight(self._seen[0]) == _sight(frame)
             )
@@ -107,13 +95,13 @@ class LightSpread(Effect):
         return self.pipeline.things if self.pipeline else ()
 
     def _marks(self):
-        """Return what changes with the settings and with what things draw."""
+        """Return a key of the settings and of what things draw."""
         return self._revision, [thing.content_key() for thing in self._things]
 
     def _spread_light(self, frame, picture):
-        """Return the light of a picture, None where there is none."""
-        # A tile of a picture that was not drawn whole has no light but its own.
-        side = self.reduction // 2 * frame.scale
+        """Return the light of a picture, None if there is none."""
+        # A tile of a picture that was not drawn whole has only its own light.
+        side = self.downsample // 2 * frame.scale
         blur = self._ready(frame, picture.size, side)
         self._draw_source(frame, picture, blur.source, side)
         lit = blur.lit()
@@ -139,16 +127,16 @@ class LightSpread(Effect):
         return self._blur
 
     def _levels(self, rows):
-        """As many that the last one has about twenty rows, whatever the picture's size."""
+        """Return the levels after which about twenty rows are left."""
         if self.levels is not None:
             return self.levels
         return max(1, 1 + round(math.log2(max(rows / 40, 1))))
 
     def _forget(self):
-        """Free what `_draw_source` made."""
+        """Free GPU memory of `_draw_source`."""
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         self._forget()
         self._forget_blur()
 
@@ -159,7 +147,7 @@ class LightSpread(Effect):
         self._seen = ()
 
     def report(self) -> dict:
-        """Return what it has to tell; see :meth:`pvibr.Effect.report`."""
+        """Return the bytes of GPU memory, and why no light was drawn."""
         if self._blur is None:
             return {'bytes': 0}
         details = {'bytes': self._blur.nbytes}
@@ -167,7 +155,7 @@ class LightSpread(Effect):
 
 
 def _sight(frame):
-    """Return what a frame of a whole picture and those of its tiles have in common."""
+    """Return a key that a whole frame shares with its tiles."""
     left, bottom, right, top = frame.tile
     across = frame.clip_from_view[0, 0] * (right - left)
     up = frame.clip_from_view[1, 1] * (top - bottom)
@@ -180,7 +168,7 @@ def _sight(frame):
 
 
 def _changed(renderer, things, when) -> bool:
-    """Tell whether anything in a scene changed since, what things choose for a camera left out."""
+    """Return True if the scene changed since; what things choose by camera does not count."""
     chosen = {address(prop) for t in things for prop in (*t.props, *t.actors())}
     since = when.GetMTime()
     return any(light.GetMTime() > since for light in renderer.GetLights()) or any(

@@ -1,9 +1,9 @@
-"""Outlines: lines on the picture where objects end, jump in depth, or have creases."""
+"""Outlines at boundaries of objects, depth discontinuities, creases and luminance edges."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Texture, shader_source
+from pvibr.gl import Quad, Target, Texture, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.tiles import SIDE, Tiles, sized
 from pvibr.scene.buffers import Drawn
@@ -19,26 +19,24 @@ from pvibr.scene.thing import Thing
 
 
 class Outline(Effect):
-    """Lines where objects end, surfaces jump in depth, have creases, or luminance changes.
+    """Lines at boundaries of objects, depth discontinuities, creases or luminance edges.
 
-    Numbers, depth and normals are those of opaque surfaces, instances among them; translucent
-    props and volumes have lines by luminance alone. A large screenshot is drawn in tiles; a line
-    along one of their seams is cut there.
+    Ids, depth and normals are those of opaque surfaces, instances included; translucent props
+    and volumes have luminance edges only. Tiles of large screenshots cut lines along their seams.
 
     Parameters
     ----------
     actors : actor, thing or list of them, optional
-        What has lines; everything by default. Their hidden parts are told from what other opaque
-        props are before them.
+        Actors to outline; all by default.
     **settings
         Values of the class's settings.
 
     Raises
     ------
     TypeError
-        Where a setting is unknown or of the wrong type, or something is no actor.
+        If a setting is unknown or has the wrong type, or `actors` has something else.
     ValueError
-        Where a value is out of range; where it is added, that an actor is of another subplot.
+        If a value is out of range, or, when it is added, an actor is of another subplot.
 
     Examples
     --------
@@ -54,56 +52,65 @@ class Outline(Effect):
     >>> pl.close()
     """
 
-    web = 'baked', 'lines: silhouettes from the eye as it is now, and creases'
-    width = Param(
-        2.0, 'Of the lines, whatever the size of the window.', range='[0.5, 16]', unit='px'
-    )
-    color = Param((0.0, 0.0, 0.0), 'Of the lines, red, green, blue.', range='[0, 1]')
-    opacity = Param(1.0, 'Of the lines; 0 draws none.', range='[0, 1]')
-    ids = Param(True, 'Lines where one object ends and another begins.')
-    depth = Param(True, 'Lines where a surface jumps in depth.')
+    web = 'baked', 'lines: silhouettes from the current camera, and creases'
+    neutral = 'opacity', 0
+    covers = True
+    presets: ClassVar = {
+        'subtle': {'width': 1.0, 'opacity': 0.5, 'normal': False},
+        'strong': {'width': 4.0, 'crease': 20.0},
+    }
+    width = Param(2.0, 'Line width.', range='[0.5, 16]', unit='px')
+    color = Param((0.0, 0.0, 0.0), 'Line colour.', range='[0, 1]')
+    opacity = Param(1.0, 'Line opacity.', range='[0, 1]')
+    ids = Param(True, 'Lines at boundaries between objects.')
+    depth = Param(True, 'Lines at depth discontinuities.')
     jump = Param(
         4.0,
-        'Least jump in depth, as deep as so many pixels are wide; more where the '
-        'surface is seen at a grazing angle.',
+        'Minimum depth discontinuity, in pixel sizes at that depth; larger at grazing angles.',
         range='(0, inf)',
         unit='px',
     )
     normal = Param(True, 'Lines along creases.')
-    crease = Param(30.0, 'Least angle between normals.', range='(0, 180]', unit='degrees')
+    crease = Param(
+        30.0, 'Minimum angle between normals at a crease.', range='(0, 180]', unit='degrees'
+    )
     grazing = Param(
         80.0,
-        'Angle between normal and line of sight above which creases are left out.',
+        'Maximum angle between normal and view direction for creases.',
         range='[0, 90]',
         unit='degrees',
     )
-    luminance = Param(False, 'Lines where luminance changes, of whatever there is in the picture.')
-    contrast = Param(0.2, 'Least step of luminance, 0 to 1 from black to white.', range='(0, inf)')
+    luminance = Param(False, 'Lines at luminance edges of the picture.')
+    contrast = Param(0.2, 'Minimum luminance step, as a fraction of white.', range='(0, inf)')
     hidden = Param(
-        'absent',
-        'What is drawn of chosen actors where others hide them.',
-        choices=('absent', 'dashed'),
+        'absent', 'Style of hidden lines of chosen actors.', choices=('absent', 'dashed')
     )
-    dash = Param(4.0, 'Length of a dash along an axis, and of a gap.', range='[1, 100]', unit='px')
+    dash = Param(4.0, 'Length of dashes and of gaps.', range='[1, 100]', unit='px')
     debug = Param(
         '',
-        'Shows a stage: boundaries to the right red, above green, luminance blue.',
+        'Intermediate stage to show: edges to the right red, above green, luminance blue.',
         choices=('', 'edges'),
     )
 
+    _drawn: Drawn | None = None
+    _half: Target | None = None
+    _candidates: Target | None = None
+    _marks: tuple[bytes, Texture] | None = None
+
     def __init__(self, *, actors=None, **settings):
         self._actors = _checked(actors)
-        self._drawn: Any = None
-        self._half: Any = None
-        self._candidates: Any = None
-        self._tiles: Any = None
-        self._marks: Any = None
+        self._tiles: Tiles | None = None
         self._quads: dict = {}
         super().__init__(**settings)
 
+    @classmethod
+    def sample(cls, actors):
+        """Return an instance in a vivid colour."""
+        return cls(color=(1, 0, 1))
+
     @property
     def actors(self) -> list | None:
-        """What has lines; None is everything."""
+        """The actors that are outlined; None for all."""
         return None if self._actors is None else list(self._actors)
 
     @actors.setter
@@ -114,7 +121,7 @@ class Outline(Effect):
         self._actors = chosen
 
     def attach(self, pipeline):
-        """Take a place in a pipeline."""
+        """Join a pipeline."""
         _check_here(self._actors, pipeline)
         super().attach(pipeline)
 
@@ -124,22 +131,23 @@ class Outline(Effect):
 
     @property
     def surfaces(self) -> bool:
-        """Whether it reads what all surfaces write; hidden parts have to be drawn alone."""
+        """Whether it reads the surface buffer; dashed hidden lines draw chosen actors alone."""
         return self._asks_surfaces and (self._actors is None or self.hidden == 'absent')
 
     def needed(self, frame) -> bool | str:
-        """Tell whether there are lines to draw."""
-        if not self.opacity:
-            return 'opacity is 0'
+        """Return True if the effect must run."""
         if self._actors == []:
             return 'no actors'
-        return self._asks_surfaces or self.luminance or 'no kind of edge'
+        if not (self._asks_surfaces or self.luminance):
+            return 'no kind of edge'
+        return super().needed(frame)
 
     def render(self, frame, picture):
         """Find edges and draw lines."""
         width = self.width * frame.scale
         reach = math.ceil(width / 2)
-        edges = self._edges(frame, picture, reach)
+        tiles = self._tiles = self._tiles or Tiles(frame.window)
+        edges = self._edges(frame, picture, tiles, reach)
         if self.debug:
             with picture.drawing():
                 self._quad(frame.window, 'shown').draw(textures={'edges': edges})
@@ -149,12 +157,12 @@ class Outline(Effect):
             'dash': self.dash * frame.scale,
             'ink': (*self.color, self.opacity),
         }
-        textures = {'edges': edges, 'squares': self._tiles.squares}
+        textures = {'edges': edges, 'squares': tiles.squares}
         with picture.drawing_over():
-            self._tiles.draw(self._sparse('lines'), {'reach': reach, **look}, textures, 'over')
+            tiles.draw(self._sparse(tiles, 'lines'), {'reach': reach, **look}, textures, 'over')
 
     def bake_into(self, scene):
-        """Hand its lines to a scene without pvibr."""
+        """Add the lines to a scene without pvibr."""
         if self.ids or self.depth or self.normal:
             scene.lines(
                 self._actors,
@@ -164,24 +172,24 @@ class Outline(Effect):
                 crease=self.crease if self.normal else None,
             )
 
-    def _edges(self, frame, picture, reach):
-        """Draw the edges, choose the tiles that lines reach, and return the edges' texture."""
+    def _edges(self, frame, picture, tiles, reach):
+        """Draw edges, choose the tiles that lines reach, and return the texture of edges."""
         window, half = frame.window, [-(-n // 2) for n in picture.size]
-        self._tiles = self._tiles or Tiles(window)
         uniforms, textures = self._inputs(frame, picture)
         self._candidates = sized(self._candidates, window, half)
         self._candidates.draw(self._quad(window, 'candidates'), uniforms, textures)
         found = self._candidates.colors[0]
-        self._tiles.find(found, picture.size, reach)
+        tiles.find(found, picture.size, reach)
         if not self._asks_surfaces:
             return found
         self._half = sized(self._half, window, half)
         with self._half.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            self._tiles.draw(self._sparse('edges'), uniforms, textures | {'candidates': found})
+            textures |= {'candidates': found}
+            tiles.draw(self._sparse(tiles, 'edges'), uniforms, textures)
         return self._half.colors[0]
 
     def _inputs(self, frame, picture):
-        """Return uniforms and textures of the programs that find edges."""
+        """Return uniforms and textures of the edge programs."""
         uniforms, textures = self._uniforms(frame), {'color': picture.color}
         if self._asks_surfaces:
             geometry = self._geometry(frame, picture)
@@ -199,7 +207,7 @@ class Outline(Effect):
         return self._drawn.draw(frame, self.pipeline.things, self._actors)
 
     def _marks_of(self, window, numbered):
-        """Return by number which of what is drawn has lines."""
+        """Return a texture that tells by id which actors are outlined."""
         chosen = {_identity(item) for item in self._actors or ()}
         marks = bytes([0, *(255 * (_identity(item) in chosen) for item in numbered)])
         if self._marks is None or self._marks[0] != marks:
@@ -236,10 +244,10 @@ class Outline(Effect):
             self._quads[name, defined] = Quad(window, defined + _TEXTS[name], _NAME + name)
         return self._quads[name, defined]
 
-    def _sparse(self, name):
+    def _sparse(self, tiles, name):
         if name not in self._quads:
             text = f'#define SIDE {SIDE}\n{_TEXTS[name]}'
-            self._quads[name] = self._tiles.program(text, _NAME + name)
+            self._quads[name] = tiles.program(text, _NAME + name)
         return self._quads[name]
 
     @property
@@ -248,25 +256,20 @@ class Outline(Effect):
         return ''.join(f'#define {name}\n' for name, on in kinds.items() if on)
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         marks = self._marks[1] if self._marks else None
-        for owner in (
-            self._drawn,
-            self._candidates,
-            self._half,
-            self._tiles,
-            marks,
-            *self._quads.values(),
-        ):
+        for owner in (*self._targets(), marks, *self._quads.values()):
             if owner is not None:
                 owner.release()
         self._drawn = self._candidates = self._half = self._tiles = self._marks = None
         self._quads = {}
 
     def report(self) -> dict:
-        """Return the bytes that it holds on the GPU."""
-        owners = self._drawn, self._candidates, self._half, self._tiles
-        return {'bytes': sum(owner.nbytes for owner in owners if owner is not None)}
+        """Return the bytes of GPU memory."""
+        return {'bytes': sum(owner.nbytes for owner in self._targets() if owner is not None)}
+
+    def _targets(self):
+        return self._drawn, self._candidates, self._half, self._tiles
 
 
 _NAME = 'outline.glsl, '

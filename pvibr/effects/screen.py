@@ -1,8 +1,9 @@
-"""Billboards that fill a subplot, over the picture."""
+"""Effects over the finished picture: vignette, flash, night vision, iris, overlays."""
 
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
@@ -13,12 +14,12 @@ from pvibr.gl import Texture
 from pvibr.images.projected import as_rgba
 
 _BLACK = (0.0, 0.0, 0.0)
-_MODES = ('over', 'add', 'multiply', 'screen')
-_UNSEEN = 1 / 512  # what covers less than that changes no byte
+_BLEND_MODES = ('over', 'add', 'multiply', 'screen')
+_INVISIBLE = 1 / 512  # an opacity below changes no byte
 
 
 class Vignette(FullScreen):
-    """Darken the picture towards its corners.
+    """Darkening of the picture towards its corners.
 
     Parameters
     ----------
@@ -33,24 +34,24 @@ class Vignette(FullScreen):
     """
 
     parts = ('vignette',)
+    neutral = 'intensity', 0
+    presets: ClassVar = {
+        'subtle': {'intensity': 0.25},
+        'strong': {'intensity': 0.9, 'radius': 0.3},
+    }
 
-    intensity = Param(0.5, 'How much is taken away at the outside.', range='[0, 1]')
-    radius = Param(
-        0.4,
-        'Where it begins, as a share of half the diagonal: colours within stay.',
-        range='[0, 4]',
-    )
+    intensity = Param(0.5, 'Opacity outside the vignette.', range='[0, 1]')
+    radius = Param(0.4, 'Inner radius, as a fraction of half the diagonal.', range='[0, 4]')
     softness = Param(
-        0.6,
-        'Width of the ring in which it grows, as a share of half the diagonal.',
-        range='(0, 4]',
+        0.6, 'Width of the transition, as a fraction of half the diagonal.', range='(0, 4]'
     )
-    center = Param((0.5, 0.5), 'The middle, from (0, 0) lower left to (1, 1).')
-    color = Param(_BLACK, 'What the picture turns to.', range='[0, 1]')
+    center = Param((0.5, 0.5), 'Centre, from (0, 0) at the lower left to (1, 1).')
+    color = Param(_BLACK, 'Colour outside the vignette.', range='[0, 1]')
 
-    def needed(self, frame) -> bool | str:
-        """Tell whether it darkens anything."""
-        return self.intensity > 0 or 'intensity is 0'
+    @classmethod
+    def sample(cls, actors):
+        """Return an instance that begins at the centre."""
+        return cls(radius=0, softness=0.5)
 
     def _uniforms(self, frame, size):
         ring = (self.radius, self.softness, self.intensity)
@@ -60,7 +61,7 @@ class Vignette(FullScreen):
 
 
 class Flash(FullScreen):
-    """Cover the picture with light that fades.
+    """A flash of light that covers the picture and fades.
 
     Parameters
     ----------
@@ -83,48 +84,59 @@ class Flash(FullScreen):
     parts = ('flash',)
     covers = True
 
+    neutral = 'at', None
+    presets: ClassVar = {
+        'subtle': {'intensity': 0.4, 'duration': 0.2},
+        'strong': {'intensity': 1.0, 'duration': 0.8},
+    }
+
     at = Param(
         None,
-        'When it is fired, by pl.ibr.time; None is never.',
+        'Time of the flash on the clock pl.ibr.time; None for no flash.',
         range='(-inf, inf)',
         unit='s',
         kind=float,
     )
-    duration = Param(0.3, 'Time in which it fades by 63 %.', range='(0, inf)', unit='s')
-    intensity = Param(1.0, 'How much it covers when it is fired.', range='[0, 1]')
-    color = Param((1.0, 1.0, 1.0), 'The light.', range='[0, 1]')
+    duration = Param(0.3, 'Time constant of the decay.', range='(0, inf)', unit='s')
+    intensity = Param(1.0, 'Initial opacity.', range='[0, 1]')
+    color = Param((1.0, 1.0, 1.0), 'Colour of the flash.', range='[0, 1]')
+
+    @classmethod
+    def sample(cls, actors):
+        """Return an instance that is fired at time 0."""
+        return cls(at=0)
 
     def fire(self):
-        """Fire it now, by the time of the subplot."""
+        """Start the flash at the current time of the subplot."""
         self.at = float(self.pipeline.time) if self.pipeline is not None else 0.0
 
     def cover(self, time) -> float:
-        """Return how much of the picture it covers.
+        """Return the opacity of the flash.
 
         Parameters
         ----------
         time : float
-            Seconds.
+            Time in seconds.
 
         Returns
         -------
         float
-            From 0 to 1.
+            Opacity in [0, 1].
         """
         if self.at is None or time < self.at:
             return 0.0
         return float(self.intensity * np.exp(-(time - self.at) / self.duration))
 
     def needed(self, frame) -> bool | str:
-        """Tell whether it can be seen."""
-        return self.cover(frame.time) > _UNSEEN or 'no flash at this time'
+        """Return True if the effect must run."""
+        return self.cover(frame.time) > _INVISIBLE or 'no flash at this time'
 
     def _uniforms(self, frame, size):
         return {'tint': self.color, 'much': self.cover(frame.time)}
 
 
 class NightVision(FullScreen):
-    """Show luminance alone, amplified, in one colour and with grain.
+    """An image intensifier: amplified luminance in one colour, with grain.
 
     Parameters
     ----------
@@ -140,25 +152,23 @@ class NightVision(FullScreen):
 
     parts = ('night_vision',)
 
-    intensity = Param(1.0, 'Share of what the tube shows in the picture.', range='[0, 1]')
-    gain = Param(
-        4.0,
-        'How much dark parts are amplified: about gain times, white stays white.',
-        range='(0, 80]',
-    )
-    grain = Param(0.1, 'How much noise there is, from darkest to brightest.', range='[0, 1]')
+    neutral = 'intensity', 0
+    presets: ClassVar = {
+        'subtle': {'gain': 2.0, 'grain': 0.05},
+        'strong': {'gain': 12.0, 'grain': 0.3},
+    }
+
+    intensity = Param(1.0, 'Opacity of the effect.', range='[0, 1]')
+    gain = Param(4.0, 'Gain of dark parts; white stays white.', range='(0, 80]')
+    grain = Param(0.1, 'Peak-to-peak amplitude of the noise.', range='[0, 1]')
     rate = Param(
         25.0,
-        'Times a second of pl.ibr.time that the noise changes; 0 keeps it.',
+        'Rate at which the noise changes, by pl.ibr.time; 0 freezes it.',
         range='[0, 1000]',
         unit='Hz',
     )
-    seed = Param(0, 'Another one, another noise.', range='[0, 65535]')
-    color = Param((0.35, 1.0, 0.45), 'The light of the tube.', range='[0, 1]')
-
-    def needed(self, frame) -> bool | str:
-        """Tell whether the picture changes."""
-        return self.intensity > 0 or 'intensity is 0'
+    seed = Param(0, 'Seed of the noise.', range='[0, 65535]')
+    color = Param((0.35, 1.0, 0.45), 'Colour of the phosphor.', range='[0, 1]')
 
     def _uniforms(self, frame, size):
         moment = int(np.floor(frame.time * self.rate + 1e-9)) + 65536 * self.seed
@@ -168,20 +178,20 @@ class NightVision(FullScreen):
 
 
 class Iris(FullScreen):
-    """Close the picture around a point, as silent films end.
+    """An iris that closes around a point, as at the end of silent films.
 
     Parameters
     ----------
     shape : path, array or pyvista.Texture, optional
-        What is bright and opaque is the opening; a circle unless given. It is scaled so that its
-        largest inner circle, whose middle lies on `center`, does what the circle would do.
+        Mask of the opening: bright, opaque pixels are open. Its largest inscribed circle is
+        placed and scaled as the default, a circle.
     **settings
         `opening`, `center`, `softness`, `color`.
 
     Raises
     ------
     ValueError
-        Where no pixel of the shape is bright.
+        If no pixel of the shape is bright.
 
     Examples
     --------
@@ -192,28 +202,27 @@ class Iris(FullScreen):
 
     covers = True
 
-    opening = Param(
-        0.5, 'How far it is open: 0 shows nothing, 1 the whole picture.', range='[0, 1]'
-    )
-    center = Param(
-        (0.5, 0.5), 'What it closes around, from (0, 0) lower left to (1, 1).', range='[0, 1]'
-    )
+    neutral = 'opening', 1
+
+    opening = Param(0.5, 'Opening: 0 is closed, 1 shows the whole picture.', range='[0, 1]')
+    center = Param((0.5, 0.5), 'Centre, from (0, 0) at the lower left to (1, 1).', range='[0, 1]')
     softness = Param(
-        0.0, 'Width of its edge, as a share of the height; a pixel at least.', range='[0, 1]'
+        0.0, 'Width of the edge, as a fraction of the height; at least a pixel.', range='[0, 1]'
     )
-    color = Param(_BLACK, 'What covers the rest.', range='[0, 1]')
+    color = Param(_BLACK, 'Colour outside the opening.', range='[0, 1]')
 
     def __init__(self, shape=None, **settings):
         self._shape = None if shape is None else _shape_of(shape)
         self._distances: Texture | None = None
         super().__init__(**settings)
 
+    @classmethod
+    def sample(cls, actors):
+        """Return an instance in a vivid colour."""
+        return cls(opening=0.4, color=(1, 0, 0))
+
     def _entries(self):
         return 'disk' if self._shape is None else 'shape', 'iris'
-
-    def needed(self, frame) -> bool | str:
-        """Tell whether it covers anything."""
-        return self.opening < 1 or 'opening is 1'
 
     def _uniforms(self, frame, size):
         soft = max(self.softness * size[1], 1.0)
@@ -230,30 +239,30 @@ class Iris(FullScreen):
         return {'shape': self._distances}
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         super().release()
         if self._distances is not None:
             self._distances.release()
         self._distances = None
 
     def report(self) -> dict:
-        """Return the bytes on the GPU."""
+        """Return the bytes of GPU memory."""
         return {'bytes': self._distances.nbytes if self._distances else 0}
 
 
 class ImageOverlay(FullScreenImage):
-    """Lay an image, a sequence or a film over the picture: a title, a logo, a frame.
+    """An image, image sequence or film over the picture, such as a title, logo or frame.
 
     Parameters
     ----------
     image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
-        See :class:`pvibr.images.projected.Shown`; its alpha counts.
+        Image to show; its alpha channel is used.
     **settings
         `mode`, `opacity`, `fit`, `place`, `fps`, `loop`.
 
     See Also
     --------
-    Backdrop : Behind the scene.
+    Backdrop : An image behind the scene.
 
     Examples
     --------
@@ -263,21 +272,23 @@ class ImageOverlay(FullScreenImage):
     'over'
     """
 
-    mode = Param('over', 'How it meets the picture.', choices=_MODES)
+    mode = Param('over', 'Blend mode.', choices=_BLEND_MODES)
 
-    def _covers(self):
+    @property
+    def covers(self) -> bool:  # type: ignore[override]
+        """Whether it also draws where the background is transparent."""
         return self.mode == 'over'
 
     def _entries(self):
-        return 'image', 'picture' if self._covers() else 'mixed'
+        return 'image', 'picture' if self.covers else 'mixed'
 
     def _uniforms(self, frame, size):
         found = super()._uniforms(frame, size)
-        return found if self._covers() else found | {'mode': _MODES.index(self.mode)}
+        return found if self.covers else found | {'mode': _BLEND_MODES.index(self.mode)}
 
 
 def _away(frame, center):
-    """Return where what is drawn begins, as seen from a place, and its size; in pixels."""
+    """Return the lower left corner of the frame, relative to a centre, and its size in pixels."""
     (left, bottom, right, top), (width, height) = frame.tile, frame.whole
     return (
         (left - center[0]) * width,
@@ -288,15 +299,15 @@ def _away(frame, center):
 
 
 def _shape_of(image):
-    """Return distances to the edge of what is bright, and its inner circle in texture space."""
+    """Return signed distances to the edge of a mask, and its inscribed circle in uv."""
     pixels = as_rgba(image) / 255.0
     bright = np.pad(pixels[..., :3].mean(axis=-1) * pixels[..., 3] > 0.5, 2)
     if not bright.any():
-        msg = 'shape has no bright pixel: white, or opaque on transparent, is where it is open'
+        msg = 'shape has no bright pixel: the opening must be white and opaque'
         raise ValueError(msg)
     inside = distance_transform_edt(bright)
     away = np.where(bright, inside - 0.5, 0.5 - distance_transform_edt(~bright))
-    away = gaussian_filter(away, 1.0)  # else its edge has steps where it is seen large
+    away = gaussian_filter(away, 1.0)  # else a magnified edge has steps
     row, column = np.unravel_index(inside.argmax(), inside.shape)
     radius, (height, width) = away.max(), bright.shape
     middle = ((column + 0.5) / width, 1 - (row + 0.5) / height)

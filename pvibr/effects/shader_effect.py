@@ -1,10 +1,9 @@
-"""Effects of a user's own: a function in GLSL and a few settings."""
+"""Effects of a user's own: a GLSL function and a few settings."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 from pvibr.core.effect import Effect
 from pvibr.core.errors import ShaderError
@@ -15,50 +14,50 @@ from pvibr.images.projected import Shown
 
 _TYPES = {bool: 'bool', int: 'int', float: 'float', str: 'int', tuple: 'vec'}
 _RESERVED = ('uv', 'size', 'time', 'scale', 'nothing', 'effect')
-_ELSEWHERE = 100000  # the number of the first line that is not the user's
+_ELSEWHERE = 100000  # first line number of code that is not the user's
 _LINE = re.compile(r'^(?:ERROR:\s*)?\d+[:(](\d+)\)?(?:\(\d+\))?\s*:?\s*(.*)', re.IGNORECASE)
 _SURFACES = re.compile(r'\b(normal_at|id_at)\b')
 _COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/', re.DOTALL)
-#: Settings that are the effect's own and no uniforms of the text.
+#: Settings that are no uniforms of the source.
 _OWN = ('intensity', 'needs_hdr')
 
 
 class ShaderEffect(Effect):
-    """An effect of your own: `source` has ``vec4 effect(vec2 uv)`` in GLSL, settings are uniforms.
+    """An effect from a GLSL function ``vec4 effect(vec2 uv)``; settings are uniforms.
 
-    What the function may use, in which spaces and units, is written in the file that `template`
-    names; it is an effect itself, to begin from. Either write a class, with `source` and
-    :class:`pvibr.Param` settings, or give text and values at once. It runs after outlines, on
-    the colours that a display shows; a class may say what it runs before.
+    The file `template` documents the inputs of the function with their spaces and units; it is
+    a complete effect to start from. Either write a class with `source` and
+    :class:`pvibr.Param` settings, or pass source and values. The effect runs after outlines, on
+    display colours; a class may set `before`.
 
     Parameters
     ----------
     source : str or path, optional
-        GLSL text, or a file of it; by default the class's own.
+        GLSL source or its file; the class's own by default.
     images : dict, optional
-        Name to image (path, array, sequence, film or :class:`pvibr.LiveTexture`): samplers.
+        Samplers: name to image (path, array, sequence, film or :class:`pvibr.LiveTexture`).
     **settings
-        Values of the class's settings. Where `source` is given and the class has no setting of
-        that name, the value makes one.
+        Values of the class's settings. If `source` is given, a value of another name defines a
+        new setting.
 
     Attributes
     ----------
     source : str or path
-        It may be set again, to mend it or while you work on it.
+        May be assigned at any time, such as to fix an error.
     before : str or None
-        What it runs right before, of ``pvibr.effects.ORDER``: for light above 1, which needs
-        `needs_hdr` too, ``'ToneMapping'``.
+        Effect of ``pvibr.effects.ORDER`` that it runs right before, such as ``'ToneMapping'``
+        for light above 1, which also needs `needs_hdr`.
     template : pathlib.Path
-        The file that says what the text is given.
+        File that documents the inputs.
 
     Raises
     ------
     TypeError
-        Where a setting is unknown, or cannot be a uniform.
+        If a setting is unknown or cannot be a uniform.
     ValueError
-        Where a value is out of range, a name is taken, or there is no source.
+        If a value is out of range, a name is reserved, or the source is empty.
     FileNotFoundError
-        Where there is no such file.
+        If the file does not exist.
 
     Examples
     --------
@@ -70,7 +69,7 @@ class ShaderEffect(Effect):
     ...       float gray = dot(c.rgb, vec3(0.2126, 0.7152, 0.0722));
     ...       return vec4(mix(c.rgb, gray * vec3(1.0, 0.85, 0.65), amount), c.a);
     ...     }'''
-    ...     amount = pvibr.Param(1.0, 'How old it looks.', range='[0, 1]')
+    ...     amount = pvibr.Param(1.0, 'Amount of sepia.', range='[0, 1]')
     >>> pl = pv.Plotter(off_screen=True)
     >>> _ = pl.add_mesh(pv.Sphere(), color='teal')
     >>> sepia = pl.ibr.add(Sepia(amount=0.8))
@@ -83,11 +82,12 @@ class ShaderEffect(Effect):
     >>> pl.close()
     """
 
-    source: Any = ''
+    source: str | Path = ''
     template = Path(__file__).with_name('template.glsl')
+    neutral = 'intensity', 0
 
-    intensity = Param(1.0, 'Share of what it shows in the picture.', range='[0, 1]')
-    needs_hdr = Param(False, 'See colours above 1, which multisampling does not go with.')
+    intensity = Param(1.0, 'Opacity of the result.', range='[0, 1]')
+    needs_hdr = Param(False, 'Use colours above 1; disables multisampling.')
 
     _quad: Quad | None = None
     _built: tuple = ()
@@ -105,21 +105,26 @@ class ShaderEffect(Effect):
         self._read()
         super().__init__(**settings)
 
+    @classmethod
+    def sample(cls, actors):
+        """Return an instance that inverts colours."""
+        code = 'vec4 c = color_at(uv); return vec4(c.a - c.rgb, c.a);'
+        return cls(f'vec4 effect(vec2 uv) {{ {code} }}')
+
     def _declare(self, settings):
-        """Make a setting of each value that the class has none for."""
+        """Declare a setting for each value that the class has none for."""
         known = params_of(type(self))
-        made = {n: Param(v, 'As given.') for n, v in settings.items() if n not in known}
+        made = {n: Param(v, 'Uniform.') for n, v in settings.items() if n not in known}
         if made:
             self.__class__ = type(type(self).__name__, (type(self),), made)
 
     def _read(self):
-        """Take the text; of a file it is read again each time."""
+        """Read the source; a file is read anew each time."""
         source = self.source
         if _is_file(source):
             self._text = Path(source).read_text(encoding='utf-8')
         else:
             self._text = str(source)
-        #: Whether the text names what is drawn for that alone.
         self._asks_surfaces = bool(_SURFACES.search(_COMMENT.sub(' ', self._text)))
         if not self._text.strip():
             msg = f'{self.name}.source is empty: give GLSL with vec4 effect(vec2 uv), or a file'
@@ -127,20 +132,20 @@ class ShaderEffect(Effect):
 
     @property
     def surfaces(self) -> bool:
-        """Whether the shader reads normals or ids."""
+        """Whether the source reads normals or ids."""
         return self._asks_surfaces
 
     def needed(self, frame) -> bool | str:
-        """Tell whether the picture changes."""
+        """Return True if the effect must run."""
         if self._quad is None or self._built != (frame.window, self.source):
             self._read()
         for name, image in self._images.items():
             if image.missing:
                 return f'{name}: {image.missing}'
-        return self.intensity > 0 or 'intensity is 0'
+        return super().needed(frame)
 
     def render(self, frame, picture):
-        """Draw what the function returns."""
+        """Draw the result of the function."""
         quad = self._build(frame.window)
         textures = {'ibr_color': picture.color, 'ibr_depth': picture.depth}
         textures |= {n: i.texture(frame.window, frame.time) for n, i in self._images.items()}
@@ -190,7 +195,7 @@ class ShaderEffect(Effect):
         return self._quad
 
     def _explained(self, error) -> str:
-        """Return what is wrong, at the lines of the user's text."""
+        """Return the error with the line of the user's source."""
         path = str(self.source) if _is_file(self.source) else f'{self.name}.source'
         lines = self._text.splitlines()
         for message in error.log.splitlines():
@@ -206,18 +211,18 @@ class ShaderEffect(Effect):
         self._quad, self._built = None, ()
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         self._forget()
         for image in self._images.values():
             image.release()
 
     def report(self) -> dict:
-        """Return the bytes on the GPU."""
+        """Return the bytes of GPU memory."""
         return {'bytes': sum(image.nbytes for image in self._images.values())}
 
 
 def _is_file(source) -> bool:
-    """Tell a path from a text: that has a function, hence a brace."""
+    """Return True for a path; source text has a function, hence a brace."""
     return not isinstance(source, str) or bool(source and '{' not in source)
 
 
@@ -233,7 +238,7 @@ def _type_of(param) -> str:
 def _check_names(names, owner):
     for name in names:
         if name in _RESERVED or name.startswith(('ibr_', 'gl_')):
-            msg = f'{owner}.{name}: the name is taken, see template.glsl; call it otherwise'
+            msg = f'{owner}.{name}: the name is reserved, see template.glsl; choose another'
             raise ValueError(msg)
 
 
@@ -242,7 +247,7 @@ def _check_param(owner, name, param):
     loose = param.kind is str and param.choices is None
     if param.optional or wide or loose:
         msg = (
-            f'{owner}.{name}: no uniform can be made of it; a setting of the text is a bool, int, '
-            'float, choice, or tuple of 2 to 4 floats, and not optional'
+            f'{owner}.{name}: cannot be a uniform; a setting of the source is a bool, int, float, '
+            'choice, or tuple of 2 to 4 floats, and not optional'
         )
         raise TypeError(msg)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from typing import ClassVar
 
 import numpy as np
 
@@ -90,6 +91,7 @@ class Instances(Painted, Thing):
     """
 
     web = 'baked', 'meshes, far ones billboard clouds'
+    presets: ClassVar = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
     _title = 'Instances'
     _covered = _worn = None
     _force_level: str | dict | None = None

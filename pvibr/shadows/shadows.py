@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -65,6 +65,11 @@ class Shadows(Effect):
     """
 
     web = 'baked', 'darker colours of surfaces'
+    presets: ClassVar = {
+        'crisp': {'method': 'pcf', 'resolution': 4096, 'filter_radius': 0.5},
+        'soft': {'method': 'pcss', 'angle': 3.0},
+        'fast': {'method': 'hard', 'resolution': 1024},
+    }
     method = Param(
         'pcf',
         'Shadow algorithm: hard or filtered shadow map (pcf), penumbrae by the size of the light '

@@ -68,6 +68,10 @@ def _projectors(pl):
     pl.ibr.add(pvibr.Projector([STRIPES] * 2, [_camera((0, 0, 9)), _camera((3, 0, 8))]))
 
 
+def _sample(name):
+    return lambda pl: pl.ibr.add(getattr(pvibr, name).sample([_ball(pl)]))
+
+
 def _add(name, *args, **settings):
     return lambda pl: pl.ibr.add(getattr(pvibr, name)(*args, **settings))
 
@@ -77,11 +81,10 @@ def _add_to_ball(name, **settings):
 
 
 #: What adds each of them to a plotter.
-EFFECTS = {
+EFFECTS = {name: _sample(name) for name in pvibr.EFFECTS} | {
     'Shadows': _add('Shadows'),
     'Projector': _add('Projector', STRIPES, _camera((0, 0, 9))),
     'Projector, two images': _projectors,
-    'Sky': _add('Sky'),
     'Backdrop': _add('Backdrop', STRIPES),
     'DepthOfField': _add('DepthOfField', radius=1.0, distance=4.0),
     'Glow': _add_to_ball('Glow', intensity=4.0),
@@ -91,7 +94,6 @@ EFFECTS = {
     'Outline': _add('Outline', width=6.0),
     'ShaderEffect': _add('ShaderEffect', INVERT, amount=1.0),
     'ImageOverlay': _add('ImageOverlay', STRIPES, place=(0.1, 0.1, 0.4, 0.4)),
-    'NightVision': _add('NightVision'),
     'Vignette': _add('Vignette', intensity=1.0),
     'Flash': _add('Flash', at=0.2),
     'Iris': _add('Iris', opening=0.6),

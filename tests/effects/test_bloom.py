@@ -67,7 +67,7 @@ def bloomed(window, array, **settings):
 def reference(array, bloom):
     """Return the light that a bloom adds, before intensity: (height, width, 3)."""
     height, width = array.shape[:2]
-    side = bloom.reduction // 2
+    side = bloom.downsample // 2
     padded = np.pad(array, ((0, -height % side), (0, -width % side), (0, 0)), 'edge')
     light = means(above(means(padded, 2), bloom), side // 2)
     halve, double = (halved_13, doubled) if bloom.chain == 'tent' else (halved_twice, sampled)
@@ -81,7 +81,7 @@ def reference(array, bloom):
         wide = double(light, image.shape, 0.5, extent)
         extent = extent * 2
         light = (1 - bloom.spread) * image + bloom.spread * wide
-    return sampled(light, array.shape, 1 / bloom.reduction)
+    return sampled(light, array.shape, 1 / bloom.downsample)
 
 
 def means(array, side):
@@ -176,8 +176,8 @@ def noise(size=SIZE, seed=0):
     'settings',
     [
         {},
-        {'reduction': 4, 'kernel': 3},
-        {'reduction': 16, 'kernel': 9, 'levels': 1},
+        {'downsample': 4, 'kernel': 3},
+        {'downsample': 16, 'kernel': 9, 'levels': 1},
         {'levels': 4, 'spread': 0.9, 'saturation': 0.0, 'background': True},
         {'chain': 'tent', 'levels': 3},
     ],
@@ -239,34 +239,35 @@ def test_calm_dims_lone_pixels_and_little_else(window):
     """The mean of a square with one pixel of light v, weighted by 1 / (1 + v)."""
     array = hot(120, 120)
     light = [
-        (bloomed(window, array, operator='keep', calm=c) - array)[..., :3].sum() for c in (0, 1)
+        (bloomed(window, array, operator='keep', firefly_reduction=c) - array)[..., :3].sum()
+        for c in (0, 1)
     ]
     assert light[1] / light[0] == pytest.approx(16 / 501 / (15 + 1 / 501), rel=0.02)
     plain = np.ones((64, 64, 4)) * [0.9, 0.9, 0.9, 1]
-    found = [bloomed(window, plain, operator='keep', calm=c) for c in (0, 1)]
+    found = [bloomed(window, plain, operator='keep', firefly_reduction=c) for c in (0, 1)]
     np.testing.assert_allclose(found[0], found[1], atol=1e-4)
 
 
 chains = pytest.mark.parametrize(
-    ('chain', 'kernel', 'reduction'),
+    ('chain', 'kernel', 'downsample'),
     [('gaussian', 5, 8), ('gaussian', 9, 4), ('tent', 5, 4)],
 )
 
 
 @chains
-def test_small_kernels_on_small_images_are_a_large_one(window, chain, kernel, reduction):
+def test_small_kernels_on_small_images_are_a_large_one(window, chain, kernel, downsample):
     natural = effects_bloom.natural((320, 176))[..., 0]  # of the spectrum of photographs
-    assert_blurred(window, natural, chain, kernel, reduction)
+    assert_blurred(window, natural, chain, kernel, downsample)
 
 
 @chains
 @pytest.mark.parametrize('name', ['01.jpg', '02.jpg', '03.jpg'])
-def test_photographs_are_blurred_likewise(window, data_dir, name, chain, kernel, reduction):
+def test_photographs_are_blurred_likewise(window, data_dir, name, chain, kernel, downsample):
     photo = iio.imread(data_dir / 'projection/opensfm_berlin/images' / name)
-    assert_blurred(window, 0.01 + 0.99 * photo[::4, ::4, 1] / 255, chain, kernel, reduction)
+    assert_blurred(window, 0.01 + 0.99 * photo[::4, ::4, 1] / 255, chain, kernel, downsample)
 
 
-def assert_blurred(window, grey, chain, kernel, reduction):
+def assert_blurred(window, grey, chain, kernel, downsample):
     bloom = pvibr.Bloom(
         threshold=0.0,
         operator='keep',
@@ -274,7 +275,7 @@ def assert_blurred(window, grey, chain, kernel, reduction):
         debug='blur',
         chain=chain,
         kernel=kernel,
-        reduction=reduction,
+        downsample=downsample,
     )
     picture = FakePicture(window, np.dstack([grey] * 3 + [np.ones_like(grey)]))
     bloom.render(picture, picture)

@@ -130,9 +130,9 @@ def test_focus_on_points_actors_and_distances(half_plane):
     assert lens.focus(frame) == pytest.approx(12, rel=1e-4)
     lens.distance = 3
     assert lens.focus(frame) == 3
-    assert lens.opening(3.0) == pytest.approx(0.3 / 5.6)
+    assert lens.aperture(3.0) == pytest.approx(0.3 / 5.6)
     lens.focal_length = 0.05
-    assert lens.opening(3.0) == pytest.approx(0.05 / 5.6)
+    assert lens.aperture(3.0) == pytest.approx(0.05 / 5.6)
 
 
 def test_state_keeps_points():

@@ -10,38 +10,25 @@ import pvibr
 from pvibr.core.effect import Effect
 from pvibr.core.errors import ClosedError
 from pvibr.effects import ORDER
+from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad
 
 SIZE = (96, 64)
 SMOOTH = np.dstack([*np.meshgrid(np.linspace(0, 1, 96), np.linspace(1, 0, 64)), np.ones((64, 96))])
-INVERT = 'vec4 effect(vec2 uv) { vec4 c = color_at(uv); return vec4(c.a - c.rgb, c.a); }'
 
 
 def things(pl):
     return [a for a in pl.renderer.actors.values() if isinstance(a, pv.Actor)]
 
 
-#: Name to how it is made so that it is seen, and to the settings that make it nothing.
+#: The registered effects that draw on pixels; each makes a sample that is seen.
 EVERY = {
-    'Sky': (lambda _: pvibr.Sky(), {'opacity': 0}),
-    'Backdrop': (lambda _: pvibr.Backdrop(SMOOTH), {'opacity': 0}),
-    'DepthOfField': (lambda _: pvibr.DepthOfField(distance=2, radius=0.2), {'radius': 0}),
-    'Glow': (lambda pl: pvibr.Glow(things(pl)[:1]), {'intensity': 0}),
-    'Afterglow': (lambda pl: pvibr.Afterglow(things(pl)[:1]), {'intensity': 0}),
-    'Bloom': (lambda _: pvibr.Bloom(threshold=0.2), {'intensity': 0}),
-    'ToneMapping': (lambda _: pvibr.ToneMapping(exposure=2, curve='aces'), {'intensity': 0}),
-    'Outline': (lambda _: pvibr.Outline(color=(1, 0, 1)), {'opacity': 0}),
-    'ShaderEffect': (lambda _: pvibr.ShaderEffect(INVERT), {'intensity': 0}),
-    'ImageOverlay': (lambda _: pvibr.ImageOverlay(SMOOTH), {'opacity': 0}),
-    'NightVision': (lambda _: pvibr.NightVision(), {'intensity': 0}),
-    'Vignette': (lambda _: pvibr.Vignette(radius=0, softness=0.5), {'intensity': 0}),
-    'Flash': (lambda _: pvibr.Flash(at=0), {'at': None}),
-    'Iris': (lambda _: pvibr.Iris(opening=0.4, color=(1, 0, 0)), {'opening': 1}),
+    name: effect
+    for name, effect in ((n, getattr(pvibr, n)) for n in pvibr.EFFECTS)
+    if effect.render is not Effect.render
 }
 #: Light spreads over shares of the picture, whatever its pixels: that of the window is shown.
-LIGHT = ('Bloom', 'Glow', 'Afterglow')
-#: Those that draw over the background, which is opaque then.
-COVERS = ('ImageOverlay', 'Flash', 'Iris', 'Outline', 'Glow', 'Afterglow', 'Bloom', 'DepthOfField')
+LIGHT = [name for name, effect in EVERY.items() if issubclass(effect, LightSpread)]
 
 
 def scene(pl, *, text=False):
@@ -75,18 +62,23 @@ def off(one, other):
     return np.abs(one - other).max(axis=2)
 
 
+def sample(pl, name):
+    return EVERY[name].sample(things(pl))
+
+
 def add(pl, name):
-    return pl.ibr.add(EVERY[name][0](pl))
+    return pl.ibr.add(sample(pl, name))
 
 
 def nothing(effect):
-    for setting, value in EVERY[effect.name][1].items():
-        setattr(effect, setting, value)
+    setattr(effect, *effect.neutral)
 
 
-def test_every_effect_on_pixels_is_here():
-    drawn = [n for n in ORDER if callable(getattr(getattr(pvibr, n, None), 'render', None))]
-    assert drawn == list(EVERY)
+def test_every_effect_is_a_module_of_its_room_and_in_order():
+    assert ORDER[: len(pvibr.EFFECTS)] == tuple(pvibr.EFFECTS)
+    assert len(EVERY) >= 14
+    for effect in EVERY.values():
+        assert effect.__module__ == pvibr.EFFECTS[effect.__name__]
 
 
 every = pytest.mark.parametrize('name', EVERY)
@@ -109,7 +101,7 @@ def test_on_off_removed_and_added_again(pl, name):
     assert effect.report()['bytes'] == 0
     np.testing.assert_array_equal(shot(pl), before)
     assert pl.ibr.report().picture_bytes == 0
-    made = EVERY[name][0](pl)
+    made = sample(pl, name)
     effect.restore(made.state())
     pl.ibr.add(effect)
     np.testing.assert_array_equal(shot(pl), on)
@@ -149,11 +141,11 @@ def test_two_plotters_know_nothing_of_each_other(pl, name):
 @every
 def test_transparent_background(pl, name):
     before = shot(pl, transparent_background=True)
-    add(pl, name)
+    effect = add(pl, name)
     after = shot(pl, transparent_background=True)
     opaque = before[..., 3] == 255
     assert 0.1 < opaque.mean() < 0.9
-    if name in COVERS:
+    if effect.covers:
         assert (after[..., 3] >= before[..., 3] - (255 if name == 'DepthOfField' else 0)).all()
         assert (after[opaque][:, 3] == 255).all() or name == 'DepthOfField'
     else:

@@ -48,11 +48,11 @@ def halves(picture):
 def test_only_what_was_chosen_shines(parallel, samples, opacity):
     pl, actors = lamps(parallel=parallel, samples=samples, opacity=opacity)
     before = grab(pl)
-    glow = pl.ibr.add(pvibr.Glow(actors[1], levels=1, reduction=4, intensity=0.3))
+    glow = pl.ibr.add(pvibr.Glow(actors[1], levels=1, downsample=4, intensity=0.3))
     left, right = halves(grab(pl) - before)
     assert right > 1000
     assert left == 0
-    glow.strengths = 0.5
+    glow.weights = 0.5
     assert halves(grab(pl) - before)[1] == pytest.approx(right / 2, rel=0.15)
     glow.intensity = 0.0
     np.testing.assert_array_equal(grab(pl), before)
@@ -104,8 +104,8 @@ def change(pl, what, actor, glow):
     elif what == 'points':
         actor.mapper.dataset.points[:, 0] -= 0.3
         actor.mapper.dataset.Modified()
-    elif what == 'strength':
-        glow.strengths = 0.2
+    elif what == 'weight':
+        glow.weights = 0.2
     elif what == 'setting':
         glow.spread = 1.0
 
@@ -119,7 +119,7 @@ def large_screenshot(pl, glow):
     return large, scales
 
 
-@pytest.mark.parametrize('what', ['', 'zoom', 'place', 'color', 'points', 'strength', 'setting'])
+@pytest.mark.parametrize('what', ['', 'zoom', 'place', 'color', 'points', 'weight', 'setting'])
 def test_large_screenshots_show_what_changed_since_the_last_frame(what):
     pl, (left, actor) = lamps()
     left.visibility = False
@@ -198,11 +198,11 @@ def test_subplots_resize_and_again():
 
 def test_what_may_not_be():
     actor = pv.Actor()
-    with pytest.raises(TypeError, match='must be an actor'):
+    with pytest.raises(TypeError, match='must be actors'):
         pvibr.Glow([actor, 3])
-    with pytest.raises(ValueError, match='strengths = -1'):
+    with pytest.raises(ValueError, match='weights = -1'):
         pvibr.Glow(actor, -1)
-    with pytest.raises(ValueError, match='strengths'):
+    with pytest.raises(ValueError, match='weights'):
         pvibr.Glow(actor, (1, 2))
 
 
@@ -295,7 +295,7 @@ def test_only_where_something_shines_is_anything_drawn(monkeypatch, style, paral
     actor.scale = (1.2, 0.7, 1.0)
     pl.camera.parallel_projection = parallel
     pl.show(auto_close=False)
-    pl.ibr.add(pvibr.Glow(actor, debug='bright', reduction=16))
+    pl.ibr.add(pvibr.Glow(actor, debug='bright', downsample=16))
     found = grab(pl)
     monkeypatch.setattr('pvibr.effects.glow._is_within_bounds', lambda actor: False)
     assert found[..., :3].any()

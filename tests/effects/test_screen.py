@@ -7,7 +7,6 @@ import pytest
 import pyvista as pv
 
 from pvibr import Backdrop, Flash, ImageOverlay, Iris, LiveTexture, NightVision, Sky, Vignette
-from pvibr.effects import screen
 
 SIZE = (120, 80)
 IMAGE = np.random.default_rng(3).integers(0, 256, (80, 120, 4), np.uint8)
@@ -190,7 +189,7 @@ def test_shape_without_light():
         Iris(np.zeros((4, 4)))
 
 
-@pytest.mark.parametrize('mode', screen._MODES)
+@pytest.mark.parametrize('mode', ImageOverlay.mode.choices)
 def test_picture_modes(pl, mode):
     before = shot(pl) / 255
     pl.ibr.add(ImageOverlay(IMAGE, mode=mode, opacity=0.7))
@@ -287,7 +286,7 @@ def test_sky_is_where_directions_are(pl, parallel):
 
 def test_gradient_sky_is_its_formula(pl):
     pl.clear()
-    sky = pl.ibr.add(Sky(up=(0, 1, 0), strength=0.5))
+    sky = pl.ibr.add(Sky(up=(0, 1, 0), intensity=0.5))
     pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, 0, 5), (0, 0, 0), (0, 1, 0)
     pl.camera.view_angle = 90
     ndc = (2 * places() - 1) * [1.5, 1]

@@ -202,9 +202,9 @@ def test_bad_arguments(tmp_path):
         ShaderEffect()
     with pytest.raises(FileNotFoundError):
         ShaderEffect(tmp_path / 'none.glsl')
-    with pytest.raises(ValueError, match=r'ShaderEffect\.size: the name is taken'):
+    with pytest.raises(ValueError, match=r'ShaderEffect\.size: the name is reserved'):
         ShaderEffect(body('return vec4(size);'), size=2.0)
-    with pytest.raises(TypeError, match=r'ShaderEffect\.word: no uniform can be made of it'):
+    with pytest.raises(TypeError, match=r'ShaderEffect\.word: cannot be a uniform'):
         ShaderEffect(body('return vec4(0.0);'), word='x')
     with pytest.raises(TypeError, match='five'):
         ShaderEffect(body('return vec4(0.0);'), five=(1, 2, 3, 4, 5))

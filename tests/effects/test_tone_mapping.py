@@ -107,7 +107,7 @@ def test_auto_brings_the_picture_to_middle_grey(pl):
     assert np.abs(seen - 255 * to_display(0.18)).max() <= 1
     tone.exposure = 1.0
     assert np.abs(shot(pl) - 255 * to_display(0.36)).max() <= 1
-    tone.exposure, tone.least = 0.0, -1.0
+    tone.exposure, tone.min_exposure = 0.0, -1.0
     shot(pl)
     assert tone.stops == -1.0
     assert pl.ibr.report().rows[1].details['stops'] == -1.0

@@ -47,7 +47,7 @@ def test_everything_in_every_subplot_is_there():
             '0, 1: Bloom 2',
         ]
     )
-    assert [r.name for r in model.groups[-1].rows][:2] == ['intensity', 'reduction']
+    assert [r.name for r in model.groups[-1].rows][:2] == ['intensity', 'downsample']
 
 
 def test_what_a_row_does_is_in_the_picture(pl):

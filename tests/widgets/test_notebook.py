@@ -158,7 +158,7 @@ def test_python_and_files(panel, pl, tmp_path):
 
 def test_each_control_has_a_label_and_its_help_is_shown_without_hovering(panel):
     row = panel.group('Bloom').row('spread')
-    text = next(w for w in everything(row) if isinstance(w, W.HTML) and 'Share of' in w.value)
+    text = next(w for w in everything(row) if isinstance(w, W.HTML) and 'Weight of' in w.value)
     assert text.layout.display == 'none'
     sent(panel.help, True)
     assert text.layout.display is None

@@ -8,7 +8,7 @@ import pytest
 
 import pvibr
 from pvibr.core.params import params_of
-from pvibr_widgets.presets import SUPPLIED, Presets
+from pvibr_widgets.presets import Presets
 
 
 @pytest.fixture
@@ -16,20 +16,22 @@ def presets(tmp_path):
     return Presets(tmp_path / 'presets.json')
 
 
-@pytest.mark.parametrize('kind', SUPPLIED)
+@pytest.mark.parametrize(
+    'kind', [n for n in pvibr.__all__ if getattr(getattr(pvibr, n), 'presets', None)]
+)
 def test_supplied_sets_are_allowed_and_no_two_are_the_same(kind):
     params = params_of(getattr(pvibr, kind))
     looks = []
-    for settings in SUPPLIED[kind].values():
+    for settings in getattr(pvibr, kind).presets.values():
         looks.append({n: params[n].check(v) for n, v in settings.items()})
         assert looks[-1] != {n: params[n].default for n in settings}
     assert all(looks.count(look) == 1 for look in looks)
 
 
 def test_a_set_decides_every_setting(presets):
-    bloom = pvibr.Bloom(calm=1.0)
+    bloom = pvibr.Bloom(firefly_reduction=1.0)
     presets.apply(bloom, 'strong')
-    assert (bloom.intensity, bloom.calm) == (2.0, 0.0)
+    assert (bloom.intensity, bloom.firefly_reduction) == (2.0, 0.0)
     presets.apply(bloom, 'defaults')
     assert bloom.state() == pvibr.Bloom().state()
 

@@ -221,7 +221,7 @@ def test_tab_goes_through_the_whole_panel_and_out(dock, window, app):
         if seen[-1] is first:
             break
     assert seen[-1] is first
-    assert controls(dock, 'calm')['slider'] in seen
+    assert controls(dock, 'firefly_reduction')['slider'] in seen
     assert len(set(map(id, seen))) > 30
 
 

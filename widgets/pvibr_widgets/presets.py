@@ -10,76 +10,6 @@ import platformdirs
 from pvibr.core import state_files
 from pvibr.core.params import params_of
 
-#: What is not named here has its default.
-SUPPLIED: dict[str, dict[str, dict]] = {
-    'Shadows': {
-        'crisp': {'method': 'pcf', 'resolution': 4096, 'filter_radius': 0.5},
-        'soft': {'method': 'pcss', 'angle': 3.0},
-        'fast': {'method': 'hard', 'resolution': 1024},
-    },
-    'Bloom': {
-        'subtle': {'threshold': 0.9, 'intensity': 0.4, 'spread': 0.3},
-        'strong': {'threshold': 0.6, 'intensity': 2.0, 'spread': 0.8},
-    },
-    'Glow': {
-        'subtle': {'intensity': 0.5, 'spread': 0.3},
-        'strong': {'intensity': 2.0, 'spread': 0.8},
-    },
-    'Afterglow': {
-        'subtle': {'intensity': 0.5, 'fade': 0.3},
-        'strong': {'intensity': 2.0, 'fade': 2.0},
-    },
-    'Outline': {
-        'subtle': {'width': 1.0, 'opacity': 0.5, 'normal': False},
-        'strong': {'width': 4.0, 'crease': 20.0},
-    },
-    'DepthOfField': {
-        'subtle': {'f_number': 5.6},
-        'strong': {'f_number': 1.2, 'limit': 0.1, 'samples': 96},
-        'fast': {'samples': 16},
-    },
-    'ToneMapping': {
-        'film': {'curve': 'aces'},
-        'neutral': {'curve': 'neutral'},
-        'eye': {'curve': 'agx', 'auto': True},
-    },
-    'Vignette': {
-        'subtle': {'intensity': 0.25},
-        'strong': {'intensity': 0.9, 'radius': 0.3},
-    },
-    'NightVision': {
-        'subtle': {'gain': 2.0, 'grain': 0.05},
-        'strong': {'gain': 12.0, 'grain': 0.3},
-    },
-    'Sky': {
-        'evening': {
-            'top': (0.13, 0.16, 0.35),
-            'horizon': (0.95, 0.62, 0.40),
-            'bottom': (0.18, 0.15, 0.16),
-        },
-        'overcast': {
-            'top': (0.62, 0.65, 0.69),
-            'horizon': (0.80, 0.81, 0.82),
-            'bottom': (0.40, 0.40, 0.39),
-        },
-    },
-    'Flash': {
-        'subtle': {'intensity': 0.4, 'duration': 0.2},
-        'strong': {'intensity': 1.0, 'duration': 0.8},
-    },
-    'Instances': {
-        'fine': {'max_error': 0.5},
-        'fast': {'max_error': 3.0},
-    },
-    'Crowd': {
-        'fine': {'max_error': 0.5},
-        'fast': {'max_error': 3.0},
-    },
-    'Impostor': {
-        'fine': {'max_error': 0.5},
-        'fast': {'max_error': 3.0, 'budget_ms': 10.0},
-    },
-}
 DEFAULTS = 'defaults'
 
 
@@ -131,7 +61,7 @@ class Presets:
             Where there is a file, but it cannot be read.
         """
         kind = type(thing).__name__
-        return [DEFAULTS, *(SUPPLIED.get(kind, {}) | self._kept().get(kind, {}))]
+        return [DEFAULTS, *(thing.presets | self._kept().get(kind, {}))]
 
     def apply(self, thing, name) -> list[str]:
         """Give a thing all settings of a set, its default to each that is not in it.
@@ -154,7 +84,7 @@ class Presets:
             Where there is no such set, or a value is not allowed; nothing is changed.
         """
         kind = type(thing).__name__
-        sets = {DEFAULTS: {}} | SUPPLIED.get(kind, {}) | self._kept().get(kind, {})
+        sets = {DEFAULTS: {}} | thing.presets | self._kept().get(kind, {})
         if name not in sets:
             msg = f'{kind} has no preset {name!r}; it has: {", ".join(sets)}'
             raise ValueError(msg)
@@ -179,7 +109,7 @@ class Presets:
             Where the file cannot be written; it is as it was.
         """
         kind, name = type(thing).__name__, name.strip()
-        if not name or name == DEFAULTS or name in SUPPLIED.get(kind, {}):
+        if not name or name == DEFAULTS or name in thing.presets:
             msg = f'name = {name!r}: must be a new one, of a letter at least'
             raise ValueError(msg)
         kept = self._kept()
