@@ -487,7 +487,7 @@ class IBRComponent:
 
     def add_spheres(
         self,
-        centers,
+        points,
         radius=0.5,
         *,
         name=None,
@@ -501,8 +501,8 @@ class IBRComponent:
 
         Parameters
         ----------
-        centers : array_like, shape (n, 3), or dataset
-            World units.
+        points : array_like, shape (n, 3), or dataset
+            Centres, world units.
         radius : float or array_like, shape (n,)
             Of all or of each, world units.
         name : str, optional
@@ -544,7 +544,7 @@ class IBRComponent:
         from pvibr.quadrics.spheres import Spheres
 
         self._check_open()
-        made = Spheres(centers, radius, name=name, **kwargs)
+        made = Spheres(points, radius, name=name, **kwargs)
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
     def add_cylinders(
@@ -612,9 +612,9 @@ class IBRComponent:
 
     def add_ellipsoids(
         self,
-        centers,
+        points,
         radii=0.5,
-        orientations=None,
+        orientation=None,
         *,
         name=None,
         show_scalar_bar=None,
@@ -627,11 +627,11 @@ class IBRComponent:
 
         Parameters
         ----------
-        centers : array_like, shape (n, 3), or dataset
-            World units.
+        points : array_like, shape (n, 3), or dataset
+            Centres, world units.
         radii : float or array_like, shape (n, 3) or (3,)
             Half axes of each or of all, world units.
-        orientations : array_like, shape (n, 4), (4,), (n, 3, 3) or (3, 3), optional
+        orientation : array_like, shape (n, 4), (4,), (n, 3, 3) or (3, 3), optional
             Quaternions (w, x, y, z), or matrices whose columns are the directions of the axes.
         name : str, optional
             What the plotter and reports call it; what had the name before is replaced.
@@ -672,7 +672,7 @@ class IBRComponent:
         from pvibr.quadrics.ellipsoids import Ellipsoids
 
         self._check_open()
-        made = Ellipsoids(centers, radii, orientations, name=name, **kwargs)
+        made = Ellipsoids(points, radii, orientation, name=name, **kwargs)
         return self._add_thing(made, name, show_scalar_bar, scalar_bar_args, reset_camera, render)
 
     def _add_thing(self, thing, name, bar, bar_args, reset_camera, render):

@@ -2,36 +2,34 @@
 
 from __future__ import annotations
 
-import weakref
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-import pyvista as pv
 
 from pvibr.billboards.cards import BillboardLayout, as_anchor, checked_cutout, checked_opacity
+from pvibr.billboards.images import LiveImage, SheetImages
 from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
 from pvibr.core.frame import Frame
 from pvibr.core.params import Param
-from pvibr.gl import Texture, set_uniforms, shader_source
-from pvibr.gl.binder import Binder
+from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
 from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
-from pvibr.images.sheet import Sheet, as_images
+from pvibr.images.sheet import as_images
 from pvibr.instances.cards import card_mesh, pack
-from pvibr.scene.painted import Painted
+from pvibr.scene.anchor import anchor as new_anchor
+from pvibr.scene.anchor import set_bounds
+from pvibr.scene.item_set import ItemSet
 from pvibr.scene.picking import Hit, pixel_ray
-from pvibr.scene.thing import Thing, set_bounds
-from pvibr.scene.thing import anchor as new_anchor
-from pvibr.scene.translucent import MOST, DepthSortedDraws
+from pvibr.scene.shader_actor import draw_actor, observe_shader
+from pvibr.scene.translucent import MOST
 
 _CHUNK = 65_536  # billboards of one draw
 _ROW, _WIDE = 1024, 3072  # texels; the second is a multiple of 3 and of 4
 _HIT = 0.05  # alpha from which a blended billboard can be picked
 
 
-class Billboards(Painted, Thing):
+class Billboards(ItemSet):
     """An image at each of many points, turned toward the eye.
 
     Parameters
@@ -121,11 +119,10 @@ class Billboards(Painted, Thing):
     web = 'baked', 'quads, turned to the eye as it is now'
     _title = 'Billboards'
 
-    visibility = Param(True, 'Whether they are drawn at all.')
     fps = Param(
         None, 'Images a second of a flipbook.', range='(-inf, inf)', unit='1/s', kind=float
     )
-    _changes = 0
+    _noun = 'points'
 
     def __init__(
         self,
@@ -159,15 +156,16 @@ class Billboards(Painted, Thing):
         super().__init__(fps=fps)
         self.name = name
         self.cutout = checked_cutout(cutout)
-        self._live: Any = image if is_live(image) else None
-        self._sheet: Any = None
-        if self._live is None:
-            self._sheet = Sheet(as_images(image, frames), cutout)
+        self._images: LiveImage | SheetImages
+        if is_live(image):
+            self._images = LiveImage(image)
+        else:
+            self._images = SheetImages(as_images(image, frames), cutout)
         if index is None and fps is not None:
             index = 0
-        self.field = BillboardLayout(
+        self.layout = BillboardLayout(
             points,
-            self._image_sizes(),
+            self._images.sizes,
             size,
             facing=facing,
             axis=axis,
@@ -181,132 +179,112 @@ class Billboards(Painted, Thing):
             blend_views=blend_views,
             yaw=yaw,
         )
-        self._opacity = checked_opacity(opacity, len(self.field), self.cutout is not None)
+        self._opacity = checked_opacity(opacity, len(self.layout), self.cutout is not None)
         self._begin_looks(table, scalars, colors, visible)
         self.pickable = pickable
         self._begin(lighting)
 
-    def _image_sizes(self):
-        return np.array([self._live.size]) if self._sheet is None else self._sheet.sizes
-
     def _begin(self, lighting):
         self._anchor = new_anchor()
-        self._binder, self._sorted_draws = Binder(), DepthSortedDraws()
-        self._textures: dict[str, Texture] = {}
+        self._begin_drawing()
         self._uniforms: dict = {}
-        self._window: Any = None
-        self._content_key: tuple | None = None
-        self._stale: set = set()
+        self._window = None
         self._landed, self._failure = False, ''
-        self._drawn_count = self._skipped = 0
+        self._drawn_count = 0
         self.property = prop = _vtk.vtkProperty()
         prop.SetLighting(bool(lighting))
         prop.SetOpacity(float(self._opacity) if np.ndim(self._opacity) == 0 else 1.0)
         self._feature = _feature()
         self._mapper = _vtk.vtkPolyDataMapper()
         self._mapper.ScalarVisibilityOff()
-        self._mapper.AddObserver('UpdateShaderEvent', self._updater())
+        observe_shader(self._mapper, self)
         draws = -(-max(len(self), 1) // _CHUNK)
         # What blends, and beside it, for lights, what of it is at least half opaque.
-        self._draws = [self._actor(self.blends) for _ in range(draws + MOST * self.blends)]
-        self._dense = [self._actor(False) for _ in range(draws)] if self.blends else []
+        self._draws = self._actors(draws + MOST * self.blends, self.blends)
+        self._dense = self._actors(draws, False) if self.blends else []
         self._set_bounds()
 
-    def _actor(self, blends):
-        actor = pv.Actor()
-        actor.SetMapper(self._mapper)
-        actor.SetProperty(self.property)
-        (actor.ForceTranslucentOn if blends else actor.ForceOpaqueOn)()
-        actor.VisibilityOff()
-        actor.PickableOff()
-        actor.UseBoundsOff()
-        self._feature.attach(actor)
-        return actor
+    def _actors(self, count, blends) -> list:
+        look = {'prop': self.property, 'feature': self._feature, 'translucent': blends}
+        return [draw_actor(self._mapper, **look) for _ in range(count)]
 
     def _set_bounds(self):
-        set_bounds(self._anchor, self.field.bounds)
-        self._mapper.SetInputData(card_mesh(min(len(self), _CHUNK), 4, self.field.reach_bounds()))
+        set_bounds(self._anchor, self.layout.bounds)
+        self._mapper.SetInputData(card_mesh(min(len(self), _CHUNK), 4, self.layout.reach_bounds()))
 
     # -- what they are ------------------------------------------------------------------------
 
     def __len__(self):
-        return len(self.field)
+        return len(self.layout)
 
     @property
     def facing(self) -> str:
         """What the cards are turned to."""
-        return self.field.facing
+        return self.layout.facing
 
     @property
     def blends(self) -> bool:
-        """Whether what is behind shines through, so that they are drawn from far to near."""
-        return self.cutout is None or self.property.GetOpacity() < 1
+        """Whether images are translucent, and so drawn from far to near."""
+        return self.cutout is None or super().blends
 
     @property
     def points(self) -> np.ndarray:
         """Where they are, shape (n, 3), world units."""
-        return self.field.points
+        return self.layout.points
 
     @points.setter
     def points(self, points):
-        self.field.move(points)
+        self.layout.move(points)
         self._set_bounds()
         self._drop('ibr_points', 'ibr_looks')
 
     @property
     def size(self) -> np.ndarray:
         """Height, or width and height, of all or of each, world units or pixels."""
-        return self.field.given_size
+        return self.layout.given_size
 
     @size.setter
     def size(self, size):
-        self.field.resize(size)
+        self.layout.resize(size)
         self._set_bounds()
         self._drop('ibr_points', 'ibr_looks')
 
     @property
     def rotation(self) -> np.ndarray:
         """By how much each is turned in its plane, shape (n,), radians."""
-        return self.field.rotation
+        return self.layout.rotation
 
     @rotation.setter
     def rotation(self, rotation):
-        self.field.rotate(rotation)
+        self.layout.rotate(rotation)
         self._drop('ibr_points')
 
     @property
     def index(self) -> np.ndarray:
         """Which image each shows, shape (n,)."""
-        return self.field.index
+        return self.layout.index
 
     @index.setter
     def index(self, index):
-        self.field.set_index(index)
+        self.layout.set_index(index)
         self._drop('ibr_points')
 
     @property
     def bounds(self) -> tuple[float, ...]:
         """World bounds: x, y and z, low and high; of none (1, -1, 1, -1, 1, -1)."""
-        return tuple(float(v) for v in self.field.bounds)
+        return tuple(float(v) for v in self.layout.bounds)
 
     # -- the life of an effect ----------------------------------------------------------------
 
-    def _take_out(self, renderer):
-        self._hide()
-        super()._take_out(renderer)
-
     def content_key(self) -> tuple:
-        """Return what changes whenever what is drawn does, the camera left out."""
-        shown = self.visibility and bool(self._anchor.GetVisibility())
-        draws = self._live.draws if self._live is not None else 0
-        sizes = self.field.seen_as()
-        return self._changes, self._revision, shown, self._step(), draws, sizes
+        """Return a value that changes with the content, camera excluded."""
+        return *super().content_key(), self._step(), self._images.draws, self.layout.seen_as()
 
     def _step(self) -> int:
         """Return how many images a flipbook has gone on."""
         if not self.fps or self.pipeline is None:
             return 0
-        return int(np.floor(self.pipeline.time * self.fps + 1e-9)) % self.field.n_images
+        return int(np.floor(self.pipeline.time * self.fps + 1e-9)) % self.layout.n_images
 
     def actors(self) -> list:
         """Return the actors that draw them, those that are not visible now too."""
@@ -323,55 +301,32 @@ class Billboards(Painted, Thing):
     @property
     def cast_bounds(self) -> np.ndarray:
         """World bounds of what throws shadows, shape (6,)."""
-        return self.field.cast_bounds()
-
-    #: Frames that are drawn to pick need them too.
-    picks = True
+        return self.layout.cast_bounds()
 
     def needed(self, frame) -> bool | str:
-        """Tell whether there is anything to draw."""
-        if not self.visibility or not self._anchor.GetVisibility():
-            return 'not visible'
-        if self._live is not None and self._live.shown is None:
-            return 'its live texture is in no subplot, or not drawn yet: add it'
-        return bool(len(self)) or 'no points'
-
-    def deactivate(self):
-        """Draw nothing: frames are drawn without them now."""
-        self._hide()
-
-    def _hide(self):
-        for actor in self.actors():
-            actor.VisibilityOff()
-        self._content_key = None
+        """Return True if there is anything to draw, else why not."""
+        return (self._is_visible() and self._images.missing) or super().needed(frame)
 
     def prepare(self, frame):
-        """Choose what is drawn, in which order."""
+        """Choose which items are drawn, and in which order."""
         if self._failure:
             raise ShaderError(self._failure)
-        self._upload(frame.window)
-        props = frame.renderer.GetViewProps()
-        camera = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
-        content_key: tuple = (*camera, frame.casting, self._changes, self._step(), self._revision)
-        others = []
-        if self.blends and not frame.casting:
-            others = self._sorted_draws.others(frame, self.actors())
-            content_key += (self._sorted_draws.key(others), props.GetMTime())
-        if content_key != self._content_key:
-            self._choose(frame, others)
-            self._content_key = (*content_key[:-1], props.GetMTime()) if others else content_key
+        super().prepare(frame)
+
+    def _choice_key(self) -> tuple:
+        return *super()._choice_key(), self._step()
 
     def _choose(self, frame, others):
         dense = self._dense if frame.casting else []
         sort = self.blends and not dense
-        entries, unit, cuts = self.field.chosen(frame, [d for d, _ in others], sort=sort)
+        entries, unit, cuts = self.layout.chosen(frame, [d for d, _ in others], sort=sort)
         self._drawn_count = min(len(entries) * unit, len(self))
         if len(entries):
             table = np.zeros((len(entries), 1), np.float32)
             table[:, 0] = entries
-            self._textures.setdefault('ibr_order', Texture(self._window))
-            self._textures['ibr_order'].upload(pack(table, _ROW, 1))
-        self._uniforms |= self.field.view_uniforms(frame) | {
+            self.textures.setdefault('ibr_order', Texture(self._window))
+            self.textures['ibr_order'].upload(pack(table, _ROW, 1))
+        self._uniforms |= self.layout.view_uniforms(frame) | {
             'ibr_unit': unit,
             'ibr_step': self._step(),
             'ibr_eye_from_world': frame.view_from_world[:3, :3],
@@ -394,56 +349,28 @@ class Billboards(Painted, Thing):
             groups = [[next(free) for _ in part] for part in parts]
             self._sorted_draws.arrange(frame.renderer, groups, [actor for _, actor in others])
 
-    def finish(self, frame):
-        """Give the texture units back."""
-        self._binder.unbind()
-        self._sorted_draws.finish(frame.renderer)
-
     # -- the GPU ------------------------------------------------------------------------------
-
-    def _repaint(self):
-        self._drop('ibr_looks')
-
-    def _drop(self, *names):
-        """Have textures made anew for the next frame."""
-        self._stale |= set(names)
-        self._content_key = None
-        self._changes += 1
 
     def _upload(self, window):
         if self._window is None:
             self._window = window
             self._stale = {'ibr_points', 'ibr_looks', 'ibr_rects'}
         made, self._stale = self._stale, set()
-        if 'ibr_rects' in made and self._sheet is not None:
-            self._textures['ibr_sheet'], self._skipped = self._sheet.upload(window)
+        if 'ibr_rects' in made:
+            self._images.upload(window)
         arrays = {
-            'ibr_points': (self._rows, _WIDE, 4),
+            'ibr_points': (self.layout.rows, _WIDE, 4),
             'ibr_looks': (self._looks, _ROW, 4),
-            'ibr_rects': (self._rects, _ROW, 4),
+            'ibr_rects': (self._images.rects, _ROW, 4),
         }
         for name in made:
             make, width, channels = arrays[name]
-            self._textures.setdefault(name, Texture(window)).upload(pack(make(), width, channels))
+            self.textures.setdefault(name, Texture(window)).upload(pack(make(), width, channels))
         if 'ibr_points' in made:
-            self._uniforms |= self.field.uniforms()
-        self._uniforms |= self._sheet_uniforms()
-
-    def _rows(self):
-        return self.field.rows()
-
-    def _rects(self):
-        if self._sheet is None:
-            return np.array([[0, 0, *self._live.size]], np.float32)
-        return self._sheet.rects * np.float32(0.5**self._skipped)
-
-    def _sheet_uniforms(self):
-        live = self._live is not None
-        levels = np.floor(np.log2(max(self._live.size))) if live else len(self._sheet.levels) - 1
-        return {
-            'ibr_smallest': float(levels - self._skipped),
+            self._uniforms |= self.layout.uniforms()
+        self._uniforms |= self._images.uniforms() | {
             'ibr_cutout': float(self.cutout or 0.0),
-            'ibr_straight': int(live),
+            'ibr_straight': int(isinstance(self._images, LiveImage)),
         }
 
     def _looks(self):
@@ -453,25 +380,12 @@ class Billboards(Painted, Thing):
         if np.ndim(self._opacity):
             looks[:, 3] = np.rint(255 * self._opacity)
         looks[~self.visible, 3] = 0
-        return looks[self.field.order]
+        return looks[self.layout.order]
 
-    def _updater(self):
-        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
-        owner = weakref.ref(self)
-
-        @_vtk.calldata_type(_vtk.VTK_OBJECT)
-        def update(_mapper, _event, program):
-            alive = owner()
-            if alive is not None:
-                alive._update(program)
-
-        return update
-
-    def _update(self, program):
-        textures = dict(self._textures)
-        if self._live is not None:
-            textures['ibr_sheet'] = self._live.shown
-        set_uniforms(program, self._binder.bind(self, textures))
+    def set_shader(self, program):
+        """Bind textures and set uniforms of a program that is about to draw."""
+        textures = self.textures | {'ibr_sheet': self._images.texture}
+        set_uniforms(program, self.binder.bind(self, textures))
         set_uniforms(program, self._uniforms)
         if not self._landed:
             self._landed = True
@@ -480,39 +394,36 @@ class Billboards(Painted, Thing):
 
     def release(self):
         """Free what they hold on the GPU; the context is current."""
-        self._binder.unbind()
+        self.binder.unbind()
         if self._window is not None:
             self._mapper.ReleaseGraphicsResources(self._window)
             for actor in self.actors():
                 actor.ReleaseGraphicsResources(self._window)
-        for texture in self._textures.values():
-            texture.release()
-        self._textures, self._window, self._content_key = {}, None, None
+        for owner in (*self.textures.values(), self._images):
+            owner.release()
+        self.textures, self._window, self._content_key = {}, None, None
 
     def report(self) -> dict:
         """Return bytes, how many are drawn, and the texture that holds the images."""
-        out: dict = {
-            'bytes': sum(t.nbytes for t in self._textures.values()),
+        return {
+            'bytes': sum(t.nbytes for t in self.textures.values()) + self._images.nbytes,
             'billboards': len(self),
             'drawn': self._drawn_count,
-            'images': self.field.n_images,
+            'images': self.layout.n_images,
+            **self._images.report(),
         }
-        if self._sheet is not None:
-            height, width = self._sheet.levels[self._skipped].shape[:2]
-            out['texture'] = f'{width} x {height}'
-        return out
 
     def bake_into(self, scene):
         """Hand them to a scene without pvibr, as they are turned to the eye now."""
         rows = np.flatnonzero(self.visible)
-        field, frame = self.field, scene.frame
-        axes, sizes = field.placed(frame, rows)
+        layout, frame = self.layout, scene.frame
+        axes, sizes = layout.placed(frame, rows)
         right, up, _ = np.moveaxis(axes, 2, 0)
         shares = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-        off = (shares - field.anchor) * sizes[:, None]
-        corners = field.points[rows, None] + off[..., :1] * right[:, None]
+        off = (shares - layout.anchor) * sizes[:, None]
+        corners = layout.points[rows, None] + off[..., :1] * right[:, None]
         corners = corners + off[..., 1:] * up[:, None]
-        image, rects = self._picture()
+        image, rects = self._images.whole()
         height, width = image.shape[:2]
         rects = rects[self._shown_images(frame, rows)].reshape(-1, 2, 2)
         places = rects[:, :1] + shares * (rects[:, 1:] - rects[:, :1])
@@ -526,21 +437,12 @@ class Billboards(Painted, Thing):
             cutout=None if self.blends else self.cutout,
         )
 
-    def _picture(self):
-        """Return all images as one, row 0 at the top, and the places of each, from below."""
-        if self._sheet is None:
-            return self._live.image(), np.array([[0, 0, *self._live.size]], float)
-        image = self._sheet.levels[0][::-1].astype(float)
-        image[..., :3] *= 255 / np.maximum(image[..., 3:], 1)
-        return np.rint(np.minimum(image, 255)).astype(np.uint8), self._sheet.rects
-
     def _shown_images(self, frame, rows) -> np.ndarray:
         """Return the number of the image that some show."""
-        if self._sheet is None:
-            return np.zeros(len(rows), int)
-        turned = (self.field.index[rows] + self._step()) % self.field.n_images
-        views = [self.field.view_of(frame, i) for i in rows] if self.field.views > 1 else 0
-        return turned * self.field.views + views
+        layout = self.layout
+        turned = (layout.index[rows] + self._step()) % layout.n_images
+        views = [layout.view_of(frame, i) for i in rows] if layout.views > 1 else 0
+        return turned * layout.views + views
 
     def _tints(self):
         looks = np.full((len(self), 4), 255, np.uint8)
@@ -565,30 +467,16 @@ class Billboards(Painted, Thing):
         pvibr.scene.picking.Hit or None
             ``index`` of the billboard and ``point`` on its card, world units.
         """
-        if not self.pickable or self.pipeline is None or not self.visibility or not len(self):
+        if not self._can_pick():
             return None
         renderer = self.pipeline.renderer
         start, direction = pixel_ray(renderer, x, y)
         shown, frame = self.visible, Frame.of(renderer)
-        for i, distance, uv in self.field.met(frame, start, direction):
-            if shown[i] and self._alpha(frame, i, uv) >= (self.cutout or _HIT):
+        for i, distance, uv in self.layout.met(frame, start, direction):
+            (number,) = self._shown_images(frame, [i])
+            if shown[i] and self._images.alpha(number, uv) >= (self.cutout or _HIT):
                 return Hit(int(i), tuple((start + distance * direction).tolist()), float(distance))
         return None
-
-    def _alpha(self, frame, i, uv) -> float:
-        """Return the opacity of a billboard's image at a place, 0 to 1 from the lower left."""
-        if self._sheet is None:
-            picture = self._live.image()[::-1]
-            left, bottom, (width, height) = 0, 0, self._live.size
-        else:
-            picture = self._sheet.levels[0]
-            k = (self.field.index[i] + self._step()) % self.field.n_images
-            k = k * self.field.views + self.field.view_of(frame, i)
-            left, bottom, right, top = self._sheet.rects[k].astype(int)
-            width, height = right - left, top - bottom
-        x = left + min(int(uv[0] * width), width - 1)
-        y = bottom + min(int(uv[1] * height), height - 1)
-        return float(picture[y, x, 3]) / 255
 
 
 def _feature() -> Feature:

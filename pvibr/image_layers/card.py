@@ -43,7 +43,7 @@ class LayerCard(ShaderActor):
 
     def show(self, frame, picture, warp, turn, bounds):
         """Draw a picture in a frame."""
-        self._dress(layer_feature(blends=picture.blends))
+        self._attach(layer_feature(blends=picture.blends))
         bounds = tuple(map(float, bounds))
         if bounds != self._bounds:
             self._bounds = bounds

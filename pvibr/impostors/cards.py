@@ -68,9 +68,9 @@ class ImpostorCards(ShaderActor):
         self._bounds = np.stack([low, high], 1).ravel()
         self.mapper.SetInputData(card_mesh(self._room, 4, self._bounds))
 
-    def wear(self, *, depth, materials):
-        """Have the shader that is asked for, and its materials."""
-        self._dress(card_feature(depth=depth, shiny=materials.shiny, several=len(materials) > 1))
+    def attach(self, *, depth, materials):
+        """Attach the shader text, and take over the materials."""
+        self._attach(card_feature(depth=depth, shiny=materials.shiny, several=len(materials) > 1))
         if self._matter is not None and len(materials) != self._known:
             self._matter.upload(materials.table())
         self._known = len(materials)

@@ -406,7 +406,7 @@ class Impostor(Thing):
         return found
 
     def _show(self, frame, eyes, shown, why):
-        self._cards.wear(depth=self.depth, materials=self._materials)
+        self._cards.attach(depth=self.depth, materials=self._materials)
         if len(shown):
             rows = self._images.rows(frame, shown[:, 0])
             self._cards.show(frame, rows, self._images.pool)

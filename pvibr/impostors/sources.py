@@ -115,7 +115,7 @@ class Source:
         self.corners = self._own @ world[:, :3].T
         if self.radius == 0.0:
             self.why = 'a point'
-        self._dress(data)
+        self._copy_looks(data)
 
     def _watch(self):
         mapper, data, producer = self.actor.GetMapper(), None, None
@@ -148,8 +148,8 @@ class Source:
             dops[key] = time, _held(found[np.isfinite(found).all(1)], bounds.mean(1))
         self._own, self._length = dops[key][1]
 
-    def _dress(self, data):
-        """Give the double the actor's looks."""
+    def _copy_looks(self, data):
+        """Copy the actor's looks to the double."""
         actor = self.actor
         mapper, prop = actor.GetMapper(), actor.GetProperty()
         times = mapper, mapper.GetMTime(), prop, prop.GetMTime()

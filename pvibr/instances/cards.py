@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import weakref
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.gl import Texture, set_uniforms, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.atlas import MARGIN, pyramid
 from pvibr.meshes.turntable import LEVEL
+from pvibr.scene.shader_actor import draw_actor, observe_shader
 
 BLOCK = 64  # instances that are culled, sorted and chosen together
 _CHUNK = 8192  # cards of one draw
@@ -287,25 +286,15 @@ class _Layer:
         self.checked = False
         self.mapper = _vtk.vtkPolyDataMapper()
         self.mapper.ScalarVisibilityOff()
-        self.mapper.AddObserver('UpdateShaderEvent', self._updater())
+        observe_shader(self.mapper, self)
         self.mapper.SetInputData(card_mesh(self._most(), program.corners, bounds))
-        self.actors = [self._actor(prop) for _ in range(draws)]
+        self.actors = [draw_actor(self.mapper, prop, self.feature) for _ in range(draws)]
         self.spans = [(0, 0)] * draws  # of each actor: first card, end of the blocks
 
     def _most(self):
         """Return the cards of the largest draw."""
         unit = self.cards.unit
         return min(_CHUNK, -(-self.cards.uniforms['ibr_count'] // unit) * unit)
-
-    def _actor(self, prop):
-        actor = pv.Actor()
-        actor.SetMapper(self.mapper)
-        actor.SetProperty(prop)
-        actor.VisibilityOff()
-        actor.PickableOff()
-        actor.UseBoundsOff()
-        self.feature.attach(actor)
-        return actor
 
     def show(self, blocks, sizes, cuts):
         self.sizes = sizes
@@ -324,19 +313,8 @@ class _Layer:
                 uniforms.SetUniformi('ibr_end', end)
         self.spans = spans
 
-    def _updater(self):
-        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
-        layer = weakref.ref(self)
-
-        @_vtk.calldata_type(_vtk.VTK_OBJECT)
-        def update(_mapper, _event, program):
-            alive = layer()
-            if alive is not None:
-                alive._update(program)
-
-        return update
-
-    def _update(self, program):
+    def set_shader(self, program):
+        """Bind textures and set uniforms of a program that is about to draw."""
         cards = self.cards
         if self.program.corners == 1:
             cards.window.GetState().SetEnumState(_PROGRAM_POINT_SIZE, True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import weakref
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -17,6 +16,7 @@ from pvibr.gl import enums as gl
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.cards import BLOCK, DULL, card_mesh, pack
 from pvibr.maths.blocks import frustum_planes
+from pvibr.scene.shader_actor import draw_actor, observe_shader
 from pvibr.scene.translucent import MOST
 
 ROW = 1024  # texels of a row
@@ -97,42 +97,32 @@ _DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.joi
 
 
 class Layer:
-    """The items that are drawn in one way: draws of a chunk each that share one mapper."""
+    """The items that are drawn in one mode: draws of a chunk each that share one mapper."""
 
-    def __init__(self, quadrics, way):
-        self._owner: Any = weakref.ref(quadrics)
-        self.way = way
-        self._feature = way.feature(quadrics.shape)
+    def __init__(self, quadrics, mode):
+        self._owner = weakref.proxy(quadrics)
+        self.mode = mode
+        self._feature = mode.feature(quadrics.shape)
         self._landed, self._shiny = False, True
         self.failure = ''
         self.entries: Texture | None = None
         self.drawn = 0
         self._mapper = _vtk.vtkPolyDataMapper()
         self._mapper.ScalarVisibilityOff()
-        self._mapper.AddObserver('UpdateShaderEvent', self._updater())
+        observe_shader(self._mapper, self)
         slots = max(-(-len(quadrics) // BLOCK), 1) * BLOCK
-        self._chunk = min(way.chunk, slots)
+        self._chunk = min(mode.chunk, slots)
         self.bound(quadrics.bounds)
-        draws = -(-slots // self._chunk) + (MOST if way.blends else 0)
-        prop = pv.Property(lighting=False) if way.hides else quadrics.property
-        self.actors = [self._actor(prop) for _ in range(draws)]
+        draws = -(-slots // self._chunk) + (MOST if mode.blends else 0)
+        prop = pv.Property(lighting=False) if mode.hides else quadrics.property
+        look = {'prop': prop, 'feature': self._feature, 'translucent': mode.blends}
+        self.actors = [draw_actor(self._mapper, **look) for _ in range(draws)]
 
     def bound(self, bounds):
         """Tell VTK where they are."""
-        self._mapper.SetInputData(card_mesh(self._chunk, self.way.corners, bounds))
+        self._mapper.SetInputData(card_mesh(self._chunk, self.mode.corners, bounds))
 
-    def _actor(self, prop):
-        actor = pv.Actor()
-        actor.SetMapper(self._mapper)
-        actor.SetProperty(prop)
-        (actor.ForceTranslucentOn if self.way.blends else actor.ForceOpaqueOn)()
-        actor.VisibilityOff()
-        actor.PickableOff()
-        actor.UseBoundsOff()
-        self._feature.attach(actor)
-        return actor
-
-    def dress(self, shiny):
+    def set_shiny(self, shiny):
         """Have highlights computed or not."""
         if self.failure:
             raise ShaderError(self.failure)
@@ -143,7 +133,7 @@ class Layer:
 
     def show(self, entries, unit=BLOCK, cuts=()):
         """Draw items."""
-        count, owner = len(entries), self._owner()
+        count, owner = len(entries), self._owner
         self.drawn = min(count * unit, len(owner))
         if count:
             self.entries = self.entries or Texture(owner.window)
@@ -157,23 +147,12 @@ class Layer:
             actor.VisibilityOff()
         return parts
 
-    def _updater(self):
-        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
-        layer = weakref.ref(self)
-
-        @_vtk.calldata_type(_vtk.VTK_OBJECT)
-        def update(_mapper, _event, program):
-            alive = layer()
-            if alive is not None:
-                alive._update(program)
-
-        return update
-
-    def _update(self, program):
-        owner = self._owner()
+    def set_shader(self, program):
+        """Bind textures and set uniforms of a program that is about to draw."""
+        owner = self._owner
         state = owner.window.GetState()
-        if self.way.corners == 1:
-            state.SetEnumState(gl.PROGRAM_POINT_SIZE, True)
+        if self.mode.corners == 1:
+            state.SetEnumState(_PROGRAM_POINT_SIZE, True)
         textures = {**owner.textures, 'ibr_blocks': self.entries}
         set_uniforms(program, owner.binder.bind(self, textures))
         set_uniforms(program, owner.uniforms)
@@ -208,7 +187,7 @@ class Seen:
     """Blocks in view, the nearest first."""
 
     entries: np.ndarray
-    ways: np.ndarray
+    modes: np.ndarray
     around: np.ndarray
     areas: np.ndarray
 
@@ -220,13 +199,13 @@ def seen_blocks(blocks, frame, shape) -> Seen:
     around = (blocks.reach + blocks.largest)[index]
     planes = frustum_planes(frame.clip_from_view)
     inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > around
-    ways = np.where(
+    modes = np.where(
         inside & (large <= shape.largest_point), DRAW_MODES.index(POINTS), DRAW_MODES.index(QUADS)
     )
-    ways[inside & (large <= _LARGEST_SMALL)] = DRAW_MODES.index(SMALL)
-    ways[inside & (large <= 1.0)] = DRAW_MODES.index(DOTS)
+    modes[inside & (large <= _LARGEST_SMALL)] = DRAW_MODES.index(SMALL)
+    modes[inside & (large <= 1.0)] = DRAW_MODES.index(DOTS)
     areas = shape.fill * BLOCK * np.pi / 16 * (small + np.minimum(large, frame.size[1])) ** 2
-    return Seen(np.column_stack([origins, index]), ways, around, areas)
+    return Seen(np.column_stack([origins, index]), modes, around, areas)
 
 
 def view_uniforms(frame, count, unit) -> dict:

@@ -63,7 +63,7 @@ class Cylinders(Quadrics):
             raise ValueError(msg)
         self._radii = checked_lengths('radius', radius, (len(self),))
         self.caps, self.blend = caps, bool(blend)
-        kind = {None: 0, 'flat': 1, 'round': 2}[caps]
+        cap = {None: 0, 'flat': 1, 'round': 2}[caps]
         self.shape = Shape(
             'cylinders',
             texels=2,
@@ -71,7 +71,7 @@ class Cylinders(Quadrics):
             largest_point=12.0,
             fill=0.4,
             open=caps is None,
-            defines=(('CAPS', kind), ('BLEND', int(self.blend))),
+            defines=(('CAPS', cap), ('BLEND', int(self.blend))),
         )
         super().__init__(**looks)
 
@@ -115,7 +115,7 @@ class Cylinders(Quadrics):
         units = np.where(lengths[:, None] > 0, halves, [0, 0, 1.0])
         return halves, lengths, units / np.where(lengths > 0, lengths, 1)[:, None]
 
-    def _balls(self):
+    def _spheres(self):
         _, lengths, _ = self._halves()
         shown = (self._radii > 0) & ((lengths > 0) | (self.caps == 'round'))
         reach = lengths + self._radii if self.caps == 'round' else np.hypot(lengths, self._radii)
@@ -133,7 +133,7 @@ class Cylinders(Quadrics):
 
     def _bodies(self):
         halves, radii = self._halves()[0], self._radii
-        middles = self._balls()[0]
+        middles = self._spheres()[0]
         first = last = self._colors
         levels = tubes(self.property, self.caps == 'flat')
         with np.errstate(invalid='ignore'):  # those without length have no tube
@@ -151,9 +151,9 @@ class Cylinders(Quadrics):
                 found.append((*balls(self.property), linear(ends, size), colors))
         return found
 
-    def _meet(self, start, way, index):
-        middles, halves = self._balls()[0][index], self._halves()[0][index]
-        return meet_cylinders(start, way, middles, halves, self._radii[index], self.caps)
+    def _meet(self, start, direction, index):
+        middles, halves = self._spheres()[0][index], self._halves()[0][index]
+        return meet_cylinders(start, direction, middles, halves, self._radii[index], self.caps)
 
     # -- two looks ----------------------------------------------------------------------------
 

@@ -9,22 +9,22 @@ from pvibr.maths.quadric_rays import meet_ellipsoids
 from pvibr.maths.quaternions import to_matrices
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape
-from pvibr.quadrics.quadrics import Quadrics, checked_lengths
+from pvibr.quadrics.quadrics import PointQuadrics, checked_lengths
 
 _FLATTEST = 1e-4  # of the largest radius: what floats can tell from a disc
 
 
-class Ellipsoids(Quadrics):
+class Ellipsoids(PointQuadrics):
     """Ellipsoids by the million, exact to the pixel, without triangles.
 
     Parameters
     ----------
-    centers : array_like, shape (n, 3), or dataset
-        World units.
+    points : array_like, shape (n, 3), or dataset
+        Centres, world units.
     radii : float or array_like, shape (n, 3) or (3,)
         Half axes of each or of all, world units. One below 1e-4 of the largest is drawn as that;
         where all are 0, nothing is drawn.
-    orientations : array_like, shape (n, 4), (4,), (n, 3, 3) or (3, 3), optional
+    orientation : array_like, shape (n, 4), (4,), (n, 3, 3) or (3, 3), optional
         Quaternions (w, x, y, z), or matrices whose columns are the directions of the axes: those
         of eigenvectors as numpy returns them, mirrored ones too.
     **looks
@@ -56,24 +56,11 @@ class Ellipsoids(Quadrics):
     _title = 'Ellipsoids'
     shape = Shape('ellipsoids', texels=3, largest_point=12.0, fill=0.4)
 
-    def __init__(self, centers, radii=0.5, orientations=None, **looks):
-        self._centers = as_points(centers)
+    def __init__(self, points, radii=0.5, orientation=None, **looks):
+        self._points = as_points(points)
         self._radii = checked_lengths('radii', radii, (len(self), 3))
-        self._turns = _checked_turns(orientations, len(self))
+        self._turns = _checked_turns(orientation, len(self))
         super().__init__(**looks)
-
-    def __len__(self):
-        return len(self._centers)
-
-    @property
-    def centers(self) -> np.ndarray:
-        """Where they are, shape (n, 3), world units."""
-        return self._centers
-
-    @centers.setter
-    def centers(self, centers):
-        self._centers = self._as_many('centers', centers)
-        self._moved()
 
     @property
     def radii(self) -> np.ndarray:
@@ -86,13 +73,13 @@ class Ellipsoids(Quadrics):
         self._moved()
 
     @property
-    def orientations(self) -> np.ndarray:
+    def orientation(self) -> np.ndarray:
         """Directions of the axes in columns, shape (n, 3, 3); set as matrices or quaternions."""
         return self._turns
 
-    @orientations.setter
-    def orientations(self, orientations):
-        self._turns = _checked_turns(orientations, len(self))
+    @orientation.setter
+    def orientation(self, orientation):
+        self._turns = _checked_turns(orientation, len(self))
         self._moved()
 
     def axes(self) -> np.ndarray:
@@ -106,8 +93,8 @@ class Ellipsoids(Quadrics):
         largest = self._radii.max(1, initial=0.0)[:, None]
         return self._turns * np.maximum(self._radii, _FLATTEST * largest)[:, None]
 
-    def _balls(self):
-        return self._centers, self._radii.max(1, initial=0.0)
+    def _spheres(self):
+        return self._points, self._radii.max(1, initial=0.0)
 
     def _extents(self):
         return np.linalg.norm(self.axes(), axis=2)
@@ -116,28 +103,28 @@ class Ellipsoids(Quadrics):
         return np.concatenate([self.axes().swapaxes(1, 2), middles[:, :, None]], 2)
 
     def _bodies(self):
-        return [(*balls(self.property), linear(self._centers, self.axes()), self._colors)]
+        return [(*balls(self.property), linear(self._points, self.axes()), self._colors)]
 
-    def _meet(self, start, way, index):
-        return meet_ellipsoids(start, way, self._centers[index], self.axes()[index])
+    def _meet(self, start, direction, index):
+        return meet_ellipsoids(start, direction, self._points[index], self.axes()[index])
 
 
-def _checked_turns(orientations, count):
-    turns = np.asarray((1.0, 0, 0, 0) if orientations is None else orientations, float)
+def _checked_turns(orientation, count):
+    turns = np.asarray((1.0, 0, 0, 0) if orientation is None else orientation, float)
     own = (4,), (count, 4)
     if turns.shape not in (*own, (3, 3), (count, 3, 3)):
         msg = (
-            f'orientations has shape {turns.shape}; it must be (4,) or ({count}, 4), quaternions, '
+            f'orientation has shape {turns.shape}; it must be (4,) or ({count}, 4), quaternions, '
             f'or (3, 3) or ({count}, 3, 3), matrices'
         )
         raise ValueError(msg)
     if turns.shape in own:
         length = np.linalg.norm(turns, axis=-1, keepdims=True)
         if not (np.isfinite(length) & (length > 0)).all():
-            msg = 'orientations must be finite quaternions (w, x, y, z), none of length 0'
+            msg = 'orientation must be finite quaternions (w, x, y, z), none of length 0'
             raise ValueError(msg)
         turns = to_matrices(turns / length)
     if not np.allclose(turns.swapaxes(-1, -2) @ turns, np.eye(3), rtol=0, atol=1e-4):
-        msg = 'orientations must have columns of length 1 that are perpendicular to each other'
+        msg = 'orientation must have columns of length 1 that are perpendicular to each other'
         raise ValueError(msg)
     return np.broadcast_to(turns, (count, 3, 3)).copy()

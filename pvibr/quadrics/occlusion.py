@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import weakref
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,29 +30,33 @@ void main()
 """
 
 
+class _Gpu(NamedTuple):
+    target: Target
+    coarse: Target
+    quad: Quad
+
+
 class Occlusion:
     """Finds blocks of which nothing can be seen, since others hide them.
 
     In the manner of Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", SIGGRAPH 1993.
     """
 
-    def __init__(self, quadrics):
-        self._owner: Any = weakref.ref(quadrics)
+    def __init__(self):
         self.layers: list = []
-        self._target: Any = None
-        self._coarse: Any = None
-        self._quad: Any = None
+        self._gpu: _Gpu | None = None
         self._pause = 0
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        held = [self._target, self._coarse, *(layer.entries for layer in self.layers)]
+        held = [layer.entries for layer in self.layers]
+        held += [self._gpu.target, self._gpu.coarse] if self._gpu is not None else []
         return sum(one.nbytes for one in held if one is not None)
 
-    def hidden(self, frame, seen) -> np.ndarray:
+    def hidden(self, owner, frame, seen) -> np.ndarray:
         """Return which blocks need not be drawn."""
-        none = np.zeros(len(seen.ways), bool)
+        none = np.zeros(len(seen.modes), bool)
         # A pass may draw in pixels of its own, between those of the depths.
         if frame.casting or frame.renderer.GetPass() is not None or len(none) < _LEAST:
             return none
@@ -63,8 +66,9 @@ class Occlusion:
         first = self._likely(frame, seen)
         if first.mean() > _WORTH:
             return none
-        quads = seen.ways == DRAW_MODES.index(QUADS)
-        farthest = self._draw(frame, seen.entries[first & ~quads], seen.entries[first & quads])
+        quads = seen.modes == DRAW_MODES.index(QUADS)
+        parts = [seen.entries[first & ~quads], seen.entries[first & quads]]
+        farthest = self._draw(owner, frame, parts)
         found = behind(frame, farthest, _TILE, seen.entries[:, :3], seen.around)
         if found.mean() < _GAIN:
             self._pause = _PAUSE
@@ -75,45 +79,43 @@ class Occlusion:
         middles = np.nan_to_num((low + high) / 2, posinf=-1.0, neginf=-1.0)
         return likely_seen(middles, seen.areas, _LAYERS)
 
-    def _draw(self, frame, *parts):
+    def _draw(self, owner, frame, parts):
         """Draw depths, and return the farthest of each square."""
-        self._begin(frame)
+        gpu = self._begin(owner, frame)
         state, renderer = frame.window.GetState(), frame.renderer
-        with self._target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            state.SetEnumState(gl.BLEND, False)
-            state.SetEnumState(gl.DEPTH_TEST, True)
+        with gpu.target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            state.SetEnumState(_BLEND, False)
+            state.SetEnumState(_DEPTH_TEST, True)
             for layer, entries in zip(self.layers, parts, strict=True):
                 for actor in layer.show(entries)[0]:
                     actor.RenderOpaqueGeometry(renderer)
-        self._owner().binder.unbind()
-        with self._coarse.drawing():
-            self._quad.draw({}, {'depth': self._target.depth})
-        return self._coarse.colors[0].download()[..., 0]
+        owner.binder.unbind()
+        with gpu.coarse.drawing():
+            gpu.quad.draw({}, {'depth': gpu.target.depth})
+        return gpu.coarse.colors[0].download()[..., 0]
 
-    def _begin(self, frame):
-        width, height = frame.size
-        if self._target is not None and (self._target.width, self._target.height) != frame.size:
-            self._release_targets()
-        if self._target is None:
-            window, squares = frame.window, (-(-width // _TILE), -(-height // _TILE))
-            self._target = Target(window, width, height, (), depth=True)
-            self._coarse = Target(window, *squares, ('r32f',), filter='nearest')
+    def _begin(self, owner, frame) -> _Gpu:
         if not self.layers:
-            self.layers = [Layer(self._owner(), way) for way in HIDING]
-            self._quad = Quad(frame.window, _FARTHEST, 'farthest depth')
+            self.layers = [Layer(owner, mode) for mode in HIDING]
+        gpu, (width, height) = self._gpu, frame.size
+        if gpu is None or (gpu.target.width, gpu.target.height) != frame.size:
+            self._release_gpu()
+            window, squares = frame.window, (-(-width // _TILE), -(-height // _TILE))
+            self._gpu = gpu = _Gpu(
+                Target(window, width, height, (), depth=True),
+                Target(window, *squares, ('r32f',), filter='nearest'),
+                Quad(window, _FARTHEST, 'farthest depth'),
+            )
+        return gpu
 
-    def _release_targets(self):
-        for target in (self._target, self._coarse):
-            if target is not None:
-                target.release()
-        self._target = self._coarse = None
+    def _release_gpu(self):
+        for owner in self._gpu or ():
+            owner.release()
+        self._gpu = None
 
     def release(self, window):
         """Free what it holds on the GPU; the context is current."""
-        self._release_targets()
+        self._release_gpu()
         for layer in self.layers:
             layer.release(window)
-        if self._quad is not None:
-            self._quad.release()
-        self.layers, self._quad = [], None
-        self._pause = 0
+        self.layers, self._pause = [], 0

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.billboards.cards import as_points, checked_opacity
-from pvibr.core.params import Param
 from pvibr.gl import Texture
-from pvibr.gl.binder import Binder
 from pvibr.instances.cards import BLOCK, PBR, pack
 from pvibr.maths.blocks import Blocks, morton_order
 from pvibr.maths.quadric_rays import Meeting
@@ -24,22 +22,21 @@ from pvibr.quadrics.cards import (
     view_uniforms,
 )
 from pvibr.quadrics.occlusion import Occlusion
-from pvibr.scene.painted import Painted
+from pvibr.scene.anchor import anchor, set_bounds
+from pvibr.scene.item_set import ItemSet
 from pvibr.scene.picking import Hit, pixel_ray
-from pvibr.scene.thing import Thing, set_bounds
-from pvibr.scene.thing import anchor as new_anchor
-from pvibr.scene.translucent import DepthSortedDraws, depths_of
+from pvibr.scene.translucent import depths_of
 
 # Opacities in the alpha of looks: up to this with the material's colour, from the next on their
 # own, 0 hidden.
 _OPAQUE = 127
 
 
-class Quadrics(Painted, Thing):
+class Quadrics(ItemSet):
     """Things of one shape by the million, exact to the pixel, without triangles.
 
     A subclass sets ``shape`` and its places before it calls this one's ``__init__``, and has
-    ``_balls``, ``_extents``, ``_rows`` and ``_meet``.
+    ``_spheres``, ``_extents``, ``_rows`` and ``_meet``.
 
     Parameters
     ----------
@@ -72,11 +69,7 @@ class Quadrics(Painted, Thing):
     """
 
     web = 'baked', 'meshes'
-    visibility = Param(True, 'Whether they are drawn at all.')
-    #: Frames that are drawn to pick need them too.
-    picks = True
     shape: Shape
-    _changes = 0
 
     def __init__(
         self,
@@ -109,21 +102,18 @@ class Quadrics(Painted, Thing):
             specular_power=specular_power,
             interpolation='Phong',
         )  # VTK lights flat points never
-        self._anchor, self.binder, self._sorted_draws = new_anchor(), Binder(), DepthSortedDraws()
-        self.textures: dict[str, Texture] = {}
+        self._anchor, self._noun = anchor(), self.shape.name
+        self._begin_drawing('ibr_items', 'ibr_looks')
         self.uniforms: dict = {}
-        self.window: Any = None
-        self._content_key: tuple | None = None
-        self._blocks: Any = None
-        self._stale = {'ibr_items', 'ibr_looks'}
+        self.window = None
         set_bounds(self._anchor, self.bounds)
-        self._layers = [Layer(self, way) for way in (*DRAW_MODES, BLENDED)]
-        self._occlusion, self._hidden = Occlusion(self), 0
+        self._layers = [Layer(self, mode) for mode in (*DRAW_MODES, BLENDED)]
+        self._occlusion, self._hidden = Occlusion(), 0
         self._share_opacity()
 
     # -- what a shape says --------------------------------------------------------------------
 
-    def _balls(self) -> tuple[np.ndarray, np.ndarray]:
+    def _spheres(self) -> tuple[np.ndarray, np.ndarray]:
         """Return middles, shape (n, 3), and radii of spheres that hold each; 0: not drawn."""
         raise NotImplementedError
 
@@ -135,7 +125,7 @@ class Quadrics(Painted, Thing):
         """Return texels, shape (n, t, 4), where middles are relative to something near."""
         raise NotImplementedError
 
-    def _meet(self, start, way, index) -> Meeting:
+    def _meet(self, start, direction, index) -> Meeting:
         """Return where a ray meets some of them."""
         raise NotImplementedError
 
@@ -150,7 +140,7 @@ class Quadrics(Painted, Thing):
         """World bounds: x, y and z, low and high; of none (1, -1, 1, -1, 1, -1)."""
         if not len(self):
             return (1.0, -1.0) * 3
-        middles, extents = self._balls()[0], self._extents()
+        middles, extents = self._spheres()[0], self._extents()
         low, high = (middles - extents).min(0), (middles + extents).max(0)
         return tuple(np.stack([low, high], 1).ravel().tolist())
 
@@ -172,11 +162,12 @@ class Quadrics(Painted, Thing):
     def blends(self) -> bool:
         """Whether what is behind shines through, so that they are drawn from far to near."""
         each = self._opacity.ndim and len(self) and self._opacity.min() < 1
-        return bool(each) or self.property.GetOpacity() < 1
+        return bool(each) or super().blends
 
     def _moved(self):
         """Have places taken over for the next frame."""
-        self._blocks = None
+        for name in ('_order', '_blocks'):
+            self.__dict__.pop(name, None)
         bounds = self.bounds
         set_bounds(self._anchor, bounds)
         for layer in (*self._layers, *self._occlusion.layers):
@@ -193,15 +184,6 @@ class Quadrics(Painted, Thing):
 
     # -- the life of an effect ----------------------------------------------------------------
 
-    def _take_out(self, renderer):
-        self.deactivate()
-        super()._take_out(renderer)
-
-    def content_key(self) -> tuple:
-        """Return what changes whenever what is drawn does, the camera left out."""
-        shown = self.visibility and bool(self._anchor.GetVisibility())
-        return self._changes, self._revision, shown, self.blends
-
     def actors(self) -> list:
         """Return the actors that draw them, those that are not visible now too."""
         return [actor for layer in self._layers for actor in layer.actors]
@@ -210,42 +192,23 @@ class Quadrics(Painted, Thing):
         """Return the actors that cast shadows: none where what is behind shines through."""
         return [] if self.blends else self.drawn()
 
-    def needed(self, frame) -> bool | str:
-        """Tell whether there is anything to draw."""
-        if not self.visibility or not self._anchor.GetVisibility():
-            return 'not visible'
-        return bool(len(self)) or f'no {self.shape.name}'
-
-    def deactivate(self):
-        """Draw nothing: frames are drawn without them now."""
-        for actor in self.actors():
-            actor.VisibilityOff()
-        self._content_key = None
-
     def prepare(self, frame):
-        """Choose what is drawn, and how."""
-        self._upload(frame.window)
+        """Choose which items are drawn, and how."""
         shiny = self.property.GetSpecular() > 0 or self.property.GetInterpolation() == PBR
         for layer in self._layers:
-            layer.dress(shiny)
-        camera = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
-        props, others = frame.renderer.GetViewProps(), []
-        content_key: tuple = (*camera, self.blends, self._changes, self._revision)
-        if self.blends and not frame.casting:
-            others = self._sorted_draws.others(frame, self.actors())
-            content_key += (self._sorted_draws.key(others), props.GetMTime())
-        if content_key != self._content_key:
-            unit = 1 if self.blends else BLOCK
-            self.uniforms = view_uniforms(frame, len(self), unit)
-            (self._show_blended if self.blends else self._show_opaque)(frame, others)
-            self._content_key = (*content_key[:-1], props.GetMTime()) if others else content_key
+            layer.set_shiny(shiny)
+        super().prepare(frame)
+
+    def _choose(self, frame, others):
+        self.uniforms = view_uniforms(frame, len(self), 1 if self.blends else BLOCK)
+        (self._show_blended if self.blends else self._show_opaque)(frame, others)
 
     def _show_opaque(self, frame, _others):
         seen = seen_blocks(self._blocks, frame, self.shape)
-        hidden = self._occlusion.hidden(frame, seen)
+        hidden = self._occlusion.hidden(self, frame, seen)
         self._hidden = min(int(hidden.sum()) * BLOCK, len(self))
         for k, layer in enumerate(self._layers):
-            layer.show(seen.entries[(seen.ways == k) & ~hidden])
+            layer.show(seen.entries[(seen.modes == k) & ~hidden])
 
     def _show_blended(self, frame, others):
         """Show all that may be seen from far to near, other props in between."""
@@ -255,7 +218,7 @@ class Quadrics(Painted, Thing):
         seen = self._blocks.seen(frame)[0]
         slots = (seen[:, None] * BLOCK + np.arange(BLOCK)).ravel()
         slots = slots[slots < len(self)]
-        depths = depths_of(frame, self._balls()[0][self._order[slots]])
+        depths = depths_of(frame, self._spheres()[0][self._order[slots]])
         order = np.argsort(-depths, kind='stable')
         slots, depths = slots[order], depths[order]
         view = frame.view_from_world
@@ -266,25 +229,9 @@ class Quadrics(Painted, Thing):
         if others:
             self._sorted_draws.arrange(frame.renderer, parts, [actor for _, actor in others])
 
-    def finish(self, frame):
-        """Give the texture units back."""
-        self.binder.unbind()
-        self._sorted_draws.finish(frame.renderer)
-
     # -- the GPU ------------------------------------------------------------------------------
 
-    def _repaint(self):
-        self._drop('ibr_looks')
-
-    def _drop(self, *names):
-        """Have textures made anew for the next frame."""
-        self._stale |= set(names)
-        self._content_key = None
-        self._changes += 1
-
     def _upload(self, window):
-        if self._blocks is None:
-            self._arrange()
         if self.window is None:
             self.window = window
             self._stale = {'ibr_items', 'ibr_looks'}
@@ -293,14 +240,19 @@ class Quadrics(Painted, Thing):
         for name in made:
             self.textures.setdefault(name, Texture(window)).upload(pack(rows[name](), ROW, 4))
 
-    def _arrange(self):
-        """Put neighbours together, in blocks that are culled as one."""
-        middles, reach = self._balls()
-        self._order = morton_order(middles)
-        self._blocks = Blocks.of(middles[self._order], reach[self._order], BLOCK)
+    @cached_property
+    def _order(self):
+        """Order in which neighbours are beside each other, shape (n,)."""
+        return morton_order(self._spheres()[0])
+
+    @cached_property
+    def _blocks(self):
+        """Neighbours that are culled as one."""
+        middles, reach = self._spheres()
+        return Blocks.of(middles[self._order], reach[self._order], BLOCK)
 
     def _items(self):
-        middles = self._balls()[0].copy()
+        middles = self._spheres()[0].copy()
         middles[self._order] -= np.repeat(self._blocks.centers, BLOCK, 0)[: len(self)]
         return self._rows(middles)[self._order].astype(np.float32).reshape(-1, 4)
 
@@ -325,18 +277,18 @@ class Quadrics(Painted, Thing):
         self.textures, self.window, self._content_key = {}, None, None
 
     def report(self) -> dict:
-        """Return bytes, how many there are, and how many are drawn in which way."""
+        """Return bytes, how many there are, and how many are drawn in which direction."""
         textures = [*self.textures.values(), *(t for a in self._layers if (t := a.entries))]
         return {
             'bytes': sum(t.nbytes for t in textures) + self._occlusion.nbytes,
             self.shape.name: len(self),
-            **{layer.way.name: layer.drawn for layer in self._layers},
+            **{layer.mode.name: layer.drawn for layer in self._layers},
             'hidden': self._hidden,
         }
 
     def bake_into(self, scene):
         """Hand them to a scene without pvibr."""
-        rows = np.flatnonzero(self.visible & (self._balls()[1] > 0))
+        rows = np.flatnonzero(self.visible & (self._spheres()[1] > 0))
         for levels, largest, matrices, colors in self._bodies():
             shown = rows[np.isfinite(matrices[rows]).all((1, 2))]
             colors = None if colors is None else colors[shown]
@@ -365,21 +317,40 @@ class Quadrics(Painted, Thing):
         pvibr.scene.picking.Hit or None
             ``index`` of it and ``point`` on it, world units.
         """
-        if not self.pickable or self.pipeline is None or self.needed(None) is not True:
+        if not self._can_pick():
             return None
-        start, way = pixel_ray(self.pipeline.renderer, x, y)
-        middles, reach = self._balls()
+        start, direction = pixel_ray(self.pipeline.renderer, x, y)
+        middles, reach = self._spheres()
         away = middles - start
-        gaps = np.linalg.norm(away - (away @ way)[:, None] * way, axis=1)
+        gaps = np.linalg.norm(away - (away @ direction)[:, None] * direction, axis=1)
         index = np.flatnonzero(self.visible & (gaps <= reach) & (reach > 0))
         if not len(index):
             return None
-        distances, _, _ = self._meet(start, way, index).first()
+        distances, _, _ = self._meet(start, direction, index).first()
         k = int(distances.argmin())
         if not np.isfinite(distances[k]):
             return None
         distance = float(distances[k])
-        return Hit(int(index[k]), tuple((start + distance * way).tolist()), distance)
+        return Hit(int(index[k]), tuple((start + distance * direction).tolist()), distance)
+
+
+class PointQuadrics(Quadrics):
+    """Quadrics with one point each, their centre."""
+
+    _points: np.ndarray
+
+    def __len__(self):
+        return len(self._points)
+
+    @property
+    def points(self) -> np.ndarray:
+        """Centres, shape (n, 3), world units."""
+        return self._points
+
+    @points.setter
+    def points(self, points):
+        self._points = self._as_many('points', points)
+        self._moved()
 
 
 def checked_lengths(name, lengths, shape) -> np.ndarray:

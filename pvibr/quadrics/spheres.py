@@ -8,16 +8,16 @@ from pvibr.billboards.cards import as_points
 from pvibr.maths.quadric_rays import meet_spheres
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape
-from pvibr.quadrics.quadrics import Quadrics, checked_lengths
+from pvibr.quadrics.quadrics import PointQuadrics, checked_lengths
 
 
-class Spheres(Quadrics):
+class Spheres(PointQuadrics):
     """Spheres by the million, exact to the pixel, without triangles.
 
     Parameters
     ----------
-    centers : array_like, shape (n, 3), or dataset
-        World units.
+    points : array_like, shape (n, 3), or dataset
+        Centres, world units.
     radius : float or array_like, shape (n,)
         Of all or of each, world units; one of radius 0 is not drawn.
     **looks
@@ -53,23 +53,10 @@ class Spheres(Quadrics):
     _title = 'Spheres'
     shape = Shape('spheres', texels=1)
 
-    def __init__(self, centers, radius=0.5, **looks):
-        self._centers = as_points(centers)
+    def __init__(self, points, radius=0.5, **looks):
+        self._points = as_points(points)
         self._radii = checked_lengths('radius', radius, (len(self),))
         super().__init__(**looks)
-
-    def __len__(self):
-        return len(self._centers)
-
-    @property
-    def centers(self) -> np.ndarray:
-        """Where they are, shape (n, 3), world units."""
-        return self._centers
-
-    @centers.setter
-    def centers(self, centers):
-        self._centers = self._as_many('centers', centers)
-        self._moved()
 
     @property
     def radius(self) -> np.ndarray:
@@ -81,8 +68,8 @@ class Spheres(Quadrics):
         self._radii = checked_lengths('radius', radius, (len(self),))
         self._moved()
 
-    def _balls(self):
-        return self._centers, self._radii
+    def _spheres(self):
+        return self._points, self._radii
 
     def _extents(self):
         return self._radii[:, None]
@@ -91,8 +78,8 @@ class Spheres(Quadrics):
         return np.column_stack([middles, self._radii])[:, None]
 
     def _bodies(self):
-        matrices = linear(self._centers, self._radii[:, None, None] * np.eye(3))
+        matrices = linear(self._points, self._radii[:, None, None] * np.eye(3))
         return [(*balls(self.property), matrices, self._colors)]
 
-    def _meet(self, start, way, index):
-        return meet_spheres(start, way, self._centers[index], self._radii[index])
+    def _meet(self, start, direction, index):
+        return meet_spheres(start, direction, self._points[index], self._radii[index])

@@ -1,38 +1,64 @@
-"""An actor that shows pictures by a shader of pvibr's, whose textures are bound as it is drawn."""
+"""Actors drawn by a shader whose textures are bound as it draws."""
 
 from __future__ import annotations
 
 import weakref
-from typing import Any
 
 import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.gl import set_uniforms
 from pvibr.gl.binder import Binder
+from pvibr.gl.feature import Feature
+
+
+def observe_shader(mapper, owner):
+    """Call ``owner.set_shader(program)`` before each draw of a mapper."""
+    # The mapper keeps the function, which must not keep the owner: no cycle through C++.
+    found = weakref.ref(owner)
+
+    @_vtk.calldata_type(_vtk.VTK_OBJECT)
+    def update(_mapper, _event, program):
+        alive = found()
+        if alive is not None:
+            alive.set_shader(program)
+
+    mapper.AddObserver('UpdateShaderEvent', update)
+
+
+def draw_actor(mapper, prop=None, feature=None, *, translucent=None):
+    """Return an actor that is visible within frames only, without bounds and not picked."""
+    actor = pv.Actor()
+    actor.SetMapper(mapper)
+    if prop is not None:
+        actor.SetProperty(prop)
+    if translucent is not None:
+        (actor.ForceTranslucentOn if translucent else actor.ForceOpaqueOn)()
+    actor.VisibilityOff()
+    actor.PickableOff()
+    actor.UseBoundsOff()
+    if feature is not None:
+        feature.attach(actor)
+    return actor
 
 
 class ShaderActor:
     """One actor, visible only within frames."""
 
     def __init__(self):
-        self.actor = pv.Actor()
         self.mapper = _vtk.vtkPolyDataMapper()
         self.mapper.ScalarVisibilityOff()
-        self.actor.SetMapper(self.mapper)
-        self.actor.PickableOff()
-        self.actor.UseBoundsOff()
-        self.actor.VisibilityOff()
+        self.actor = draw_actor(self.mapper)
         self.failure: str | None = None
-        self._observer = self.mapper.AddObserver('UpdateShaderEvent', self._updater())
-        self._feature: Any = None
+        observe_shader(self.mapper, self)
+        self._feature: Feature | None = None
         self._checked = False
         self._textures: dict = {}
         self._uniforms: dict = {}
         self._binder = Binder()
 
-    def _dress(self, feature):
-        """Have a shader text, in place of the one before."""
+    def _attach(self, feature):
+        """Replace the attached shader text."""
         if self._feature is None or feature.name != self._feature.name:
             if self._feature is not None:
                 self._feature.detach(self.actor)
@@ -44,24 +70,13 @@ class ShaderActor:
         self.actor.VisibilityOff()
         self._binder.unbind()
 
-    def _updater(self):
-        # The mapper keeps the function, which must not keep the mapper: no cycle through C++.
-        draw = weakref.ref(self)
-
-        @_vtk.calldata_type(_vtk.VTK_OBJECT)
-        def update(_mapper, _event, program):
-            alive = draw()
-            if alive is not None:
-                alive._update(program)
-
-        return update
-
-    def _update(self, program):
+    def set_shader(self, program):
+        """Bind textures and set uniforms of a program that is about to draw."""
         set_uniforms(program, self._binder.bind(self, self._textures))
         set_uniforms(program, self._uniforms)
         if not self._checked:
             self._checked = True
-            if not self._feature.landed(program):
+            if self._feature is not None and not self._feature.landed(program):
                 self.failure = f'the shader text {self._feature.name} did not land'
 
     def release(self, window):

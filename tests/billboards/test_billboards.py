@@ -198,7 +198,7 @@ def test_the_view_from_the_right_side_is_shown(axis, blend_views, see):
         expected = grey[low % views] * (1 - share) + grey[(low + 1) % views] * share
         for (x, y), value in zip(pixels(pl, points), expected, strict=True):
             assert abs(picture[int(y), int(x), 0] - value) <= 1.5
-    assert thing.field.n_images == 1
+    assert thing.layout.n_images == 1
     pl.close()
 
 

@@ -90,7 +90,7 @@ def test_what_becomes_invisible_hides_nothing(see, always):
     things = add(pl, 'spheres')
     see.grab(pl)
     assert things.report()['hidden'] > 0
-    things.visible = things.centers[:, 1] > 0.8
+    things.visible = things.points[:, 1] > 0.8
     behind = see.grab(pl)
     things.radius = np.where(things.visible, things.radius, 0.0)
     assert (see.grab(pl) == behind).all()

@@ -57,7 +57,7 @@ def rays(pl, things):
     """Return what rays see of cylinders or ellipsoids."""
     frame = Frame.of(pl.renderer)
     if isinstance(things, Ellipsoids):
-        return cast(frame, meet_ellipsoids, things.centers, things.axes())
+        return cast(frame, meet_ellipsoids, things.points, things.axes())
     a, b = things.points_a, things.points_b
     meet = partial(meet_cylinders, caps=things.caps)
     return cast(frame, meet, (a + b) / 2, (b - a) / 2, things.radius)
@@ -262,7 +262,7 @@ def test_places_can_be_changed(see):
     aim(pl, (0, -5, 0))
     assert see.grab(pl)[:, SIZE[0] // 2 :].max() == 0
     rod.points_a, rod.points_b, rod.radius = [[0.5, 0, 0]], [[1, 0, 0]], 0.1
-    egg.centers, egg.radii, egg.orientations = [[1, 0, -0.5]], (0.3, 0.1, 0.1), np.eye(3)
+    egg.points, egg.radii, egg.orientation = [[1, 0, -0.5]], (0.3, 0.1, 0.1), np.eye(3)
     picture = see.grab(pl)
     assert picture[:, : SIZE[0] // 2].max() == 0
     assert picture[:, SIZE[0] // 2 :].max() > 0.5
@@ -476,9 +476,9 @@ def test_cylinders_that_are_refused(given, match):
     [
         ({'radii': [1.0, 2.0]}, 'radii has shape'),
         ({'radii': (1, 1, -2)}, 'radii has the value -2'),
-        ({'orientations': [0.0, 0, 0, 0]}, 'none of length 0'),
-        ({'orientations': [1.0, 0, 0]}, 'orientations has shape'),
-        ({'orientations': np.ones((3, 3))}, 'perpendicular'),
+        ({'orientation': [0.0, 0, 0, 0]}, 'none of length 0'),
+        ({'orientation': [1.0, 0, 0]}, 'orientation has shape'),
+        ({'orientation': np.ones((3, 3))}, 'perpendicular'),
     ],
 )
 def test_ellipsoids_that_are_refused(given, match):

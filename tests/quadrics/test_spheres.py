@@ -50,7 +50,7 @@ def compare(pl, things, see, atol=1.01 / 255):
     """Check colours, coverage and depth of what a plotter shows."""
     picture = see.grab(pl)
     far = see.depths(pl)
-    ids, depth, normals = cast(pl, things.centers, things.radius)
+    ids, depth, normals = cast(pl, things.points, things.radius)
     same = quadric_rays.inner(ids)
     colors = things.colors if things.colors is not None else np.full((len(things), 3), 255)
     expected = np.where(
@@ -195,7 +195,7 @@ def test_subplots_and_two_plotters(see):
         things = pl.ibr.add_spheres(centers, radii, color='white', diffuse=1.0)
         aim(pl, (0, -6, 1))
         picture = see.grab(pl)[:, 100:]
-        ids, _, normals = cast(pl, things.centers, things.radius)
+        ids, _, normals = cast(pl, things.points, things.radius)
         good = quadric_rays.inner(ids)
         assert np.abs(picture[..., 0] - np.where(ids >= 0, normals[..., 2], 0))[good].max() < 0.008
         pl.close()
@@ -227,7 +227,7 @@ def test_changes_are_seen(see):
     things.colors = np.array([[255, 0, 0], [0, 255, 0]], np.uint8)
     things.visible = np.array([True, False])
     assert see.grab(pl)[:, middle:].max() == 0
-    things.centers = [[1, 0, 0], [-1, 0, 0]]
+    things.points = [[1, 0, 0], [-1, 0, 0]]
     assert see.grab(pl)[:, :middle].max() == 0
     things.radius = 0.1
     small = (see.grab(pl)[..., 0] > 0).sum()
@@ -290,7 +290,7 @@ def test_buffers_know_them(see):
     ids = pl.ibr.buffer('id')
     assert mesh in pl.ibr.buffer_objects
     assert pl.ibr.buffer_objects[int(ids[y, x])] is thing
-    _, _, normals = cast(pl, thing.centers, thing.radius)
+    _, _, normals = cast(pl, thing.points, thing.radius)
     np.testing.assert_allclose(pl.ibr.buffer('normal')[y, x - 10], normals[y, x - 10], atol=5e-3)
     pl.close()
 
@@ -301,8 +301,8 @@ def test_buffers_know_them(see):
         ({'radius': -1.0}, 'radius has the value -1'),
         ({'radius': np.nan}, 'radius has the value nan'),
         ({'radius': [1.0, 2.0]}, 'radius has shape'),
-        ({'centers': [[0, 0, np.inf]]}, 'finite'),
-        ({'centers': [[0.0, 0.0]]}, 'shape'),
+        ({'points': [[0, 0, np.inf]]}, 'finite'),
+        ({'points': [[0.0, 0.0]]}, 'shape'),
         ({'scalars': [1.0, 2.0]}, 'scalars has shape'),
         ({'colors': [[2.0, 0, 0]]}, 'from 0 to 1'),
     ],
@@ -310,7 +310,7 @@ def test_buffers_know_them(see):
 def test_what_is_refused(given, match):
     pl = plotter()
     with pytest.raises(ValueError, match=match):
-        pl.ibr.add_spheres(**{'centers': [[0.0, 0, 0]], **given})
+        pl.ibr.add_spheres(**{'points': [[0.0, 0, 0]], **given})
     assert not pl.ibr.effects
     pl.close()
 
