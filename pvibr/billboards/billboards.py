@@ -12,16 +12,16 @@ from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
 from pvibr.core.frame import Frame
 from pvibr.core.params import Param
-from pvibr.gl import Texture, set_uniforms, shader_source, uniform_matrix
+from pvibr.gl import Texture, set_uniforms, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
 from pvibr.images.sheet import as_images
 from pvibr.instances.cards import card_mesh, pack
-from pvibr.scene.anchor import anchor as new_anchor
-from pvibr.scene.anchor import set_bounds
 from pvibr.scene.item_set import ItemSet
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_actor import draw_actor, observe_shader
+from pvibr.scene.thing import anchor as new_anchor
+from pvibr.scene.thing import set_bounds
 from pvibr.scene.translucent import MOST
 
 _CHUNK = 65_536  # billboards of one draw

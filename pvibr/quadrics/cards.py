@@ -152,7 +152,7 @@ class Layer:
         owner = self._owner
         state = owner.window.GetState()
         if self.mode.corners == 1:
-            state.SetEnumState(_PROGRAM_POINT_SIZE, True)
+            state.SetEnumState(gl.PROGRAM_POINT_SIZE, True)
         textures = {**owner.textures, 'ibr_blocks': self.entries}
         set_uniforms(program, owner.binder.bind(self, textures))
         set_uniforms(program, owner.uniforms)

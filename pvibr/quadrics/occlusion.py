@@ -84,8 +84,8 @@ class Occlusion:
         gpu = self._begin(owner, frame)
         state, renderer = frame.window.GetState(), frame.renderer
         with gpu.target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            state.SetEnumState(_BLEND, False)
-            state.SetEnumState(_DEPTH_TEST, True)
+            state.SetEnumState(gl.BLEND, False)
+            state.SetEnumState(gl.DEPTH_TEST, True)
             for layer, entries in zip(self.layers, parts, strict=True):
                 for actor in layer.show(entries)[0]:
                     actor.RenderOpaqueGeometry(renderer)

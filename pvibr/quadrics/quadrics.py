@@ -22,9 +22,9 @@ from pvibr.quadrics.cards import (
     view_uniforms,
 )
 from pvibr.quadrics.occlusion import Occlusion
-from pvibr.scene.anchor import anchor, set_bounds
 from pvibr.scene.item_set import ItemSet
 from pvibr.scene.picking import Hit, pixel_ray
+from pvibr.scene.thing import anchor, set_bounds
 from pvibr.scene.translucent import depths_of
 
 # Opacities in the alpha of looks: up to this with the material's colour, from the next on their

@@ -7,12 +7,12 @@ import pyvista as pv
 from pvibr.core.params import Param
 from pvibr.gl import Texture
 from pvibr.gl.binder import Binder
-from pvibr.scene.anchor import Anchored
 from pvibr.scene.painted import Painted
+from pvibr.scene.thing import Thing
 from pvibr.scene.translucent import DepthSortedDraws
 
 
-class ItemSet(Painted, Anchored):
+class ItemSet(Painted, Thing):
     """Items with looks of their own, sorted among other translucent props where they blend.
 
     A subclass has ``property``, ``blends``, ``_choose(frame, others)`` and ``_upload(window)``.
@@ -47,7 +47,7 @@ class ItemSet(Painted, Anchored):
     # -- the life of an effect ----------------------------------------------------------------
 
     def _take_out(self, renderer):
-        self.rest()
+        self.deactivate()
         super()._take_out(renderer)
 
     def content_key(self) -> tuple:
@@ -60,7 +60,7 @@ class ItemSet(Painted, Anchored):
             return 'not visible'
         return bool(len(self)) or f'no {self._noun}'
 
-    def rest(self):
+    def deactivate(self):
         """Hide all actors."""
         for actor in self.actors():
             actor.VisibilityOff()
