@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -35,6 +36,21 @@ def no_vtk_errors(monkeypatch):
         pv.close_all()
     errors += [str(event) for event in catcher.error_events]
     assert not errors, '\n'.join(errors)
+
+
+@pytest.fixture(scope='session')
+def shared_folder(tmp_path_factory) -> Path:
+    """A folder of this run that all its workers share: what one bakes, the others read."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base
+
+
+@pytest.fixture(scope='session', autouse=True)
+def _cache_of_atlases(shared_folder):
+    """Let nothing that is baked here be kept in the user's own cache, or come from it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('PVIBR_CACHE', str(shared_folder / 'atlases'))
+        yield
 
 
 @pytest.fixture(scope='session')

@@ -12,9 +12,9 @@ from pvibr.core import _vtk
 
 
 @pytest.fixture(scope='session')
-def atlases(tmp_path_factory):
+def atlases(shared_folder):
     """A folder of atlases: what one test baked, the next ones read."""
-    return tmp_path_factory.mktemp('atlases')
+    return shared_folder / 'atlases'
 
 
 @pytest.fixture(scope='session')

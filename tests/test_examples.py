@@ -1,4 +1,7 @@
-"""Every example runs as it is, with fewer instances and lighter meshes, and shows something."""
+"""Every example runs as it is, with fewer instances, lighter meshes and smaller windows.
+
+And what pvibr adds to it is seen.
+"""
 
 import ast
 import contextlib
@@ -8,15 +11,19 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+from pvibr.instances.levels import make_model
+
 FOLDER = Path(__file__).parents[1] / 'examples'
 SMALL = {'COUNT': 120, 'TRIANGLES': 29_000, 'VIEWS': 8, 'SIZE': 120}
 #: Extras that not everyone has.
 EXTRAS = {'mujoco': 'simulate', 'trame': 'jupyter', 'trame_pyvista': 'jupyter'}
+#: Those that show what they made with pvibr as plain meshes.
+PLAIN = ('atlas', 'billboard_cloud', 'error', 'photo_drape')
 EXAMPLES = sorted(FOLDER.glob('*.py'))
 
 
 class _Smaller(ast.NodeTransformer):
-    """Make the constants at the head of an example small."""
+    """Make the constants at the head of an example small, and its windows."""
 
     def visit_Assign(self, node):
         name = getattr(node.targets[0], 'id', None)
@@ -24,10 +31,20 @@ class _Smaller(ast.NodeTransformer):
             node.value = ast.copy_location(ast.Constant(SMALL[name]), node.value)
         return node
 
+    def visit_keyword(self, node):
+        if node.arg == 'views' and isinstance(getattr(node.value, 'value', None), int):
+            node.value = ast.copy_location(ast.Constant(6), node.value)
+        if node.arg == 'window_size':
+            width, height = ast.literal_eval(node.value)
+            node.value = ast.copy_location(
+                ast.parse(f'({width // 2}, {height // 2})', mode='eval').body, node.value
+            )
+        return node
+
 
 def run(path):
-    """Return the names that an example leaves, and the pictures of its plotters."""
-    tree = _Smaller().visit(ast.parse(path.read_text()))
+    """Return the names that an example leaves."""
+    tree = ast.fix_missing_locations(_Smaller().visit(ast.parse(path.read_text())))
     names = {'__name__': '__main__', '__file__': str(path)}
     try:
         exec(compile(tree, path, 'exec'), names)
@@ -39,41 +56,55 @@ def run(path):
 
 
 @pytest.fixture
-def pictures(monkeypatch, tmp_path):
-    """Collect the picture of every plotter as it closes; measure less, and share nothing."""
+def shown(monkeypatch, shared_folder):
+    """Collect of every plotter, as it closes: its report, its picture, and that without pvibr."""
     found = []
     monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
     monkeypatch.setattr('pvibr.figures.pose_atlas.VIEWS', 6)
-    monkeypatch.setenv('PVIBR_CACHE', str(tmp_path))
+    monkeypatch.setitem(make_model.__kwdefaults__, 'views', 8)
+    monkeypatch.setenv('PVIBR_CACHE', str(shared_folder / 'examples'))
     monkeypatch.setattr(pv, 'OFF_SCREEN', True)
-    monkeypatch.setattr(
-        pv.global_theme,
-        '_before_close_callback',
-        lambda plotter: found.append(plotter.screenshot(return_img=True)),
-    )
+
+    def look(plotter):
+        picture, report = plotter.screenshot(return_img=True), plotter.ibr.report()
+        plotter.ibr.clear()
+        plotter.render()
+        found.append((report, picture, plotter.screenshot(return_img=True)))
 
     def serve(_server, **_):
-        found.extend(
-            p.screenshot(return_img=True) for p in pv.plotting.plotter._ALL_PLOTTERS.values()
-        )
+        for plotter in pv.plotting.plotter._ALL_PLOTTERS.values():
+            look(plotter)
 
+    monkeypatch.setattr(pv.global_theme, '_before_close_callback', look)
     with contextlib.suppress(ImportError):
         monkeypatch.setattr('trame_server.Server.start', serve)
     return found
 
 
-def test_there_are_examples():
-    assert len(EXAMPLES) >= 8
+def share_changed(one, other):
+    """The share of pixels that look otherwise."""
+    off = np.abs(np.asarray(one, int) - np.asarray(other, int))
+    return (off.reshape(-1, 3).max(axis=1) > 20).mean()
+
+
+def again(grab):
+    grab.Modified()
+    grab.Update()
+    return pv.wrap(grab.GetOutput()).active_scalars
 
 
 @pytest.mark.parametrize('path', EXAMPLES, ids=lambda p: p.stem)
-def test_runs_and_shows_something(path, pictures):
-    names = run(path)
-    if 'picture' in names and hasattr(names['picture'], 'point_data'):  # of a plain VTK window
-        pictures.append(names['picture'].active_scalars)
-    assert pictures
-    spread = np.asarray(pictures[-1], float).reshape(-1, 3).std(0)
-    assert spread.max() > 5
+def test_runs_and_shows_what_pvibr_adds(path, shown):
+    changed, names = [], run(path)
+    if path.stem == 'plain_vtk':  # it looked, and closed what it had attached
+        changed.append(share_changed(names['picture'].active_scalars, again(names['grab'])))
+    assert all(picture.reshape(-1, 3).std(axis=0).max() > 5 for _, picture, _ in shown)
+    for report, picture, without in shown:
+        assert {row.state for row in report.rows} <= {'ran'}, report
+        if report.rows:
+            changed.append(share_changed(picture, without))
+    assert (path.stem in PLAIN) or changed
+    assert all(share > 0.002 for share in changed), changed
 
 
 @pytest.mark.parametrize('path', EXAMPLES, ids=lambda p: p.stem)
