@@ -42,8 +42,8 @@ def exported():
     for package in (pvibr, pvibr.animation, pvibr_widgets):
         yield from (getattr(package, name) for name in package.__all__)
     yield from (IBRComponent, IBRAccessor)
-    for info in pkgutil.iter_modules(pvibr.maths.__path__, 'pvibr.maths.'):
-        module = importlib.import_module(info.name)
+    names = [info.name for info in pkgutil.iter_modules(pvibr.maths.__path__)]
+    for module in (importlib.import_module(f'pvibr.maths.{n}') for n in names if n[0] != '_'):
         yield from (thing for name, thing in vars(module).items() if name[0] != '_')
 
 

@@ -15,7 +15,7 @@ from pvibr.bench.plot import save, two_axes
 from pvibr.bench.rays import Rays, edge_band
 from pvibr.bench.rows import Row
 from pvibr.bench.runs import run
-from pvibr.maths.cameras import Pinhole
+from pvibr.maths.pinhole import Pinhole
 from pvibr.projection.samples import Samples
 
 #: Pixels of the photograph, and a lens that bends its corners by a tenth.
@@ -64,7 +64,7 @@ def _looking(eye, at, focus, lens=()):
     right /= np.linalg.norm(right)
     turn = np.array([right, np.cross(ahead, right), ahead])
     K = [[focus, 0, (SIZE[0] - 1) / 2], [0, focus, (SIZE[1] - 1) / 2], [0, 0, 1]]
-    return Pinhole(K, turn, -turn @ eye, SIZE, lens)
+    return Pinhole(np.array(K), turn, -turn @ eye, SIZE, lens)
 
 
 def _lamp(camera):

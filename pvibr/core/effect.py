@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import ClassVar
 
 from pvibr.core.params import params_of
 
@@ -63,7 +62,7 @@ class Effect:
     #: Whether it also draws over a transparent background, which is opaque there then.
     covers = False
     #: Named sets of settings for control panels; what a set leaves out has its default.
-    presets: ClassVar[dict[str, dict]] = {}
+    presets: dict[str, dict] = {}
     #: In a browser: 'shown', 'baked' by `bake_into` or 'lost'; and as what, or why.
     web: tuple[str, str] = ('lost', 'works on frames, and a browser draws its own')
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from pvibr.core.params import Param
@@ -110,7 +108,7 @@ class Sky(_Behind):
 
     web = 'baked', 'a dome around the scene'
     neutral = 'opacity', 0
-    presets: ClassVar = {
+    presets = {
         'evening': {
             'top': (0.13, 0.16, 0.35),
             'horizon': (0.95, 0.62, 0.40),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad, shader_source
@@ -43,7 +41,7 @@ class Bloom(LightSpread):
     'soft'
     """
 
-    presets: ClassVar = {
+    presets = {
         'subtle': {'threshold': 0.9, 'intensity': 0.4, 'spread': 0.3},
         'strong': {'threshold': 0.6, 'intensity': 2.0, 'spread': 0.8},
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class DepthOfField(Effect):
 
     neutral = 'radius', 0
     covers = True
-    presets: ClassVar = {
+    presets = {
         'subtle': {'f_number': 5.6},
         'strong': {'f_number': 1.2, 'limit': 0.1, 'samples': 96},
         'fast': {'samples': 16},

@@ -23,7 +23,13 @@ def _text(entries):
 
 
 class FullScreen(Effect):
-    """One full-screen program: a subclass has `parts`, `_uniforms` and `_textures`."""
+    """One full-screen program: a subclass has `parts`, `_uniforms` and `_textures`.
+
+    Parameters
+    ----------
+    **settings
+        Values of the class's settings.
+    """
 
     #: Entry points of the shader, the last with ``main``; if it `covers`, it is blended in place.
     parts: tuple[str, ...] = ()
@@ -58,7 +64,15 @@ class FullScreen(Effect):
 
 
 class FullScreenImage(FullScreen):
-    """An image over or behind the scene."""
+    """An image over or behind the scene.
+
+    Parameters
+    ----------
+    image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
+        Image to show; its alpha channel is used.
+    **settings
+        Values of the class's settings.
+    """
 
     neutral = 'opacity', 0
     opacity = Param(1.0, 'Opacity of the image.', range='[0, 1]')

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
 
 import numpy as np
 
@@ -81,7 +80,7 @@ class Glow(LightSpread):
     (1.0,)
     """
 
-    presets: ClassVar = {
+    presets = {
         'subtle': {'intensity': 0.5, 'spread': 0.3},
         'strong': {'intensity': 2.0, 'spread': 0.8},
     }
@@ -190,8 +189,10 @@ class Afterglow(Glow):
 
     Parameters
     ----------
-    actors, weights
-        As for :class:`Glow`.
+    actors : vtkActor, pvibr.Instances, or sequence of them
+        Actors or instances of the same subplot that glow.
+    weights : float or sequence of float, optional
+        Factor of the light of all actors, or of each; not negative.
     **settings
         Values of the class's settings.
 
@@ -204,7 +205,7 @@ class Afterglow(Glow):
     >>> trail.cut()
     """
 
-    presets: ClassVar = {
+    presets = {
         'subtle': {'intensity': 0.5, 'fade': 0.3},
         'strong': {'intensity': 2.0, 'fade': 2.0},
     }

@@ -17,6 +17,11 @@ class LightSpread(Effect):
 
     Tiles of a screenshot larger than the window use the light of the last whole frame. If the
     camera, the scene or the time changed since, each tile has only its own light.
+
+    Parameters
+    ----------
+    **settings
+        Values of the class's settings.
     """
 
     neutral = 'intensity', 0

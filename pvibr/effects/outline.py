@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
 
 import numpy as np
 
@@ -55,7 +54,7 @@ class Outline(Effect):
     web = 'baked', 'lines: silhouettes from the current camera, and creases'
     neutral = 'opacity', 0
     covers = True
-    presets: ClassVar = {
+    presets = {
         'subtle': {'width': 1.0, 'opacity': 0.5, 'normal': False},
         'strong': {'width': 4.0, 'crease': 20.0},
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
@@ -35,7 +34,7 @@ class Vignette(FullScreen):
 
     parts = ('vignette',)
     neutral = 'intensity', 0
-    presets: ClassVar = {
+    presets = {
         'subtle': {'intensity': 0.25},
         'strong': {'intensity': 0.9, 'radius': 0.3},
     }
@@ -85,7 +84,7 @@ class Flash(FullScreen):
     covers = True
 
     neutral = 'at', None
-    presets: ClassVar = {
+    presets = {
         'subtle': {'intensity': 0.4, 'duration': 0.2},
         'strong': {'intensity': 1.0, 'duration': 0.8},
     }
@@ -153,7 +152,7 @@ class NightVision(FullScreen):
     parts = ('night_vision',)
 
     neutral = 'intensity', 0
-    presets: ClassVar = {
+    presets = {
         'subtle': {'gain': 2.0, 'grain': 0.05},
         'strong': {'gain': 12.0, 'grain': 0.3},
     }

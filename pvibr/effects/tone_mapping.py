@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import ClassVar
 
 import numpy as np
 
@@ -51,7 +50,7 @@ class ToneMapping(Effect):
 
     needs_hdr = True
     neutral = 'intensity', 0
-    presets: ClassVar = {
+    presets = {
         'film': {'curve': 'aces'},
         'neutral': {'curve': 'neutral'},
         'eye': {'curve': 'agx', 'auto': True},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +70,7 @@ class Impostor(Thing):
     """
 
     web = 'shown', 'its actors, as meshes'
-    presets: ClassVar = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0, 'budget_ms': 10.0}}
+    presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0, 'budget_ms': 10.0}}
     max_error = Param(
         1.0, 'How far from where it is anything may be shown.', range='(0, inf)', unit='px'
     )

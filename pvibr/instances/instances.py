@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from typing import ClassVar
 
 import numpy as np
 
@@ -91,7 +90,7 @@ class Instances(Painted, Thing):
     """
 
     web = 'baked', 'meshes, far ones billboard clouds'
-    presets: ClassVar = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
+    presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
     _title = 'Instances'
     _covered = _worn = None
     _force_level: str | dict | None = None

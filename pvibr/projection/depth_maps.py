@@ -11,7 +11,7 @@ from pvibr.core import _vtk
 from pvibr.core.frame import Frame
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.offscreen import hidden_window
-from pvibr.maths.cameras import Orthographic
+from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.views import View, corners
 from pvibr.projection.samples import bounds_of, with_points
 from pvibr.scene.casters import Casters

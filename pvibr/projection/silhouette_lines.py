@@ -53,7 +53,7 @@ def silhouette_lines(
     --------
     >>> import pyvista as pv
     >>> import pvibr
-    >>> from pvibr.maths.cameras import Orthographic
+    >>> from pvibr import Orthographic
     >>> above = Orthographic.from_extent(-1, 1, -1, 1, zmax=5)
     >>> pvibr.silhouette_lines(pv.Cube(), above, hidden=True).length ** 2
     2.0

@@ -9,8 +9,9 @@ import numpy as np
 from pvibr.gl import MipTexture, Texture, texture_limit
 from pvibr.images.projected import LivePictures, Pictures, is_live
 from pvibr.maths import depth_test
-from pvibr.maths.cameras import Orthographic, as_camera
+from pvibr.maths.cameras import as_camera
 from pvibr.maths.image_error import box_reduce
+from pvibr.maths.orthographic import Orthographic
 from pvibr.projection.depth_maps import view_of
 from pvibr.scene.depth_view import DepthView
 

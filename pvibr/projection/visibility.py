@@ -58,7 +58,7 @@ def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=4096
     --------
     >>> import pyvista as pv
     >>> import pvibr
-    >>> from pvibr.maths.cameras import Orthographic
+    >>> from pvibr import Orthographic
     >>> above = Orthographic.from_extent(-1, 1, -1, 1, zmax=5)
     >>> roof = pv.Plane(center=(0, 0, 1), i_size=1.2)
     >>> ground = pv.Plane(i_size=2, j_size=2, i_resolution=4, j_resolution=1)

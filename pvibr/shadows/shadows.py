@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class Shadows(Effect):
     """
 
     web = 'baked', 'darker colours of surfaces'
-    presets: ClassVar = {
+    presets = {
         'crisp': {'method': 'pcf', 'resolution': 4096, 'filter_radius': 0.5},
         'soft': {'method': 'pcss', 'angle': 3.0},
         'fast': {'method': 'hard', 'resolution': 1024},

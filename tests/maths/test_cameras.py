@@ -10,14 +10,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from pvibr.maths.cameras import (
-    Orthographic,
-    Pinhole,
-    as_camera,
-    distort,
-    undistort,
-    valid_radius,
-)
+from pvibr.maths.cameras import as_camera
+from pvibr.maths.distortion import distort, undistort, valid_radius
+from pvibr.maths.orthographic import Orthographic
+from pvibr.maths.pinhole import Pinhole
 
 SIZE = (640, 480)
 K = np.array([[600.0, 3.0, 350.0], [0.0, 580.0, 220.0], [0.0, 0.0, 1.0]])

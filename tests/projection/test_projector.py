@@ -9,8 +9,10 @@ import pyvista as pv
 import pvibr
 from pvibr.bench.rays import Rays, edge_band
 from pvibr.core.frame import Frame
-from pvibr.maths.cameras import Orthographic, Pinhole, as_camera
+from pvibr.maths.cameras import as_camera
 from pvibr.maths.draping import sample
+from pvibr.maths.orthographic import Orthographic
+from pvibr.maths.pinhole import Pinhole
 
 LENS = (-0.25, 0.08, 1e-3, -2e-3)
 GREEN = np.zeros((90, 160, 3), np.uint8) + np.uint8([0, 255, 0])

@@ -8,7 +8,8 @@ import pyvista as pv
 
 import pvibr
 from pvibr.bench.rays import Rays
-from pvibr.maths.cameras import Orthographic, Pinhole
+from pvibr.maths.orthographic import Orthographic
+from pvibr.maths.pinhole import Pinhole
 from pvibr.projection.depth_maps import view_of
 from pvibr.projection.samples import Samples
 

@@ -1,0 +1,156 @@
+"""The interface of calibrated cameras.
+
+Pictures are addressed by ``uv``: u from 0 at the left edge to 1 at the right edge, v from 0 at
+the *bottom* edge to 1 at the top edge, as textures are. OpenCV counts pixels from the top and
+puts whole numbers at their centres, so ``u = (x + 0.5) / width`` and
+``v = 1 - (y + 0.5) / height``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+
+class Camera:
+    """A calibrated camera; a dataclass with an optional ``size`` in pixels."""
+
+    def __eq__(self, other):
+        if type(self) is not type(other):
+            return NotImplemented
+        # Arrays in a dataclass cannot be compared by themselves.
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        return all(np.array_equal(getattr(self, n), getattr(other, n)) for n in names)
+
+    @property
+    def view_from_world(self):
+        """The 4x4 matrix into OpenGL's view axes (x right, y up, -z ahead)."""
+        raise NotImplementedError
+
+    def project(self, points):
+        """Project points into the picture.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            World units.
+
+        Returns
+        -------
+        uv : numpy.ndarray, shape (n, 2), float64
+            In [0, 1] inside the picture, v = 0 at the bottom; NaN if not visible.
+        depth : numpy.ndarray, shape (n,), float64
+            Distance along the camera's axis in world units, positive ahead.
+        """
+        raise NotImplementedError
+
+    def rays(self, uv):
+        """Return the rays through points of the picture.
+
+        Parameters
+        ----------
+        uv : array_like, shape (n, 2)
+            Positions in the picture, v = 0 at the bottom.
+
+        Returns
+        -------
+        origins : numpy.ndarray, shape (n, 3), float64
+            World units; at depth 0.
+        directions : numpy.ndarray, shape (n, 3), float64
+            Unit vectors; NaN where the lens sees nothing.
+        """
+        raise NotImplementedError
+
+    def toward(self, points):
+        """Return unit vectors from points to the camera.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            World units.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n, 3), float64
+            NaN for a point at the camera itself.
+        """
+        raise NotImplementedError
+
+    def texel(self, points):
+        """Return the size of a pixel at points, across the view and without lens distortion.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            World units.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n,), float64
+            World units; not positive behind the camera.
+
+        Raises
+        ------
+        ValueError
+            If the size of the picture is unknown.
+        """
+        raise NotImplementedError
+
+    def undistorted_bounds(self):
+        """Return the bounds of the field of view, in uv of the camera without its lens.
+
+        Returns
+        -------
+        tuple of 4 float
+            Minimum and maximum u, minimum and maximum v; (0, 1, 0, 1) without distortion.
+        """
+        return 0.0, 1.0, 0.0, 1.0
+
+    def clip_from_view(self, near, far, margin=0.0):
+        """Return the projection matrix of the whole field of view, without lens distortion.
+
+        Parameters
+        ----------
+        near : float
+            Depth in world units; positive for a pinhole.
+        far : float
+            Depth in world units, above `near`; may be infinite for a pinhole.
+        margin : float
+            Additional width on each side, as a fraction of the size.
+
+        Returns
+        -------
+        numpy.ndarray, shape (4, 4), float64
+            For OpenGL: visible points are between -w and w on each axis, near at -w.
+
+        Raises
+        ------
+        ValueError
+            If `near` and `far` are not allowed.
+        """
+        raise NotImplementedError
+
+    def clip_rows(self, uv, one, margin):
+        """Return the first two rows of a projection matrix, from those that give uv.
+
+        Parameters
+        ----------
+        uv : numpy.ndarray, shape (2, n)
+            Rows that give u and v, times what `one` gives.
+        one : numpy.ndarray, shape (n,)
+            Row of the common denominator.
+        margin : float
+            Additional width on each side, as a fraction of the size.
+
+        Returns
+        -------
+        numpy.ndarray, shape (2, n), float64
+            Rows that take the bounds to -1 and 1.
+        """
+        bounds = self.undistorted_bounds()
+        rows = []
+        for row, (low, high) in zip(uv, (bounds[:2], bounds[2:]), strict=True):
+            half = (0.5 + margin) * (high - low)
+            rows.append((row - 0.5 * (low + high) * one) / half)
+        return np.array(rows)

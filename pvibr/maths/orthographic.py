@@ -1,0 +1,173 @@
+"""Orthographic cameras: orthophotos, plans, sections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pvibr.maths import _checks
+from pvibr.maths.camera import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class Orthographic(Camera):
+    """A camera whose rays are parallel: an orthophoto, a plan, a section.
+
+    Parameters
+    ----------
+    origin : array_like, shape (3,)
+        Where the picture's lower left corner is (the corner of its pixel, not the centre); depth
+        is counted from here. World units.
+    right, up : array_like, shape (3,)
+        Directions of the picture's sides; perpendicular, of any length. The camera looks along
+        ``up x right``.
+    width, height : float
+        The picture's sides in world units.
+    near, far : float
+        Depth in world units from which and up to which the picture shows something.
+    size : tuple of 2 int, optional
+        Width and height in pixels.
+
+    Raises
+    ------
+    ValueError
+        If a direction is zero, the two are not perpendicular, a side is not positive, near is not
+        below far, or a number is not finite.
+
+    Examples
+    --------
+    >>> from pvibr.maths.orthographic import Orthographic
+    >>> camera = Orthographic([0, 0, 9], [1, 0, 0], [0, 1, 0], width=4.0, height=2.0)
+    >>> uv, depth = camera.project([[1.0, 0.5, 2.0]])
+    >>> uv.tolist(), depth.tolist()
+    ([[0.25, 0.25]], [7.0])
+    >>> camera = Orthographic.from_extent(0.0, 4.0, 0.0, 2.0)
+    >>> (camera.clip_from_view(0.0, 8.0) @ [4.0, 1.0, -8.0, 1.0]).tolist()
+    [1.0, 0.0, 1.0, 1.0]
+    """
+
+    origin: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    width: float
+    height: float
+    near: float = -np.inf
+    far: float = np.inf
+    size: tuple[int, int] | None = None
+
+    def __post_init__(self):
+        right, up = _checks.direction('right', self.right), _checks.direction('up', self.up)
+        if abs(right @ up) > _checks.ROTATION_TOLERANCE:
+            msg = f'right {right.tolist()} and up {up.tolist()} must be perpendicular.'
+            raise ValueError(msg)
+        if not self.near < self.far:
+            msg = f'near, far are {self.near}, {self.far}; near must be below far.'
+            raise ValueError(msg)
+        _checks.freeze(
+            self,
+            origin=_checks.numbers('origin', self.origin, (3,)),
+            right=right,
+            up=up,
+            width=_checks.positive('width', self.width),
+            height=_checks.positive('height', self.height),
+            size=None if self.size is None else _checks.size_of(self.size),
+        )
+
+    @classmethod
+    def from_extent(cls, xmin, xmax, ymin, ymax, zmin=-np.inf, zmax=np.inf, size=None):
+        """Return the camera of an orthophoto: x to the right, y up, looking along -z.
+
+        Parameters
+        ----------
+        xmin, xmax, ymin, ymax : float
+            World coordinates of the picture's edges (of pixels, not of their centres).
+        zmin, zmax : float
+            Heights between which the picture is shown; all by default.
+        size : tuple of 2 int, optional
+            Width and height in pixels.
+
+        Returns
+        -------
+        Orthographic
+            Depth is counted from `zmax`, or from 0 without one.
+
+        Raises
+        ------
+        ValueError
+            If a lower limit is not below its upper limit, or not finite.
+
+        Examples
+        --------
+        >>> from pvibr.maths.orthographic import Orthographic
+        >>> camera = Orthographic.from_extent(100.0, 200.0, 0.0, 50.0, zmax=30.0)
+        >>> uv, depth = camera.project([[150.0, 50.0, 10.0], [150.0, 50.0, 31.0]])
+        >>> uv.tolist(), depth.tolist()
+        ([[0.5, 1.0], [nan, nan]], [20.0, -1.0])
+        """
+        for axis, low, high in ('x', xmin, xmax), ('y', ymin, ymax), ('z', zmin, zmax):
+            if not low < high:
+                msg = f'{axis}min, {axis}max are {low}, {high}; {axis}min must be below.'
+                raise ValueError(msg)
+        top = zmax if np.isfinite(zmax) else 0.0
+        return cls(
+            np.array((xmin, ymin, top)),
+            np.array((1.0, 0.0, 0.0)),
+            np.array((0.0, 1.0, 0.0)),
+            width=xmax - xmin,
+            height=ymax - ymin,
+            near=top - zmax,
+            far=top - zmin,
+            size=size,
+        )
+
+    @property
+    def _axes(self):
+        return np.array([self.right, self.up, np.cross(self.right, self.up)])
+
+    @property
+    def view_from_world(self):
+        """The 4x4 matrix into OpenGL's view axes (x right, y up, -z ahead)."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self._axes
+        matrix[:3, 3] = -self._axes @ self.origin
+        return matrix
+
+    def project(self, points):
+        """Project points into the picture; NaN before near or beyond far."""
+        moved = (_checks.points_of(points) - self.origin) @ self._axes.T
+        depth = -moved[:, 2] + 0.0
+        uv = moved[:, :2] / (self.width, self.height)
+        uv[~((depth >= self.near) & (depth <= self.far))] = np.nan
+        return uv, depth
+
+    def rays(self, uv):
+        """Return the rays through points of the picture, from depth 0."""
+        across = np.asarray(uv, float) * (self.width, self.height)
+        origins = self.origin + across @ self._axes[:2]
+        return origins, -self.toward(origins)
+
+    def toward(self, points):
+        """Return unit vectors from points to the camera, the same for all."""
+        return np.broadcast_to(self._axes[2], _checks.points_of(points).shape).copy()
+
+    def texel(self, points):
+        """Return the size of a pixel at points, the same for all."""
+        if self.size is None:
+            msg = 'size is None; the width and height in pixels are needed for the size of one.'
+            raise ValueError(msg)
+        side = np.sqrt(self.width / self.size[0] * self.height / self.size[1])
+        return np.full(len(_checks.points_of(points)), side)
+
+    def clip_from_view(self, near, far, margin=0.0):
+        """Return the projection matrix."""
+        if not (near < far and np.isfinite(far - near)):
+            msg = f'near, far are {near}, {far}; both must be finite, near below far.'
+            raise ValueError(msg)
+        uv_from_view = np.diag([1 / self.width, 1 / self.height, 0.0, 0.0])[:2]
+        one = np.array([0.0, 0.0, 0.0, 1.0])
+        matrix = np.zeros((4, 4))
+        matrix[:2] = self.clip_rows(uv_from_view, one, margin)
+        matrix[2, 2:] = -2 / (far - near), -(far + near) / (far - near)
+        matrix[3, 3] = 1.0
+        return matrix

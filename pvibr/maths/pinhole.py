@@ -1,0 +1,282 @@
+"""Calibrated photographs: pinhole cameras with lens distortion, as OpenCV describes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from pvibr.maths import _checks
+from pvibr.maths.camera import Camera
+from pvibr.maths.distortion import coefficients, distort, undistort, valid_radius
+
+#: Allowed principal points as fractions of the size, if the size that K is for was stated, and if
+#: it has to be guessed: a picture twice or half as large must be noticed.
+STATED, GUESSED = (-1.0, 2.0), (0.3, 0.7)
+_BORDER = 257  # points on each side of a picture whose rays bound the field of view
+_CV_FROM_GL = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Pinhole(Camera):
+    """A calibrated photograph's camera, as OpenCV describes it.
+
+    The camera's axes are x right, y down, z ahead; ``x_camera = R @ x_world + t``.
+
+    Parameters
+    ----------
+    K : array_like, shape (3, 3)
+        Focal lengths, skew and principal point in pixels: ``[[fx, s, cx], [0, fy, cy],
+        [0, 0, 1]]``.
+    R : array_like, shape (3, 3)
+        Rotation from world to camera.
+    t : array_like, shape (3,)
+        World units.
+    size : tuple of 2 int
+        Width and height in pixels of the picture that K is for.
+    distortion : array_like, optional
+        k1, k2, p1, p2[, k3[, k4, k5, k6]]; see :func:`distort`.
+
+    Raises
+    ------
+    ValueError
+        If K is singular, not upper triangular or for a picture of another size, R is no rotation,
+        the distortion has another number of terms or leaves nothing to see, or a number is not
+        finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.pinhole import Pinhole
+    >>> K = [[100.0, 0.0, 49.5], [0.0, 100.0, 24.5], [0.0, 0.0, 1.0]]
+    >>> camera = Pinhole(K, np.eye(3), np.zeros(3), (100, 50))
+    >>> uv, depth = camera.project([[0.0, 0.0, 4.0], [1.0, 0.5, 4.0], [0.0, 0.0, -4.0]])
+    >>> uv.tolist(), depth.tolist()
+    ([[0.5, 0.5], [0.75, 0.25], [nan, nan]], [4.0, 4.0, -4.0])
+    >>> K = [[50.0, 0.0, 49.5], [0.0, 50.0, 49.5], [0.0, 0.0, 1.0]]
+    >>> camera = Pinhole(K, [[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 0, 0], (100, 100))
+    >>> camera.clip_from_view(1.0, 3.0).tolist()
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -2.0, -3.0], [0.0, 0.0, -1.0, 0.0]]
+    """
+
+    # array_like is given; read-only float64 is kept.
+    K: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    size: tuple[int, int]
+    distortion: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self):
+        _checks.freeze(
+            self,
+            size=_checks.size_of(self.size),
+            K=_intrinsics(self.K),
+            R=_rotation(self.R),
+            t=_checks.numbers('t', self.t, (3,)),
+            distortion=coefficients(self.distortion),
+        )
+        check_principal_point(self.K, self.size, STATED)
+        self.undistorted_bounds()
+
+    @property
+    def position(self):
+        """The centre of projection, shape (3,), in world units."""
+        # Not R transposed: far from the origin even an R of seven digits must give the same place.
+        return -np.linalg.solve(self.R, self.t)
+
+    @property
+    def view_from_world(self):
+        """The 4x4 matrix into OpenGL's view axes."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = _CV_FROM_GL @ self.R
+        matrix[:3, 3] = _CV_FROM_GL @ self.t
+        return matrix
+
+    @property
+    def uv_from_plane(self):
+        """The affine 2x3 matrix from the (distorted) plane one unit ahead, y down, to uv."""
+        width, height = self.size
+        (fx, skew, cx), (_, fy, cy) = self.K[:2]
+        return np.array(
+            [
+                [fx / width, skew / width, (cx + 0.5) / width],
+                [0.0, -fy / height, 1.0 - (cy + 0.5) / height],
+            ]
+        )
+
+    @cached_property
+    def valid_radius(self):
+        """See :func:`valid_radius`."""
+        return valid_radius(self.distortion)
+
+    def project(self, points):
+        """Project points into the picture; NaN behind the camera and where the lens folds."""
+        moved = _checks.points_of(points) @ self.R.T + self.t
+        depth = moved[:, 2]
+        ahead = (depth > self._rounding(points))[:, None]
+        plane = np.full((len(moved), 2), np.nan)
+        with np.errstate(over='ignore'):
+            np.divide(moved[:, :2], depth[:, None], out=plane, where=ahead)
+        return _affine(self.uv_from_plane, distort(plane, self.distortion)), depth
+
+    def _rounding(self, points):
+        """Return the depth that rounding alone may give a point in the plane of the camera."""
+        kind = getattr(points, 'dtype', np.dtype(np.float64))
+        eps = np.finfo(kind if kind.kind == 'f' else np.float64).eps
+        return 4 * eps * (np.abs(_checks.points_of(points)) @ np.abs(self.R[2]) + abs(self.t[2]))
+
+    def rays(self, uv):
+        """Return the rays through points of the picture; NaN where the lens sees nothing."""
+        matrix = self.uv_from_plane
+        plane = np.linalg.solve(matrix[:, :2], (np.asarray(uv, float) - matrix[:, 2]).T).T
+        plane = undistort(plane, self.distortion)
+        ahead = np.column_stack([plane, np.ones(len(plane))]) @ np.linalg.inv(self.R).T
+        return np.broadcast_to(self.position, ahead.shape).copy(), _unit(ahead)
+
+    def toward(self, points):
+        """Return unit vectors from points to the camera."""
+        return _unit(self.position - _checks.points_of(points))
+
+    def texel(self, points):
+        """Return the size of a pixel at points."""
+        depth = _checks.points_of(points) @ self.R[2] + self.t[2]
+        return depth / np.sqrt(self.K[0, 0] * self.K[1, 1])
+
+    def undistorted_bounds(self):
+        """Return the bounds of the field of view, in uv of the camera without its lens."""
+        return self._bounds
+
+    @cached_property
+    def _bounds(self):
+        if not self.distortion.any():
+            return 0.0, 1.0, 0.0, 1.0
+        matrix = self.uv_from_plane
+        plane = np.linalg.solve(matrix[:, :2], (_border() - matrix[:, 2]).T).T
+        seen = undistort(plane, self.distortion)
+        if np.isfinite(self.valid_radius):
+            # Where the lens ends within the picture, the edge of what it sees is this circle.
+            angles = np.linspace(0, 2 * np.pi, 4 * _BORDER)
+            circle = (1 - 1e-9) * self.valid_radius * np.c_[np.cos(angles), np.sin(angles)]
+            uv = _affine(matrix, distort(circle, self.distortion))
+            seen = np.concatenate([seen, circle[((uv >= 0) & (uv <= 1)).all(axis=1)]])
+        seen = _affine(matrix, seen[np.isfinite(seen).all(axis=1)])
+        if not len(seen):
+            msg = (
+                f'distortion is {self.distortion.tolist()}; with K {self.K.tolist()} no ray goes '
+                f'through a picture of {self.size[0]} x {self.size[1]} pixels.'
+            )
+            raise ValueError(msg)
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+    def clip_from_view(self, near, far, margin=0.0):
+        """Return the projection matrix of the whole field of view, without lens distortion."""
+        if not 0 < near < far:
+            msg = f'near, far are {near}, {far}; 0 < near < far is needed.'
+            raise ValueError(msg)
+        ahead = np.array([0.0, 0.0, 1.0])
+        lines = self.clip_rows(self.uv_from_plane, ahead, margin)
+        ratio = near / far
+        matrix = np.zeros((4, 4))
+        matrix[:2, :3] = lines @ _CV_FROM_GL
+        matrix[2, 2:] = -(1 + ratio) / (1 - ratio), -2 * near / (1 - ratio)
+        matrix[3, 2] = -1.0
+        return matrix + 0.0
+
+    def resized(self, size):
+        """Return the camera of the same picture with other pixels.
+
+        Parameters
+        ----------
+        size : tuple of 2 int
+            Width and height in pixels of the scaled picture.
+
+        Returns
+        -------
+        Pinhole
+            Every point keeps its uv.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pvibr.maths.pinhole import Pinhole
+        >>> K = [[100.0, 0.0, 49.5], [0.0, 100.0, 24.5], [0.0, 0.0, 1.0]]
+        >>> Pinhole(K, np.eye(3), np.zeros(3), (100, 50)).resized((200, 100)).K.tolist()
+        [[200.0, 0.0, 99.5], [0.0, 200.0, 49.5], [0.0, 0.0, 1.0]]
+        """
+        size = _checks.size_of(size)
+        K = self.K.copy()
+        K[:2, 2] += 0.5
+        K[:2] *= (np.array(size) / self.size)[:, None]
+        K[:2, 2] -= 0.5
+        return replace(self, K=K, size=size)
+
+
+def _border():
+    """Return points along the four sides of a picture, corners included."""
+    along = np.linspace(0, 1, _BORDER)
+    zero, one = np.zeros_like(along), np.ones_like(along)
+    sides = (along, zero), (along, one), (zero, along), (one, along)
+    return np.concatenate([np.column_stack(side) for side in sides])
+
+
+def _intrinsics(K):
+    K = _checks.numbers('K', K, (3, 3))
+    if K[1, 0] or K[2, 0] or K[2, 1]:
+        msg = f'K is {K.tolist()}; it must be upper triangular: below the diagonal all is 0.'
+        raise ValueError(msg)
+    if not (K.diagonal() > 0).all():
+        msg = f'K has the diagonal {K.diagonal().tolist()}; focal lengths and 1 must be above 0.'
+        raise ValueError(msg)
+    return K / K[2, 2]
+
+
+def _rotation(R):
+    R = _checks.numbers('R', R, (3, 3))
+    off, det = np.abs(R @ R.T - np.eye(3)).max(), np.linalg.det(R)
+    if off > _checks.ROTATION_TOLERANCE or det < 0:
+        msg = (
+            f'R is {R.tolist()}; it must be a rotation: R @ R.T is off the identity by {off:.2g} '
+            f'(allowed: {_checks.ROTATION_TOLERANCE}), its determinant is {det:.6g} (allowed: +1).'
+        )
+        raise ValueError(msg)
+    return R
+
+
+def check_principal_point(K, size, allowed):
+    """Raise an error if K seems to be for a picture of another size.
+
+    Parameters
+    ----------
+    K : numpy.ndarray, shape (3, 3)
+        Intrinsics in pixels.
+    size : tuple of 2 int
+        Width and height in pixels.
+    allowed : tuple of 2 float
+        Minimum and maximum of the principal point, as fractions of the size.
+
+    Raises
+    ------
+    ValueError
+        If it does.
+    """
+    share = (K[:2, 2] + 0.5) / size
+    if (share < allowed[0]).any() or (share > allowed[1]).any():
+        msg = (
+            f'K has its principal point at {K[:2, 2].tolist()}, for a picture of '
+            f'{size[0]} x {size[1]} pixels; between {allowed[0]} and {allowed[1]} of the size is '
+            'allowed. K seems to be for another size: scale it (Pinhole.resized); if the picture '
+            'is a part of a larger one, say the size that K is for (Pinhole(..., size=size)).'
+        )
+        raise ValueError(msg)
+
+
+def _unit(vectors):
+    """Return unit vectors; NaN for a vector of length zero, which has no direction."""
+    with np.errstate(invalid='ignore'):
+        return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def _affine(matrix, xy):
+    return xy @ matrix[:, :2].T + matrix[:, 2]
