@@ -50,6 +50,6 @@ print(pl.ibr.web_report('html'))
 with tempfile.TemporaryDirectory() as folder:
     pl.ibr.export_glb(Path(folder) / 'scene.glb', triangles=60_000, texture=256)
     print(sum(file.stat().st_size for file in Path(folder).iterdir()), 'bytes')
-plain = pl.ibr.baked(triangles=60_000, texture=512)
+plain = pl.ibr.to_plain_plotter(triangles=60_000, texture=512)
 pl.close()
 plain.show()

@@ -58,7 +58,7 @@ _EXPORTS = {
     'AnimatedActor': 'pvibr.figures.animated_actor',
     'animation': 'pvibr.animation',
     'Atlas': 'pvibr.instances.atlas',
-    'attach': 'pvibr.component',
+    'attach': 'pvibr.plain_renderer',
     'BillboardCloud': 'pvibr.billboard_clouds.cloud',
     'Billboards': 'pvibr.billboards.billboards',
     'ClosedError': 'pvibr.core.errors',

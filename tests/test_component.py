@@ -277,3 +277,14 @@ def test_attached_lives_as_long_as_its_renderer():
 def test_attach_to_something_else(pl):
     with pytest.raises(TypeError, match='must be a vtkRenderer'):
         pvibr.attach(pl)
+
+
+def test_repr_says_what_there_is(pl):
+    pl.ibr.add(Fade())
+    pl.ibr.add_spheres([[0, 0, 0]])
+    pl.ibr.time = 0.5
+    assert repr(pl.ibr) == '<plotter.ibr: 1 subplot, 1 thing, 1 effect, time 0.5 s>'
+    pl.ibr.play()
+    assert repr(pl.ibr).endswith('time 0.5 s, playing>')
+    pl.close()
+    assert repr(pl.ibr) == '<plotter.ibr: closed>'

@@ -15,10 +15,10 @@ import pvibr
 ROOT = Path(pvibr.__file__).parent
 # The floors of the house, highest first: an import goes down, or stays in its room.
 FLOORS = (
-    ('cli',),
+    ('cli', 'plain_renderer'),
     ('component', 'bench'),
     ('accessor', 'export', 'figures', 'image_layers', 'inspection', 'quadrics', 'scenes'),
-    ('pipeline', 'billboards', 'billboard_clouds', 'capture', 'impostors'),
+    ('pipeline', 'add_methods', 'billboards', 'billboard_clouds', 'capture', 'impostors'),
     ('animation.gltf', 'effects', 'instances', 'projection', 'shadows'),
     ('animation',),
     ('scene',),

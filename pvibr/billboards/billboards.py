@@ -12,12 +12,14 @@ from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
 from pvibr.core.frame import Frame
 from pvibr.core.params import Param
+from pvibr.core.signatures import takes
 from pvibr.gl import Texture, set_uniforms, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
 from pvibr.images.sheet import as_images
 from pvibr.instances.cards import card_mesh, pack
 from pvibr.scene.item_set import ItemSet
+from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_actor import draw_actor, observe_shader
 from pvibr.scene.thing import anchor as new_anchor
@@ -124,6 +126,7 @@ class Billboards(ItemSet):
     )
     _noun = 'points'
 
+    @takes(table=TABLE_OPTIONS)
     def __init__(
         self,
         points,

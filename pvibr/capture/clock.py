@@ -9,6 +9,7 @@ import math
 from time import perf_counter
 
 from pvibr.core.determinism import is_deterministic
+from pvibr.core.plotters import frame_callbacks
 
 #: Milliseconds between two looks at the clock.
 PERIOD = 16
@@ -185,11 +186,11 @@ def filming(plotter) -> bool:
 
 def draw(plotter):
     """Draw a frame, in the window or for each page that is open: they draw when they are told."""
-    told = getattr(plotter, '_on_render_callbacks', ())
+    told = frame_callbacks(plotter)
     if not told or not all(tell.__module__.startswith(_VIEWS) for tell in told):
         plotter.render()
         return
-    for tell in list(told):
+    for tell in told:
         tell(plotter)
 
 
@@ -218,8 +219,7 @@ def has_page(plotter) -> bool:
     """Tell whether something that is told of frames, such as a view of trame, shows them."""
     # Views ask to be told of each ``plotter.render()``. Where rendering is suppressed, the
     # browser draws by itself.
-    told = getattr(plotter, '_on_render_callbacks', ())
-    return bool(told) and not getattr(plotter, 'suppress_rendering', False)
+    return bool(frame_callbacks(plotter)) and not getattr(plotter, 'suppress_rendering', False)
 
 
 def _fps_of(writer):
@@ -232,6 +232,18 @@ def _fps_of(writer):
         return 1e3 / float(given['duration'])
     msg = 'the movie does not say how many frames a second has: give play(fps=...)'
     raise ValueError(msg)
+
+
+def checked_time(seconds) -> float:
+    """Return a finite time."""
+    try:
+        time = float(seconds)
+    except (TypeError, ValueError, OverflowError):
+        time = math.nan
+    if not math.isfinite(time):
+        msg = f'time = {seconds!r:.60}: must be a finite number of seconds'
+        raise ValueError(msg)
+    return time
 
 
 def _check_positive(name, value, unit):

@@ -121,6 +121,29 @@ def _writer(file, ending, fps):
         raise
 
 
+def record(ibr, screenshots, path, seconds, *, fps, start, speed, each, resume, progress) -> Path:
+    """Draw the frames of a movie of ``plotter.ibr``, each at its own time, and write it."""
+    ibr.stop()
+    before = ibr.time
+    start = before if start is None else start
+    times = frame_times(seconds, fps, start, speed)
+    with screenshots.cameras_restored() as marks:
+        marks |= {'start': start, 'speed': speed, 'state': ibr.state()}
+        film = Film(path, count=len(times), fps=fps, marks=marks, resume=resume)
+
+        def draw(k):
+            ibr.time = times[k]
+            if each is not None:
+                each(float(times[k]))
+            return screenshots.take(transparent=False)
+
+        try:
+            write_movie(film, draw, progress=progress)
+        finally:
+            ibr.time = before
+    return film.path
+
+
 def write_movie(film, draw, *, progress=None):
     """Draw the frames of a movie that are missing, and make it."""
     missing = film.missing()

@@ -7,8 +7,10 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from pvibr.capture.montage import save
 from pvibr.core import _vtk
 from pvibr.core.frame import Frame
+from pvibr.core.plotters import is_never_shown
 
 #: Pixels around a tile that VTK's own passes look at: edges that are smoothed, EDL.
 _NEIGHBOURS = 8
@@ -139,8 +141,8 @@ class TiledScreenshot:
     def __init__(self, plotter, effects, full):
         self._plotter, self._effects, self._full = plotter, effects, full
 
-    def take(self, scale=None, size=None, transparent=None) -> np.ndarray:
-        """Draw a picture; see :meth:`pvibr.component.IBRComponent.screenshot`."""
+    def take(self, scale=None, size=None, transparent=None, filename=None) -> np.ndarray:
+        """Draw an image, and write it if there is a file name."""
         window = self._window()
         tile, scale, size = _checked(tuple(window.GetActualSize()), scale, size)
         if transparent is None:
@@ -150,10 +152,13 @@ class TiledScreenshot:
             if scale > 1:
                 window.Render()  # light is spread over the whole at the window's own size
             image = picture(window, scale, self._effects(), transparent=transparent)
-        return np.ascontiguousarray(image[: size[1], : size[0]])
+        image = np.ascontiguousarray(image[: size[1], : size[0]])
+        if filename is not None:
+            save(filename, image)
+        return image
 
     def _window(self):
-        if getattr(self._plotter, '_first_time', False):
+        if is_never_shown(self._plotter):
             self._plotter.screenshot(return_img=False)  # it sets the camera and all else
         return self._plotter.renderer.GetRenderWindow()
 
@@ -187,7 +192,7 @@ class TiledScreenshot:
 def _checked(window, scale, size):
     """Return the window's size, the scale and the picture's size."""
     if scale is not None and size is not None:
-        msg = f'scale = {scale!r} and size = {size!r}: give one of them.'
+        msg = f'scale = {scale!r} and window_size = {size!r}: give only one of them.'
         raise ValueError(msg)
     if size is None:
         scale = 1 if scale is None else scale
@@ -196,7 +201,7 @@ def _checked(window, scale, size):
             raise ValueError(msg)
         return window, scale, tuple(n * scale for n in window)
     if np.shape(size) != (2,) or not all(map(_is_count, size)):
-        msg = f'size = {size!r}: must be two positive integers, width and height in pixels.'
+        msg = f'window_size = {size!r}: must be two positive integers, width and height in pixels.'
         raise ValueError(msg)
     scale = max(-(-n // m) for n, m in zip(size, window, strict=True))
     return tuple(-(-n // scale) for n in size), scale, tuple(size)

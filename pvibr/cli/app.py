@@ -131,7 +131,7 @@ def play(
     *,
     clip: str | None = None,
     movie: Path | None = None,
-    frame: _Moment | None = None,
+    time: _Moment | None = None,
     out: _Out = None,
     fps: Annotated[float, _Positive] = 30.0,
     size: str = '1280x720',
@@ -143,12 +143,12 @@ def play(
     pixels = _size(size)
     from pvibr.cli.play import main
 
-    _require_gl(window=movie is None and frame is None and out is None)
+    _require_gl(window=movie is None and time is None and out is None)
     main(
         file,
         clip=clip,
         movie=movie,
-        frame=frame,
+        time=time,
         out=out,
         fps=fps,
         size=pixels,

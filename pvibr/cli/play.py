@@ -27,7 +27,7 @@ def main(
     *,
     clip=None,
     movie=None,
-    frame=None,
+    time=None,
     out=None,
     fps=30.0,
     size=(1280, 720),
@@ -35,14 +35,14 @@ def main(
     seconds=None,
     skinning='linear',
 ):
-    """Play a file: in a window, or off screen where a movie or a frame is asked for."""
-    _check(movie, frame, out)
+    """Play a file: in a window, or off screen if a movie or an image is requested."""
+    _check(movie, time, out)
     figure = as_figure(file)
     clip = _clip_of(figure, clip)
     console = Console()
     if figure.clips:
         console.print(_clips(figure, clip))
-    if movie is None and frame is None and out is None:
+    if movie is None and time is None and out is None:
         _show(figure, clip, file, size, speed, skinning)
         return
     if movie is not None:
@@ -53,16 +53,16 @@ def main(
         plotter.ibr.movie(movie, _length(figure, clip, speed, seconds), fps=fps, progress=True)
     else:
         movie = out or f'{Path(file).stem}.png'
-        plotter.ibr.time = frame or 0.0
+        plotter.ibr.time = time or 0.0
         Path(movie).parent.mkdir(parents=True, exist_ok=True)
         plotter.screenshot(movie)
     plotter.close()
     console.print(f'wrote {movie}')
 
 
-def _check(movie, frame, out):
-    if movie is not None and (frame is not None or out is not None):
-        msg = '--movie writes a movie, --frame and -o one picture: give one of them.'
+def _check(movie, time, out):
+    if movie is not None and (time is not None or out is not None):
+        msg = '--movie writes a movie, --time and -o one picture: give one of them.'
         raise ValueError(msg)
     if out is not None and Path(out).suffix.lower() != '.png':
         msg = f'-o is {str(out)!r}; it must end in .png.'
@@ -96,7 +96,7 @@ def _length(figure, clip, speed, seconds):
     if seconds is not None:
         return seconds
     if clip is None or not clip.duration:
-        msg = f'nothing in {figure.name or "the file"} moves: give --seconds, or --frame 0.'
+        msg = f'nothing in {figure.name or "the file"} moves: give --seconds, or --time 0.'
         raise ValueError(msg)
     return clip.duration / abs(speed)
 

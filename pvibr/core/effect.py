@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from inspect import Signature
+from typing import ClassVar
 
 from pvibr.core.params import params_of
+from pvibr.core.signatures import arguments_of, docstring_of, signature_of
 
 
 class Effect:
@@ -69,6 +72,7 @@ class Effect:
     _pipeline = None
     _revision = 0
     _name: str | None = None
+    __signature__: ClassVar[Signature]
 
     @property
     def pipeline(self):
@@ -157,6 +161,13 @@ class Effect:
         """Add what it shows to a `BakedScene`; called if `web` says 'baked'."""
 
     # -- what users use ----------------------------------------------------------------------
+
+    def __init_subclass__(cls, **kwargs):
+        super().__init_subclass__(**kwargs)
+        arguments = arguments_of(cls)
+        cls.__signature__ = signature_of(arguments)
+        if cls.__doc__ is not None:
+            cls.__doc__ = docstring_of(cls, arguments)
 
     def __init__(self, **settings):
         self._set(self._checked(settings))

@@ -9,6 +9,15 @@ import uuid
 from pathlib import Path
 
 
+def with_suffix(path, suffix) -> Path:
+    """Return a path that must end in a suffix."""
+    path = Path(path).expanduser()
+    if path.suffix.lower() != suffix:
+        msg = f'path is {str(path)!r}; it must end in {suffix}'
+        raise ValueError(msg)
+    return path
+
+
 @contextlib.contextmanager
 def replacing(path):
     """Write a file under another name, and give it its own once it is whole."""

@@ -39,6 +39,21 @@ def restore(contents, state, *, own=None, lenient=False) -> list[str]:
     return unknown + _carry_out(plan, lenient)
 
 
+def load(contents, text, name, *, own=None) -> list[str]:
+    """Set things to the settings in a text; return the names that were left out."""
+    state, version = from_text('state', text, name)
+    return restore(contents, state, own=own, lenient=version != VERSION)
+
+
+def named(effects) -> dict:
+    """Return effects by name; the second of a name is ``'Name 2'``."""
+    found: dict = {}
+    for effect in effects:
+        count = sum(e.name == effect.name for e in found.values())
+        found[f'{effect.name} {count + 1}' if count else effect.name] = effect
+    return found
+
+
 def _mapping(name, value) -> dict:
     if not isinstance(value, dict):
         msg = f'{name} is {type(value).__name__} {value!r:.60}: must be a dict of names'

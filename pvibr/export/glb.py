@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import io
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core._vtk import address
+from pvibr.core.files import with_suffix
 from pvibr.export.scene import SKY, names_of
 from pvibr.export.surfaces import albedo_of, surface_of_part
 from pvibr.formats.glb_writer import GlbWriter
@@ -22,9 +22,18 @@ _UNLIT = 'KHR_materials_unlit'
 _UPRIGHT = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 
 
+def export_glb(path, subplot, make_plain):
+    """Write a subplot of the plotter that a function makes, called only if the path is valid."""
+    path = with_suffix(path, '.glb')
+    plain = make_plain()
+    try:
+        write_glb(plain.renderers[subplot], path)
+    finally:
+        plain.close()
+
+
 def write_glb(renderer, path) -> list[str]:
-    """Write the actors of a renderer, its camera and nothing else."""
-    path = checked_path(path)
+    """Write the actors of a renderer, its camera and nothing else; return the names left out."""
     surfaces, lines, left_out = _contents(renderer)
     glb = GlbWriter()
     ends = [s.points for s in surfaces] + [np.asarray(m.points, float) for m, _ in lines]
@@ -46,15 +55,6 @@ def write_glb(renderer, path) -> list[str]:
         glb.document['extensionsUsed'] = [_UNLIT]
     glb.write(path)
     return left_out
-
-
-def checked_path(path) -> Path:
-    """Return a path that ends in .glb."""
-    path = Path(path).expanduser()
-    if path.suffix.lower() != '.glb':
-        msg = f'path is {str(path)!r}; it must end in .glb'
-        raise ValueError(msg)
-    return path
 
 
 def _contents(renderer):

@@ -6,10 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-from pvibr.core.files import replacing
+from pvibr.core.files import replacing, with_suffix
 
 #: What a page of vtk.js has, whatever the plotter's camera has: degrees.
 ANGLE = 30.0
+
+
+def export_html(path, make_plain):
+    """Write the plotter that a function makes, which is only called if the path is valid."""
+    path = with_suffix(path, '.html')
+    plain = make_plain()
+    try:
+        write_html(plain, path)
+    finally:
+        plain.close()
 
 
 def write_html(plotter, path):
@@ -40,12 +50,3 @@ def reframe(camera, angle):
     camera.view_angle = angle
     further = half / np.tan(np.radians(angle / 2))
     camera.position = tuple(focus + (position - focus) / away * further)
-
-
-def checked_path(path) -> Path:
-    """Return a path that ends in .html."""
-    path = Path(path).expanduser()
-    if path.suffix.lower() not in ('.html', '.htm'):
-        msg = f'path is {str(path)!r}; it must end in .html'
-        raise ValueError(msg)
-    return path

@@ -11,6 +11,7 @@ import pyvista as pv
 from pvibr.core._vtk import address
 from pvibr.core.errors import PvibrWarning
 from pvibr.core.frame import Frame
+from pvibr.core.plotters import border_of, renderers_of
 from pvibr.export.scene import BakedScene, names_of
 from pvibr.export.web_report import web_report
 from pvibr.scene.thing import Thing
@@ -18,10 +19,10 @@ from pvibr.scene.thing import Thing
 _LIMITS = {'triangles': (1, 10**9), 'texture': (0, 16_384)}
 
 
-def baked(host, pipelines, *, triangles=1_000_000, texture=1024, detail=1 / 1024):
+def to_plain_plotter(host, pipelines, *, triangles, texture, detail):
     """Return a plotter of plain actors that shows what another one shows."""
     _check(triangles, texture, detail)
-    renderers = list(getattr(host, 'renderers', [host.renderer]))
+    renderers = renderers_of(host)
     effects = {p.renderer: [e for e in p.effects if e.enabled] for p in pipelines}
     made = _like(host, renderers)
     try:
@@ -135,20 +136,14 @@ def _props(renderer, effects) -> list:
             hidden |= {address(a) for a in (*thing.actors(), *thing.props)}
     names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if address(p) not in hidden]
-    return [(names.get(address(p)), p) for p in props if not _is_frame(renderer, p)]
-
-
-def _is_frame(renderer, prop) -> bool:
-    """Tell whether a prop is the border of a subplot, which the new one has by itself."""
-    border = getattr(renderer, '_border_actor', None)
-    return border is not None and prop is border
+    return [(names.get(address(p)), p) for p in props if p is not border_of(renderer)]
 
 
 def _warn(report, dropped):
     lost = [f'{r.effect} ({r.what})' for r in report.missing if r.state == 'lost']
     parts = []
     if lost:
-        parts.append(f'not in the baked plotter: {", ".join(lost)}')
+        parts.append(f'not in the plain plotter: {", ".join(lost)}')
     for name, count in dropped.items():
         parts.append(
             f'{count} of {name}, the smallest on the screen, are left out: give more triangles'

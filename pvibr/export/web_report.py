@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 import weakref
 from dataclasses import asdict, dataclass
-from typing import Any
 
 from pvibr.core import _vtk
 from pvibr.core.errors import PvibrWarning
+from pvibr.core.plotters import trame_viewer
 
 #: Pictures of these come from where pvibr is; the others hand the scene over as data.
 PICTURES = ('static', 'server', 'none')
@@ -48,7 +47,7 @@ class WebReport:
         cells = [('effect', f'with {self.backend!r}', 'as what, or why not')]
         for row in self.rows:
             name = f'{row.subplot}: {row.effect}' if many else row.effect
-            state = 'after baked()' if row.state == 'baked' else row.state
+            state = 'after to_plain_plotter()' if row.state == 'baked' else row.state
             cells.append((name, state, row.what))
         widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
         lines = ['  '.join(map(str.ljust, row, widths)).rstrip() for row in cells]
@@ -134,30 +133,39 @@ def _shows(prop, source, drawing):
     return show
 
 
-class Page:
-    """A page of trame that shows pictures of a plotter, and can be switched to draw by itself."""
+class HandOver:
+    """Warns, once, of what is missing when a plotter's scene is read as data."""
 
-    def __init__(self, viewer):
-        self.viewer = viewer
+    def __init__(self, plotter, report):
+        self._plotter, self._report = plotter, report
+        self._told: list = []
+        self._viewer: object = None
+        self._stopped = False
 
-    @classmethod
-    def of(cls, plotter) -> Page | None:
-        """Return the page of a plotter, None where there is none."""
-        ui = sys.modules.get('trame_pyvista.ui') or sys.modules.get('pyvista.trame.ui')
-        viewers: dict[Any, Any] = getattr(ui, '_VIEWERS', {})
-        viewer: Any = viewers.get(getattr(plotter, '_id_name', None))
-        return None if viewer is None or not hasattr(viewer, 'SERVER_RENDERING') else cls(viewer)
+    def stop(self):
+        """Warn no more."""
+        self._stopped = True
 
-    @property
-    def shows_pictures(self) -> bool:
-        """Whether its pictures are drawn here, for now."""
-        return bool(self.viewer.server.state[self.viewer.SERVER_RENDERING])
+    def warn(self):
+        """Warn unless a page of trame shows images that are rendered here, for now."""
+        if self._stopped:
+            return
+        viewer = trame_viewer(self._plotter)
+        if viewer is not None and viewer.server.state[viewer.SERVER_RENDERING]:
+            self._follow(viewer)
+            return
+        report = self._report()
+        if report.missing and report.missing != self._told:
+            self._told = report.missing
+            warn_missing(report)
 
-    def on_switch(self, tell):
-        """Have something told when it begins or ceases to draw by itself."""
-        tell = weakref.WeakMethod(tell)
-        self.viewer.server.state.change(self.viewer.SERVER_RENDERING)(
-            lambda **_: (told := tell()) is not None and told()
+    def _follow(self, viewer):
+        """Be called when a page switches between images and data."""
+        if viewer is self._viewer:
+            return
+        self._viewer, warn = viewer, weakref.WeakMethod(self.warn)
+        viewer.server.state.change(viewer.SERVER_RENDERING)(
+            lambda **_: (found := warn()) is not None and found()
         )
 
 
@@ -167,7 +175,7 @@ def warn_missing(report):
     baked = ', '.join(r.effect for r in report.missing if r.state == 'baked')
     parts = ['The scene is handed over as data: what pvibr draws is not in it']
     if baked:
-        parts.append(f'pl.ibr.baked() returns a plotter that has {baked}')
+        parts.append(f'pl.ibr.to_plain_plotter() returns a plotter that has {baked}')
     if named:
         parts.append(f'Lost in any case: {named}')
     parts.append("With jupyter_backend='server' a page shows everything; see pl.ibr.web_report()")

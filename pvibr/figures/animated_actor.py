@@ -8,10 +8,12 @@ import numpy as np
 
 from pvibr.core.errors import PvibrError
 from pvibr.core.params import Param
+from pvibr.core.signatures import takes
 from pvibr.figures.mesh_actors import PosedMeshActor, as_mesh_actors, moved_bounds, posed_part
 from pvibr.figures.picking import nearest_hit, stand_in
 from pvibr.figures.player import FigurePlayer
 from pvibr.figures.posing import Posing
+from pvibr.meshes.parts import as_parts
 from pvibr.scene.picking import pixel_ray
 from pvibr.scene.placing import Placed
 from pvibr.scene.thing import anchor, set_bounds
@@ -80,6 +82,7 @@ class AnimatedActor(FigurePlayer, Placed):
     #: What was shown in the last frame, or when it was added, and its bounds.
     _framed: tuple = (-1, (1.0, -1.0) * 3)
 
+    @takes(mesh_kwargs=as_parts)
     def __init__(
         self,
         figure,

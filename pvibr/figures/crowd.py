@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core.effect import Effect
+from pvibr.core.signatures import takes
 from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Playback
 from pvibr.figures.mesh_actors import as_mesh_actors
 from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.instances.instances import Instances
 from pvibr.instances.levels import progress_bar
 from pvibr.maths.transforms import trs
+from pvibr.meshes.parts import as_parts
 from pvibr.meshes.poses import as_poses
 
 
@@ -79,6 +81,7 @@ class Crowd(Instances):
     >>> pl.close()
     """
 
+    @takes(mesh_kwargs=as_parts)
     def __init__(
         self,
         figure,

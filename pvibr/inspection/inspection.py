@@ -292,3 +292,16 @@ def _milliseconds(report) -> list[str]:
 def _row(name, value) -> str:
     name = name[:_NAME]
     return name + f' {value}'.rjust(_LINE - len(name))
+
+
+def toggle(pipeline, on, atlas, *, levels, cells, table) -> Inspection | None:
+    """Show how a subplot is drawn, or stop; by default whichever it does not now."""
+    if on is not None and not isinstance(on, bool):
+        msg = f'on = {on!r}: must be True, False or None; atlas says whose images are shown'
+        raise TypeError(msg)
+    thing = None if isinstance(atlas, bool) else atlas
+    made = Inspection(thing, levels=levels, cells=cells, atlas=atlas is not False, table=table)
+    found = [e for e in pipeline.effects if isinstance(e, Inspection)]
+    for old in found:
+        pipeline.remove(old)
+    return pipeline.add(made) if (not found if on is None else on) else None

@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.core.errors import PvibrWarning
 from pvibr.core.params import Param
+from pvibr.core.signatures import takes
 from pvibr.gl.binder import Binder
 from pvibr.instances.arguments import (
     checked_blend,
@@ -19,7 +20,7 @@ from pvibr.instances.arguments import (
 from pvibr.instances.cards import slab_counts, slabs
 from pvibr.instances.group import SORTED_SEEN, InstanceGroup, unit_of
 from pvibr.instances.levels import Limits, checked_force, forced_limits, limits_of, make_model
-from pvibr.meshes.parts import as_meshes
+from pvibr.meshes.parts import as_meshes, as_parts
 from pvibr.meshes.poses import as_poses
 from pvibr.scene import looks as look
 from pvibr.scene.painted import TABLE_OPTIONS, Painted
@@ -102,6 +103,7 @@ class Instances(Painted, Thing):
     visibility = Param(True, 'Whether it is drawn at all.')
     _changes = 0
 
+    @takes(mesh_kwargs=as_parts)
     def __init__(
         self,
         mesh,

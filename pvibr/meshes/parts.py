@@ -10,6 +10,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.signatures import takes
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.trimesh_meshes import as_dataset, is_trimesh, read_mesh, scene_instances
 from pvibr.meshes.turntable import Turns
@@ -71,6 +72,7 @@ def dressed(part, mapper):
     return actor
 
 
+@takes(add_mesh_kwargs=pv.Plotter.add_mesh, without=(*EXTRAS, *FIXED))
 def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
     """Return the parts that ``add_mesh`` would draw."""
     if alpha_cutoff is not None and not 0 <= alpha_cutoff <= 1:

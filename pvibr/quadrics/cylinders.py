@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.billboards.cards import as_points
+from pvibr.core.signatures import takes
 from pvibr.maths.quadric_rays import CAPS, meet_cylinders
 from pvibr.meshes.unit_meshes import along, balls, linear, tubes
 from pvibr.quadrics.cards import Shape
@@ -53,6 +54,7 @@ class Cylinders(Quadrics):
 
     _title = 'Cylinders'
 
+    @takes(looks=Quadrics)
     def __init__(self, points_a, points_b, radius=0.5, *, caps='flat', blend=False, **looks):
         self._ends = as_points(points_a), as_points(points_b)
         if len(self._ends[1]) != len(self):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.billboards.cards import as_points
+from pvibr.core.signatures import takes
 from pvibr.maths.quadric_rays import meet_ellipsoids
 from pvibr.maths.quaternions import to_matrices
 from pvibr.meshes.unit_meshes import balls, linear
@@ -56,6 +57,7 @@ class Ellipsoids(PointQuadrics):
     _title = 'Ellipsoids'
     shape = Shape('ellipsoids', texels=3, largest_point=12.0, fill=0.4)
 
+    @takes(looks=Quadrics)
     def __init__(self, points, radii=0.5, orientation=None, **looks):
         self._points = as_points(points)
         self._radii = checked_lengths('radii', radii, (len(self), 3))

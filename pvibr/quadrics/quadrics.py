@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.billboards.cards import as_points, checked_opacity
+from pvibr.core.signatures import takes
 from pvibr.gl import Texture
 from pvibr.instances.cards import BLOCK, PBR, pack
 from pvibr.maths.blocks import Blocks, morton_order
@@ -23,6 +24,7 @@ from pvibr.quadrics.cards import (
 )
 from pvibr.quadrics.occlusion import Occlusion
 from pvibr.scene.item_set import ItemSet
+from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.thing import anchor, set_bounds
 from pvibr.scene.translucent import depths_of
@@ -71,6 +73,7 @@ class Quadrics(ItemSet):
     web = 'baked', 'meshes'
     shape: Shape
 
+    @takes(table=TABLE_OPTIONS)
     def __init__(
         self,
         *,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.billboards.cards import as_points
+from pvibr.core.signatures import takes
 from pvibr.maths.quadric_rays import meet_spheres
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape
@@ -53,6 +54,7 @@ class Spheres(PointQuadrics):
     _title = 'Spheres'
     shape = Shape('spheres', texels=1)
 
+    @takes(looks=Quadrics)
     def __init__(self, points, radius=0.5, **looks):
         self._points = as_points(points)
         self._radii = checked_lengths('radius', radius, (len(self),))

@@ -117,7 +117,7 @@ def html_page(export, page, picture_of, files, quiet):
 
 def baked(pl, **options):
     pl.show(auto_close=False)
-    return pl.screenshot().astype(int), pl.ibr.baked(**options)
+    return pl.screenshot().astype(int), pl.ibr.to_plain_plotter(**options)
 
 
 def test_a_page_that_draws_by_itself_shows_what_is_baked(plotter, page, picture_of, files, quiet):

@@ -85,7 +85,7 @@ def test_any_size(size):
     pl = pv.Plotter(off_screen=True, window_size=SIZE)
     pl.add_mesh(pv.Sphere(), color='red')
     pl.ibr.add(pvibr.Vignette())
-    found = pl.ibr.screenshot(size=size)
+    found = pl.ibr.screenshot(window_size=size)
     assert found.shape == (size[1], size[0], 3)
     assert tuple(pl.window_size) == SIZE
 
@@ -117,11 +117,11 @@ def test_files_are_written_whole(tmp_path):
         {'scale': 0},
         {'scale': 1.5},
         {'scale': True},
-        {'size': (0, 5)},
-        {'size': (5,)},
-        {'size': (5.5, 5)},
-        {'size': 7},
-        {'scale': 2, 'size': (5, 5)},
+        {'window_size': (0, 5)},
+        {'window_size': (5,)},
+        {'window_size': (5.5, 5)},
+        {'window_size': 7},
+        {'scale': 2, 'window_size': (5, 5)},
     ],
 )
 def test_wrong_sizes_are_named(wrong):

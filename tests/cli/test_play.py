@@ -34,7 +34,7 @@ def test_a_frame_is_the_picture_of_its_time(file, tmp_path, capsys):
     heights = []
     for time in ('0', '0.9'):
         out = tmp_path / 'new' / f'{time}.png'
-        assert main(['play', file, '--frame', time, '-o', str(out), *SIZE]) == 0
+        assert main(['play', file, '--time', time, '-o', str(out), *SIZE]) == 0
         picture = iio.imread(out)
         assert picture.shape[:2] == (48, 64)
         heights.append(height(picture))
@@ -83,12 +83,12 @@ def test_a_movie_that_fails_leaves_what_was_there(file, tmp_path, monkeypatch, c
 @pytest.mark.parametrize(
     ('tokens', 'named'),
     [
-        (['--frame', '0', '--clip', 'fly'], "'rise', 'turn'"),
-        (['--frame', '0', '--clip', '7'], "'rise', 'turn'"),
+        (['--time', '0', '--clip', 'fly'], "'rise', 'turn'"),
+        (['--time', '0', '--clip', '7'], "'rise', 'turn'"),
         (['--movie', 'a.xyz'], '.mp4'),
-        (['--movie', 'a.gif', '--frame', '1'], 'one of them'),
+        (['--movie', 'a.gif', '--time', '1'], 'one of them'),
         (['-o', 'a.jpg'], '.png'),
-        (['--frame', 'nan'], 'finite'),
+        (['--time', 'nan'], 'finite'),
         (['--speed', '0'], 'other than 0'),
         (['--fps', '0'], 'positive'),
         (['--seconds', '-1'], 'positive'),
@@ -108,7 +108,7 @@ def test_bad_files(tmp_path, capsys):
     text.write_text('no glTF')
     assert main(['play', str(still), '--movie', str(tmp_path / 'a.gif')]) == 2
     assert 'moves' in capsys.readouterr().err
-    assert main(['play', str(text), '--frame', '0']) == 2
+    assert main(['play', str(text), '--time', '0']) == 2
     assert capsys.readouterr().err.count('\n') == 1
 
 

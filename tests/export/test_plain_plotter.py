@@ -62,7 +62,7 @@ def pictures(pl, **options):
     """Return what is shown before, and by what is baked."""
     pl.show(auto_close=False)
     before = pl.screenshot().astype(int)
-    made = pl.ibr.baked(**options)
+    made = pl.ibr.to_plain_plotter(**options)
     made.show(auto_close=False)
     after = made.screenshot().astype(int)
     made.close()
@@ -115,7 +115,7 @@ def test_subplots_cameras_lights_and_sizes_are_the_same():
     pl.enable_parallel_projection()
     pl.ibr.add_spheres([[2, 0, 0]])
     pl.show(auto_close=False)
-    made = pl.ibr.baked()
+    made = pl.ibr.to_plain_plotter()
     assert made.window_size == pl.window_size
     assert [r.viewport for r in made.renderers] == [r.viewport for r in pl.renderers]
     cameras = [r.camera for r in made.renderers]
@@ -145,7 +145,7 @@ def test_subplots_cameras_lights_and_sizes_are_the_same():
 def test_bad_numbers(name, value, error):
     pl = plotter()
     with pytest.raises(error, match=name):
-        pl.ibr.baked(**{name: value})
+        pl.ibr.to_plain_plotter(**{name: value})
     pl.close()
 
 
@@ -153,7 +153,7 @@ def test_closed_plotters_raise():
     pl = plotter()
     pl.close()
     with pytest.raises(pvibr.ClosedError):
-        pl.ibr.baked()
+        pl.ibr.to_plain_plotter()
 
 
 def test_what_is_lost_is_named_once():
@@ -162,7 +162,7 @@ def test_what_is_lost_is_named_once():
     pl.ibr.add(pvibr.Bloom())
     pl.ibr.add(pvibr.Vignette())
     with pytest.warns(pvibr.PvibrWarning, match='Bloom .*Vignette') as said:
-        made = pl.ibr.baked()
+        made = pl.ibr.to_plain_plotter()
     assert len(said) == 1
     made.close()
     pl.close()
@@ -175,7 +175,7 @@ def test_what_is_off_or_not_visible_is_left_out():
     balls.visibility = False
     pl.ibr.add(pvibr.Bloom()).enabled = False
     pl.show(auto_close=False)
-    made = pl.ibr.baked()
+    made = pl.ibr.to_plain_plotter()
     assert triangles(made) == 100
     made.close()
     pl.close()
@@ -241,7 +241,7 @@ def test_sky_becomes_a_dome_and_outlines_lines():
     outline = pl.ibr.add(pvibr.Outline(color=(1, 0, 0)))
     look(pl)
     pl.show(auto_close=False)
-    made = pl.ibr.baked()
+    made = pl.ibr.to_plain_plotter()
     lines = [a for a in made.actors.values() if a.mapper.dataset.n_lines]
     assert len(lines) == 1
     assert lines[0].prop.color == 'red'
@@ -269,7 +269,7 @@ def test_instances_keep_places_colours_and_holes():
     cones.update([3], visible=False)
     look(pl)
     assert differ(pl) < 1.5
-    made = pl.ibr.baked()
+    made = pl.ibr.to_plain_plotter()
     cone = pv.Cone(direction=(0, 0, 1)).triangulate()
     assert triangles(made) == 100 + 3 * cone.n_cells
     made.close()
@@ -306,7 +306,7 @@ def test_what_there_is_no_room_for_is_named():
     pl.ibr.add_spheres(np.random.default_rng(0).uniform(-2, 2, (50, 3)), 0.1)
     pl.show(auto_close=False)
     with pytest.warns(pvibr.PvibrWarning, match=r'\d+ of Spheres, the smallest on the screen'):
-        made = pl.ibr.baked(triangles=200)
+        made = pl.ibr.to_plain_plotter(triangles=200)
     assert 0 < triangles(made) <= 200
     made.close()
     pl.close()
@@ -358,7 +358,7 @@ def test_figures_are_posed_as_they_are_now():
     look(pl)
     pl.ibr.time = 0.5
     assert differ(pl) < 0.6
-    made = pl.ibr.baked()
+    made = pl.ibr.to_plain_plotter()
     red = [a for a in made.actors.values() if a.prop.color == 'red']
     assert np.isclose(red[0].center[2], 1.0, atol=1e-3)
     made.close()
@@ -378,11 +378,11 @@ def test_crowds_are_posed_each_at_its_time():
     )
     look(pl)
     pl.show(auto_close=False)
-    made = pl.ibr.baked()
+    made = pl.ibr.to_plain_plotter()
     tops = sorted(a.bounds[5] for a in made.actors.values())
     assert np.allclose(tops[1:], [1.2, 2.2], atol=0.01)
     made.close()
-    few = pl.ibr.baked(triangles=800)
+    few = pl.ibr.to_plain_plotter(triangles=800)
     assert triangles(few) <= 100 + 800 * 1.2
     few.close()
     pl.close()
@@ -423,7 +423,7 @@ def test_a_window_that_was_never_drawn():
     ball(pl)
     pl.ibr.add(pvibr.Shadows())
     pl.ibr.add_billboards([[1, 1, 1]], np.ones((4, 4)), size=9, size_unit='pixel')
-    made = pl.ibr.baked()
+    made = pl.ibr.to_plain_plotter()
     made.show(auto_close=False)
     pl.show(auto_close=False)
     assert np.abs(made.screenshot().astype(int) - pl.screenshot()).mean() < 1
@@ -438,7 +438,7 @@ def test_what_is_baked_can_be_baked_and_shown_again():
     pl.ibr.add(pvibr.Shadows())
     look(pl)
     pl.show(auto_close=False)
-    once = pl.ibr.baked()
+    once = pl.ibr.to_plain_plotter()
     assert not once.ibr.web_report().rows
     assert differ(once) < 0.02
     once.close()
@@ -453,7 +453,7 @@ def test_a_renderer_of_plain_vtk():
     with pvibr.attach(renderer) as ibr:
         ibr.add_spheres([[0, 0, 0]], 1.0)
         window.Render()
-        made = ibr.baked()
+        made = ibr.to_plain_plotter()
         assert triangles(made) > 100
         assert tuple(made.window_size) == SIZE
         made.close()
@@ -477,7 +477,7 @@ def test_glb_has_bounds_triangles_and_colours(tmp_path):
     pl.show(auto_close=False)
     pl.ibr.export_glb(tmp_path / 'scene.glb', triangles=20_000)
     scene = trimesh.load(tmp_path / 'scene.glb')
-    made = pl.ibr.baked(triangles=20_000)
+    made = pl.ibr.to_plain_plotter(triangles=20_000)
     low, high = np.reshape(made.bounds, (3, 2)).T
     upright = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # z up to y up
     wanted = np.sort(np.stack([upright @ low, upright @ high]), 0)
@@ -578,7 +578,7 @@ def test_gltf_of_pyvista_has_what_is_baked(tmp_path):
     pl.ibr.add(pvibr.Shadows())
     look(pl)
     pl.show(auto_close=False)
-    made = pl.ibr.baked()
+    made = pl.ibr.to_plain_plotter()
     made.export_gltf(str(tmp_path / 'scene.gltf'), rotate_scene=False)
     scene = trimesh.load(tmp_path / 'scene.gltf')
     assert np.allclose(scene.bounds, np.reshape(made.bounds, (3, 2)).T, atol=1e-4)

@@ -91,7 +91,9 @@ def test_one_warning_where_the_scene_is_handed_over(plotter, tmp_path):
         plotter.screenshot()
         assert plotter.bounds is not None
         plotter.reset_camera()
-    with pytest.warns(pvibr.PvibrWarning, match=r'baked\(\) .* has Spheres.*any case: Bloom'):
+    with pytest.warns(
+        pvibr.PvibrWarning, match=r'to_plain_plotter\(\) .* has Spheres.*any case: Bloom'
+    ):
         exports(plotter, tmp_path)
     with warnings.catch_warnings():
         warnings.simplefilter('error')

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from pvibr.capture.clock import draw, has_page
-from pvibr.component import attach
 from pvibr.core.frame import Frame
+from pvibr.plain_renderer import attach
 from pvibr_widgets.handles_keys import Ring
 
 _rings: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()

@@ -1,0 +1,238 @@
+"""Time, screenshots and movies of ``plotter.ibr``."""
+
+from __future__ import annotations
+
+from pvibr.capture.adaptive_quality import AdaptiveQuality
+from pvibr.capture.clock import Clock, checked_time
+from pvibr.capture.movies import record
+from pvibr.capture.tiled_screenshot import TiledScreenshot
+from pvibr.core.facade import Facade
+from pvibr.core.params import Param
+
+
+class CaptureFacade(Facade):
+    """Time, quality, screenshots and movies of a plotter."""
+
+    interactive_frame_ms = Param(
+        100.0,
+        'Frame time allowed while the view moves: quality is lowered to stay below it and is '
+        'full again at rest; 0 never lowers it.',
+        range='[0, inf)',
+        unit='ms',
+    )
+
+    def __init__(self, plotter):
+        super().__init__(plotter)
+        self._time = 0.0
+        self._clock = Clock(plotter, self._show_time)
+        self._adaptive_quality = AdaptiveQuality(
+            plotter, lambda: self.interactive_frame_ms, lambda: self._clock.ticking
+        )
+        self._screenshots = TiledScreenshot(
+            plotter, self._all_effects, self._adaptive_quality.full
+        )
+
+    @property
+    def time(self) -> float:
+        """Time shown by everything animated, in seconds."""
+        return self._time
+
+    @time.setter
+    def time(self, seconds):
+        self._show_time(checked_time(seconds))
+        self._clock.set(self._time)
+
+    def _show_time(self, seconds):
+        self._time = seconds
+        for pipeline in self._pipelines:
+            pipeline.time = seconds
+            for thing in pipeline.things:
+                thing.follow()
+
+    def play(self, speed=1.0, loop=None, *, fps=None):
+        """Start the animation clock of windows, notebooks and movies.
+
+        A window follows the wall clock, and so do pages rendered on a server
+        (``jupyter_backend='server'`` or ``'trame'``, trame applications) from their first frame
+        on. While a movie is open, each ``plotter.write_frame()`` advances the time by one frame.
+        Off screen nothing else advances it: set `time`.
+
+        Parameters
+        ----------
+        speed : float
+            Animation seconds per second; negative plays backward.
+        loop : float, optional
+            Duration in seconds after which the animation restarts.
+        fps : float, optional
+            Frames per second of a movie; by default those that the movie was opened with.
+
+        Raises
+        ------
+        ValueError
+            If a number is out of range.
+        ClosedError
+            If the plotter is closed.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+        >>> pl.ibr.play(speed=0.5)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     pl.open_gif(pathlib.Path(folder) / 'ball.gif', fps=10)
+        ...     for _ in range(4):
+        ...         pl.write_frame()
+        ...     pl.close()
+        >>> pl.ibr.time
+        0.2
+        """
+        self._check_open()
+        self._clock.start(self._time, speed=speed, loop=loop, fps=fps)
+
+    def stop(self):
+        """Stop the animation clock at the current time."""
+        self._clock.stop()
+
+    @property
+    def playing(self) -> bool:
+        """Whether the animation clock runs."""
+        return self._clock.running
+
+    @property
+    def quality(self) -> float:
+        """Quality of the last frame: below 1 if one exceeded `interactive_frame_ms` in motion."""
+        return self._adaptive_quality.latest
+
+    def screenshot(
+        self,
+        filename=None,
+        *,
+        scale=None,
+        window_size=None,
+        transparent_background=None,
+        return_img=True,
+    ):
+        """Take a screenshot of any size, without seams in effects.
+
+        Like ``plotter.screenshot``, but tiles of large images overlap by the reach of the
+        effects. Light that spreads over the whole image, as in :class:`pvibr.Bloom`, is computed
+        at the window's size.
+
+        Parameters
+        ----------
+        filename : path, optional
+            File to write; its suffix selects the format.
+        scale : int, optional
+            Magnification of the window. Lines, points and text keep their size in pixels, as with
+            ``plotter.screenshot(scale=...)``.
+        window_size : tuple of 2 int, optional
+            Width and height of the image in pixels, instead of `scale`; meanwhile the window has
+            this aspect ratio, at most at its present size.
+        transparent_background : bool, optional
+            Whether the background is transparent; by default as the theme says.
+        return_img : bool
+            Whether to return the image.
+
+        Returns
+        -------
+        numpy.ndarray, shape (h, w, 3 or 4), uint8, or None
+            The image, top row first.
+
+        Raises
+        ------
+        ValueError
+            If a number is out of range, or both sizes are given.
+        OSError
+            If the file cannot be written; an existing file is kept.
+        ClosedError
+            If the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+        >>> _ = pl.add_mesh(pv.Sphere())
+        >>> pl.ibr.screenshot(scale=3).shape
+        (144, 192, 3)
+        >>> pl.ibr.screenshot(window_size=(150, 100)).shape
+        (100, 150, 3)
+        >>> pl.close()
+        """
+        self._check_open()
+        image = self._screenshots.take(scale, window_size, transparent_background, filename)
+        return image if return_img else None
+
+    def movie(
+        self,
+        path,
+        seconds,
+        *,
+        fps=30.0,
+        start=None,
+        speed=1.0,
+        each=None,
+        resume=True,
+        progress=None,
+    ):
+        """Record a movie: each frame shows its own time, however long it takes to render.
+
+        Frames are kept beside the movie until it is complete. After an error, a full disk or
+        Ctrl-C the same call resumes, also in another process, if time, cameras, settings and
+        window are the same; otherwise it starts anew.
+
+        Parameters
+        ----------
+        path : path
+            A movie (``.mp4``, ``.mov``, ``.mkv``, ``.webm``, ``.avi``: the extra ``movie``), a
+            ``.gif``, or a folder of PNG files.
+        seconds : float
+            Duration of the movie.
+        fps : float
+            Frames per second.
+        start : float, optional
+            Animation time of the first frame, in seconds; by default :attr:`time`.
+        speed : float
+            Animation seconds per second; negative plays backward.
+        each : callable, optional
+            Called with the time before each frame, for example to move the camera. A frame must
+            depend on its time alone.
+        resume : bool
+            Whether to reuse the frames of an earlier call.
+        progress : bool, optional
+            Whether to show a progress bar on standard error; by default if that is a terminal.
+
+        Returns
+        -------
+        pathlib.Path
+            The movie or the folder. Time and cameras are restored.
+
+        Raises
+        ------
+        ValueError
+            If a number or the suffix is not allowed.
+        ImportError
+            If the extra ``movie`` is needed and not installed.
+        OSError
+            If a file cannot be written.
+        ClosedError
+            If the plotter is closed.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+        >>> _ = pl.add_mesh(pv.Cone())
+        >>> def turn(time):
+        ...     pl.view_isometric()
+        ...     pl.camera.azimuth = 90 * time
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     pl.ibr.movie(pathlib.Path(folder) / 'cone.gif', 0.5, fps=8, each=turn).name
+        'cone.gif'
+        >>> pl.close()
+        """
+        self._check_open()
+        timing = {'fps': fps, 'start': start, 'speed': speed}
+        options = {'each': each, 'resume': resume, 'progress': progress}
+        return record(self, self._screenshots, path, seconds, **timing, **options)

@@ -1,0 +1,129 @@
+"""Signatures and docstrings that name every keyword, also those that are passed on."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import textwrap
+from inspect import Parameter, Signature
+from typing import NamedTuple
+
+from pvibr.core.params import params_of
+
+_SECTION = re.compile(r'^(?P<name>\w[\w ]*)\n-{3,}\n', re.MULTILINE)
+_WIDTH = 95
+
+
+class Argument(NamedTuple):
+    """An argument: its place in the signature, if it has one, and its entry in the docstring."""
+
+    parameter: Parameter | None
+    entry: str
+
+
+def takes(*, without=(), **sources):
+    """Declare what a function accepts as ``**name``: a function's or class's keywords, or names.
+
+    A class's ``**settings`` need no declaration: they are its `Param` settings.
+    """
+
+    def mark(function):
+        function.takes = sources, without
+        return function
+
+    return mark
+
+
+def arguments_of(taker) -> dict[str, Argument]:
+    """Return all arguments of a function or a class by name, without self."""
+    function = _constructor(taker) if isinstance(taker, type) else taker
+    entries = _entries(_sections(taker.__doc__)[1])
+    sources: dict[str, object] = {}
+    sources, without = getattr(function, 'takes', (sources, ()))
+    if isinstance(taker, type):
+        sources = sources | {'settings': params_of(taker)}
+    found: dict[str, Argument] = {}
+    for name, parameter in inspect.signature(function).parameters.items():
+        if parameter.kind is not Parameter.VAR_KEYWORD:
+            plain = parameter.replace(annotation=Parameter.empty)
+            found[name] = Argument(plain, entries.get(name, ''))
+            continue
+        more = keywords_of(sources.get(name, ()), {*found, *without})
+        found |= more
+        if not any(argument.entry for argument in more.values()) and name != 'settings':
+            rest = None if name in sources else parameter.replace(annotation=Parameter.empty)
+            found[f'**{name}'] = Argument(rest, entries.get(f'**{name}', ''))
+    found.pop('self', None)
+    return found
+
+
+def _constructor(cls):
+    return cls.__init__
+
+
+def keywords_of(source, known=()) -> dict[str, Argument]:
+    """Return what a source accepts by keyword, except for known names."""
+    if isinstance(source, (tuple, list)):
+        found: dict[str, Argument] = {}
+        for part in source:
+            found |= keywords_of(part, {*known, *found})
+        return found
+    if isinstance(source, str):
+        found = {source: Argument(Parameter(source, Parameter.KEYWORD_ONLY, default=None), '')}
+    elif isinstance(source, dict):
+        found = {name: _setting(param) for name, param in source.items()}
+    else:
+        found = arguments_of(source)
+        if not source.__module__.startswith('pvibr.'):  # others document their arguments
+            found = {name: argument._replace(entry='') for name, argument in found.items()}
+    return {
+        name: Argument(p and p.replace(kind=Parameter.KEYWORD_ONLY), entry)
+        for name, (p, entry) in found.items()
+        if name not in known and (p is None or p.default is not Parameter.empty)
+    }
+
+
+def _setting(param) -> Argument:
+    kind = param.allowed().removeprefix('a ').removeprefix('an ')
+    text = textwrap.fill(param.doc, _WIDTH, initial_indent=' ' * 4, subsequent_indent=' ' * 4)
+    parameter = Parameter(param.name, Parameter.KEYWORD_ONLY, default=param.default)
+    return Argument(parameter, f'{param.name} : {kind}, default: {param.default!r}\n{text}')
+
+
+def accepts(taker, name) -> bool:
+    """Return True if a function or class has an argument of this name."""
+    return name in arguments_of(taker)
+
+
+def signature_of(arguments) -> Signature:
+    """Return the signature of arguments."""
+    return Signature([a.parameter for a in arguments.values() if a.parameter is not None])
+
+
+def docstring_of(taker, arguments, returns='') -> str:
+    """Return the docstring of a function or class with a section of these arguments."""
+    head, _, tail = _sections(taker.__doc__)
+    entries = '\n'.join(dict.fromkeys(a.entry for a in arguments.values() if a.entry))
+    section = f'Parameters\n----------\n{entries}' if entries else ''
+    return '\n\n'.join(part for part in (head, section, returns, tail) if part) + '\n'
+
+
+def _sections(doc) -> tuple[str, str, str]:
+    """Return what a docstring says before, in, and after its section of parameters."""
+    doc = inspect.cleandoc(doc or '')
+    marks = list(_SECTION.finditer(doc))
+    begins = [mark.start() for mark in marks] + [len(doc)]
+    head, tail = doc[: begins[0]], doc[begins[0] :]
+    if marks and marks[0]['name'] == 'Parameters':
+        return head.strip(), doc[marks[0].end() : begins[1]].strip(), doc[begins[1] :].strip()
+    return head.strip(), '', tail.strip()
+
+
+def _entries(section) -> dict[str, str]:
+    """Return the entries of a section of parameters by name; some have several."""
+    entries = re.split(r'\n(?=\S)', section)
+    return {
+        name.strip(): entry
+        for entry in entries
+        for name in entry.partition('\n')[0].partition(' :')[0].split(',')
+    }

@@ -1,0 +1,175 @@
+"""Export of ``plotter.ibr``: what browsers and files get."""
+
+from __future__ import annotations
+
+from pvibr.core.facade import Facade
+from pvibr.core.plotters import renderers_of
+from pvibr.export.web_report import HandOver, WebReport, web_report
+
+
+class ExportFacade(Facade):
+    """Reports on browsers, plain plotters and files of a plotter."""
+
+    def __init__(self, plotter):
+        super().__init__(plotter)
+        self._hand_over = HandOver(plotter, self.web_report)
+
+    def web_report(self, backend='client') -> WebReport:
+        """Return what a browser shows of all subplots, and what :meth:`to_plain_plotter` adds.
+
+        Parameters
+        ----------
+        backend : str
+            As in ``pl.show(jupyter_backend=...)``: 'client', 'html', 'trame' (while the page
+            renders by itself), 'server', 'static' or 'none'; or 'vtksz', 'wasm', 'gltf'.
+
+        Returns
+        -------
+        pvibr.export.web_report.WebReport
+            Prints as a table; ``as_dict()`` for programs.
+
+        Raises
+        ------
+        ValueError
+            If there is no such backend.
+        ClosedError
+            If the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> import pvibr
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> balls = pl.ibr.add_spheres([[0, 0, 0], [2, 0, 0]])
+        >>> _ = pl.ibr.add(pvibr.Bloom())
+        >>> print(pl.ibr.web_report('html'))
+        effect   with 'html'               as what, or why not
+        Spheres  after to_plain_plotter()  meshes
+        Bloom    lost                      works on frames, and a browser draws its own
+        >>> pl.close()
+        """
+        return web_report({n: p.effects for n, p in self._subplots().items()}, backend)
+
+    def to_plain_plotter(self, *, triangles=1_000_000, texture=1024, detail=1 / 1024):
+        """Return a plotter of plain actors that shows the same, for browsers and files.
+
+        Projected images and shadows become colours or textures, figures keep their present pose,
+        instances become meshes and billboard clouds, billboards quads, outlines lines. A warning
+        names what is lost; see :meth:`web_report`.
+
+        Parameters
+        ----------
+        triangles : int
+            Maximum number of triangles of all things in a subplot, and of a surface that is
+            subdivided where its colours change.
+        texture : int
+            Texels along a side of textures for projected images, on surfaces with texture
+            coordinates or if xatlas is installed (``pip install pvibr[uv]``); 0 stores point
+            colours instead.
+        detail : float
+            Shortest edge of subdivided surfaces, as a fraction of the scene's diagonal.
+
+        Returns
+        -------
+        pyvista.Plotter
+            A new plotter with the same subplots, cameras, lights, backgrounds and size. This one
+            is not changed.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a number is not allowed.
+        ClosedError
+            If the plotter is closed.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> balls = pl.ibr.add_spheres([[0, 0, 0], [2, 0, 0]], color='red')
+        >>> plain = pl.ibr.to_plain_plotter(triangles=500)
+        >>> sum(actor.mapper.dataset.n_cells for actor in plain.actors.values()) <= 500
+        True
+        >>> plain.close()
+        >>> pl.close()
+        """
+        from pvibr.export.plain_plotter import to_plain_plotter
+
+        self._check_open()
+        self._show()
+        options = {'triangles': triangles, 'texture': texture, 'detail': detail}
+        return to_plain_plotter(self._plotter, self._pipelines, **options)
+
+    def export_glb(self, path, *, triangles=1_000_000, texture=1024, detail=1 / 1024):
+        """Write the active subplot as binary glTF: meshes, colours, textures and the camera.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file name that ends in ``.glb``.
+        triangles, texture, detail
+            See :meth:`to_plain_plotter`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a number or the name is not allowed; nothing is written.
+        OSError
+            If the file cannot be written; an existing file is kept.
+        ClosedError
+            If the plotter is closed.
+
+        Notes
+        -----
+        glTF has no backgrounds, volumes and text; these are left out. Unlike PyVista's
+        ``export_gltf`` it has alpha cut-outs, unlit surfaces, filtered textures, and vertex
+        colours as other programs read them.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> balls = pl.ibr.add_spheres([[0, 0, 0], [2, 0, 0]], color='red')
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     pl.ibr.export_glb(pathlib.Path(folder) / 'balls.glb', triangles=1000)
+        ...     print(*[p.name for p in pathlib.Path(folder).iterdir()])
+        balls.glb
+        >>> pl.close()
+        """
+        from pvibr.export.glb import export_glb
+
+        number = renderers_of(self._plotter).index(self._plotter.renderer)
+        options = {'triangles': triangles, 'texture': texture, 'detail': detail}
+        export_glb(path, number, lambda: self.to_plain_plotter(**options))
+
+    def export_html(self, path, *, triangles=1_000_000, texture=1024, detail=1 / 1024):
+        """Write all subplots as a self-contained page that renders in the browser.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file name that ends in ``.html``.
+        triangles, texture, detail
+            See :meth:`to_plain_plotter`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a number or the name is not allowed; nothing is written.
+        OSError
+            If the file cannot be written; an existing file is kept.
+        ImportError
+            If trame is not installed.
+        ClosedError
+            If the plotter is closed.
+
+        Notes
+        -----
+        Such pages use perspective cameras with a view angle of 30 degrees: other cameras are
+        moved to where the focal point keeps its size.
+        """
+        from pvibr.export.html import export_html
+
+        options = {'triangles': triangles, 'texture': texture, 'detail': detail}
+        export_html(path, lambda: self.to_plain_plotter(**options))
