@@ -14,11 +14,7 @@ _OF_SCALARS = ('show_scalar_bar', 'scalar_bar_args')
 
 
 class AddMethod(Generic[Made]):
-    """A method that makes a thing by a class or function and adds it.
-
-    The class is imported when the method is first looked up. The method also takes the keywords of
-    the function that adds.
-    """
+    """A method that makes a thing and adds it; what makes it is imported at the first look-up."""
 
     def __init__(self, home: str, add: Callable):
         self._home, self._add = home, add
@@ -40,8 +36,7 @@ class AddMethod(Generic[Made]):
             options = {name: kwargs.pop(name) for name in shown if name in kwargs}
             return add(self, make, args, kwargs, **options)
 
-        rest = {name: own.pop(name) for name in list(own) if name.startswith('**')}
-        arguments = own | shown | rest
+        arguments = own | shown
         returns = f'Returns\n-------\npvibr.{make.__name__}\n    What was added.'
         method.__doc__ = docstring_of(make, arguments, returns if isinstance(make, type) else '')
         method.__name__, method.__module__ = self._name, self._owner.__module__

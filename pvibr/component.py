@@ -124,12 +124,16 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         reset_camera=None,
         render=False,
     ):
-        """Make a thing and add it to the active subplot in place of any thing of the same name.
+        """Add a thing to the active subplot, in place of what has its name.
 
         Parameters
         ----------
-        make, args, kwargs
-            Class or function of the thing, and its arguments.
+        make : callable
+            Class or function that makes the thing.
+        args : tuple
+            Its positional arguments.
+        kwargs : dict
+            Its keyword arguments.
         show_scalar_bar : bool, optional
             Whether to add a scalar bar; by default as the theme says.
         scalar_bar_args : dict, optional
@@ -138,6 +142,11 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
             Whether to reset the camera; by default only if it was never set.
         render : bool
             Whether to render at once.
+
+        Returns
+        -------
+        pvibr.Effect
+            The thing.
         """
         pipeline = self.pipeline
         if accepts(make, 'theme'):

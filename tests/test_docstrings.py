@@ -20,6 +20,7 @@ import pvibr.maths
 import pvibr_widgets
 from pvibr.accessor import IBRAccessor
 from pvibr.component import IBRComponent
+from pvibr.figures.animated import animated
 
 # GL08 is left out: it asks for docstrings of setters; ruff's 'D1' asks for all others. PR02 is
 # left out: it takes dataclasses for classes without a constructor. RT01 too: one line is enough
@@ -30,6 +31,8 @@ CHECKS = {
 }  # fmt: skip
 #: Called by pvibr; where an effect of a user's own overrides them, Effect says how.
 HOOKS = ('render',)
+#: Parts of what ``add_*`` say.
+TEMPLATES = animated, IBRComponent._add_thing
 PACKAGES = Path(pvibr.__file__).parent, Path(pvibr_widgets.__file__).parent
 
 
@@ -63,7 +66,7 @@ def members(kind):
 def for_users():
     """All that users call, by module and qualified name."""
     found = {}
-    for thing in exported():
+    for thing in (*exported(), *TEMPLATES):
         if isinstance(thing, ModuleType) or not callable(thing) or not is_ours(thing):
             continue
         parts = [thing]

@@ -11,7 +11,10 @@ from pvibr.core.params import Param
 
 
 class CaptureFacade(Facade):
-    """Time, quality, screenshots and movies of a plotter."""
+    """Time, quality, screenshots and movies of a plotter.
+
+    Parameters are those of :class:`pvibr.component.IBRComponent`.
+    """
 
     interactive_frame_ms = Param(
         100.0,

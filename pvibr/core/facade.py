@@ -9,7 +9,10 @@ from pvibr.core.plotters import is_closed, renderers_of
 
 
 class Facade:
-    """A plotter, and the pipelines of its subplots."""
+    """A plotter, and the pipelines of its subplots.
+
+    Parameters are those of :class:`pvibr.component.IBRComponent`.
+    """
 
     def __init__(self, plotter):
         self._plotter = plotter
@@ -62,7 +65,10 @@ class _Own:
 
 
 class StateFacade(Facade):
-    """Settings of everything in a plotter, as values and as files."""
+    """Settings of everything in a plotter, as values and as files.
+
+    Parameters are those of :class:`pvibr.component.IBRComponent`.
+    """
 
     @property
     def contents(self) -> dict:

@@ -15,9 +15,9 @@ _WIDTH = 95
 
 
 class Argument(NamedTuple):
-    """An argument: its place in the signature, if it has one, and its entry in the docstring."""
+    """An argument: its place in the signature, and its entry in the docstring."""
 
-    parameter: Parameter | None
+    parameter: Parameter
     entry: str
 
 
@@ -44,17 +44,25 @@ def arguments_of(taker) -> dict[str, Argument]:
         sources = sources | {'settings': params_of(taker)}
     found: dict[str, Argument] = {}
     for name, parameter in inspect.signature(function).parameters.items():
+        plain = parameter.replace(annotation=Parameter.empty)
         if parameter.kind is not Parameter.VAR_KEYWORD:
-            plain = parameter.replace(annotation=Parameter.empty)
             found[name] = Argument(plain, entries.get(name, ''))
-            continue
-        more = keywords_of(sources.get(name, ()), {*found, *without})
-        found |= more
-        if not any(argument.entry for argument in more.values()) and name != 'settings':
-            rest = None if name in sources else parameter.replace(annotation=Parameter.empty)
-            found[f'**{name}'] = Argument(rest, entries.get(f'**{name}', ''))
+        elif name not in sources:
+            found[f'**{name}'] = Argument(plain, entries.get(f'**{name}', ''))
+        else:
+            more = keywords_of(sources[name], {*found, *without})
+            found |= _documented(more, entries, entries.get(f'**{name}', ''))
     found.pop('self', None)
     return found
+
+
+def _documented(arguments, entries, common) -> dict[str, Argument]:
+    """Return arguments with the entries of a docstring; those without one have a common entry."""
+    found = {n: Argument(a.parameter, entries.get(n, a.entry)) for n, a in arguments.items()}
+    bare = [name for name, argument in found.items() if not argument.entry]
+    if bare and common:
+        common = '\n'.join([f'{", ".join(bare)} : optional', *common.splitlines()[1:]])
+    return found | {name: Argument(found[name].parameter, common) for name in bare}
 
 
 def _constructor(cls):
@@ -77,9 +85,9 @@ def keywords_of(source, known=()) -> dict[str, Argument]:
         if not source.__module__.startswith('pvibr.'):  # others document their arguments
             found = {name: argument._replace(entry='') for name, argument in found.items()}
     return {
-        name: Argument(p and p.replace(kind=Parameter.KEYWORD_ONLY), entry)
+        name: Argument(p.replace(kind=Parameter.KEYWORD_ONLY), entry)
         for name, (p, entry) in found.items()
-        if name not in known and (p is None or p.default is not Parameter.empty)
+        if name not in known and p.default is not Parameter.empty
     }
 
 
@@ -97,7 +105,7 @@ def accepts(taker, name) -> bool:
 
 def signature_of(arguments) -> Signature:
     """Return the signature of arguments."""
-    return Signature([a.parameter for a in arguments.values() if a.parameter is not None])
+    return Signature([argument.parameter for argument in arguments.values()])
 
 
 def docstring_of(taker, arguments, returns='') -> str:

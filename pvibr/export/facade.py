@@ -8,7 +8,10 @@ from pvibr.export.web_report import HandOver, WebReport, web_report
 
 
 class ExportFacade(Facade):
-    """Reports on browsers, plain plotters and files of a plotter."""
+    """Reports on browsers, plain plotters and files of a plotter.
+
+    Parameters are those of :class:`pvibr.component.IBRComponent`.
+    """
 
     def __init__(self, plotter):
         super().__init__(plotter)
@@ -107,7 +110,7 @@ class ExportFacade(Facade):
         ----------
         path : str or pathlib.Path
             A file name that ends in ``.glb``.
-        triangles, texture, detail
+        triangles, texture, detail : int, int and float
             See :meth:`to_plain_plotter`.
 
         Raises
@@ -150,7 +153,7 @@ class ExportFacade(Facade):
         ----------
         path : str or pathlib.Path
             A file name that ends in ``.html``.
-        triangles, texture, detail
+        triangles, texture, detail : int, int and float
             See :meth:`to_plain_plotter`.
 
         Raises

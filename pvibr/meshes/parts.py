@@ -72,7 +72,7 @@ def dressed(part, mapper):
     return actor
 
 
-@takes(add_mesh_kwargs=pv.Plotter.add_mesh, without=(*EXTRAS, *FIXED))
+@takes(add_mesh_kwargs=pv.Plotter.add_mesh, without=(*EXTRAS, *FIXED, 'scalar_bar_args'))
 def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
     """Return the parts that ``add_mesh`` would draw."""
     if alpha_cutoff is not None and not 0 <= alpha_cutoff <= 1:

@@ -43,8 +43,7 @@ def test_each_setting_is_an_argument_with_its_default(kind):
 def test_each_argument_is_documented_once(kind):
     names = documented(kind.__doc__) if inspect.signature(kind).parameters else []
     assert len(set(names)) == len(names)
-    rest = 'as in' in kind.__doc__.lower()  # those of add_mesh are explained there
-    assert rest or set(inspect.signature(kind).parameters) <= {n.lstrip('*') for n in names}
+    assert set(inspect.signature(kind).parameters) == {n.lstrip('*') for n in names}
 
 
 @pytest.mark.parametrize('name', ADDED)
@@ -54,7 +53,7 @@ def test_what_adds_has_the_arguments_of_what_it_makes(name):
     assert next(iter(found)) == 'self'
     assert {'name', 'reset_camera', 'render'} <= set(found)
     assert ('show_scalar_bar' in found) is ('scalars' in found)
-    assert {'name', 'reset_camera', 'render'} <= set(documented(method.__doc__))
+    assert documented(method.__doc__) == list(found)[1:]
     assert not any(p.kind is p.VAR_KEYWORD for p in found.values())
     assert method.__name__ == name
     assert method.__module__ == 'pvibr.component'
@@ -105,7 +104,8 @@ def test_keywords_are_those_of_whoever_takes_them():
     assert str(signature_of(arguments)) == "(first, *, color='red', more=None)"
     doc = docstring_of(outer, arguments)
     assert doc == (
-        'Do it.\n\nParameters\n----------\nfirst : float\n    Own.\n**rest\n    Others.\n\n'
+        'Do it.\n\nParameters\n----------\nfirst : float\n    Own.\n'
+        'color, more : optional\n    Others.\n\n'
         'Returns\n-------\nint\n'
     )
 
