@@ -10,7 +10,7 @@ from pvibr.maths.quadric_rays import meet_ellipsoids
 from pvibr.maths.quaternions import to_matrices
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape
-from pvibr.quadrics.quadrics import PointQuadrics, checked_lengths
+from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths
 
 _FLATTEST = 1e-4  # of the largest radius: what floats can tell from a disc
 

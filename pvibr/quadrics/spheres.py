@@ -9,7 +9,7 @@ from pvibr.core.signatures import takes
 from pvibr.maths.quadric_rays import meet_spheres
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape
-from pvibr.quadrics.quadrics import PointQuadrics, checked_lengths
+from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths
 
 
 class Spheres(PointQuadrics):
