@@ -182,12 +182,24 @@ class Pipeline:
         frame = Frame.of(self.renderer, index=self._frames, time=self.time, quality=quality)
         self._turn = turn = _Turn(frame)
         for entry in self._entries:
+            entry.running = False
+        for entry in self._entries:
+            self._call_back(turn)
             entry.begin(turn)
+        self._call_back(turn)
         images = [e for e in self._entries if e.running and e.effect.is_image_effect]
         if images and not frame.picking:
             turn.images = images
             effects = [e.effect for e in images]
             turn.guard(images, self._stage.begin, frame, effects, self.things)
+
+    def _call_back(self, turn):
+        """Prepare things again that an effect has drawn in other views."""
+        astray = turn.frame.astray
+        for entry in self._entries if astray else ():
+            if entry.effect in astray and entry.running:
+                turn.guard([entry], entry.effect.prepare, turn.frame)
+        astray.clear()
 
     def _on_end(self, _renderer, _event):
         turn, self._turn = self._turn, None

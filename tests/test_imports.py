@@ -24,7 +24,8 @@ FLOORS = (
     ('scene',),
     ('images', 'meshes'),
     ('formats', 'gl'),
-    ('core', 'maths'),
+    ('core',),
+    ('maths',),
 )
 RANKS = {room: -floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 MODULES = sorted(p for p in ROOT.rglob('*.py') if p != ROOT / '__init__.py')

@@ -1,11 +1,13 @@
-"""What one frame is made of."""
+"""One frame: its renderer, view, size, time and quality."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+
+from pvibr.maths.views import View
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,16 +18,16 @@ class Frame:
     window: Any
     size: tuple[int, int]
     origin: tuple[int, int]
-    view_from_world: np.ndarray
-    clip_from_view: np.ndarray
-    parallel: bool
-    near: float
-    far: float
-    eye: np.ndarray
+    view: View
     index: int = 0
     time: float = 0.0
     picking: bool = False
+    #: Whether only depth counts, as for shadow maps.
     casting: bool = False
+    #: Whether `view` is that of the renderer's camera; else see `elsewhere`.
+    own: bool = True
+    #: Things that were drawn in other views since they were prepared for this frame.
+    astray: set = field(default_factory=set)
     tile: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
     scale: int = 1
     quality: float = 1.0
@@ -34,8 +36,16 @@ class Frame:
     def of(cls, renderer, *, index=0, time=0.0, quality=1.0) -> Frame:
         """Return the frame that a renderer is about to draw."""
         camera = renderer.GetActiveCamera()
-        near, far = camera.GetClippingRange()
         projection = camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1)
+        near, far = camera.GetClippingRange()
+        view = View(
+            _matrix(camera.GetModelViewTransformMatrix()),
+            _matrix(projection),
+            near,
+            far,
+            bool(camera.GetParallelProjection()),
+            _frozen(camera.GetPosition()),
+        )
         window = renderer.GetRenderWindow()
         scale = tuple(window.GetTileScale())
         origin, size, tile = _whole(renderer) if scale == (1, 1) else _tile(renderer, window)
@@ -44,12 +54,7 @@ class Frame:
             window=window,
             size=size,
             origin=origin,
-            view_from_world=_matrix(camera.GetModelViewTransformMatrix()),
-            clip_from_view=_matrix(projection),
-            parallel=bool(camera.GetParallelProjection()),
-            near=near,
-            far=far,
-            eye=_frozen(camera.GetPosition()),
+            view=view,
             index=index,
             time=time,
             picking=renderer.GetSelector() is not None,
@@ -58,9 +63,51 @@ class Frame:
             quality=quality,
         )
 
+    def elsewhere(self, view, size, *, casting=False) -> Frame:
+        """Return the frame of another view of the same scene."""
+        return replace(
+            self,
+            view=view,
+            size=size,
+            origin=(0, 0),
+            casting=casting,
+            own=False,
+            quality=1.0,
+        )
+
+    @property
+    def view_from_world(self) -> np.ndarray:
+        """See :class:`pvibr.maths.views.View`."""
+        return self.view.view_from_world
+
+    @property
+    def clip_from_view(self) -> np.ndarray:
+        """See :class:`pvibr.maths.views.View`."""
+        return self.view.clip_from_view
+
+    @property
+    def parallel(self) -> bool:
+        """Whether the projection is parallel."""
+        return self.view.parallel
+
+    @property
+    def near(self) -> float:
+        """Distance of the near plane, world units."""
+        return self.view.near
+
+    @property
+    def far(self) -> float:
+        """Distance of the far plane, world units."""
+        return self.view.far
+
+    @property
+    def eye(self) -> np.ndarray:
+        """Position of the camera, (3,), world units."""
+        return self.view.eye
+
     @property
     def whole(self) -> tuple[float, float]:
-        """Width and height of the subplot in pixels, where `size` is those of a tile of it."""
+        """Width and height of the subplot in pixels; `size` is that of the tile."""
         left, bottom, right, top = self.tile
         return self.size[0] / (right - left), self.size[1] / (top - bottom)
 
@@ -68,14 +115,6 @@ class Frame:
     def pixel_scale(self) -> float:
         """Pixels per unit of tan(angle) in perspective, per world unit in parallel projection."""
         return float(self.clip_from_view[1, 1] * self.size[1] / 2)
-
-    @property
-    def own(self) -> bool:
-        """Whether it is what the renderer's own camera shows, not what a light or another sees."""
-        if self.casting:
-            return False
-        matrix = self.renderer.GetActiveCamera().GetModelViewTransformMatrix()
-        return bool(np.array_equal(_matrix(matrix), self.view_from_world))
 
     def pixel_at(self, point) -> float:
         """Return the size of a pixel at a point, in world units."""

@@ -14,7 +14,7 @@ from pvibr.gl import Quad, Target, set_fragment_uniforms, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, replacements, sections
-from pvibr.maths.views import View, covered
+from pvibr.maths.views import covered
 from pvibr.scene.thing import Thing
 
 _PBR = 3  # VTK_PBR
@@ -274,9 +274,7 @@ class _Gpu:
 
     def draw(self, frame, glowing, feature):
         self._match([actor for actor, _ in glowing], feature)
-        view = View(
-            frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
-        )
+        view = frame.view
         left, bottom, right, top = self._covered(frame, view)
         with self.target.drawing():
             within = left, bottom, right - left, top - bottom

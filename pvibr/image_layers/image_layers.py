@@ -16,7 +16,7 @@ from pvibr.image_layers.card import LayerCard
 from pvibr.image_layers.layer import Layer, Now, around, numbers_by_depth
 from pvibr.image_layers.members import Lighting, Member
 from pvibr.image_layers.picture import Settings
-from pvibr.maths.views import View, may_see
+from pvibr.maths.views import may_see
 from pvibr.projection.live_texture import LiveTexture
 from pvibr.scene.casters import Casters, Surfaces, listed
 from pvibr.scene.thing import Thing
@@ -130,8 +130,6 @@ class ImageLayers(Thing):
         self._split: tuple = ()
         self._version = 0
         self._frame: Any = None
-        self._elsewhere: list | None = None
-        self._taking = False
         if self._groups is not None:
             self._layers = [Layer([Member(a) for a in group]) for group in self._groups]
             self._members = {m.key: m for layer in self._layers for m in layer.members}
@@ -161,8 +159,6 @@ class ImageLayers(Thing):
 
     def drawn(self) -> list:
         """Return what draws it in the frame that it was prepared for."""
-        if self._elsewhere is not None:
-            return self._elsewhere
         return [
             *(a for a in self.props if a.GetVisibility()),
             *(m.actor for m in self._members.values() if m.actor.GetVisibility()),
@@ -226,11 +222,7 @@ class ImageLayers(Thing):
 
     def prepare(self, frame):
         """Warp what serves, take again what does not, and hide what is in either."""
-        if _is_elsewhere(frame):
-            self._elsewhere = self._seen_from(frame)
-            return
-        self._elsewhere = None
-        if frame is self._frame or self._taking:
+        if frame is self._frame:
             return
         self.deactivate()
         self._update_members()
@@ -306,7 +298,7 @@ class ImageLayers(Thing):
                 raise RuntimeError(card.failure)
         if self._groups is None:
             self._by_depth(frame)
-        now = Now(frame, _view_of(frame), Lighting(frame.renderer), *self._scene(), self)
+        now = Now(frame, frame.view, Lighting(frame.renderer), *self._scene(), self)
         for k, layer in enumerate(self._layers):
             layer.judge(now, self._settings(frame, k))
         self._take(now)
@@ -350,25 +342,16 @@ class ImageLayers(Thing):
         endless = self.budget_ms is None or is_deterministic()
         left = np.inf if endless else self.budget_ms / 1e3
         taken = 0
-        self._taking = True  # who draws shadows meanwhile has all things prepared again
-        try:
-            for layer in wrong:
-                if taken and layer.seconds > left:
-                    layer.late()
-                    continue
-                self._drawer = self._drawer or Drawer(now.frame.renderer)
-                left, taken = left - layer.take(now, self._drawer), taken + 1
-        finally:
-            self._taking = False
+        for layer in wrong:
+            if taken and layer.seconds > left:
+                layer.late()
+                continue
+            self._drawer = self._drawer or Drawer(now.frame.renderer)
+            left, taken = left - layer.take(now, self._drawer), taken + 1
         if not taken:
             return
         self._drawer.done()
         now.frame.renderer.UpdateLightsGeometryToFollowCamera()
-        # Shadows had things ready for their lights; who comes later in the order is anyway.
-        for thing in self.pipeline.things if now.effects else ():
-            if thing is not self and thing.enabled and thing.needed(now.frame) is True:
-                thing.prepare(now.frame)
-        self._elsewhere = None
 
     def _show(self, frame):
         """Draw the pictures, from far to near, in place of their actors."""
@@ -396,12 +379,12 @@ class ImageLayers(Thing):
         """Return actors that blend with what was drawn before them."""
         return [actor for thing in self.pipeline.things for actor in thing.soft_edged()]
 
-    def _seen_from(self, frame):
-        """Return the actors that may be seen in a frame of another camera, as they are."""
+    def draws(self, frame, *, depth=False) -> list:
+        """Return the actors themselves that may be seen in a frame that is not its own."""
         found = [m for m in self._members.values() if m.why not in ('hidden', 'empty')]
         if not found:
             return []
-        seen = may_see(_view_of(frame), [m.bounds for m in found])
+        seen = may_see(frame.view, [m.bounds for m in found])
         return [m.actor for m, s in zip(found, seen, strict=True) if s]
 
     # -- memory -----------------------------------------------------------------------------------
@@ -416,7 +399,7 @@ class ImageLayers(Thing):
             layer.picture.release()
         if self._drawer is not None:
             self._drawer.release()
-        self._drawer, self._elsewhere = None, None
+        self._drawer = None
 
     def report(self) -> dict:
         """Return, of each layer, how often it is taken, its residual, and why it was taken."""
@@ -481,15 +464,3 @@ def _smooths(frame) -> bool:
     """Tell whether edges of meshes are smooth in a window."""
     chosen = frame.renderer.GetPass()
     return frame.window.GetMultiSamples() > 1 or (chosen is not None and chosen.IsA('vtkSSAAPass'))
-
-
-def _view_of(frame) -> View:
-    return View(frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel)
-
-
-def _is_elsewhere(frame) -> bool:
-    """Tell whether a frame is not that of the renderer's own camera."""
-    if frame.casting:
-        return True
-    matrix = frame.renderer.GetActiveCamera().GetModelViewTransformMatrix()
-    return not np.array_equal(np.reshape(matrix.GetData(), (4, 4)), frame.view_from_world)

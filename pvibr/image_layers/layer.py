@@ -181,9 +181,7 @@ class Layer:
 
     def _draw(self, now, drawer, view, actors) -> float:
         picture, frame = self.picture, now.frame
-        seen = replace(
-            frame, size=tuple(picture.texels), origin=(0, 0), clip_from_view=view.clip_from_view
-        )
+        seen = replace(frame, size=tuple(picture.texels), origin=(0, 0), view=view)
         effects = [e for e in now.effects if e.needed(seen) is True]
         for effect in effects:
             effect.prepare(seen)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -219,9 +220,7 @@ class LayerPicture:
         last = first + np.array(self.texels) / scale
         self.rect = (*first.tolist(), *last.tolist())
         self.clip_from_view = part_of(frame.clip_from_view, frame.size, self.rect)
-        return View(
-            frame.view_from_world, self.clip_from_view, frame.near, frame.far, frame.parallel
-        )
+        return replace(frame.view, clip_from_view=self.clip_from_view)
 
     def draw(self, drawer, view, actors) -> float:
         """Draw actors into it, in the view that :meth:`aim` returned."""
@@ -340,8 +339,7 @@ class LayerPicture:
 
 
 def _any_seen(frame, bounds) -> bool:
-    view = View(frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel)
-    return bool(may_see(view, bounds).any())
+    return bool(may_see(frame.view, bounds).any())
 
 
 def _depths(frame, bounds) -> np.ndarray:

@@ -11,7 +11,6 @@ import numpy as np
 
 from pvibr.core.determinism import is_deterministic
 from pvibr.gl import Target
-from pvibr.maths.views import View
 
 #: Before anything was measured, seconds: of a mesh, of each of its cells, of a pixel of a card.
 ACTOR, CELL, PIXEL = 5e-5, 7e-8, 3e-8
@@ -105,15 +104,12 @@ class Costs:
         self._measured = True
         width, height = frame.size
         target = Target(frame.window, width, height, ('rgba8',), depth=True)
-        view = View(
-            frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
-        )
         times = []
         for _ in range(_TRIES):
             frame.window.WaitForCompletion()
             start = time.perf_counter()
             with target.drawing(clear=(0, 0, 0, 0)):
-                drawer.look(view, (0, 0, *frame.size))
+                drawer.look(frame.view, (0, 0, *frame.size))
                 drawer.draw([cards.actor])
             frame.window.WaitForCompletion()
             times.append(time.perf_counter() - start)

@@ -19,7 +19,7 @@ from pvibr.impostors.leaves import Leaves
 from pvibr.impostors.nodes import FARTHEST, NEAREST, Nodes
 from pvibr.impostors.sources import Materials, Source
 from pvibr.instances.instances import Instances
-from pvibr.maths.views import View, may_see, may_see_boxes
+from pvibr.maths.views import may_see, may_see_boxes
 from pvibr.scene.casters import listed
 from pvibr.scene.thing import Thing
 
@@ -109,7 +109,6 @@ class Impostor(Thing):
         self._props_time = -1
         self._version = 0
         self._frame: Any = None
-        self._elsewhere: list | None = None
         self._told: dict = {}
         self._why = self._leaves.why
         self._drawn_frames = self._frames = 0
@@ -129,8 +128,6 @@ class Impostor(Thing):
 
     def drawn(self) -> list:
         """Return what draws it in the frame that it was prepared for, less instances."""
-        if self._elsewhere is not None:
-            return self._elsewhere
         real = self._leaves.drawn()
         return [self._cards.actor, *real] if self._cards.actor.GetVisibility() else real
 
@@ -196,10 +193,6 @@ class Impostor(Thing):
 
     def prepare(self, frame):
         """Choose what is drawn as an image, and draw the images that no longer serve."""
-        if not frame.own:
-            self._elsewhere = self._seen_from(frame)
-            return
-        self._elsewhere = None
         if frame is self._frame:
             return
         self._leaves.show()
@@ -232,7 +225,7 @@ class Impostor(Thing):
 
     def finish(self, frame):
         """Give everyone their actors back."""
-        if not frame.own or frame is not self._frame:
+        if frame is not self._frame:
             return
         self._cards.hide()
         self._leaves.show()
@@ -306,7 +299,7 @@ class Impostor(Thing):
         """Return the nodes that may be images, and for each actor why it is none, where so."""
         nodes, n = self._nodes, len(self._leaves)
         why = self._leaves.why.copy()
-        here = nodes.live & may_see_boxes(_view_of(eyes.frame), nodes.low, nodes.high)
+        here = nodes.live & may_see_boxes(eyes.frame.view, nodes.low, nodes.high)
         why[nodes.live[:n] & ~here[:n]] = 'out of view'
         away = eyes.away(nodes.center)
         scale = eyes.pixels(nodes.center, nodes.radius) / away
@@ -420,8 +413,8 @@ class Impostor(Thing):
         self._told['shown'] = len(shown)
         self._why = why
 
-    def _seen_from(self, frame):
-        """Return the actors that may be seen in a frame of another camera, as they are."""
+    def draws(self, frame, *, depth=False) -> list:
+        """Return the actors themselves that may be seen in a frame that is not its own."""
         if self._frame is None:
             self._sync()
         found = self._leaves.shown()
@@ -430,7 +423,7 @@ class Impostor(Thing):
         found = [a for a, k in zip(found, keep, strict=True) if k]
         if not found:
             return []
-        seen = may_see(_view_of(frame), [b for b, k in zip(boxes, keep, strict=True) if k])
+        seen = may_see(frame.view, [b for b, k in zip(boxes, keep, strict=True) if k])
         return [a for a, s in zip(found, seen, strict=True) if s]
 
     # -- memory ----------------------------------------------------------------------------------
@@ -441,7 +434,7 @@ class Impostor(Thing):
         self._cards.release(window)
         self._forget_tree()
         self._leaves.release(window)
-        self._frame = self._elsewhere = None
+        self._frame = None
 
     def report(self) -> dict:
         """Return what is drawn how, the largest error shown, and how often images were drawn."""
@@ -481,7 +474,3 @@ def _checked(actors) -> list:
 
 def _is_actor(thing) -> bool:
     return isinstance(thing, _vtk.vtkActor)
-
-
-def _view_of(frame) -> View:
-    return View(frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel)

@@ -31,18 +31,9 @@ def on_screen(frame, centers, radii):
     >>> import numpy as np
     >>> from pvibr.core.frame import Frame
     >>> from pvibr.maths.occlusion import on_screen
-    >>> frame = Frame(
-    ...     None,
-    ...     None,
-    ...     (8, 8),
-    ...     (0, 0),
-    ...     np.eye(4),
-    ...     np.diag([1.0, 1, -1, 1]),
-    ...     parallel=True,
-    ...     near=0.0,
-    ...     far=10.0,
-    ...     eye=np.zeros(3),
-    ... )
+    >>> from pvibr.maths.views import View
+    >>> view = View(np.eye(4), np.diag([1.0, 1, -1, 1]), near=0.0, far=10.0, parallel=True)
+    >>> frame = Frame(None, None, (8, 8), (0, 0), view)
     >>> low, high = on_screen(frame, np.array([[0, 0, -3.0]]), np.array([0.5]))
     >>> low.tolist(), high.tolist()
     ([[2.0, 2.0]], [[6.0, 6.0]])
@@ -126,18 +117,9 @@ def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
     >>> import numpy as np
     >>> from pvibr.core.frame import Frame
     >>> from pvibr.maths.occlusion import behind
-    >>> frame = Frame(
-    ...     None,
-    ...     None,
-    ...     (8, 8),
-    ...     (0, 0),
-    ...     np.eye(4),
-    ...     np.diag([1.0, 1, -0.2, 1]),
-    ...     parallel=True,
-    ...     near=0.0,
-    ...     far=10.0,
-    ...     eye=np.zeros(3),
-    ... )
+    >>> from pvibr.maths.views import View
+    >>> view = View(np.eye(4), np.diag([1.0, 1, -0.2, 1]), near=0.0, far=10.0, parallel=True)
+    >>> frame = Frame(None, None, (8, 8), (0, 0), view)
     >>> centers = np.array([[0, 0, -1.0], [0, 0, -4]])
     >>> behind(frame, np.full((1, 1), 0.7), 8, centers, np.full(2, 0.5)).tolist()
     [False, True]

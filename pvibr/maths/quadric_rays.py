@@ -242,18 +242,9 @@ def cast(frame, meet, *things):
     >>> import numpy as np
     >>> from pvibr.core.frame import Frame
     >>> from pvibr.maths.quadric_rays import cast, meet_spheres
-    >>> frame = Frame(
-    ...     None,
-    ...     None,
-    ...     (3, 3),
-    ...     (0, 0),
-    ...     np.eye(4),
-    ...     np.diag([1.0, 1, -1, 1]),
-    ...     parallel=True,
-    ...     near=0.0,
-    ...     far=10.0,
-    ...     eye=np.zeros(3),
-    ... )
+    >>> from pvibr.maths.views import View
+    >>> view = View(np.eye(4), np.diag([1.0, 1, -1, 1]), near=0.0, far=10.0, parallel=True)
+    >>> frame = Frame(None, None, (3, 3), (0, 0), view)
     >>> ids, depth, _ = cast(frame, meet_spheres, [[0, 0, -3]], [0.5])
     >>> ids.tolist(), float(depth[1, 1])
     ([[-1, -1, -1], [-1, 0, -1], [-1, -1, -1]], 2.5)

@@ -21,7 +21,7 @@ _FACES = [(s * np.eye(3)[k], np.eye(3)[(k + 1) % 3]) for k in range(3) for s in 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A place to look from, and a projection.
+    """A camera pose and its projection.
 
     Attributes
     ----------
@@ -33,6 +33,8 @@ class View:
         Distances of the clipping planes along the view, world units.
     parallel : bool
         Whether the projection is parallel.
+    position : numpy.ndarray, optional
+        (3,) float64, world units; by default from `view_from_world`.
 
     Examples
     --------
@@ -47,10 +49,13 @@ class View:
     near: float
     far: float
     parallel: bool
+    position: np.ndarray | None = None
 
     @property
     def eye(self) -> np.ndarray:
         """Position, (3,), world units."""
+        if self.position is not None:
+            return self.position
         return -self.view_from_world[:3, :3].T @ self.view_from_world[:3, 3]
 
     def camera(self) -> tuple:
@@ -63,7 +68,7 @@ class View:
         return TEXTURE_FROM_CLIP @ self.clip_from_view @ self.view_from_world
 
     def key(self) -> bytes:
-        """Return what two equal views have in common."""
+        """Return the matrices as bytes."""
         return self.view_from_world.tobytes() + self.clip_from_view.tobytes()
 
 

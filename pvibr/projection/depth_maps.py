@@ -85,7 +85,7 @@ class _Scene:
             self._map = DepthView(self.drawer, 1, resolution)
         shift = np.eye(4)
         shift[:3, 3] = self.center
-        moved = replace(view, view_from_world=view.view_from_world @ shift)
+        moved = replace(view, view_from_world=view.view_from_world @ shift, position=None)
         self._map.update(Frame.of(self.renderer), [moved], Casters(self.actors))
         return self._map.texture.download()[..., 0]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from pvibr.maths.cameras import as_camera
 from pvibr.maths.views import View, look_along
 from pvibr.projection.depth_maps import view_of
 from pvibr.scene.casters import Casters, Surfaces
+from pvibr.scene.seen_from import seen_from
 
 _FINE = 2  # pixels drawn for each texel, along a side
 _NEAR_IS_WHITE = """uniform sampler2D depth; uniform vec2 planes; uniform int parallel;
@@ -227,34 +227,22 @@ class LiveTexture(Effect):
         if view is None:
             with drawn.drawing(clear=self._clear_color(frame)):
                 return
-        seen = replace(
-            frame,
-            size=(drawn.width, drawn.height),
-            origin=(0, 0),
-            parallel=view.parallel,
-            view_from_world=view.view_from_world,
-            clip_from_view=view.clip_from_view,
-            near=view.near,
-            far=view.far,
-            eye=view.eye,
-            quality=1.0,
-        )
-        effects = [e for e in self._scene_effects() if e.needed(seen) is True]
+        seen = frame.elsewhere(view, (drawn.width, drawn.height))
+        needed = [e for e in self._scene_effects() if e.needed(seen) is True]
+        effects = [e for e in needed if e not in self.pipeline.things]
         for effect in effects:
             effect.prepare(seen)
-        with drawn.drawing(clear=self._clear_color(frame)):
+        clear = self._clear_color(frame)
+        with seen_from(casters.things, seen), drawn.drawing(clear=clear):
+            found = [(t.draws(seen) if t in needed else t.drawn()) for t in casters.things]
+            things = [actor for actors in found for actor in actors]
             self._drawer.look(view, (0, 0, *seen.size))
             self._light(frame)
-            drawn_by_things = [a for thing in casters.things for a in thing.drawn()]
-            self._drawer.draw([*casters.actors, *drawn_by_things])
+            self._drawer.draw([*casters.actors, *things])
             with _blended(frame.window):
-                self._drawer.draw([*casters.translucent(), *drawn_by_things], translucent=True)
+                self._drawer.draw([*casters.translucent(), *things], translucent=True)
         for effect in effects:
             effect.finish(seen)
-        # As the frame itself wants them; those that come later in its order do so anyway.
-        for effect in self.pipeline.things:
-            if effect.enabled and effect.needed(frame) is True:
-                effect.prepare(frame)
         self._drawer.done()
         frame.renderer.UpdateLightsGeometryToFollowCamera()
         if self.what == 'depth':

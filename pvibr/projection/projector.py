@@ -335,6 +335,7 @@ class Projector(Effect):
             meshes = [surface_of(a) for a in receivers.values() if a.GetVisibility()]
             others = [surface_of(a) for a in casters.actors]
             self._found_gains = (key, solved_gains(self._slides, self, meshes, others))
+            self.pipeline.window.MakeCurrent()  # it was solved in another window
         return self._found_gains[1]
 
     # -- as data ------------------------------------------------------------------------------

@@ -13,8 +13,8 @@ from pvibr.gl import Quad, Target, set_fragment_uniforms
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet
 from pvibr.gl.scene_pass import is_marker
-from pvibr.maths.views import View
 from pvibr.scene.casters import Surfaces
+from pvibr.scene.seen_from import seen_from
 
 NAMES = ('depth', 'normal', 'id', 'color')
 
@@ -138,21 +138,17 @@ class Drawn:
         """Draw what a frame shows."""
         self._surfaces.update(things)
         actors, chosen = self._surfaces.chosen(choice, things)
-        seen = replace(frame, casting=True)
-        view = View(
-            frame.view_from_world, frame.clip_from_view, frame.near, frame.far, frame.parallel
-        )
+        seen = replace(frame, casting=True, own=False)
+        ready = [t for t in chosen if t.enabled and t.needed(frame) is True]
         target = self._sized_target(frame.size)
-        with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            self._drawer.look(view, (0, 0, *frame.size))
+        with seen_from(ready, seen), target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            self._drawer.look(frame.view, (0, 0, *frame.size))
             for number, actor in enumerate(actors.values(), 1):
                 if actor.GetVisibility():
                     self._draw([actor], number)
             for number, thing in enumerate(chosen, len(actors) + 1):
-                if thing.enabled and thing.needed(frame) is True:
-                    thing.prepare(seen)
-                    self._draw(thing.drawn(), number)
-                    thing.finish(seen)
+                if thing in ready:
+                    self._draw(thing.draws(seen), number)
         self._drawer.done()
         return Geometry(target.colors[1], target.depth, [*actors.values(), *chosen])
 

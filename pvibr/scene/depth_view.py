@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pvibr.gl import Target, set_fragment_uniforms, shader_source, texture_limit
 from pvibr.gl.feature import Feature, FeatureSet, sections
-from pvibr.scene.casters import SPHERES, depths_of, draws_spheres, sized
+from pvibr.scene.casters import SPHERES, draws_spheres, sized
+from pvibr.scene.seen_from import seen_from
 
 # What a translucent caster leaves of the light, and how near it is: one pass each, since the
 # two blend in different ways.
@@ -91,8 +91,6 @@ class DepthView:
             with target.drawing():
                 for k in stale:
                     self._draw_veil(views[k], k, casters, mode)
-        for thing in casters.things:
-            thing.prepare(frame)
         self.drawer.doubles.keep(casters.actors, self.drawer.window)
         self.drawer.done()
         # Taken again: things may have made actors for these views.
@@ -103,19 +101,17 @@ class DepthView:
         return stale
 
     def _draw(self, frame, k, casters, faces):
-        view = self.views[k]
-        seen = seen_from(frame, view, self.resolution)
-        casters = casters.seen(view)
-        for thing in casters.things:
-            thing.prepare(seen)
-        self.drawer.look(view, (*self.corner(k), self.resolution, self.resolution))
-        # In a parallel view VTK has spheres bulge twice as far.
-        bulge = self.drawer.inner.GetSize()[0] / self.resolution * (0.5 if view.parallel else 1.0)
-        with sized(casters.actors, frame, seen, bulge):
-            self.drawer.draw_depth(casters.actors, faces=faces)
-        for thing in casters.things:
-            self.drawer.draw(depths_of(thing))
-            thing.finish(seen)
+        view, size = self.views[k], (self.resolution, self.resolution)
+        casters, seen = casters.seen(view), frame.elsewhere(view, size, casting=True)
+        with seen_from(casters.things, seen):
+            drawn = [thing.draws(seen, depth=True) for thing in casters.things]
+            self.drawer.look(view, (*self.corner(k), *size))
+            # In a parallel view VTK has spheres bulge twice as far.
+            bulge = self.drawer.inner.GetSize()[0] / size[0] * (0.5 if view.parallel else 1.0)
+            with sized(casters.actors, frame, seen, bulge):
+                self.drawer.draw_depth(casters.actors, faces=faces)
+            for actors in drawn:
+                self.drawer.draw(actors)
 
     def _features_of(self, actor):
         features = {SPHERES: draws_spheres(actor), _VEIL: self._is_veil(actor)}
@@ -140,23 +136,6 @@ class DepthView:
         for veil in self.veils:
             veil.release()
         self.target.release()
-
-
-def seen_from(frame, view, resolution):
-    """Return a frame as it would be from another view, drawn for its depth alone."""
-    return replace(
-        frame,
-        size=(resolution, resolution),
-        origin=(0, 0),
-        parallel=view.parallel,
-        view_from_world=view.view_from_world,
-        clip_from_view=view.clip_from_view,
-        near=view.near,
-        far=view.far,
-        eye=view.eye,
-        casting=True,
-        quality=1.0,
-    )
 
 
 def receiver_shader() -> dict[str, str]:

@@ -62,6 +62,11 @@ class Thing(Effect):
         """Return the actors that draw it in the frame that it was prepared for."""
         return [actor for actor in self.actors() if actor.GetVisibility()]
 
+    def draws(self, frame, *, depth=False) -> list:
+        """Return the actors that draw it in a frame that is not its own, or its depth alone."""
+        self.prepare(frame)
+        return self.depths() if depth else self.drawn()
+
     def soft_edged(self) -> list:
         """Return the actors whose edges blend with what was drawn before them."""
         return []

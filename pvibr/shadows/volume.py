@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -412,7 +413,7 @@ def _view(frame, bounds) -> View:
         far = min(far, float(away.max() + pad))
     if near < far and np.allclose(clip[2], _depth_row(frame.near, frame.far, parallel)):
         clip[2] = _depth_row(near, far, parallel)
-    return View(frame.view_from_world, clip, near, far, parallel)
+    return replace(frame.view, clip_from_view=clip, near=near, far=far)
 
 
 def _depth_row(near, far, parallel):

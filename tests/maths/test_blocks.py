@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pvibr.core import _vtk
 from pvibr.core.frame import Frame
 from pvibr.maths.blocks import Blocks, frustum_planes, morton_order
+from pvibr.maths.views import View
 
 FEW = settings(deadline=None, max_examples=40)
 
@@ -34,12 +35,14 @@ def frame_of(eye, focus, *, parallel=False, size=(120, 90), scale=1.0, angle=30.
         None,
         size,
         (0, 0),
-        rows(camera.GetModelViewTransformMatrix()),
-        rows(camera.GetProjectionTransformMatrix(size[0] / size[1], -1, 1)),
-        parallel=parallel,
-        near=0.01 * away,
-        far=100 * away,
-        eye=np.array(eye, float),
+        View(
+            rows(camera.GetModelViewTransformMatrix()),
+            rows(camera.GetProjectionTransformMatrix(size[0] / size[1], -1, 1)),
+            parallel=parallel,
+            near=0.01 * away,
+            far=100 * away,
+            position=np.array(eye, float),
+        ),
     )
 
 

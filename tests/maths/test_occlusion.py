@@ -7,6 +7,7 @@ import pytest
 
 from pvibr.core.frame import Frame
 from pvibr.maths.occlusion import behind, likely_seen, on_screen
+from pvibr.maths.views import View
 
 SIZE = (96, 64)
 
@@ -27,12 +28,7 @@ def frame(parallel):
         None,
         SIZE,
         (0, 0),
-        np.eye(4),
-        clip,
-        parallel=parallel,
-        near=near,
-        far=far,
-        eye=np.zeros(3),
+        View(np.eye(4), clip, parallel=parallel, near=near, far=far),
     )
 
 
