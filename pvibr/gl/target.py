@@ -78,6 +78,27 @@ class Target:
         with _Drawing(self, clear):
             quad.draw_alone(uniforms or {}, textures or {}, blend)
 
+    def begin(self, clear=None):
+        """Have GL draw into it, until :meth:`end`."""
+        state = self._state
+        state.Push()
+        state.PushFramebufferBindings()
+        try:
+            self.object.Bind()
+            self._activate()
+            state.vtkglViewport(0, 0, self.width, self.height)
+            state.vtkglScissor(0, 0, self.width, self.height)
+            if clear is not None:
+                self._clear(state, clear)
+        except BaseException:
+            self.end()
+            raise
+
+    def end(self):
+        """Put back framebuffer, viewport and all other GL state."""
+        self._state.PopFramebufferBindings()
+        self._state.Pop()
+
     def _clear(self, state, color):
         state.vtkglColorMask(True, True, True, True)
         state.vtkglDepthMask(True)
@@ -101,23 +122,8 @@ class _Drawing:
         self._target, self._clear = target, clear
 
     def __enter__(self):
-        target = self._target
-        state = target._state
-        state.Push()
-        state.PushFramebufferBindings()
-        try:
-            target.object.Bind()
-            target._activate()
-            state.vtkglViewport(0, 0, target.width, target.height)
-            state.vtkglScissor(0, 0, target.width, target.height)
-            if self._clear is not None:
-                target._clear(state, self._clear)
-        except BaseException:
-            self.__exit__()
-            raise
-        return target
+        self._target.begin(self._clear)
+        return self._target
 
     def __exit__(self, *_error):
-        state = self._target._state
-        state.PopFramebufferBindings()
-        state.Pop()
+        self._target.end()

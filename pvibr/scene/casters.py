@@ -224,16 +224,13 @@ class Casters:
     def inherit(self, before):
         """Take over what is known of the casters of another frame, where nothing changed."""
         if before is not None and before.key() == self.key():
-            vars(self)['_thin'] = before._thin
-            if not before._thin:
-                vars(self)['_boxes'] = before._boxes
-
-    def thin(self) -> bool:
-        """Tell whether any actor draws points or lines."""
-        return bool(self._thin)
+            vars(self)['thin'] = before.thin
+            if not before.thin:
+                vars(self)['boxes'] = before.boxes
 
     @cached_property
-    def _thin(self) -> set:
+    def thin(self) -> set:
+        """Addresses of the actors that draw points or lines."""
         return {address(a) for a in self.actors if is_thin(a)}
 
     def translucent(self) -> list:
@@ -244,11 +241,11 @@ class Casters:
         """Return the world bounds of each, shape (n, 6); of what has none, nothing."""
         reach = [t.cast_bounds for t in self.things]
         things = np.array(reach, float).reshape(-1, 6)
-        boxes = np.concatenate([self._boxes, things])
+        boxes = np.concatenate([self.boxes, things])
         return boxes[boxes[:, 0] <= boxes[:, 1]]
 
     @cached_property
-    def _boxes(self) -> np.ndarray:
+    def boxes(self) -> np.ndarray:
         """Return the world bounds of each actor, shape (n, 6)."""
         boxes = [a.GetBounds() or (1.0, -1.0) * 3 for a in self.actors]
         found = np.array(boxes, float).reshape(-1, 6)
@@ -260,7 +257,7 @@ class Casters:
         mapper = actor.GetMapper()
         if mapper.IsA('vtkPointGaussianMapper'):
             return 3 * mapper.GetScaleFactor()
-        if self.frame is None or address(actor) not in self._thin:
+        if self.frame is None or address(actor) not in self.thin:
             return 0.0
         prop = actor.GetProperty()
         pixels = max(prop.GetPointSize(), prop.GetLineWidth())
@@ -269,6 +266,6 @@ class Casters:
 
     def seen(self, view) -> Casters:
         """Return what may be in a view."""
-        inside = may_see(view, self._boxes)
+        inside = may_see(view, self.boxes)
         actors = [a for a, i in zip(self.actors, inside, strict=True) if i]
         return Casters(actors, self.things, self.frame)

@@ -13,19 +13,22 @@ from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl import set_fragment_uniforms, shader_source, texture_units
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.feature import DITHER, Feature, FeatureSet, declared_samplers, sections
-from pvibr.maths.kernels import vogel_disk
+from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.scene.casters import Casters, Surfaces, set_surface_uniforms, surface_features
-from pvibr.scene.depth_view import DepthView, receiver_shader
-from pvibr.scene.lights import SceneLight, light_views, lights_of
+from pvibr.scene.lights import SceneLight, lights_of
 from pvibr.scene.thing import Thing
-from pvibr.shadows.moments import KINDS, WARP, Moments
+from pvibr.shadows.maps import (
+    VEILS,
+    LightMaps,
+    filter_of,
+    filter_radius,
+    light_size,
+    map_parts,
+    texel_size,
+)
+from pvibr.shadows.moments import KINDS
 from pvibr.shadows.volume import ShadowVolumes, receiver_text
 
-#: Views of a directional light at most: of everything, and around the eye.
-_CASCADES = 4
-_WINDOW = 3.0  # texels: a larger filter compares at some places only
-_VEILS = ('tint', 'veil')
 _MATERIAL = 6  # texture units that are left to materials
 
 
@@ -143,7 +146,7 @@ class Shadows(Effect):
                     )
                     raise TypeError(msg)
         self.casts, self.receives = casts, receives
-        self._lights: list[_LightMaps] = []
+        self._lights: list[LightMaps] = []
         self._attached = FeatureSet()
         self._surfaces: Any = None
         self._drawer: Any = None
@@ -190,7 +193,7 @@ class Shadows(Effect):
         casters.inherit(self._last)
         self._last = casters
         self._cast = {address(a) for a in casters.actors}
-        samplers = 1 + len(_VEILS) * bool(casters.translucent())
+        samplers = 1 + len(VEILS) * bool(casters.translucent())
         self._most = max((texture_units(frame.window) - _MATERIAL) // samplers, 1)
         self._match_lights()
         for maps in self._lights:
@@ -226,7 +229,7 @@ class Shadows(Effect):
                 maps.release()
         self._lights = []
         for light, found in zip(casting, kept, strict=True):
-            maps = found or _LightMaps(self._drawer, self, settings)
+            maps = found or LightMaps(self._drawer, self, settings)
             maps.light = light
             self._lights.append(maps)
 
@@ -249,20 +252,6 @@ class Shadows(Effect):
         key = address(light)
         number = on.index(key) if key in on else None
         return next((list(m.views) for m in self._lights if m.light.number == number), [])
-
-    def _filter(self) -> tuple[str, int]:
-        """Return the section of the shader that finds shadows, and its number of taps."""
-        if self.method != 'pcf':
-            return self.method, self.taps or 32
-        radius = self._radius()
-        if self.taps is None and 0.5 <= radius <= _WINDOW:
-            return 'window', int(np.ceil(2 * radius)) + 1
-        return 'pcf', self.taps or 16
-
-    def _radius(self) -> float:
-        if self.filter_radius is not None:
-            return self.filter_radius
-        return 2.0 if self.method in KINDS else 0.5
 
     def _attach(self, frame):
         """Attach the shader text to receivers, and set the uniforms of this frame."""
@@ -290,23 +279,23 @@ class Shadows(Effect):
         lit = [m for m in self._lights if m.view is not None]
         if not lit:
             return None, {}
-        signature = (*self._filter(), tuple(m.signature() for m in lit))
+        signature = (*filter_of(self), tuple(m.signature() for m in lit))
         return _feature(*signature), self._uniforms(frame, lit)
 
     def _uniforms(self, frame, lit):
-        world_from_view = np.linalg.inv(frame.view_from_world)
+        world_from_view, (_, taps) = np.linalg.inv(frame.view_from_world), filter_of(self)
         matrices = [v.texture_from_world() @ world_from_view for m in lit for v in m.views]
-        texels = [t for m in lit for v in m.views for t in _texel(v, m.view.resolution)]
+        texels = [t for m in lit for v in m.views for t in texel_size(v, m.view.resolution)]
         on_plane = self.bias == 'plane'
-        ranges = [x for m in lit for v in m.views for x in (v.near, v.far, *self._size(v))]
+        ranges = [x for m in lit for v in m.views for x in (v.near, v.far, *light_size(self, v))]
         uniforms = {
             'ibr_shadow_from_view': np.stack(matrices),
             'ibr_shadow_texel': np.reshape(texels, (-1, 1)),
             'ibr_shadow_normal_bias': self.normal_bias if on_plane else 0.0,
             'ibr_shadow_polygon': (-1.0, 0.0) if on_plane else self.polygon_offset,
             'ibr_shadow_range': np.reshape(ranges, (-1, 1)),
-            'ibr_shadow_filter_radius': self._radius(),
-            'ibr_shadow_taps': max(1, round(self._filter()[1] * frame.quality)),
+            'ibr_shadow_filter_radius': filter_radius(self),
+            'ibr_shadow_taps': max(1, round(taps * frame.quality)),
         }
         for maps in lit:
             n = maps.light.number
@@ -315,13 +304,6 @@ class Shadows(Effect):
             for name, texture in maps.textures().items():
                 uniforms[f'ibr_shadow_{name}_{n}'] = texture.activate()
         return uniforms
-
-    def _size(self, view) -> list[float]:
-        """Return the light's size as the shader takes it, in parts of a view's sides."""
-        scale = np.diag(view.clip_from_view)[:2] / 2
-        if view.parallel:
-            return (np.tan(np.radians(self.angle / 2)) * scale).tolist()
-        return ((self.radius or view.far / 50) * scale).tolist()
 
     def finish(self, frame):
         """Give the texture units back."""
@@ -398,79 +380,6 @@ class Shadows(Effect):
         } | dark
 
 
-class _LightMaps:
-    """What one light sees."""
-
-    light: SceneLight
-
-    def __init__(self, drawer, settings_of, settings):
-        self.drawer, self.owner, self.settings = drawer, settings_of, settings
-        self.view: Any = None
-        self.moments: Any = None
-        self.views: list = []
-        self._released = 0
-
-    @property
-    def bakes(self) -> int:
-        return self._released + (self.view.bakes if self.view else 0)
-
-    @property
-    def nbytes(self) -> int:
-        return sum(owner.nbytes for owner in (self.view, self.moments) if owner)
-
-    def textures(self) -> dict:
-        if self.view is None:
-            return {}
-        veils = {v: getattr(self.view, v) for v in _VEILS} if self.view.veils else {}
-        return {'map': (self.moments or self.view).texture} | veils
-
-    def update(self, frame, casters):
-        """Draw what is stale."""
-        bounds, least = casters.bounds(), max(len(self.views), 1)
-        if not len(bounds):
-            self.release()
-            return
-        wanted = self.owner.resolution
-        shape = {'least': least, 'square': casters.thin()}
-        self.views = light_views(self.light, bounds, frame, wanted, _CASCADES, **shape)
-        veiled = bool(casters.translucent())
-        old = self.view
-        if old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled):
-            self.release()
-            method = self.owner.method
-            compare = self.owner._filter()[0] == 'pcf'
-            self.view = DepthView(
-                self.drawer, len(self.views), wanted, compare=compare, veiled=veiled
-            )
-            self.moments = Moments(self.view, method) if method in KINDS else None
-        for k in self.view.update(frame, self.views, casters, faces=self.owner.faces):
-            if self.moments is not None:
-                self.moments.update(k, self.owner._radius())
-
-    def signature(self):
-        return (
-            self.light.number,
-            self.light.positional,
-            len(self.views),
-            self.view.columns,
-            self.view.rows,
-            bool(self.view.veils),
-        )
-
-    def release(self):
-        if self.moments is not None:
-            self.moments.release()
-        if self.view is not None:
-            self._released += self.view.bakes
-            self.view.release()
-        self.view = self.moments = None
-
-
-def _texel(view, resolution) -> list[float]:
-    """Return the sides of a texel in world units; at a distance of 1 where they grow with it."""
-    return (2 / np.diag(view.clip_from_view)[:2] / resolution).tolist()
-
-
 def _place(frame, light) -> dict:
     place = (frame.view_from_world @ light.homogeneous())[:3]
     return {f'ibr_shadow_place_{light.number}': place}
@@ -484,7 +393,7 @@ def _feature(method, taps, lights) -> Feature:
         samplers, body = receiver_text(lights)
         parts = [declared_samplers(samplers), text['declare'], body]
     else:
-        parts = _map_parts(text, method, taps, lights)
+        parts = map_parts(text, method, taps, lights)
     before, after = text['apply'], ''
     for number, *_ in lights:
         call = f'ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n)'
@@ -496,37 +405,3 @@ def _feature(method, taps, lights) -> Feature:
         'VTK::Light::Impl': f'{before}//VTK::Light::Impl\n{after}',
     }
     return Feature('shadows', fragment=texts)
-
-
-def _map_parts(text, method, taps, lights) -> list[str]:
-    """Return what is declared where shadows are found in maps."""
-    kind = 'sampler2DShadow' if method == 'pcf' else 'sampler2D'
-    samplers = {f'ibr_shadow_map_{n}': kind for n, *_ in lights}
-    samplers |= {f'ibr_shadow_{v}_{n}': 'sampler2D' for n, *_, e in lights if e for v in _VEILS}
-    shared = receiver_shader()
-    disk = ', '.join(f'vec2({x:.6f}, {y:.6f})' for x, y in vogel_disk(taps))
-    parts = [
-        declared_samplers(samplers),
-        f'{DITHER}#define TAPS {taps}\n#define WARP {WARP:.1f}\n',
-        f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk});\n',
-        text['disk'],
-        text['declare'],
-        shared['plane'],
-        text['moments'] if method in KINDS else '',
-        text[method],
-    ]
-    first = 0
-    for number, positional, count, columns, rows, veiled in lights:
-        values = {
-            'POSITIONAL': str(bool(positional)).lower(),
-            'FIRST': first,
-            'COUNT': count,
-            'COLUMNS': columns,
-            'ROWS': rows,
-            'VEILED': int(veiled),
-        }
-        parts += [f'#define {k} {v}\n' for k, v in values.items()]
-        parts.append(text['light'].replace('NUMBER', str(number)))
-        parts += [f'#undef {k}\n' for k in values]
-        first += count
-    return parts

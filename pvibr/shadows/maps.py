@@ -1,0 +1,155 @@
+"""Shadow maps: the views of a light, how receivers filter them, and their shader."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pvibr.gl.feature import DITHER, declared_samplers
+from pvibr.maths.kernels import vogel_disk
+from pvibr.scene.depth_view import DepthView, receiver_shader
+from pvibr.scene.lights import SceneLight, light_views
+from pvibr.shadows.moments import KINDS, WARP, Moments
+
+#: Views of a directional light at most: of everything, and around the eye.
+_CASCADES = 4
+_WINDOW = 3.0  # texels: a larger filter compares at some places only
+VEILS = ('tint', 'veil')
+
+
+class LightMaps:
+    """The shadow maps of one light."""
+
+    light: SceneLight
+
+    def __init__(self, drawer, owner, settings):
+        self.drawer, self.owner, self.settings = drawer, owner, settings
+        self.view: Any = None
+        self.moments: Any = None
+        self.views: list = []
+        self._released = 0
+
+    @property
+    def bakes(self) -> int:
+        """How many views were drawn."""
+        return self._released + (self.view.bakes if self.view else 0)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return sum(owner.nbytes for owner in (self.view, self.moments) if owner)
+
+    def textures(self) -> dict:
+        """Return the textures that receivers sample, by name."""
+        if self.view is None:
+            return {}
+        veils = {v: getattr(self.view, v) for v in VEILS} if self.view.veils else {}
+        return {'map': (self.moments or self.view).texture} | veils
+
+    def update(self, frame, casters):
+        """Draw what is stale."""
+        bounds, least = casters.bounds(), max(len(self.views), 1)
+        if not len(bounds):
+            self.release()
+            return
+        wanted = self.owner.resolution
+        shape = {'least': least, 'square': bool(casters.thin)}
+        self.views = light_views(self.light, bounds, frame, wanted, _CASCADES, **shape)
+        veiled = bool(casters.translucent())
+        old = self.view
+        if old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled):
+            self.release()
+            method = self.owner.method
+            compare = filter_of(self.owner)[0] == 'pcf'
+            self.view = DepthView(
+                self.drawer, len(self.views), wanted, compare=compare, veiled=veiled
+            )
+            self.moments = Moments(self.view, method) if method in KINDS else None
+        for k in self.view.update(frame, self.views, casters, faces=self.owner.faces):
+            if self.moments is not None:
+                self.moments.update(k, filter_radius(self.owner))
+
+    def signature(self):
+        """Return what the shader of receivers depends on."""
+        return (
+            self.light.number,
+            self.light.positional,
+            len(self.views),
+            self.view.columns,
+            self.view.rows,
+            bool(self.view.veils),
+        )
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        if self.moments is not None:
+            self.moments.release()
+        if self.view is not None:
+            self._released += self.view.bakes
+            self.view.release()
+        self.view = self.moments = None
+
+
+def filter_of(settings) -> tuple[str, int]:
+    """Return the section of the shader that filters, and its number of taps."""
+    if settings.method != 'pcf':
+        return settings.method, settings.taps or 32
+    radius = filter_radius(settings)
+    if settings.taps is None and 0.5 <= radius <= _WINDOW:
+        return 'window', int(np.ceil(2 * radius)) + 1
+    return 'pcf', settings.taps or 16
+
+
+def filter_radius(settings) -> float:
+    """Return the radius of the filter or the blur, texels."""
+    if settings.filter_radius is not None:
+        return settings.filter_radius
+    return 2.0 if settings.method in KINDS else 0.5
+
+
+def light_size(settings, view) -> list[float]:
+    """Return the size of the light as a fraction of a view's sides, as the shader takes it."""
+    scale = np.diag(view.clip_from_view)[:2] / 2
+    if view.parallel:
+        return (np.tan(np.radians(settings.angle / 2)) * scale).tolist()
+    return ((settings.radius or view.far / 50) * scale).tolist()
+
+
+def texel_size(view, resolution) -> list[float]:
+    """Return the sides of a texel in world units; at a distance of 1 where they grow with it."""
+    return (2 / np.diag(view.clip_from_view)[:2] / resolution).tolist()
+
+
+def map_parts(text, method, taps, lights) -> list[str]:
+    """Return the declarations of the shader of receivers."""
+    kind = 'sampler2DShadow' if method == 'pcf' else 'sampler2D'
+    samplers = {f'ibr_shadow_map_{n}': kind for n, *_ in lights}
+    samplers |= {f'ibr_shadow_{v}_{n}': 'sampler2D' for n, *_, e in lights if e for v in VEILS}
+    shared = receiver_shader()
+    disk = ', '.join(f'vec2({x:.6f}, {y:.6f})' for x, y in vogel_disk(taps))
+    parts = [
+        declared_samplers(samplers),
+        f'{DITHER}#define TAPS {taps}\n#define WARP {WARP:.1f}\n',
+        f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk});\n',
+        text['disk'],
+        text['declare'],
+        shared['plane'],
+        text['moments'] if method in KINDS else '',
+        text[method],
+    ]
+    first = 0
+    for number, positional, count, columns, rows, veiled in lights:
+        values = {
+            'POSITIONAL': str(bool(positional)).lower(),
+            'FIRST': first,
+            'COUNT': count,
+            'COLUMNS': columns,
+            'ROWS': rows,
+            'VEILED': int(veiled),
+        }
+        parts += [f'#define {k} {v}\n' for k, v in values.items()]
+        parts.append(text['light'].replace('NUMBER', str(number)))
+        parts += [f'#undef {k}\n' for k in values]
+        first += count
+    return parts
