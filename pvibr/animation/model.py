@@ -14,7 +14,10 @@ from pvibr.maths.vectors import unit_vectors
 
 
 class Model:
-    """Meshes on a skeleton, and their posed points, normals, colours, tangents and bounds."""
+    """Meshes on a skeleton, and their posed points, normals, colours, tangents and bounds.
+
+    Parameters are those of :class:`pvibr.animation.Figure`.
+    """
 
     def __init__(self, meshes, skeleton=None, correctives=None):
         self.meshes = tuple(meshes)

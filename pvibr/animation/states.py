@@ -21,7 +21,10 @@ class Visit(NamedTuple):
 
 
 class States:
-    """Base of state machines: orders over time, and the visits to states that follow from them."""
+    """Base of state machines: orders over time, and the visits to states that follow from them.
+
+    Parameters are those of :class:`pvibr.animation.StateGraph`.
+    """
 
     #: True if the clocks of both states stand still during a fade.
     _holds = False

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pvibr.core.errors import PvibrError
@@ -18,36 +16,36 @@ from pvibr.scene.picking import pixel_ray
 from pvibr.scene.placing import Placed
 from pvibr.scene.thing import anchor, set_bounds
 
-#: Texture units that figures leave to VTK and to all else that is drawn.
+#: Texture units left to VTK and to other things.
 _SPARE = 8
 
 
 class AnimatedActor(FigurePlayer, Placed):
-    """A figure that moves: ordinary actors whose vertices are posed on the GPU.
+    """An animated figure: ordinary actors whose vertices are posed on the GPU.
 
     Parameters
     ----------
     figure : pvibr.Figure
         Meshes, skeleton and clips.
     name : str, optional
-        What the plotter and reports call it.
+        Name in the plotter and in reports.
     clip : str, int or Clip, optional
-        What is played from time 0 on; the first one there is by default.
+        Clip to play from time 0 on; default the first one.
     pickable : bool
-        Whether it can be picked.
+        Whether pickers find the figure.
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the looks.
     skinning : {'linear', 'dual'}
-        How joints are blended.
+        Linear blend or dual quaternion skinning.
     bulge : float
-        Share of the dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+        Share of dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
     **mesh_kwargs
-        As in :meth:`pyvista.Plotter.add_mesh`, over the looks of the figure's meshes.
+        Keywords of :meth:`pyvista.Plotter.add_mesh`, which override the looks of the meshes.
 
     Raises
     ------
     TypeError, ValueError
-        Where an argument is not allowed.
+        If an argument is invalid.
 
     Examples
     --------
@@ -68,18 +66,18 @@ class AnimatedActor(FigurePlayer, Placed):
     """
 
     web = 'baked', 'meshes, posed as they are now'
-    visibility = Param(True, 'Whether it is drawn at all.')
+    visibility = Param(True, 'Whether it is drawn.')
 
-    #: Frames that are drawn to pick need the pose too.
+    #: Picking passes need the pose too.
     picks = True
     pickable = True
-    #: How often it was posed.
+    #: Number of poses so far.
     posed = 0
-    _posing: Any = None
+    _posing: Posing | None = None
     _visible: bool | None = None
     _title = 'Figure'
     _failure: Exception | None = None
-    #: What was shown in the last frame, or when it was added, and its bounds.
+    #: Revision and bounds of the content in the last frame, or when it was added.
     _framed: tuple = (-1, (1.0, -1.0) * 3)
 
     @takes(mesh_kwargs=as_parts)
@@ -97,21 +95,21 @@ class AnimatedActor(FigurePlayer, Placed):
     ):
         super().__init__(figure, clip, skinning=skinning, bulge=bulge)
         self.name = name
-        given = {key: value for key, value in mesh_kwargs.items() if value is not None}
-        self._mesh_actors = as_mesh_actors(figure, given, theme)
-        self._posed = [b for b in self._mesh_actors if isinstance(b, PosedMeshActor)]
+        look = {key: value for key, value in mesh_kwargs.items() if value is not None}
+        self._mesh_actors = as_mesh_actors(figure, look, theme)
+        self._posed = [a for a in self._mesh_actors if isinstance(a, PosedMeshActor)]
         self._anchor = anchor()
         Placed.__init__(self)
         self._matrix = self.matrix
         self.pickable = pickable
-        self._stand_ins = [stand_in(self, b.index, b.actor) for b in self._posed]
+        self._stand_ins = [stand_in(self, a.index, a.actor) for a in self._posed]
         self._meshes: tuple = (-1, [])
         self._observers: list[int] = []
         self._drawn: tuple = ()
 
     def __setattr__(self, name, value):
         if name[0] != '_' and not hasattr(type(self), name):
-            msg = f'a figure has no {name!r}: looks are arguments, or set on actors()'
+            msg = f'an animated actor has no {name!r}: set looks as arguments, or on actors()'
             raise AttributeError(msg)
         super().__setattr__(name, value)
 
@@ -123,12 +121,12 @@ class AnimatedActor(FigurePlayer, Placed):
 
     @property
     def bounds(self) -> tuple[float, ...]:
-        """World bounds of what is shown: x, y and z, low and high."""
+        """World bounds of the posed figure: (x min, x max, y min, ...)."""
         self._now_shown()
         return tuple(self._anchor.GetBounds())
 
     def mesh(self):
-        """Return what is shown as data, in world space.
+        """Return the posed figure as data, in world space.
 
         Returns
         -------
@@ -148,29 +146,29 @@ class AnimatedActor(FigurePlayer, Placed):
     # -- the life of an effect ---------------------------------------------------------------
 
     def actors(self) -> list:
-        """Return the actors that draw it, one per mesh, and those that pickers find instead."""
+        """Return the actors of the meshes, and the stand-ins that pickers find."""
         return [*self._drawing(), *self._stand_ins]
 
     def _drawing(self) -> list:
         return [mesh_actor.actor for mesh_actor in self._mesh_actors]
 
     def depths(self) -> list:
-        """Return actors that draw the depth of what is shown, and maybe nothing else."""
-        return [b.depth_actor() for b in self._mesh_actors if b.actor.GetVisibility()]
+        """Return actors that draw the depth of the visible meshes."""
+        return [a.depth_actor() for a in self._mesh_actors if a.actor.GetVisibility()]
 
     def solids(self) -> list:
-        """Return actors whose mappers have what is shown as meshes, posed when they are asked."""
+        """Return actors whose mappers hold the posed meshes."""
         if not self._is_shown():
             return []
         instead = {b.index: actor for b, actor in zip(self._posed, self._stand_ins, strict=True)}
         return [instead.get(i, self._mesh_actors[i].actor) for i in self._seen()]
 
     def _seen(self) -> list[int]:
-        """Return the numbers of the meshes that are not hidden."""
-        return [i for i, b in enumerate(self._mesh_actors) if b.actor.GetVisibility()]
+        """Return the indices of the visible meshes."""
+        return [i for i, a in enumerate(self._mesh_actors) if a.actor.GetVisibility()]
 
     def content_key(self) -> tuple:
-        """Return what changes whenever what is drawn does, the camera left out."""
+        """Return a key that changes when the content changes, whatever the camera."""
         return self._changes, self._revision, self._is_shown()
 
     def _is_shown(self) -> bool:
@@ -185,7 +183,7 @@ class AnimatedActor(FigurePlayer, Placed):
 
     def _put_in(self, renderer):
         super()._put_in(renderer)
-        # Before the pipeline looks at the frame: props must be where the moment has them.
+        # Before the pipeline starts the frame: props must be at their current places.
         self._observers = [
             renderer.AddObserver('StartEvent', self._on_start),
             renderer.AddObserver('EndEvent', self._on_end),
@@ -203,10 +201,10 @@ class AnimatedActor(FigurePlayer, Placed):
         try:
             self._show_whole()
         except Exception as error:  # noqa: BLE001, RUF100
-            self._failure = error  # an error must not reach VTK's loop: the pipeline tells it
+            self._failure = error  # raised in the pipeline: VTK's loop swallows errors
 
     def _show_whole(self):
-        """Take the pose of now; what was not cut by the camera's planes before, is not now."""
+        """Take the current pose, and widen the clipping range if it cut nothing before."""
         self._now_shown()
         changes, before = self._framed
         if changes == self._changes:
@@ -222,7 +220,7 @@ class AnimatedActor(FigurePlayer, Placed):
         super()._take_out(renderer)
 
     def needed(self, frame) -> bool | str:
-        """Tell whether there is anything to draw."""
+        """Return True if the figure must be posed."""
         failure, self._failure = self._failure, None
         if failure is not None:
             raise failure
@@ -231,19 +229,19 @@ class AnimatedActor(FigurePlayer, Placed):
         return shown or 'not visible'
 
     def deactivate(self):
-        """Draw nothing: its vertices are nowhere without it."""
+        """Hide the meshes: without posing they have no place."""
         self._set_visible(False)
         self._put_stand_ins(False)
 
     def _set_visible(self, shown):
-        """Show all meshes or none; in between, users may hide some."""
+        """Show or hide all meshes on a change; in between, users may hide some."""
         if shown != self._visible:
             self._visible = shown
             for actor in self._drawing():
                 actor.SetVisibility(shown)
 
     def prepare(self, frame):
-        """Pose it, where its pose changed, and have its shaders find their vertices."""
+        """Pose the vertices if the pose changed, and bind their textures."""
         moment = self._now_shown()
         for mesh_actor in self._posed if frame.picking else ():
             mesh_actor.actor.SetPickable(bool(self.pickable))
@@ -251,11 +249,11 @@ class AnimatedActor(FigurePlayer, Placed):
             return
         if self._posing is None or self._posing.how != self.skinning:
             self._release_posing()
-            rest_meshes = [b.rest_mesh for b in self._posed]
+            rest_meshes = [a.rest_mesh for a in self._posed]
             self._posing = Posing(frame.window, rest_meshes, how=self.skinning)
         wanted = self._changes, self.skinning, self.bulge
         if wanted != self._drawn:
-            self._posing.draw([[b.mesh_pose(moment)] for b in self._posed], bulge=self.bulge)
+            self._posing.draw([[a.mesh_pose(moment)] for a in self._posed], bulge=self.bulge)
             self._drawn = wanted
             self.posed += 1
         units = {name: t.activate() for name, t in self._posing.textures.items()}
@@ -263,17 +261,17 @@ class AnimatedActor(FigurePlayer, Placed):
         if not all(0 <= unit < most for unit in units.values()):
             self.finish(frame)
             msg = (
-                'too many figures in one subplot: all of them keep textures bound. Draw figures '
-                'that are alike as a crowd: add_animated(figure, poses=...)'
+                'too many figures in one subplot: each keeps textures bound. Draw equal figures '
+                'as a crowd: add_animated(figure, poses=...)'
             )
             raise PvibrError(msg)
         for mesh_actor, row in zip(self._posed, self._posing.rows, strict=False):
             mesh_actor.aim(row, units)
 
     def finish(self, frame):
-        """Give the texture units back."""
+        """Release the texture units."""
         for mesh_actor in self._posed if frame.picking else ():
-            mesh_actor.actor.PickableOff()  # other pickers look at meshes, which are those at rest
+            mesh_actor.actor.PickableOff()  # other pickers would see the mesh at rest
         if self._posing is not None:
             for texture in self._posing.textures.values():
                 texture.deactivate()
@@ -284,7 +282,7 @@ class AnimatedActor(FigurePlayer, Placed):
         self._posing, self._drawn = None, ()
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
+        """Release all GPU resources; the context is current."""
         self._release_posing()
         window = None if self.pipeline is None else self.pipeline.window
         if window is not None:
@@ -292,53 +290,39 @@ class AnimatedActor(FigurePlayer, Placed):
                 mesh_actor.release(window)
 
     def report(self) -> dict:
-        """Return bytes on the GPU, and what was posed so far."""
+        """Return bytes on the GPU, vertices, and the number of poses so far."""
         held = 0 if self._posing is None else self._posing.nbytes
-        vertices = sum(len(b.figure_mesh.points) for b in self._posed)
+        vertices = sum(len(a.figure_mesh.points) for a in self._posed)
         return {'bytes': held, 'vertices': vertices, 'poses': self.posed}
 
     def bake_into(self, scene):
-        """Hand its meshes as they are now to a scene without pvibr."""
+        """Hand the posed meshes to a scene without pvibr."""
         parts = self._posed_parts(self._now_shown().pose)
         for i in self._seen():
             scene.part(self, parts[i])
 
     def _posed_parts(self, pose) -> list:
         how = self._matrix, pose, self.skinning, self.bulge
-        mesh_actors = enumerate(self._mesh_actors)
-        return [posed_part(self.figure, i, mesh_actor.part, *how) for i, mesh_actor in mesh_actors]
+        return [posed_part(self.figure, i, a.part, *how) for i, a in enumerate(self._mesh_actors)]
 
     # -- picking -----------------------------------------------------------------------------
 
     def posed_meshes(self) -> list:
-        """Return what is shown of each mesh as it is drawn.
+        """Return the posed meshes.
 
         Returns
         -------
         list of pyvista.PolyData
-            Triangles, world units; one per mesh.
+            Triangles in world units; one per mesh of the figure.
         """
         moment = self._now_shown()
         if self._meshes[0] != self._changes:
-            self._meshes = (
-                self._changes,
-                [part.mesh for part in self._posed_parts(moment.pose)],
-            )
+            parts = self._posed_parts(moment.pose)
+            self._meshes = self._changes, [part.mesh for part in parts]
         return self._meshes[1]
 
     def pick(self, x, y):
-        """Return what of the figure is under a pixel.
-
-        Parameters
-        ----------
-        x, y : float
-            Pixels from the lower left corner of the window.
-
-        Returns
-        -------
-        FigureHit or None
-            ``mesh``, ``cell``, nearest ``vertex`` and ``point`` on the posed mesh.
-        """
+        """Return the :class:`FigureHit` at a pixel, or None."""
         if not self.pickable or self.pipeline is None or not self._is_shown():
             return None
         meshes = self.posed_meshes()
@@ -348,19 +332,19 @@ class AnimatedActor(FigurePlayer, Placed):
     # -- scalar bars -------------------------------------------------------------------------
 
     def scalar_mapper(self):
-        """Return a mapper with the table of the scalars shown, for a scalar bar; else None."""
+        """Return a mapper that shows scalars by a lookup table, or None."""
         mappers = [mesh_actor.part.actor.mapper for mesh_actor in self._mesh_actors]
         shown = [m for m in mappers if m.GetScalarVisibility()]
         tables = [m for m in shown if m.GetColorMode() != 2]
         return tables[0] if tables else None
 
     def scalar_title(self) -> str:
-        """Return what a scalar bar calls the scalars."""
+        """Return the title of the scalar bar."""
         return self.scalar_mapper().GetArrayName() or ''
 
 
 def _is_whole(renderer, bounds) -> bool:
-    """Tell whether there are bounds, between the camera's planes."""
+    """Return True if bounds are not empty and within the clipping range."""
     if bounds[0] > bounds[1]:
         return False
     camera = renderer.GetActiveCamera()

@@ -1,4 +1,4 @@
-"""What may be given for a figure: files, scenes, series and single meshes."""
+"""Conversion of files, scenes, series and single meshes to figures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pvibr.meshes.trimesh_meshes import as_dataset, is_trimesh
 
 
 def as_figure(thing):
-    """Return a figure of whatever can be one."""
+    """Return a figure of anything that can be converted to one."""
     if isinstance(thing, Figure):
         return thing
     if isinstance(thing, (str, PathLike)):
@@ -23,7 +23,7 @@ def as_figure(thing):
         return Figure.from_series(thing)
     if is_trimesh(thing, 'Scene'):
         return Figure.from_scene(thing)
-    return Figure([_as_body(thing)])
+    return Figure([_as_mesh(thing)])
 
 
 def _of_file(path):
@@ -34,7 +34,7 @@ def _of_file(path):
     return Figure.from_series(path)
 
 
-def _as_body(thing):
+def _as_mesh(thing):
     if isinstance(thing, FigureMesh):
         return thing
     if is_trimesh(thing, 'Trimesh'):
@@ -45,6 +45,6 @@ def _as_body(thing):
         return FigureMesh(surface)
     msg = (
         f'figure is a {type(thing).__name__}: must be a pvibr.Figure, a .glb or .gltf file, a '
-        'trimesh.Scene, a mesh, or a list of meshes that are a series'
+        'trimesh.Scene, a mesh, or a list of meshes as a time series'
     )
     raise TypeError(msg)

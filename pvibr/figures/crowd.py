@@ -1,4 +1,4 @@
-"""Crowds: many figures that move, each at its own time."""
+"""Crowds: many instances of an animated figure, each at its own clip time."""
 
 from __future__ import annotations
 
@@ -17,51 +17,51 @@ from pvibr.meshes.poses import as_poses
 
 
 class Crowd(Instances):
-    """A figure drawn many times: near as posed meshes, far as images of the phases of its clips.
+    """An animated figure drawn many times: near as posed meshes, far as images of its clips.
 
     Parameters
     ----------
     figure : pvibr.Figure
         Meshes, skeleton and clips.
     poses : array_like, shape (n, 3) or (n, 4, 4)
-        Where each one is: points or matrices (world from figure), world units.
+        Points or ``world_from_figure`` matrices, world units.
     times : array_like, shape (n,), or float, optional
-        Where in its clip each one is when the plotter's time is 0, in seconds; 0 by default.
+        Clip time of each figure at ``plotter.ibr.time`` 0, in seconds; default 0.
     clips : str, int, Clip, or sequence of them, optional
-        What all play, or each one; the first clip there is by default.
+        Clip of all figures, or of each; default the first one.
     speeds : array_like, shape (n,), or float, optional
-        Seconds of the clip in a second; 1 by default.
+        Clip seconds per second; default 1.
     loop : bool or array_like of bool, shape (n,)
-        Whether clips begin again after their end.
+        Restart clips at their end.
     skinning : {'linear', 'dual'}
-        How joints are blended.
+        Linear blend or dual quaternion skinning.
     max_error : float
-        How far, in pixels, an outline may be from that of the posed mesh.
+        Largest error of an outline in pixels, relative to the posed mesh.
     name : str, optional
-        What the plotter and reports call it.
+        Name in the plotter and in reports.
     scalars : array_like, shape (n,), or str, optional
-        Values per figure, coloured by `cmap`; a name selects an array of the meshes.
+        Values per figure, mapped by `cmap`; a name selects an array of the meshes.
     colors : array_like, shape (n, 3), optional
         Colours per figure, uint8 or float.
     blend : {'replace', 'multiply'}
-        What colours of single figures do with the meshes' own.
+        How colours per figure combine with those of the meshes.
     cmap, clim : optional
         As in ``add_mesh``.
     pickable : bool
-        Whether it can be picked.
+        Whether pickers find the figures.
     cache : bool or path
-        Whether, or where, atlases are kept on disk.
+        Cache atlases on disk, or the folder for them.
     progress : bool, optional
-        Whether a long bake shows a progress bar; by default where standard error is a terminal.
+        Show a progress bar of a long bake; default if standard error is a terminal.
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the looks.
     **mesh_kwargs
-        As in :meth:`pyvista.Plotter.add_mesh`, over the looks of the figure's meshes.
+        Keywords of :meth:`pyvista.Plotter.add_mesh`, which override the looks of the meshes.
 
     Raises
     ------
     TypeError, ValueError
-        Where an argument is not allowed.
+        If an argument is invalid.
 
     Examples
     --------
@@ -132,7 +132,7 @@ class Crowd(Instances):
         return 0.0 if self.pipeline is None else self.pipeline.time
 
     def _numbers(self, clips, count) -> np.ndarray:
-        """Return the number of each one's clip; those that are new are taken up."""
+        """Return the index of each figure's clip; new clips are added."""
         one = clips is None or isinstance(clips, str | int) or hasattr(clips, 'sample')
         wanted = [self.figure.clip(c) for c in ([clips] if one else clips)]
         if not one and len(wanted) != count:
@@ -146,7 +146,7 @@ class Crowd(Instances):
         return np.broadcast_to(numbers, (count,)).copy() if one else numbers
 
     def _baked(self) -> dict:
-        """Bake what the clips show, and take over how they move."""
+        """Bake the clips, and take over their motions."""
         state, wanted = self._crowd_state, dict(self._bake)
         with progress_bar(wanted.pop('progress')) as advance:
             model, state.motions = bake_pose_atlas(
@@ -167,7 +167,7 @@ class Crowd(Instances):
 
     @property
     def times(self) -> np.ndarray:
-        """Where in its clip each one is when the plotter's time is 0, seconds, shape (n,)."""
+        """Clip times at ``plotter.ibr.time`` 0 in seconds, shape (n,)."""
         return self._crowd_state.playback.offset.copy()
 
     @times.setter
@@ -177,7 +177,7 @@ class Crowd(Instances):
 
     @property
     def speeds(self) -> np.ndarray:
-        """Seconds of the clip in a second, shape (n,)."""
+        """Clip seconds per second, shape (n,)."""
         return self._crowd_state.playback.speed.copy()
 
     @speeds.setter
@@ -187,7 +187,7 @@ class Crowd(Instances):
 
     @property
     def clips(self) -> list:
-        """The clip that each one plays; None is rest."""
+        """The clip of each figure; None is the rest pose."""
         return [self._clips[i] for i in self._crowd_state.playback.clip]
 
     def play(self, clip=None, ids=None, *, speed=1.0, loop=True, start=None):
@@ -196,23 +196,22 @@ class Crowd(Instances):
         Parameters
         ----------
         clip : str, int or Clip, optional
-            Its name, number or itself; the first one there is by default. One that was not
-            played before is baked.
+            Name, index or clip; default the first one. A new clip is baked.
         ids : array_like of int, optional
-            Which ones; all by default.
+            Indices of the figures; default all.
         speed : float or array_like, shape (k,)
-            Seconds of the clip in a second; backward below 0.
+            Clip seconds per second; negative plays backwards.
         loop : bool or array_like, shape (k,)
-            Begin again after the end.
+            Restart the clip at its end.
         start : float or array_like, shape (k,), optional
-            When its time is 0, in seconds of ``plotter.ibr.time``; now by default.
+            Time at which the clip starts, in seconds of ``plotter.ibr.time``; default now.
 
         Raises
         ------
         IndexError
-            Where an instance does not exist.
+            If an index is out of range.
         ValueError
-            Where there is no such clip, or values do not fit.
+            If there is no such clip, or values do not fit.
         """
         ids = np.arange(len(self))[slice(None) if ids is None else np.asarray(ids)]
         ids, known = np.atleast_1d(ids), len(self._clips)
@@ -234,12 +233,12 @@ class Crowd(Instances):
         self._changes += 1
 
     def mesh(self, index):
-        """Return one figure as data, as it is now, in world space.
+        """Return one figure as data, at the current time, in world space.
 
         Parameters
         ----------
         index : int
-            Which one.
+            Index of the figure.
 
         Returns
         -------
@@ -259,11 +258,11 @@ class Crowd(Instances):
     # -- the life of an effect ---------------------------------------------------------------
 
     def content_key(self) -> tuple:
-        """Return what changes whenever what is drawn does, the camera left out."""
+        """Return a key that changes when the content changes, whatever the camera."""
         return *super().content_key(), self._now()
 
     def prepare(self, frame):
-        """Choose what is drawn, and show all as they are now."""
+        """Choose levels of detail, and animate the members."""
         super().prepare(frame)
         for group in self._groups:
             group.at(frame.window, self._now())
@@ -271,13 +270,13 @@ class Crowd(Instances):
                 actor.SetPickable(bool(self.pickable and frame.picking))
 
     def finish(self, frame):
-        """Give the texture units back."""
+        """Release the texture units."""
         super().finish(frame)
         for group in self._groups:
             group.finish()
 
     def report(self) -> dict:
-        """Return bytes, what was drawn, and up to which sizes it is drawn how."""
+        """Return the report of instances, with bytes on the GPU."""
         return super().report() | {'bytes': sum(group.nbytes for group in self._groups)}
 
 
@@ -287,7 +286,7 @@ def _matrix(pose) -> np.ndarray:
 
 
 def _each(name, values, count, dtype=float) -> np.ndarray:
-    """Return a value for each one."""
+    """Return one value for each figure."""
     array = np.asarray(values)
     good = array.dtype == bool if dtype is bool else array.dtype.kind in 'iuf'
     if array.shape not in ((), (count,)) or not good or not np.isfinite(array).all():

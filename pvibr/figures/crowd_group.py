@@ -1,4 +1,4 @@
-"""Members of a crowd: which of them are drawn how, and what phase each is in."""
+"""Members of a crowd: level of detail, clip and clip time of each."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from pvibr.figures.player import Moment
 from pvibr.figures.posed_meshes import PosedPool
 from pvibr.instances.group import InstanceGroup
 
-#: Seconds after which rounds are counted anew, at the same times whatever was shown before: floats
-#: of 32 bits keep a thousandth of a round so long.
+#: Seconds after which clip times are uploaded again: float32 stays exact to 1/1000 cycle so long.
 _ERA = 512.0
 
 
 class Playback:
-    """What each member of a crowd plays."""
+    """Clip, time offset, speed and loop mode of each member of a crowd."""
 
     def __init__(self, count):
         self.clip = np.zeros(count, int)
@@ -26,14 +25,14 @@ class Playback:
         self.loop = np.ones(count, bool)
 
     def rounds(self, motions, time, ids=slice(None)) -> np.ndarray:
-        """Return how many rounds of their clips members are through."""
+        """Return the normalised clip times of members, 0 to 1."""
         durations = np.array([m.duration for m in motions])[self.clip[ids]]
         rounds = (self.offset[ids] + self.speed[ids] * time) / np.maximum(durations, 1e-12)
         rounds[durations == 0] = 0.0
         return np.where(self.loop[ids], rounds % 1.0, np.clip(rounds, 0.0, 1.0))
 
     def rows(self, motions, time) -> np.ndarray:
-        """Return what the GPU needs to know, from a time on."""
+        """Return the playback from a time on as the GPU reads it, (n, 4) float32."""
         durations = np.array([m.duration for m in motions])[self.clip]
         still = durations == 0
         durations = np.where(still, 1.0, durations)
@@ -45,7 +44,7 @@ class Playback:
 
 
 class CrowdGroup(InstanceGroup):
-    """The members of a crowd."""
+    """The members of a crowd, as a group of instances."""
 
     def __init__(self, state, *args):
         self.state = state
@@ -59,16 +58,16 @@ class CrowdGroup(InstanceGroup):
         ]
 
     def upload(self, window):
-        """Put atlas and poses on the GPU of a window whose context is current."""
+        """Upload atlas and instances; the context is current."""
         super().upload(window)
         self._era = None
 
     def moved(self):
-        """Look again at what members play."""
+        """Upload the playback again with the next frame."""
         self._era, self._posed = None, {}
 
     def at(self, window, time):
-        """Show all as they are at a time."""
+        """Animate all members to a time."""
         if self.atlas.phased:
             era = _ERA * float(np.floor(time / _ERA))
             if self._era != era:
@@ -84,7 +83,7 @@ class CrowdGroup(InstanceGroup):
                 pool.pose(window, keys, self.state.moments, self.matrix)
 
     def parts(self, slot) -> list:
-        """Return the meshes of a member as it is now, as Parts in the figure's space."""
+        """Return the posed meshes of a member, as parts in the figure's space."""
         time = self.state.now()
         key = int(self.ids[slot]), time
         if self._posed.get('key') != key:
@@ -94,7 +93,7 @@ class CrowdGroup(InstanceGroup):
         return self._posed['parts']
 
     def finish(self):
-        """Give the texture units back."""
+        """Release the texture units."""
         for pool in self.pools:
             pool.finish()
 
@@ -104,7 +103,7 @@ class CrowdGroup(InstanceGroup):
         return self.cards.nbytes + sum(pool.nbytes for pool in self.pools)
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Release all GPU resources; the context must be alive."""
         window = self.cards.window
         super().release()
         if window is not None:
@@ -113,7 +112,7 @@ class CrowdGroup(InstanceGroup):
 
 
 class CrowdState:
-    """A figure with its looks, what it may play, and what each member plays."""
+    """What members of a crowd share: figure, looks, sampled clips; and the playback of each."""
 
     def __init__(self, figure, mesh_actors, skinning, playback, now):
         self.figure, self.mesh_actors, self.skinning = figure, mesh_actors, skinning
@@ -122,21 +121,21 @@ class CrowdState:
         self.box = np.zeros(6)
 
     def seconds(self, time, ids) -> tuple[np.ndarray, np.ndarray]:
-        """Return number of and time in the clips of members."""
+        """Return clip indices and clip times of members."""
         clips = self.playback.clip[ids]
         durations = np.array([m.duration for m in self.motions])[clips]
         return clips, self.playback.rounds(self.motions, time, ids) * durations
 
     def pose(self, clip, seconds):
-        """Return the pose at a time of a clip."""
+        """Return the poses at times of a clip."""
         return self.figure.sample(seconds, self.motions[clip].clip, loop=False)
 
     def moments(self, keys) -> list[Moment]:
-        """Return what is shown at times of clips, all times of a clip at once."""
+        """Return the moments of (clip, time) pairs, all of a clip at once."""
         clips, seconds = np.array(keys).T
         out: list = [None] * len(keys)
-        # Where nothing but joints moves vertices, these are all that is asked for.
-        still = not any(getattr(mesh_actor, 'shapes', None) for mesh_actor in self.mesh_actors)
+        # If only joints move the vertices, the world matrices suffice.
+        still = not any(getattr(actor, 'shapes', None) for actor in self.mesh_actors)
         for clip in np.unique(clips):
             (places,) = np.nonzero(clips == clip)
             poses = self.pose(int(clip), seconds[places])
@@ -146,7 +145,7 @@ class CrowdState:
         return out
 
     def parts(self, member, time, matrix) -> list:
-        """Return the meshes of a member as it is, with their looks, in world units."""
+        """Return the posed meshes of a member with their looks, in world units."""
         clips, seconds = self.seconds(time, np.array([member]))
         pose = self.pose(int(clips[0]), float(seconds[0]))
         return [
@@ -155,7 +154,7 @@ class CrowdState:
         ]
 
     def shown(self, member, time):
-        """Return the mesh of a member as it is, in the figure's space."""
+        """Return the posed mesh of a member, in the figure's space."""
         clips, seconds = self.seconds(time, np.array([member]))
         pose = self.pose(int(clips[0]), float(seconds[0]))
         return self.figure.mesh(pose=pose, skinning=self.skinning)

@@ -1,4 +1,4 @@
-"""The meshes of a figure as actors: those that only move, and those that are posed."""
+"""The meshes of a figure as actors: rigid ones, and ones posed on the GPU."""
 
 from __future__ import annotations
 
@@ -9,104 +9,42 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.figures.posing import SAMPLERS, MeshPose, RestMesh, posed_feature
+from pvibr.figures.shapes import MeshShapes
 from pvibr.gl.doubles import is_cut_out
 from pvibr.maths.transforms import transform_normals, transform_points
+from pvibr.maths.vectors import unit_vectors
 from pvibr.meshes.parts import Part, as_parts, dressed
 
-#: How far a box is made larger than what is seen to be needed, so that it seldom changes.
+#: Relative margin of a box, so that it changes rarely.
 _ROOM = 0.25
 _SURFACE = 2  # VTK_SURFACE
-_KINDS = ('positions', 'normals')
-
-
-class MeshShapes:
-    """The shapes of a figure_mesh: key frames, then morph targets, then correctives."""
-
-    def __init__(self, figure, index, order):
-        self.figure, self.index, self.order = figure, index, order
-        self.figure_mesh = figure.meshes[index]
-        frames = self.figure_mesh.frames
-        self.n_frames = 0 if frames is None else len(frames.times)
-        self._layers = [morphs for morphs, _ in figure.layers(index)]
-
-    @property
-    def n_points(self) -> int:
-        """Vertices that are drawn."""
-        return len(self.order)
-
-    def __len__(self):
-        return self.n_frames + sum(len(morphs) for morphs in self._layers)
-
-    @property
-    def neutral(self) -> tuple:
-        """What shapes are differences from: points and normals, each (v, 3)."""
-        frames = self.figure_mesh.frames
-        if frames is None:
-            return self.figure_mesh.points, self.figure_mesh.normals
-        return np.asarray(frames.positions[0], float), np.asarray(frames.normals[0], float)
-
-    def __getitem__(self, number):
-        if number < self.n_frames:
-            frames = self.figure_mesh.frames
-            pairs = zip((frames.positions, frames.normals), self.neutral, strict=True)
-            return tuple((values[number] - first)[self.order] for values, first in pairs)
-        number -= self.n_frames
-        for morphs in self._layers:
-            if number < len(morphs):
-                return tuple(self._dense(morphs, what, number) for what in _KINDS)
-            number -= len(morphs)
-        raise IndexError(number)
-
-    def _dense(self, morphs, what, number):
-        target = morphs.target(what, number)
-        if target is None:
-            return None
-        weights = np.zeros(len(morphs))
-        weights[number] = 1.0
-        return morphs.total(what, weights, len(self.figure_mesh.points))[self.order]
-
-    def active(self, pose):
-        """Return what is added in a pose."""
-        shapes, amounts, frames = [], [], 0
-        if self.n_frames:
-            found, weights = self.figure_mesh.frames.at(getattr(pose, 'time', 0.0))
-            shown = np.flatnonzero(weights)
-            shapes, amounts, frames = [found[shown]], [weights[shown]], len(shown)
-        first = self.n_frames
-        for morphs, weights in self.figure.layers(self.index, pose):
-            shown = np.flatnonzero(weights)
-            shapes.append(first + shown)
-            amounts.append(weights[shown])
-            first += len(morphs)
-        joined = np.concatenate([np.zeros(0, int), *shapes]), np.concatenate([[], *amounts])
-        return *joined, frames
 
 
 class RigidMeshActor:
-    """A figure_mesh that moves with its joint as a whole: an ordinary actor."""
+    """A mesh that moves with its joint: an ordinary actor."""
 
     def __init__(self, part, node):
         self.part, self.actor, self.node = part, part.actor, node
 
     def depth_actor(self):
-        """Return what draws its depth."""
+        """Return the actor that draws depth."""
         return self.actor
 
     def release(self, window):
-        """Free what its actor holds on the GPU."""
+        """Release the actor's GPU resources."""
         self.actor.ReleaseGraphicsResources(window)
 
     def move(self, user, moment):
-        """Take the place that a moment gives it."""
+        """Move to the place of a moment."""
         self.actor.user_matrix = user @ self.local(moment)
 
     def local(self, moment) -> np.ndarray:
-        """Return the matrix that takes its mesh to the figure, shape (4, 4)."""
+        """Return ``figure_from_mesh`` at a moment, shape (4, 4)."""
         return _node(moment, self.node)
 
 
 class PosedMeshActor:
-    """A figure_mesh whose vertices are moved by joints or shapes, on the GPU."""
+    """A mesh whose vertices are posed on the GPU."""
 
     def __init__(self, figure, index, part):
         self.figure, self.index, self.part = figure, index, part
@@ -114,10 +52,10 @@ class PosedMeshActor:
         if part.mesh.n_points != len(figure_mesh.points):
             msg = (
                 f'meshes[{index}] is drawn with {part.mesh.n_points} points and has '
-                f'{len(figure_mesh.points)}: a look must not split them (split_sharp_edges).'
+                f'{len(figure_mesh.points)}: the look must not split them (split_sharp_edges).'
             )
             raise ValueError(msg)
-        # Two points more hold the box; they are where some vertex is, and draw nothing.
+        # Two more points hold the bounding box; they copy a vertex, and draw nothing.
         spare = int(part.mesh.regular_faces[0, 0])
         order = np.concatenate([np.arange(len(figure_mesh.points)), [spare, spare]])
         self.order = order
@@ -143,7 +81,7 @@ class PosedMeshActor:
     def _actor(self, part):
         mapper = part.polydata_mapper()
         mapper.SetInputDataObject(self.mesh)
-        # What the shader puts in place of VTK's vertices is neither shifted nor scaled.
+        # The shader's positions are neither shifted nor scaled.
         mapper.SetVBOShiftScaleMethod(mapper.DISABLE_SHIFT_SCALE)
         actor = dressed(part, mapper)
         actor.PickableOff()  # a stand-in is picked
@@ -152,7 +90,7 @@ class PosedMeshActor:
         return actor
 
     def _depth_double(self):
-        """Return an actor that draws its depth by a shader that does nothing else."""
+        """Return an actor that draws only depth, by a minimal shader."""
         mapper = _vtk.vtkPolyDataMapper()
         mapper.SetInputDataObject(self.mesh)
         mapper.ScalarVisibilityOff()
@@ -164,7 +102,7 @@ class PosedMeshActor:
         return double
 
     def depth_actor(self):
-        """Return what draws its depth alone, where colours do not say where there is any."""
+        """Return the actor that draws depth: the double unless alpha matters."""
         actor = self.actor
         if actor.GetProperty().GetRepresentation() != _SURFACE or is_cut_out(actor):
             return actor
@@ -176,12 +114,12 @@ class PosedMeshActor:
         return self._double
 
     def release(self, window):
-        """Free what its actors hold on the GPU."""
+        """Release the actors' GPU resources."""
         for actor in (self.actor, self._double):
             actor.ReleaseGraphicsResources(window)
 
     def aim(self, row, units):
-        """Tell the shader where its vertices are."""
+        """Set the uniforms that locate the posed vertices."""
         for actor in (self.actor, self._double):
             uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
             uniforms.SetUniformi('ibr_posed_row', row)
@@ -189,18 +127,18 @@ class PosedMeshActor:
                 uniforms.SetUniformi(name, units[name])
 
     def mesh_pose(self, moment) -> MeshPose:
-        """Return what makes its pose."""
+        """Return the pose of the mesh at a moment."""
         shapes = () if self.shapes is None else self.shapes.active(moment.pose)
         if self.figure_mesh.skin is None:
             return MeshPose(None, self.rest_mesh.origin, *shapes)
         return MeshPose(self.figure_mesh.skin.matrices(moment.world), moment.origin, *shapes)
 
     def move(self, user, moment):
-        """Take the place that a moment gives it, and a box that holds it."""
+        """Move to the place of a moment, and update the bounding box."""
         self.actor.user_matrix = self._double.user_matrix = user @ self.local(moment)
 
     def local(self, moment) -> np.ndarray:
-        """Return the matrix from posed vertices to the figure; update the bounding box."""
+        """Return ``figure_from_posed`` at a moment, shape (4, 4); update the bounding box."""
         skinned = self.figure_mesh.skin is not None
         matrix = np.eye(4)
         matrix[:3, 3] = moment.origin if skinned else self.rest_mesh.origin
@@ -211,7 +149,7 @@ class PosedMeshActor:
         return matrix
 
     def _morphed_colors(self):
-        """Return the array of colours that morph targets change, or None."""
+        """Return the colour array that morph targets change, or None."""
         if not any(morphs.has('colors') for morphs, _ in self.figure.layers(self.index)):
             return None
         colors = self.figure.colors(self.index)
@@ -220,7 +158,7 @@ class PosedMeshActor:
         return shown if same and colors.shape[1:] == shown.shape[1:] else None
 
     def _color(self, pose):
-        """Show the colours of a pose: few figures have any that change, so not on the GPU."""
+        """Show the colours of a pose, computed on the CPU since they change rarely."""
         if self._colors is None:
             return
         colors = self.figure.colors(self.index, pose)[self.order]
@@ -230,7 +168,7 @@ class PosedMeshActor:
             self.mesh.Modified()
 
     def _hold(self, bounds):
-        """Have the mapper's box hold bounds: VTK draws nothing whose box is out of view."""
+        """Enlarge the mapper's box to hold bounds: VTK culls boxes outside the view."""
         old = self.box
         if bounds[0] > bounds[1] or (
             (_low(old) <= _low(bounds)).all() and (_high(bounds) <= _high(old)).all()
@@ -251,7 +189,7 @@ def as_mesh_actors(figure, looks, theme):
     out: list = []
     for i, figure_mesh in enumerate(figure.meshes):
         mesh = figure_mesh.mesh.copy(deep=False)
-        mesh.point_data['Normals'] = _unit(figure_mesh.normals)  # as those that are posed
+        mesh.point_data['Normals'] = unit_vectors(figure_mesh.normals)  # as posed ones are
         mesh.point_data.active_normals_name = 'Normals'
         part = as_parts(mesh, theme=theme, **(figure_mesh.look | looks))[0]
         still = figure_mesh.skin is None and figure_mesh.frames is None and not figure.layers(i)
@@ -261,17 +199,12 @@ def as_mesh_actors(figure, looks, theme):
     return out
 
 
-def _unit(vectors):
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
-
-
 def _node(moment, node):
     return np.eye(4) if node < 0 else moment.world[node]
 
 
 def _with_spares(mesh, order, points):
-    """Return a mesh with two points and a cell more, which has no area."""
+    """Return a mesh with two more points and a degenerate cell."""
     n = len(order) - 2
     out = pv.PolyData()
     out.points = points.astype(np.float32)
@@ -289,7 +222,7 @@ def _with_spares(mesh, order, points):
 
 
 def moved_bounds(matrix, bounds):
-    """Return bounds of a box that a matrix moved."""
+    """Return the bounds of a transformed box."""
     if bounds[0] > bounds[1]:
         return np.asarray(bounds)
     low, high = _low(bounds), _high(bounds)
@@ -307,7 +240,7 @@ def _high(bounds):
 
 
 def posed_part(figure, index, part, matrix, pose, skinning, bulge=1.0) -> Part:
-    """Return a figure_mesh as it is in a pose, as a part in world units."""
+    """Return a posed mesh as a part in world units."""
     mesh = part.mesh.copy(deep=False)
     points, normals = figure.posed(index, pose, skinning, bulge)
     mesh.SetPoints(pv.vtk_points(transform_points(matrix, points)))

@@ -1,4 +1,4 @@
-"""What of a figure is under a pixel: a ray against its posed meshes, and VTK's own pickers."""
+"""Picking of figures: rays against posed meshes, and stand-ins for VTK's pickers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pvibr.core import _vtk
 
 @dataclass(frozen=True)
 class FigureHit:
-    """Where a ray met a figure."""
+    """Where a ray met a figure: indices of mesh, cell and nearest vertex, point and distance."""
 
     mesh: int
     cell: int
@@ -23,7 +23,7 @@ class FigureHit:
 
 
 def nearest_hit(meshes, start, direction):
-    """Return the first triangle that a ray meets."""
+    """Return the first hit of a ray with meshes by index, or None."""
     hits = [_meet(i, mesh, start, direction) for i, mesh in meshes.items()]
     return min((h for h in hits if h is not None), key=lambda h: h.distance, default=None)
 
@@ -61,7 +61,7 @@ def stand_in(owner, number, actor):
 
 
 def _filler(owner, number, output):
-    # VTK keeps the function, which must not keep the figure: no cycle through C++.
+    # VTK keeps the function, which must not keep the figure: a cycle through C++ leaks.
     owner = weakref.ref(owner)
 
     def fill():

@@ -1,15 +1,15 @@
-"""What a figure shows at a time: clips, drivers, poses and weights set by hand."""
+"""The pose of a figure over time: clips, drivers, and poses and weights set by hand."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from pvibr.animation.blending import crossfade
+from pvibr.animation.figure import Figure
 from pvibr.animation.mixer import ClipSource, PoseSource, revision_of
 from pvibr.animation.pose import Pose
 from pvibr.core.params import Param
@@ -18,9 +18,9 @@ from pvibr.scene.thing import Thing
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What a figure shows."""
+    """A pose of a figure, with its world matrices (n, 4, 4) and bounds."""
 
-    pose: Any
+    pose: Pose | np.ndarray
     world: np.ndarray
     bounds: np.ndarray
 
@@ -28,19 +28,19 @@ class Moment:
     def of(cls, figure, pose, skinning):
         """Return the moment of a pose."""
         world = figure.world(pose)
-        # Where nothing but joints moves vertices, these say where they are, and are known.
-        still = not any(b.frames or b.morphs for b in figure.meshes) and not figure.correctives
+        # If only joints move the vertices, the world matrices give the bounds.
+        still = not any(m.frames or m.morphs for m in figure.meshes) and not figure.correctives
         bounds = figure.bounds(world if still else pose, skinning)
         return cls(pose, world, np.asarray(bounds, float))
 
     @cached_property
     def origin(self) -> np.ndarray:
-        """What positions on the GPU are relative to, shape (3,)."""
+        """Origin of positions on the GPU, shape (3,)."""
         return self.bounds.reshape(3, 2).mean(1)
 
 
 class _Fade:
-    """From one source of poses to another one."""
+    """A cross-fade from one source of poses to another."""
 
     def __init__(self, before, after, start, seconds):
         self.before, self.after, self.start, self.seconds = before, after, start, seconds
@@ -57,54 +57,60 @@ class _Fade:
 
 
 class FigurePlayer(Thing):
-    """A figure in time: what it shows is known, and it is not drawn yet.
+    """Base of animated figures: the pose over time, without drawing.
 
     Parameters
     ----------
     figure : pvibr.Figure
         Meshes, skeleton and clips.
     clip : str, int or Clip, optional
-        What is played from time 0 on; the first one there is by default.
+        Clip to play from time 0 on; default the first one.
     **settings
         Values of the class's settings.
 
     Raises
     ------
     ValueError
-        Where there is no such clip.
+        If there is no such clip.
     """
 
-    skinning = Param('linear', 'How joints are blended.', choices=('linear', 'dual'))
+    skinning = Param(
+        'linear', 'Linear blend or dual quaternion skinning.', choices=('linear', 'dual')
+    )
     bulge = Param(
         1.0,
-        'Share of dual quaternions: 1 keeps the cross-section of a twist, less of it bulges less.',
+        'Share of dual quaternions: 1 keeps the cross-section of a twist, less bulges less.',
         range='[0, 1]',
     )
 
-    figure: Any = None
     _changes = 0
-    _moment: Any = None
+    _moment: Moment | None = None
     _known: tuple = ()
     _weights: np.ndarray | None = None
-    _fixed: Any = None
+    _fixed: Pose | np.ndarray | None = None
 
     def __init__(self, figure, clip=None, **settings):
         super().__init__(**settings)
-        self.figure = figure
+        self._figure = figure
         self.driver = ClipSource(figure, clip)
 
     @property
-    def driver(self):
-        """What gives the pose: anything with ``sample(time)``, or None for a fixed pose.
+    def figure(self) -> Figure:
+        """The figure."""
+        return self._figure
 
-        Where it has a ``revision`` too, it is asked anew when that changes while time stays.
+    @property
+    def driver(self):
+        """Source of poses: anything with ``sample(time) -> Pose``, or None for a fixed pose.
+
+        If it has a ``revision``, it is sampled again when that changes at the same time.
         """
         return self._driver
 
     @driver.setter
     def driver(self, driver):
         if driver is not None and not callable(getattr(driver, 'sample', None)):
-            msg = f'driver = {driver!r}: must have sample(time), which returns a Pose'
+            msg = f'driver = {driver!r}: must have sample(time) -> Pose'
             raise TypeError(msg)
         if driver is None:
             self._fixed = self.pose
@@ -117,27 +123,27 @@ class FigurePlayer(Thing):
         Parameters
         ----------
         clip : str, int or Clip, optional
-            Its name, number or itself; the first one there is by default.
+            Name, index or clip; default the first one.
         speed : float
-            Seconds of the clip in a second; backward below 0.
+            Clip seconds per second; negative plays backwards.
         loop : bool
-            Begin again after the end.
+            Restart the clip at its end.
         fade : float
-            Seconds in which what was shown before goes over into it.
+            Seconds of the cross-fade from the current animation.
         start : float, optional
-            When its time is 0, in seconds of ``plotter.ibr.time``; now by default.
+            Time at which the clip starts, in seconds of ``plotter.ibr.time``; default now.
 
         Raises
         ------
         ValueError
-            Where there is no such clip, the speed is not finite or the fade is negative.
+            If there is no such clip, the speed is not finite or the fade is negative.
         """
         speed, fade = float(speed), float(fade)
         if not np.isfinite(speed):
             msg = f'speed = {speed}: must be a finite number'
             raise ValueError(msg)
         if not 0 <= fade < np.inf:
-            msg = f'fade = {fade}: must be seconds from 0'
+            msg = f'fade = {fade}: must be 0 seconds or more'
             raise ValueError(msg)
         now = self._now()
         start = now if start is None else float(start)
@@ -145,7 +151,7 @@ class FigurePlayer(Thing):
         self.driver = _Fade(self._source(), played, now, fade) if fade else played
 
     def _source(self):
-        """Return what gives the pose, which may be a fixed one."""
+        """Return the source of poses, also of a fixed one."""
         if self._driver is not None:
             return self._driver
         return PoseSource(self._as_pose(self._fixed))
@@ -156,7 +162,7 @@ class FigurePlayer(Thing):
         return Pose.from_matrices(self.figure.skeleton.local(pose), self.figure.rest.weights)
 
     def stop(self):
-        """Stay as it is now."""
+        """Hold the current pose."""
         self.driver = None
 
     def _now(self) -> float:
@@ -164,9 +170,9 @@ class FigurePlayer(Thing):
 
     @property
     def pose(self):
-        """What is shown: a Pose, or ``figure_from_joint`` matrices (n, 4, 4); set it to drive it.
+        """The current pose: a Pose, or ``figure_from_joint`` matrices (n, 4, 4) of a simulator.
 
-        A simulator that knows where its meshes are gives matrices; then nothing else plays.
+        Setting it replaces the driver.
         """
         return self._now_shown().pose
 
@@ -179,13 +185,13 @@ class FigurePlayer(Thing):
             pose = self._with_weights(pose)
         shape = pose.shape if isinstance(pose, Pose) else pose.shape[:-3]
         if shape:
-            msg = f'pose holds {shape} poses; one is shown'
+            msg = f'pose holds {shape} poses; it must be a single one'
             raise ValueError(msg)
         self._driver, self._fixed = None, pose
         self._show_anew()
 
     def _with_weights(self, pose):
-        """Return a pose with morph weights: those at rest where it has none."""
+        """Return a pose with morph weights; default those at rest."""
         wanted, found = self.figure.rest.weights, pose.weights
         if found.shape == wanted.shape:
             return pose
@@ -196,7 +202,7 @@ class FigurePlayer(Thing):
 
     @property
     def weights(self):
-        """Morph weights of all meshes, shape (t,); set, they win over clips until None."""
+        """Morph weights of all meshes, shape (t,); once set they override clips, until None."""
         return getattr(self.pose, 'weights', self.figure.rest.weights)
 
     @weights.setter
@@ -211,7 +217,7 @@ class FigurePlayer(Thing):
         self._show_anew()
 
     def follow(self):
-        """Take the pose of now, so that bounds are right before it is drawn."""
+        """Update the pose, so that bounds are right before drawing."""
         if self.pipeline is not None:
             with suppress(Exception):
                 self._now_shown()
@@ -221,9 +227,9 @@ class FigurePlayer(Thing):
         self.follow()
 
     def _now_shown(self) -> Moment:
-        """Return what is shown at the time that it is now."""
+        """Return the moment of the current time."""
         known = self._asked()
-        if known != self._known:
+        if self._moment is None or known != self._known:
             pose = self._sampled(self._now())
             self._moment = Moment.of(self.figure, pose, self.skinning)
             self._changes += 1
@@ -232,7 +238,7 @@ class FigurePlayer(Thing):
         return self._moment
 
     def _asked(self) -> tuple:
-        """Return what the pose and its box depend on, beside what sets them anew."""
+        """Return what the pose and its bounds depend on."""
         driver = self._driver
         if driver is None:
             return None, self.skinning
@@ -247,4 +253,4 @@ class FigurePlayer(Thing):
         return self._as_pose(pose).replaced(weights=self._weights)
 
     def _show(self, moment):
-        """Take the place of a moment."""
+        """Move the actors to a moment."""

@@ -1,14 +1,15 @@
-"""Atlases of figures that move: views of many phases of their clips."""
+"""Atlases of animated figures: views of many poses of their clips."""
 
 from __future__ import annotations
 
 import time
 import warnings
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from pvibr.animation.clip import Clip
+from pvibr.animation.figure import Figure
 from pvibr.animation.normals import point_normals
 from pvibr.core.errors import PvibrWarning
 from pvibr.figures.mesh_actors import PosedMeshActor
@@ -23,37 +24,37 @@ from pvibr.maths import octahedral
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import Part, dressed
 
-#: Views along a side of the grid of each phase, and sides of its tiles: the first one that fits.
+#: Views along a side of each pose's grid, and tile sizes in texels: the first that fits.
 VIEWS = 12
 TILES = (64, 32, 16)
-#: Bytes that all phases may take on the GPU.
+#: Memory budget of all poses on the GPU, in bytes.
 BUDGET = 192 * 2**20
-BINS = 1024  # moments of a clip that the texture knows
-_SAMPLES = 32  # moments of a clip at which its motion is looked at
-_MEASURED = 3  # clips that are measured at most, in one phase each; one alone in two
-_BYTES = 8 * 3 / 2  # of a texel with its smaller levels
+BINS = 1024  # time steps of a clip in the texture
+_SAMPLES = 32  # time steps at which the motion of a clip is sampled
+_MEASURED = 3  # clips measured at most, in one pose each; a single clip in two
+_BYTES = 8 * 3 / 2  # per texel with its mipmaps
 
 
 @dataclass
 class PoseAtlas(Atlas):
-    """Pictures of several phases: `geometry` and `albedo` have one axis more, the first one."""
+    """Views of several poses: `geometry` and `albedo` have a leading axis of poses."""
 
-    bins: Any = None
+    bins: np.ndarray = field(default_factory=lambda: np.zeros((0, BINS), np.float32))
     phased = True
 
     @property
     def phases(self) -> int:
-        """How many there are, of all clips."""
+        """Number of poses of all clips."""
         return len(self.geometry)
 
     @property
     def pages(self) -> tuple[int, int]:
-        """Columns and rows of the pages in the texture, a page a phase."""
+        """Columns and rows of pages in the texture, one page per pose."""
         columns = max(1, round((self.phases / 1.5) ** 0.5))
         return columns, -(-self.phases // columns)
 
     def phase(self, number) -> Atlas:
-        """Return the atlas of one phase, without an error table."""
+        """Return the atlas of one pose, without an error table."""
         return Atlas(
             self.geometry[number],
             self.albedo[number],
@@ -65,7 +66,7 @@ class PoseAtlas(Atlas):
         )
 
     def textures(self):
-        """Return geometry and albedo with all levels of detail of all phases, page by page."""
+        """Return geometry and albedo with the mipmaps of all poses, page by page."""
         columns, rows = self.pages
         out = []
         for pictures in (self.geometry, self.albedo):
@@ -77,12 +78,12 @@ class PoseAtlas(Atlas):
         return out
 
     def to_arrays(self) -> dict:
-        """Return everything as named arrays, for a file."""
+        """Return named arrays, for a file."""
         return super().to_arrays() | {'bins': self.bins}
 
     @classmethod
     def from_arrays(cls, arrays) -> PoseAtlas:
-        """Make an atlas from named arrays, checking that they fit together."""
+        """Make an atlas from named arrays, which are checked."""
         try:
             pictures = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
             bins = np.asarray(arrays['bins'], np.float32)
@@ -90,12 +91,12 @@ class PoseAtlas(Atlas):
                 {**arrays, 'geometry': pictures[0][0], 'albedo': pictures[1][0]}
             )
         except (KeyError, IndexError) as error:
-            msg = f'not an atlas of phases: {error}'
+            msg = f'not a pose atlas: {error}'
             raise ValueError(msg) from error
         shape = (len(pictures[0]), *first.geometry.shape)
         good = bins.ndim == 2 and np.isfinite(bins).all() and 0 <= bins.min() <= bins.max()
         if any(p.shape != shape for p in pictures) or not good or bins.max() >= shape[0]:
-            msg = f'not an atlas of phases: pictures must be {shape}, bins must be of these phases'
+            msg = f'not a pose atlas: images must be {shape}, bins must refer to their poses'
             raise ValueError(msg)
         return cls(
             pictures[0],
@@ -111,45 +112,45 @@ class PoseAtlas(Atlas):
         )
 
     def contact_sheet(self, path=None, background=1.0, phase=0) -> np.ndarray:
-        """Return all views of a phase side by side as a picture to look at, optionally saved."""
+        """Return all views of a pose side by side, optionally saved."""
         return self.phase(phase).contact_sheet(path, background)
 
 
 @dataclass(eq=False)
 class Motion:
-    """A clip, and how far it has got at any time."""
+    """A clip, and how far its vertices have travelled at sampled times."""
 
-    figure: Any
-    clip: Any
+    figure: Figure
+    clip: Clip | None
     times: np.ndarray
     way: np.ndarray
 
     @property
     def duration(self) -> float:
-        """Seconds."""
+        """Duration in seconds."""
         return float(self.times[-1])
 
     def pose(self, share):
-        """Return the pose where a share of the way is gone."""
+        """Return the pose at a fraction of the way travelled."""
         time = np.interp(share * self.way[-1], self.way, self.times)
         return self.figure.sample(time, self.clip, loop=False)
 
     def bins(self, phases) -> np.ndarray:
-        """Return which of its phases is shown when."""
+        """Return which of its poses is shown at equal steps of time."""
         times = (np.arange(BINS) + 0.5) / BINS * self.duration
         share = np.interp(times, self.times, self.way) / max(self.way[-1], 1e-300)
         return np.minimum((share * phases).astype(int), phases - 1)
 
 
 class PoseSampler:
-    """The meshes of a figure, put in poses on the CPU, about a middle."""
+    """Poses the meshes of a figure on the CPU, relative to a centre."""
 
     def __init__(self, figure, mesh_actors, skinning):
         self.figure, self.mesh_actors, self.skinning = figure, mesh_actors, skinning
         self.center = np.zeros(3)
 
     def shapes(self, pose) -> list:
-        """Return points and normals of each mesh_actor, (v, 3) float64 each."""
+        """Return points and normals of each mesh, (v, 3) float64 each."""
         world = self.figure.world(pose)
         return [
             self._shape(i, mesh_actor, pose, world)
@@ -167,22 +168,22 @@ class PoseSampler:
         return points - self.center, normals
 
     def parts(self, pose) -> list[Part]:
-        """Return its parts in a pose."""
+        """Return the parts of the figure in a pose."""
         parts = [_own(mesh_actor.part) for mesh_actor in self.mesh_actors]
         put(parts, self.shapes(pose))
         return parts
 
 
 def _own(part) -> Part:
-    """Return a part with a mesh of its own."""
-    mesh = part.mesh.copy()  # deep: a shallow one has the same points, which would be moved
+    """Return a part with its own copy of the mesh."""
+    mesh = part.mesh.copy()  # deep: a shallow copy shares its points
     mapper = part.polydata_mapper()
     mapper.SetInputDataObject(mesh)
     return Part(dressed(part, mapper), mesh, part.alpha_cutoff)
 
 
 def put(parts, shapes):
-    """Give parts other points and normals."""
+    """Set points and normals of parts."""
     for part, (points, normals) in zip(parts, shapes, strict=True):
         part.mesh.points = points.astype(np.float32)
         part.mesh.point_data.active_normals = normals.astype(np.float32)
@@ -190,7 +191,7 @@ def put(parts, shapes):
 
 
 def _reach(sampler, motion):
-    """Return the distance of the farthest point from the middle at any moment."""
+    """Return the largest distance of a point from the centre over a motion."""
     poses = sampler.figure.sample(motion.times, motion.clip, loop=False)
     reach = 0.0
     for i in range(len(motion.times)):
@@ -200,7 +201,7 @@ def _reach(sampler, motion):
 
 
 def motion_of(sampler, clip):
-    """Look at a clip."""
+    """Return the sampled motion of a clip, and its box (2, 3)."""
     duration = 0.0 if clip is None else clip.duration
     times = np.linspace(0.0, duration, _SAMPLES + 1 if duration else 1)
     poses = sampler.figure.sample(times, clip, loop=False)
@@ -212,12 +213,12 @@ def motion_of(sampler, clip):
             steps.append(float(np.percentile(np.linalg.norm(points - before, axis=1), 99)))
         before = points
     box = np.stack([np.min(corners, 0), np.max(corners, 0)])
-    room = max(steps) / 2  # what moves between the moments
+    room = max(steps) / 2  # motion between the samples
     return Motion(sampler.figure, clip, times, np.cumsum(steps)), box + np.array([[-room], [room]])
 
 
 def phase_counts(ways, radius, max_error) -> tuple[int, list[int]]:
-    """Return the side of a tile, and how many phases each clip gets."""
+    """Return the tile size in texels, and the number of poses per clip."""
     for tile in TILES:
         wanted = [max(1, int(np.ceil(w / radius * tile / (4 * max_error)))) for w in ways]
         room = BUDGET / (_BYTES * (VIEWS * tile) ** 2)
@@ -230,7 +231,7 @@ def phase_counts(ways, radius, max_error) -> tuple[int, list[int]]:
 def bake_pose_atlas(
     figure, mesh_actors, clips, *, skinning='linear', max_error=1.0, cache=True, advance=None
 ) -> tuple[LodModel, list[Motion]]:
-    """Return the levels of a figure that moves, baked and measured, or taken from the cache."""
+    """Return the levels of an animated figure, baked or from the cache, and its motions."""
     sampler = PoseSampler(figure, mesh_actors, skinning)
     motions, boxes = zip(*[motion_of(sampler, clip) for clip in clips], strict=True)
     box = np.stack([np.min(boxes, 0)[0], np.max(boxes, 0)[1]])
@@ -246,13 +247,13 @@ def bake_pose_atlas(
         try:
             return LodModel(levels, PoseAtlas.from_arrays(found)), list(motions)
         except ValueError:
-            pass  # of an older layout: baked again below, and replaced
+            pass  # an older layout: baked again and replaced below
     try:
         atlas = _baked(sampler, motions, counts, poses, (box, radius, tile), advance)
     except RuntimeError as error:
         msg = (
-            f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
-            'the graphics driver.'
+            f'impostor cards are disabled and meshes are drawn instead: {error}. Run `pvibr '
+            'doctor`, or update the graphics driver.'
         )
         warnings.warn(msg, PvibrWarning, stacklevel=3)
         return LodModel(levels, Atlas.blank(box)), list(motions)
@@ -310,7 +311,7 @@ def _baked(sampler, motions, counts, poses, grid, advance):
 
 
 def _measured(sampler, motions, counts, atlas):
-    """Return the worst error table of some phases, against meshes halfway between two."""
+    """Return the worst error table of some poses, measured halfway between two."""
     tables = []
     first = 0
     some = 2 if len(motions) == 1 else 1

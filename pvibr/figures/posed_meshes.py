@@ -1,9 +1,8 @@
-"""Members of a crowd that are near: meshes posed on the GPU, each as its member is now."""
+"""Near members of a crowd: meshes posed on the GPU, each at its own clip time."""
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -13,19 +12,19 @@ from pvibr.instances.mesh_pool import MeshPool, lendable
 
 
 class _Group(list):
-    """Actors that show one member, and the number of their pose."""
+    """Actors of one member, and the number of its pose."""
 
     number = 0
 
 
 class PosedPool(MeshPool):
-    """Actors of a figure, lent to the members that need them and posed with them."""
+    """Actors of a figure, lent to near members and posed with them."""
 
     def __init__(self, level, mesh_actors, skinning):
         super().__init__(level)
         self.mesh_actors, self.skinning = mesh_actors, skinning
         self._posed = [b for b in mesh_actors if isinstance(b, PosedMeshActor)]
-        self._posing: Any = None
+        self._posing: Posing | None = None
         self._shown: dict = {}
         self._made_so_far = 0
 
@@ -38,7 +37,7 @@ class PosedPool(MeshPool):
     def _actor(self, mesh_actor):
         actor = lendable(mesh_actor.part, mesh_actor.actor.GetMapper())
         actor.UseBoundsOff()
-        actor.PickableOff()  # pickers look at meshes, which are those at rest
+        actor.PickableOff()  # pickers would see the mesh at rest
         if isinstance(mesh_actor, PosedMeshActor):
             posed_feature().attach(actor)
         return actor
@@ -49,7 +48,7 @@ class PosedPool(MeshPool):
         return 0 if self._posing is None else self._posing.nbytes
 
     def pose(self, window, keys, moments_of, matrix_of):
-        """Pose those that are lent, where any changed, and have their shaders find them."""
+        """Pose the lent actors if any changed, and bind their textures."""
         shown = {self.lent[i].number: (i, key) for i, key in keys.items()}
         if any(self._shown.get(number) != what for number, what in shown.items()):
             moments = moments_of(list(keys.values()))
@@ -59,7 +58,7 @@ class PosedPool(MeshPool):
             return
         units = {name: t.activate() for name, t in self._posing.textures.items()}
         for group in self.lent.values():
-            self._aim(group, units)
+            self._aim(self._posing, group, units)
 
     def _draw(self, window, moments, matrix_of):
         for i, moment in moments.items():
@@ -74,7 +73,7 @@ class PosedPool(MeshPool):
             rest_meshes = [b.rest_mesh for b in self._posed]
             room = max(4, 1 << (self._made_so_far - 1).bit_length())
             self._posing = Posing(window, rest_meshes, poses=room, how=self.skinning)
-        # Places that are not lent are drawn as any other: their texels are not read.
+        # Unused poses are drawn too, but never read.
         some = next(iter(moments.values()))
         placed = [some] * self._posing.poses
         for i, moment in moments.items():
@@ -85,21 +84,21 @@ class PosedPool(MeshPool):
             places.append([made[id(moment)] for moment in placed])
         self._posing.draw(places)
 
-    def _aim(self, group, units):
+    def _aim(self, posing, group, units):
         moved = [
             a
             for b, a in zip(self.mesh_actors, group, strict=True)
             if isinstance(b, PosedMeshActor)
         ]
-        for actor, (first, end) in zip(moved, pairwise(self._posing.rows), strict=True):
-            rows = (end - first) // self._posing.poses
+        for actor, (first, end) in zip(moved, pairwise(posing.rows), strict=True):
+            rows = (end - first) // posing.poses
             uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
             uniforms.SetUniformi('ibr_posed_row', first + group.number * rows)
             for name in SAMPLERS:
                 uniforms.SetUniformi(name, units[name])
 
     def finish(self):
-        """Give the texture units back."""
+        """Release the texture units."""
         if self._posing is not None:
             for texture in self._posing.textures.values():
                 texture.deactivate()
@@ -110,7 +109,7 @@ class PosedPool(MeshPool):
         self._posing, self._shown = None, {}
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive."""
+        """Release all GPU resources; the context must be alive."""
         self._release_posing()
         for mesh_actor in self.mesh_actors:
             mesh_actor.release(window)

@@ -1,14 +1,13 @@
-"""Posed vertices of meshes on the GPU: a pass that writes them, and vertex shaders that read."""
+"""Posed vertices on the GPU: a pass that writes them, and vertex shaders that fetch them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 
-from pvibr.figures.shapes import ShapeStore
+from pvibr.figures.shapes import MeshShapes, ShapeStore
 from pvibr.gl import Quad, Target, Texture, shader_source, texture_limit
 from pvibr.gl.feature import Feature, declared_samplers, sections
 from pvibr.instances.cards import pack
@@ -17,39 +16,39 @@ from pvibr.maths import skinning
 #: Vertices of a row of the textures.
 WIDTH = 1024
 _STATE_WIDTH = 4096
-_TEXELS = {'linear': 3, 'dual': 8}  # of a joint
+_TEXELS = {'linear': 3, 'dual': 8}  # per joint
 
 
 @dataclass(eq=False)
 class RestMesh:
-    """A mesh at rest, and what deforms it on the GPU."""
+    """A mesh at rest, and its deformers."""
 
     points: np.ndarray
     normals: np.ndarray
     joints: np.ndarray | None = None
     weights: np.ndarray | None = None
     centers: np.ndarray | None = None
-    shapes: Any = None
+    shapes: MeshShapes | None = None
 
     @cached_property
     def origin(self) -> np.ndarray:
-        """Middle of the points: the GPU's positions at rest are relative to it, shape (3,)."""
+        """Centre of the points, origin of rest positions on the GPU, shape (3,)."""
         return (self.points.min(0) + self.points.max(0)) / 2
 
 
 @dataclass(eq=False)
 class MeshPose:
-    """What makes one pose of a mesh."""
+    """A pose of a mesh: skinning matrices, origin, and active shapes with their weights."""
 
     matrices: np.ndarray | None = None
     origin: np.ndarray | None = None
-    shapes: Any = ()
-    amounts: Any = ()
+    shapes: np.ndarray | tuple = ()
+    amounts: np.ndarray | tuple = ()
     frames: int = 0
 
 
 class Posing:
-    """Posed positions and normals of several meshes in two textures, one texel a vertex."""
+    """Posed positions and normals of several meshes in two textures, one texel per vertex."""
 
     def __init__(self, window, rest_meshes, *, poses=1, how='linear'):
         self.window, self.poses, self.how = window, poses, how
@@ -80,7 +79,7 @@ class Posing:
         return dict(zip(SAMPLERS, self.target.colors, strict=True))
 
     def draw(self, places, *, bulge=1.0):
-        """Pose all meshes anew."""
+        """Pose all meshes, each in its poses."""
         self._load([c.numbers(poses) for c, poses in zip(self._passes, places, strict=True)])
         state = self.window.GetState()
         with self.target.drawing():
@@ -90,7 +89,7 @@ class Posing:
                 mesh_pass.draw(bulge, self._state)
 
     def _load(self, numbers):
-        """Put what makes the poses on the GPU, in one image: an upload costs its call."""
+        """Upload the state of all poses in one image: each upload has a fixed cost."""
         most = max((len(n) for poses in numbers for n in poses), default=0)
         width = min(max(most, 1), _STATE_WIDTH)
         blocks: list[np.ndarray] = []
@@ -110,7 +109,7 @@ class Posing:
         self._state.upload(state)
 
     def download(self, rest_mesh, pose=0):
-        """Return what the pass wrote."""
+        """Return posed positions and normals of a mesh, for tests."""
         mesh_pass = self._passes[rest_mesh]
         first = self.rows[rest_mesh] + pose * mesh_pass.rows
         texels = [t.download()[first : first + mesh_pass.rows] for t in self.target.colors]
@@ -118,7 +117,7 @@ class Posing:
         return positions, normals
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Release all GPU resources; the context must be alive."""
         for mesh_pass in self._passes:
             mesh_pass.release()
         self._state.release()
@@ -126,7 +125,7 @@ class Posing:
 
 
 class _MeshPass:
-    """A mesh on the GPU."""
+    """The posing pass of one mesh."""
 
     def __init__(self, window, rest_mesh, poses, how):
         self.count, self.how, self.poses = len(rest_mesh.points), how, poses
@@ -139,15 +138,13 @@ class _MeshPass:
         groups = 0
         if rest_mesh.joints is not None:
             groups = -(-rest_mesh.joints.shape[1] // 4)
-            for name, table in zip(
-                ('ibr_joints', 'ibr_weights'), _influences(rest_mesh), strict=True
-            ):
-                self.textures[name] = Texture(window).upload(table)
-        self.store = (
-            None if rest_mesh.shapes is None else ShapeStore(window, rest_mesh.shapes, WIDTH)
-        )
-        joints = 0 if rest_mesh.centers is None else len(rest_mesh.centers) * _TEXELS[how]
-        most = joints + 1 + (0 if self.store is None else len(rest_mesh.shapes))
+            joints, weights = _influences(rest_mesh)
+            self.textures['ibr_joints'] = Texture(window).upload(joints)
+            self.textures['ibr_weights'] = Texture(window).upload(weights)
+        shapes = rest_mesh.shapes
+        self.store = None if shapes is None else ShapeStore(window, shapes, WIDTH)
+        palette = 0 if rest_mesh.centers is None else len(rest_mesh.centers) * _TEXELS[how]
+        most = palette + 1 + (0 if shapes is None else len(shapes))
         self.quad = _quad(
             window,
             {
@@ -165,14 +162,14 @@ class _MeshPass:
         return sum(t.nbytes for t in self.textures.values()) + stored
 
     def numbers(self, places):
-        """Return what makes each pose, as rows of four: joints, then shapes."""
+        """Return the state of each pose as rows of four: joints, then shapes."""
         palettes = [self._palette(place) for place in places]
         self.uniforms['ibr_palette'] = len(palettes[0])
         shapes = self._shapes(places)
         return [np.concatenate(pair) for pair in zip(palettes, shapes, strict=True)]
 
     def _palette(self, place):
-        """Return the joints as rows of four, from rest to posed, each about its origin."""
+        """Return the skinning matrices as rows of four, relative to the origins."""
         if place.matrices is None:
             return np.zeros((0, 4))
         matrices = np.array(place.matrices, np.float64)
@@ -185,7 +182,7 @@ class _MeshPass:
         return np.concatenate(joints, 1).reshape(-1, 4)
 
     def _shapes(self, places):
-        """Return for each pose its counts and shapes as rows of four; load what is missing."""
+        """Return counts and shapes of each pose as rows of four; load missing shapes."""
         if self.store is None:
             return [np.zeros((0, 4))] * len(places)
         slots = self.store.slots({int(i) for place in places for i in place.shapes})
@@ -212,13 +209,13 @@ class _MeshPass:
 
 
 def _table(window, vectors):
-    aligned = np.zeros((len(vectors), 4), np.float32)  # drivers read texels of four faster
+    aligned = np.zeros((len(vectors), 4), np.float32)  # drivers read four channels faster
     aligned[:, :3] = vectors
     return Texture(window).upload(pack(aligned, WIDTH, 4))
 
 
 def _influences(rest_mesh):
-    """Return joints and weights as images, the heaviest first, four a texel, groups stacked."""
+    """Return joints and weights as images, heaviest first, four per texel, stacked."""
     order = np.argsort(-rest_mesh.weights, axis=1, kind='stable')
     tables = []
     for values in (rest_mesh.joints, rest_mesh.weights):
@@ -240,7 +237,7 @@ SAMPLERS = ('ibr_posed', 'ibr_posed_normals')
 
 @lru_cache(maxsize=1)
 def posed_feature() -> Feature:
-    """Return the text by which an actor's vertices are those that were posed."""
+    """Return the shader feature that fetches posed vertices."""
     text = sections(shader_source(__file__))
     declare = declared_samplers(dict.fromkeys(SAMPLERS, 'sampler2D')) + text['vertex.declare']
     begin = f'#define WIDTH {WIDTH}u\n{text["vertex.begin"]}'

@@ -1,4 +1,4 @@
-"""Differences of whole meshes on the GPU: key frames, morph targets, correctives."""
+"""Differences of whole meshes - key frames, morph targets, correctives - and their GPU cache."""
 
 from __future__ import annotations
 
@@ -10,21 +10,85 @@ from pvibr.gl import Quad, Target, Texture, shader_source, texture_limit
 from pvibr.gl.feature import sections
 from pvibr.instances.cards import pack
 
-#: Bytes that the shapes of one mesh may take before those not in use make room.
+#: Memory budget for the shapes of one mesh, in bytes.
 BUDGET = 2**28
 _FEW = 8
+_ATTRIBUTES = ('positions', 'normals')
+
+
+class MeshShapes:
+    """The shapes of a mesh: key frames, then morph targets, then correctives."""
+
+    def __init__(self, figure, index, order):
+        self.figure, self.index, self.order = figure, index, order
+        self.figure_mesh = figure.meshes[index]
+        frames = self.figure_mesh.frames
+        self.n_frames = 0 if frames is None else len(frames.times)
+        self._layers = [morphs for morphs, _ in figure.layers(index)]
+
+    @property
+    def n_points(self) -> int:
+        """Number of drawn vertices."""
+        return len(self.order)
+
+    def __len__(self):
+        return self.n_frames + sum(len(morphs) for morphs in self._layers)
+
+    @property
+    def neutral(self) -> tuple:
+        """Points and normals that shapes are differences from, each (v, 3)."""
+        frames = self.figure_mesh.frames
+        if frames is None:
+            return self.figure_mesh.points, self.figure_mesh.normals
+        return np.asarray(frames.positions[0], float), np.asarray(frames.normals[0], float)
+
+    def __getitem__(self, number):
+        if number < self.n_frames:
+            frames = self.figure_mesh.frames
+            pairs = zip((frames.positions, frames.normals), self.neutral, strict=True)
+            return tuple((values[number] - first)[self.order] for values, first in pairs)
+        number -= self.n_frames
+        for morphs in self._layers:
+            if number < len(morphs):
+                return tuple(self._dense(morphs, what, number) for what in _ATTRIBUTES)
+            number -= len(morphs)
+        raise IndexError(number)
+
+    def _dense(self, morphs, what, number):
+        target = morphs.target(what, number)
+        if target is None:
+            return None
+        weights = np.zeros(len(morphs))
+        weights[number] = 1.0
+        return morphs.total(what, weights, len(self.figure_mesh.points))[self.order]
+
+    def active(self, pose):
+        """Return active shapes, their weights, and the number of key frames among them."""
+        shapes, amounts, frames = [], [], 0
+        if self.n_frames:
+            found, weights = self.figure_mesh.frames.at(getattr(pose, 'time', 0.0))
+            shown = np.flatnonzero(weights)
+            shapes, amounts, frames = [found[shown]], [weights[shown]], len(shown)
+        first = self.n_frames
+        for morphs, weights in self.figure.layers(self.index, pose):
+            shown = np.flatnonzero(weights)
+            shapes.append(first + shown)
+            amounts.append(weights[shown])
+            first += len(morphs)
+        joined = np.concatenate([np.zeros(0, int), *shapes]), np.concatenate([[], *amounts])
+        return *joined, frames
 
 
 class ShapeStore:
-    """The shapes of a mesh that are in use, and as many more as the budget allows."""
+    """A GPU cache of the shapes of a mesh, within a memory budget."""
 
     def __init__(self, window, shapes, width, budget=BUDGET):
         self.window, self.shapes, self.width, self.budget = window, shapes, width, budget
         points = shapes.n_points
         self.rows = -(-points // width)
         self._target: Any = None
-        self._where: dict[int, int] = {}  # shape to its group of rows, the longest unused first
-        #: How many were uploaded so far.
+        self._where: dict[int, int] = {}  # row group by shape, least recently used first
+        #: Number of uploads so far.
         self.loads = 0
         self._staging = [Texture(window), Texture(window)]
         store = sections(shader_source(__file__, 'posing'))['store']
@@ -38,12 +102,12 @@ class ShapeStore:
 
     @property
     def capacity(self) -> int:
-        """How many shapes it has room for now."""
+        """Number of shapes that fit now."""
         return 0 if self._target is None else self._target.height // self.rows
 
     @property
     def share(self) -> float:
-        """Rows of one shape over those of all."""
+        """Rows of one shape relative to all rows."""
         return self.rows / self._target.height
 
     @property
@@ -53,19 +117,19 @@ class ShapeStore:
         return dict(zip(names, self._target.colors, strict=True))
 
     def slots(self, wanted) -> dict[int, int]:
-        """Return the groups of rows where shapes are, loading those that are missing."""
+        """Return the row groups of shapes, loading missing ones."""
         missing = wanted - self._where.keys()
         if self._target is None or (missing and len(self._where) + len(missing) > self.capacity):
             self._grow(len(wanted))
             missing = wanted - self._where.keys()
         for shape in wanted - missing:
-            self._where[shape] = self._where.pop(shape)  # used last
+            self._where[shape] = self._where.pop(shape)  # most recently used
         for shape in sorted(missing):
             self._load(shape, self._room(wanted))
         return self._where
 
     def _grow(self, wanted):
-        """Make room for more, at the cost of loading them again; up to the budget."""
+        """Enlarge the cache up to the budget; its content is lost."""
         most = texture_limit(self.window) // self.rows
         if wanted > most:
             msg = f'{wanted} shapes of {self.rows * self.width} vertices at once; {most} fit here.'
@@ -84,7 +148,7 @@ class ShapeStore:
         self._where = {}
 
     def _room(self, wanted) -> int:
-        """Return a group of rows that is free, or has what was unused for longest."""
+        """Return a free row group, or that of the least recently used shape."""
         if len(self._where) < self.capacity:
             return len(self._where)
         oldest = next(shape for shape in self._where if shape not in wanted)
@@ -106,7 +170,7 @@ class ShapeStore:
         self.loads += 1
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Release all GPU resources; the context must be alive."""
         for owner in (self._target, *self._staging, self._quad):
             if owner is not None:
                 owner.release()

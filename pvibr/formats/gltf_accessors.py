@@ -28,11 +28,11 @@ class Accessors:
         self._floats: dict[int, np.ndarray] = {}
 
     def count(self, index, place) -> int:
-        """Return how many elements an accessor has."""
+        """Return the number of elements of an accessor."""
         return follow(self._file.document.accessors, index, place, 'accessors').count
 
     def floats(self, index, place, *types):
-        """Return an accessor as numbers."""
+        """Return an accessor as floats, (n, c)."""
         self._check_type(index, place, types)
         if index not in self._floats:
             accessor = self._file.document.accessors[index]
@@ -42,10 +42,10 @@ class Accessors:
         return self._floats[index]
 
     def integers(self, index, place, *types):
-        """Return an accessor of unsigned integers."""
+        """Return an accessor of unsigned integers, (n, c) int64."""
         accessor = self._check_type(index, place, types)
         if accessor.component_type not in (5121, 5123, 5125) or accessor.normalized:
-            msg = f'accessors[{index}], which {place} asks for, must hold unsigned integers.'
+            msg = f'{place} is accessors[{index}], which must hold unsigned integers.'
             raise GltfError(msg)
         raw = self._elements(index)
         self._file.spend(8 * raw.size, f'accessors[{index}]')
@@ -59,7 +59,7 @@ class Accessors:
         return accessor
 
     def _elements(self, index):
-        """Return the elements as they are stored, shape (n, c)."""
+        """Return the elements as stored, shape (n, c)."""
         if index in self._raw:
             return self._raw[index]
         accessor, place = self._file.document.accessors[index], f'accessors[{index}]'
@@ -104,9 +104,9 @@ class Accessors:
 
 
 def _read(data, start, count, dtype, shape, stride, place):
-    """Return elements of a buffer view, shape (count, c); a view of its bytes if it can be."""
+    """Return elements of a buffer view, shape (count, c), without a copy if possible."""
     columns, rows = shape
-    # Columns of matrices begin at multiples of four bytes.
+    # Matrix columns are aligned to four bytes.
     column = rows * dtype.itemsize
     column = -(-column // 4) * 4 if columns > 1 else column
     stride = stride or columns * column
@@ -134,6 +134,6 @@ def _as_floats(raw, shares, place):
             raise GltfError(msg)
     elif shares:
         values /= np.iinfo(raw.dtype).max
-        np.maximum(values, -1, out=values)  # -128 is -1 as -127 is
+        np.maximum(values, -1, out=values)  # both -128 and -127 mean -1
     values.setflags(write=False)
     return values

@@ -1,4 +1,4 @@
-"""A glTF file taken apart: its JSON, its buffers, and the files beside it."""
+"""A glTF file: its JSON, its buffers, and external files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import urllib.parse
 import warnings
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -17,18 +16,18 @@ from pvibr.core.errors import PvibrError, PvibrWarning
 from pvibr.formats.gltf_schema import Gltf
 
 _MAGIC, _JSON, _BIN = b'glTF', b'JSON', b'BIN\0'
-#: What arrays and pictures may grow to, in bytes: this, and so many bytes per byte of the files.
-#: Many accessors may show the same bytes, and a picture of one colour is small in its file.
+#: Memory budget of arrays and images: bytes, plus bytes per byte of the files. Accessors may share
+#: bytes, and images of one colour compress well.
 _ROOM, _GROWTH = 2**28, 64
 
 
 class GltfError(PvibrError, ValueError):
-    """A glTF file is broken or asks for what is not supported; the message names the place.
+    """A glTF file is broken or needs an unsupported feature; the message names the place.
 
     Parameters
     ----------
     message : str
-        What is wrong where; what is very long is cut.
+        Place and fault; a long message is truncated.
 
     Examples
     --------
@@ -42,12 +41,12 @@ class GltfError(PvibrError, ValueError):
 
 
 class MissingFileError(GltfError):
-    """A file that a glTF file names is not there."""
+    """An external file of a glTF file does not exist."""
 
 
 @contextmanager
 def naming(place):
-    """Turn errors about values into errors that name their place in the file."""
+    """Turn ValueErrors into GltfErrors that name the place in the file."""
     try:
         yield
     except GltfError:
@@ -58,7 +57,7 @@ def naming(place):
 
 
 def follow(things, index, place, kind):
-    """Return the thing that a place in the file refers to."""
+    """Return the element that an index in the file refers to."""
     if index >= len(things):
         msg = f'{place} is {index}; the file has {len(things)} {kind}.'
         raise GltfError(msg)
@@ -66,7 +65,7 @@ def follow(things, index, place, kind):
 
 
 class GltfFile:
-    """A file that is open: its JSON, checked, and its bytes."""
+    """An open glTF file: its validated JSON, and its bytes."""
 
     def __init__(self, path):
         self.path = Path(path)
@@ -78,21 +77,21 @@ class GltfFile:
         self.document = _parsed(json)
 
     def spend(self, size, place):
-        """Count bytes that are about to be allocated."""
+        """Count bytes that are about to be allocated; raise an error beyond the budget."""
         self._room -= size
         if self._room < 0:
             msg = f'{place} asks for {size} bytes, far more than the file has data for.'
             raise GltfError(msg)
 
     def leave_out(self, what, place):
-        """Note something that is in the file and not in what is made of it."""
+        """Note an unsupported feature of the file."""
         self._left_out.setdefault(what, place)
 
     def warn(self):
-        """Warn once of all that was left out, if something was."""
+        """Warn once of all unsupported features."""
         if self._left_out:
             what = ', '.join(f'{what} ({place})' for what, place in self._left_out.items())
-            msg = f'{self.path.name}: left out, as not supported: {what}.'
+            msg = f'{self.path.name}: not supported and left out: {what}.'
             warnings.warn(_clipped(msg), PvibrWarning, stacklevel=3)
 
     def view(self, index, place) -> memoryview:
@@ -114,7 +113,7 @@ class GltfFile:
         return data
 
     def check_places(self):
-        """Check that what the file names lies in its folder, for readers that do not look."""
+        """Check that external files lie in the folder, for readers that do not."""
         for kind in ('buffers', 'images'):
             for i, thing in enumerate(getattr(self.document, kind)):
                 if thing.uri is not None and thing.uri[:5].lower() != 'data:':
@@ -142,9 +141,9 @@ class GltfFile:
         return self._blob
 
     def _located(self, uri, place) -> Path:
-        """Return the file that a relative URI names, once it is sure to be in the folder."""
+        """Return the file of a relative URI, which must be in the folder."""
         name = urllib.parse.unquote(uri)
-        # Before anything asks the file system. A scheme has a colon, a drive of Windows too.
+        # Before any file access. A scheme has a colon, as a drive of Windows has.
         if not name or any(sign in name for sign in ':\\\0') or name.startswith('/'):
             msg = f'{place} is {_short(uri)}; it must be a data URI or a relative path.'
             raise GltfError(msg)
@@ -154,7 +153,7 @@ class GltfFile:
             inside = path.is_relative_to(folder)
             if inside and path.is_file():
                 return path
-        except (OSError, RuntimeError, ValueError):  # too long a name; links in a circle
+        except (OSError, RuntimeError, ValueError):  # name too long; symbolic links in a cycle
             inside = True
         if inside:
             msg = f'{place} is {_short(uri)}: no such file.'
@@ -165,7 +164,7 @@ class GltfFile:
     def _read(self, path, place, limit):
         try:
             with path.open('rb') as file:
-                # Never more than there is: a limit alone would be allocated on the file's word.
+                # Never more than the file's size: the JSON's limit may be a lie.
                 size = path.stat().st_size
                 return file.read(size if limit is None else min(limit, size))
         except OSError as error:
@@ -174,7 +173,7 @@ class GltfFile:
 
 
 def _chunks(data) -> tuple[bytes, bytes | None]:
-    """Return the JSON and the binary part of a GLB."""
+    """Return the JSON and the binary chunk of a GLB."""
     if len(data) < 20:
         msg = f'the GLB is cut off: it has {len(data)} bytes.'
         raise GltfError(msg)
@@ -194,7 +193,7 @@ def _chunks(data) -> tuple[bytes, bytes | None]:
 
 
 def _split(data):
-    """Yield kind and content of the first two chunks; what follows is for extensions."""
+    """Yield type and content of the first two chunks; later ones belong to extensions."""
     at = 12
     for number in range(2):
         if at + 8 > len(data):
@@ -209,7 +208,7 @@ def _split(data):
 
 def _parsed(json) -> Gltf:
     try:
-        document: Any = msgspec.json.decode(json.removeprefix(b'\xef\xbb\xbf'), type=Gltf)
+        document = msgspec.json.decode(json.removeprefix(b'\xef\xbb\xbf'), type=Gltf)
     except msgspec.ValidationError as error:
         fault, _, place = str(error).partition(' - at ')
         msg = f'{place.strip("`").removeprefix("$.") or "the file"}: {fault}.'
@@ -217,7 +216,7 @@ def _parsed(json) -> Gltf:
     except RecursionError:
         msg = 'the JSON is nested too deeply.'
         raise GltfError(msg) from None
-    except ValueError as error:  # msgspec's own, and that of wrong UTF-8
+    except ValueError as error:  # of msgspec, or of invalid UTF-8
         msg = f'the file is neither GLB nor JSON: {error}'
         raise GltfError(msg) from None
     if not document.asset.version.startswith('2.'):
@@ -246,5 +245,5 @@ def _short(text):
 
 
 def _clipped(text, length=1000):
-    """Return a text that is not longer than can be read: a file may say anything."""
+    """Return a text truncated to a readable length."""
     return text if len(text) <= length else text[: length - 3] + '...'

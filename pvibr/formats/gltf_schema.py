@@ -1,4 +1,4 @@
-"""What the JSON of a glTF 2.0 file may say, as types that msgspec checks while it parses."""
+"""The JSON of glTF 2.0 files as types that msgspec validates while it parses."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta, Struct, field
 
-#: Beyond the largest number that float64, and so JSON, holds exactly.
+#: Largest integer that float64, and so JSON, holds exactly.
 _LARGEST = 2**53
-#: Beyond it the products of matrices, and float32, overflow.
+#: Beyond it float32 and matrix products overflow.
 _FARTHEST = 1e30
 Number = Annotated[float, Meta(ge=-_FARTHEST, le=_FARTHEST)]
 Positive = Annotated[float, Meta(gt=0, le=_FARTHEST)]
@@ -23,17 +23,17 @@ Indices = Annotated[list[Index], Meta(min_length=1)]
 
 
 class _Thing(Struct, rename='camel', omit_defaults=True, frozen=True):
-    """Anything in the file."""
+    """Base of all elements."""
 
 
 class _Named(_Thing, frozen=True, kw_only=True):
-    """Anything that may have a name."""
+    """Base of named elements."""
 
     name: str | None = None
 
 
 class Asset(_Thing, frozen=True):
-    """Of which version the file is."""
+    """Version and origin of the file."""
 
     version: str
     min_version: str | None = None
@@ -42,14 +42,14 @@ class Asset(_Thing, frozen=True):
 
 
 class Buffer(_Named, frozen=True):
-    """Bytes: in the GLB, in the URI, or in the file that it names."""
+    """Bytes: the binary chunk, a data URI or an external file."""
 
     byte_length: Count
     uri: str | None = None
 
 
 class BufferView(_Named, frozen=True):
-    """A part of a buffer."""
+    """A slice of a buffer."""
 
     buffer: Index
     byte_length: Count
@@ -59,7 +59,7 @@ class BufferView(_Named, frozen=True):
 
 
 class SparseIndices(_Thing, frozen=True):
-    """Which elements differ."""
+    """Indices of the replaced elements."""
 
     buffer_view: Index
     component_type: Literal[5121, 5123, 5125]
@@ -67,14 +67,14 @@ class SparseIndices(_Thing, frozen=True):
 
 
 class SparseValues(_Thing, frozen=True):
-    """How they differ."""
+    """Values of the replaced elements."""
 
     buffer_view: Index
     byte_offset: Index = 0
 
 
 class Sparse(_Thing, frozen=True):
-    """Elements that differ from those of the buffer view, or from zero."""
+    """Replaced elements of an accessor."""
 
     count: Count
     indices: SparseIndices
@@ -82,7 +82,7 @@ class Sparse(_Thing, frozen=True):
 
 
 class Accessor(_Named, frozen=True):
-    """An array in a buffer view."""
+    """A typed array in a buffer view."""
 
     component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
     count: Count
@@ -106,7 +106,7 @@ class Primitive(_Thing, frozen=True):
 
 
 class MeshExtras(_Thing, frozen=True):
-    """What exporters agree to write beside the standard: the names of morph targets."""
+    """Names of morph targets, as exporters write them by convention."""
 
     target_names: list[str] | None = None
 
@@ -120,7 +120,7 @@ class Mesh(_Named, frozen=True):
 
 
 class LightIndex(_Thing, frozen=True):
-    """The light at a node."""
+    """Reference to a light."""
 
     light: Index
 
@@ -132,7 +132,7 @@ class NodeExtensions(_Thing, frozen=True):
 
 
 class Node(_Named, frozen=True):
-    """A joint of the scene: where it is, what hangs there."""
+    """A node of the scene graph."""
 
     children: list[Index] = []
     matrix: Annotated[list[Number], Meta(min_length=16, max_length=16)] | None = None
@@ -147,7 +147,7 @@ class Node(_Named, frozen=True):
 
 
 class Scene(_Named, frozen=True):
-    """What is shown together."""
+    """Root nodes of a scene."""
 
     nodes: list[Index] = []
 
@@ -161,21 +161,21 @@ class Skin(_Named, frozen=True):
 
 
 class Target(_Thing, frozen=True):
-    """What a channel drives."""
+    """The property that a channel drives."""
 
     path: str
     node: Index | None = None
 
 
 class Channel(_Thing, frozen=True):
-    """Which sampler drives what."""
+    """A sampler and its target."""
 
     sampler: Index
     target: Target
 
 
 class AnimationSampler(_Thing, frozen=True):
-    """Keys: times and values."""
+    """Key frames: accessors of times and values."""
 
     input: Index
     output: Index
@@ -190,7 +190,7 @@ class Animation(_Named, frozen=True):
 
 
 class TextureTransform(_Thing, frozen=True):
-    """How texture coordinates are moved: scaled, then turned, then shifted."""
+    """Transform of texture coordinates: scale, then rotation, then offset."""
 
     offset: Vec2 = (0.0, 0.0)
     rotation: Number = 0.0
@@ -199,13 +199,13 @@ class TextureTransform(_Thing, frozen=True):
 
 
 class TextureInfoExtensions(_Thing, frozen=True):
-    """Extensions of the use of a texture."""
+    """Extensions of a texture reference."""
 
     transform: TextureTransform | None = field(default=None, name='KHR_texture_transform')
 
 
 class TextureInfo(_Thing, frozen=True):
-    """The use of a texture."""
+    """Reference to a texture."""
 
     index: Index
     tex_coord: Index = 0
@@ -213,7 +213,7 @@ class TextureInfo(_Thing, frozen=True):
 
 
 class Metallic(_Thing, frozen=True):
-    """Physically based shading."""
+    """Metallic-roughness shading."""
 
     base_color_factor: Vec4 = (1.0, 1.0, 1.0, 1.0)
     base_color_texture: TextureInfo | None = None
@@ -223,13 +223,13 @@ class Metallic(_Thing, frozen=True):
 
 
 class EmissiveStrength(_Thing, frozen=True):
-    """A factor of what shines."""
+    """Factor of the emissive colour."""
 
     emissive_strength: NotNegative = 1.0
 
 
 class Unlit(_Thing, frozen=True):
-    """Shown as it is, whatever the lights."""
+    """Marks an unlit material."""
 
 
 class MaterialExtensions(_Thing, frozen=True):
@@ -242,7 +242,7 @@ class MaterialExtensions(_Thing, frozen=True):
 
 
 class Material(_Named, frozen=True):
-    """How a primitive looks."""
+    """Look of a primitive."""
 
     pbr_metallic_roughness: Metallic = Metallic()
     normal_texture: TextureInfo | None = None
@@ -256,7 +256,7 @@ class Material(_Named, frozen=True):
 
 
 class Sampler(_Named, frozen=True):
-    """How a texture is filtered and repeated."""
+    """Filter and wrap modes of a texture."""
 
     mag_filter: int | None = None
     min_filter: int | None = None
@@ -265,14 +265,14 @@ class Sampler(_Named, frozen=True):
 
 
 class Texture(_Named, frozen=True):
-    """An image and how it is sampled."""
+    """An image and its sampler."""
 
     source: Index | None = None
     sampler: Index | None = None
 
 
 class Image(_Named, frozen=True):
-    """A picture: in a buffer view, in the URI, or in the file that it names."""
+    """An image: a buffer view, a data URI or an external file."""
 
     uri: str | None = None
     buffer_view: Index | None = None
@@ -280,7 +280,7 @@ class Image(_Named, frozen=True):
 
 
 class Perspective(_Thing, frozen=True):
-    """A camera's frustum: radians and the file's unit."""
+    """A perspective projection: radians and the file's unit."""
 
     yfov: Positive
     znear: Positive
@@ -289,7 +289,7 @@ class Perspective(_Thing, frozen=True):
 
 
 class Orthographic(_Thing, frozen=True):
-    """A camera's box: half sizes, in the file's unit."""
+    """An orthographic projection: half sizes in the file's unit."""
 
     xmag: Number
     ymag: Number
@@ -335,7 +335,7 @@ class GltfExtensions(_Thing, frozen=True):
 
 
 class Gltf(_Thing, frozen=True):
-    """A whole file."""
+    """The whole file."""
 
     asset: Asset
     accessors: list[Accessor] = []

@@ -233,7 +233,7 @@ def test_matrices_of_a_simulator():
     assert differing(by_matrices, shot(pl)) == 0
     with pytest.raises(ValueError, match='matrices'):
         actor.pose = np.eye(4)[None]
-    with pytest.raises(ValueError, match='one is shown'):
+    with pytest.raises(ValueError, match='must be a single one'):
         actor.pose = figure.sample([0.0, 1.0])
 
 

@@ -264,7 +264,7 @@ def test_an_atlas_goes_into_a_file(figure, show, tmp_path):
     assert atlas.contact_sheet().shape == (2 * 192, 192, 3)
     arrays = atlas.to_arrays()
     for broken in ({'bins': arrays['bins'] + 1e6}, {'geometry': arrays['geometry'][:0]}):
-        with pytest.raises(ValueError, match='not an atlas'):
+        with pytest.raises(ValueError, match='not a pose atlas'):
             PoseAtlas.from_arrays(arrays | broken)
 
 

@@ -9,11 +9,12 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.formats.gltf_file import GltfError, GltfFile, follow
+from pvibr.maths.vectors import unit_vectors
 
 
 @dataclass(frozen=True)
 class FigureCamera:
-    """A camera that moves with a joint; it looks along the joint's -z, its y is up."""
+    """A camera that moves with a joint and looks along its -z; y is up."""
 
     node: int
     name: str = ''
@@ -23,9 +24,9 @@ class FigureCamera:
     clipping: tuple[float, float] = (0.01, math.inf)
 
     def placed(self, world) -> pv.Camera:
-        """Return the camera in a pose."""
+        """Return the camera at the joint, from world matrices (n, 4, 4)."""
         matrix = np.asarray(world, dtype=np.float64)[self.node]
-        _, up, back = _axes(matrix)
+        _, up, back = unit_vectors(matrix[:3, :3].T)
         camera = pv.Camera()
         camera.position = tuple(matrix[:3, 3])
         camera.focal_point = tuple(matrix[:3, 3] - back)
@@ -42,7 +43,7 @@ class FigureCamera:
 
 @dataclass(frozen=True)
 class FigureLight:
-    """A light that moves with a joint; it shines along the joint's -z."""
+    """A light that moves with a joint and shines along its -z."""
 
     node: int
     kind: str
@@ -53,9 +54,9 @@ class FigureLight:
     cone: tuple[float, float] = (0.0, 45.0)
 
     def placed(self, world, exposure=1.0) -> pv.Light:
-        """Return the light in a pose."""
+        """Return the light at the joint, from world matrices (n, 4, 4)."""
         matrix = np.asarray(world, dtype=np.float64)[self.node]
-        back = _axes(matrix)[2]
+        back = unit_vectors(matrix[:3, 2])
         directional = self.kind == 'directional'
         position = back if directional else matrix[:3, 3]
         light = pv.Light(
@@ -68,13 +69,13 @@ class FigureLight:
         light.positional = not directional
         if not directional:
             light.attenuation_values = (0.0, 0.0, 1.0)
-            # VTK: at 90 degrees and above a light shines to all sides.
+            # VTK: from 90 degrees on a light is a point light.
             light.cone_angle = self.cone[1] if self.kind == 'spot' else 90.0
         return light
 
 
 def cameras_of(file: GltfFile, nodes):
-    """Return the cameras at some nodes."""
+    """Return the cameras of some nodes."""
     cameras = []
     for node in nodes:
         index = file.document.nodes[node].camera
@@ -85,7 +86,7 @@ def cameras_of(file: GltfFile, nodes):
 
 
 def lights_of(file: GltfFile, nodes):
-    """Return the lights at some nodes."""
+    """Return the lights of some nodes."""
     known = file.document.extensions.lights.lights
     lights = []
     for node in nodes:
@@ -100,7 +101,7 @@ def lights_of(file: GltfFile, nodes):
 def _camera(camera, node, place):
     lens = getattr(camera, camera.type)
     if lens is None:
-        msg = f'{place} is {camera.type} and says nothing of it.'
+        msg = f'{place} is {camera.type}, but has no {camera.type!r}.'
         raise GltfError(msg)
     clipping = (lens.znear, math.inf if lens.zfar is None else lens.zfar)
     name = camera.name or ''
@@ -117,10 +118,3 @@ def _light(light, node):
     cone = (math.degrees(inner), math.degrees(outer))
     name = light.name or ''
     return FigureLight(node, light.type, name, light.color, light.intensity, light.range, cone)
-
-
-def _axes(matrix):
-    """Return the directions of a joint's axes, whatever its scale."""
-    axes = matrix[:3, :3].T
-    lengths = np.linalg.norm(axes, axis=1, keepdims=True)
-    return axes / np.where(lengths > 0, lengths, 1.0)

@@ -13,21 +13,22 @@ from pvibr.formats.gltf_file import GltfError, GltfFile, MissingFileError, follo
 from pvibr.formats.gltf_schema import Material, Sampler, TextureInfo
 from pvibr.maths.tones import to_display
 
-#: Name of the colours of vertices in the meshes.
+#: Name of the array of vertex colours.
 COLORS = 'gltf_colors'
 _NEAREST = 9728
 _MIPMAPS = (9984, 9985, 9986, 9987)
 _WRAPS = {33071: 'CLAMP_TO_EDGE', 33648: 'MIRRORED_REPEAT', 10497: 'REPEAT'}
-#: Kinds of pictures that Pillow reads here; others (EPS starts Ghostscript) it must not try.
+#: Image formats that Pillow may try; others are unsafe (EPS starts Ghostscript).
 _PICTURES = ('PNG', 'JPEG', 'WEBP')
 _SRGB = ('base_color_texture', 'emissive_texture')
-#: What VTK calls them, and which channels of a picture are for each: others are 1.
+#: VTK's texture names by those of glTF.
 _VTK = {
     'base_color_texture': 'albedoTex',
     'metallic_roughness_texture': 'materialTex',
     'occlusion_texture': 'materialTex',
     'emissive_texture': 'emissiveTex',
 }
+#: Channels of a texture in use; the others are set to 1.
 _CHANNELS = {'metallic_roughness_texture': 'GB', 'occlusion_texture': 'R'}
 
 
@@ -57,7 +58,7 @@ class Looks:
         if colors:
             look |= {'scalars': COLORS, 'rgb': True, 'preference': 'point'}
         else:
-            # VTK takes the colour of a physically based surface for linear light.
+            # VTK expects linear colours with physically based shading.
             look['color'] = _color(material, shines, linear='pbr' in look)
             look |= _opacity(material)
         if material.extensions.unlit is not None or shines:
@@ -70,14 +71,14 @@ class Looks:
         return look
 
     def vertex_colors(self, material, colors):
-        """Return the colours of vertices, the material's colour multiplied in."""
+        """Return vertex colours multiplied by the material's colour."""
         shown = (255 * self._shown(material, colors) + 0.5).astype(np.uint8)
-        # Alpha that is full, or to be ignored, would make VTK sort the mesh as translucent.
+        # With an alpha channel VTK would sort the mesh as translucent.
         opaque = material.alpha_mode == 'OPAQUE' or (shown[:, 3] == 255).all()
         return np.ascontiguousarray(shown[:, :3]) if opaque else shown
 
     def color_difference(self, material, colors, difference):
-        """Return what a morph target adds to colours as a display is given them."""
+        """Return the change of displayed colours by a morph target."""
         moved = _with_alpha(colors, 1.0) + _with_alpha(difference, 0.0)
         change = self._shown(material, moved) - self._shown(material, colors)
         return change.astype(np.float32)
@@ -85,18 +86,18 @@ class Looks:
     def _shown(self, material, colors):
         factor = np.array(material.pbr_metallic_roughness.base_color_factor)
         light = np.clip(_with_alpha(colors, 1.0) * factor, 0, 1)
-        if self._is_physical(material):  # VTK takes their colours for light
+        if self._is_physical(material):  # VTK expects linear colours
             return light
         return np.column_stack([to_display(light[:, :3]), light[:, 3]])
 
     def coordinates(self, material):
-        """Return which texture coordinates the material shows, and how they are moved."""
+        """Return the index of the texture coordinates in use, and their transform (2, 3)."""
         infos = self._infos(material).values() if self._is_physical(material) else ()
         base = material.pbr_metallic_roughness.base_color_texture
         return _coordinates(next((i for i in (base, *infos) if i is not None), None))
 
     def _is_physical(self, material):
-        # VTK does not sort what the alpha of such a texture makes translucent.
+        # VTK does not sort surfaces that only the alpha of such a texture makes translucent.
         blended = material.alpha_mode == 'BLEND'
         textured = material.pbr_metallic_roughness.base_color_texture is not None
         return self._pbr and material.extensions.unlit is None and not (blended and textured)
@@ -112,7 +113,7 @@ class Looks:
         }
 
     def _surface(self, material):
-        """Return textures of physically based shading by what glTF calls them."""
+        """Return the textures of physically based shading by their glTF names."""
         found = {}
         where = self.coordinates(material)
         infos = self._infos(material)
@@ -123,7 +124,7 @@ class Looks:
             opaque = material.alpha_mode == 'OPAQUE' or name != 'base_color_texture'
             channels = 'RGB' if both else _CHANNELS.get(name, 'RGB')
             if name == 'occlusion_texture' and not both and 'metallic_roughness_texture' in found:
-                continue  # VTK reads both from one picture
+                continue  # VTK reads both from one image
             texture = self._or_left_out(info, opaque, name in _SRGB, channels)
             if texture is not None:
                 found[name] = texture
@@ -139,7 +140,7 @@ class Looks:
     def _or_left_out(self, info, opaque, srgb=False, channels='RGB'):
         try:
             return self._texture(info, opaque, srgb, channels)
-        except MissingFileError as error:  # models travel without their pictures
+        except MissingFileError as error:  # models often come without their images
             self._file.leave_out('an image', str(error).rstrip('.'))
             return None
 
@@ -161,7 +162,7 @@ class Looks:
         if channels != 'RGB':
             pixels = pixels.copy()
             pixels[..., [i for i, name in enumerate('RGB') if name not in channels]] = 255
-        # OPAQUE means that alpha is to be ignored; VTK would blend it.
+        # OPAQUE means that alpha is ignored; VTK would blend it.
         made = pv.Texture(np.ascontiguousarray(pixels[..., :3] if opaque else pixels))
         made.SetUseSRGBColorSpace(srgb)
         made.interpolate = sampler.mag_filter != _NEAREST
@@ -175,28 +176,27 @@ class Looks:
     def _pixels(self, index):
         image, place = self._file.document.images[index], f'images[{index}]'
         if image.buffer_view is not None:
-            data: Any = self._file.view(image.buffer_view, f'{place}.bufferView')
+            data = bytes(self._file.view(image.buffer_view, f'{place}.bufferView'))
         elif image.uri is not None:
             data = self._file.resource(image.uri, f'{place}.uri')
         else:
             msg = f'{place} has neither uri nor bufferView.'
             raise GltfError(msg)
-        return self._decoded(bytes(data), place)
+        return self._decoded(data, place)
 
     def _decoded(self, data, place):
-        from PIL import Image  # what imageio reads pictures with; only files with textures need it
+        from PIL import Image  # a dependency of imageio; only textured files need it
 
         try:
             with Image.open(io.BytesIO(data), formats=_PICTURES) as picture:
                 width, height = picture.size
                 self._file.spend(8 * width * height, place)
-                if picture.mode.startswith('I'):  # 16 bits of grey, which Pillow would clip
+                if picture.mode.startswith('I'):  # 16-bit grey, which Pillow would clip
                     picture = Image.fromarray((np.asarray(picture) >> 8).astype(np.uint8))
                 return np.asarray(picture.convert('RGBA'))
         except GltfError:
             raise
-        # Its decoders raise what they please at broken bytes.
-        except Exception as error:
+        except Exception as error:  # decoders raise any exception at broken bytes
             msg = f'{place} cannot be read: {error}.'
             raise GltfError(msg) from error
 
@@ -230,7 +230,7 @@ def _physical(material, textures):
 
 
 def _coordinates(info):
-    """Return which texture coordinates a texture takes, and how they are moved."""
+    """Return the index of the texture coordinates of a texture, and their transform."""
     flip = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0]])
     if info is None:
         return 0, flip
@@ -253,20 +253,20 @@ def _same_image(a, b):
 
 
 def _only_shines(material):
-    """Return whether a material gives light and reflects none."""
+    """Return True if a material emits light and reflects none."""
     black = not any(material.pbr_metallic_roughness.base_color_factor[:3])
     return black and any(material.emissive_factor)
 
 
 def _with_alpha(colors, alpha):
-    """Return colours as float64 with four channels."""
+    """Return colours with four channels, float64."""
     rgba = np.full((len(colors), 4), alpha)
     rgba[:, : colors.shape[1]] = colors
     return rgba
 
 
 def _color(material, shines, linear):
-    """Return the colour of a surface, as it is in the file or as a display is given it."""
+    """Return the colour of a surface, linear or for display."""
     light = np.array(material.pbr_metallic_roughness.base_color_factor[:3])
     if shines:
         light = np.array(material.emissive_factor)

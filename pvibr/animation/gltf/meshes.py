@@ -1,4 +1,4 @@
-"""Primitives of a glTF file as meshes of triangles, with their morph targets and skins."""
+"""Primitives of a glTF file as triangle meshes with morph targets and skins."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from pvibr.animation.morphs import Morphs
 from pvibr.formats.gltf_accessors import Accessors
 from pvibr.formats.gltf_file import GltfError, GltfFile, naming
 from pvibr.formats.gltf_schema import MeshExtras
+from pvibr.maths.vectors import unit_vectors
 
 _MODES = ('points', 'lines', 'line loops', 'line strips', 'triangles', 'strips', 'fans')
 _TRIANGLES, _STRIP = 4, 5
 _KNOWN = ('POSITION', 'NORMAL', 'TANGENT', 'COLOR_0', 'JOINTS_0', 'WEIGHTS_0')
 _SETS = ('JOINTS_1', 'WEIGHTS_1')
-#: What morph targets may change, and Morphs calls it.
+#: Attributes of morph targets, by their names in glTF.
 _MORPHED = {
     'POSITION': 'positions',
     'NORMAL': 'normals',
@@ -32,7 +33,7 @@ _MORPHED = {
 
 @dataclass(frozen=True)
 class Surface:
-    """A primitive that is read."""
+    """A primitive as a mesh, and whether it has texture coordinates and vertex colours."""
 
     mesh: pv.PolyData
     morphs: Morphs | None
@@ -41,7 +42,7 @@ class Surface:
 
 
 class Primitives:
-    """The primitives of a file, each read once, however many nodes show it."""
+    """The primitives of a file, each read once."""
 
     def __init__(self, file: GltfFile, accessors: Accessors, looks: Looks):
         self._file, self._accessors, self._looks = file, accessors, looks
@@ -50,7 +51,7 @@ class Primitives:
         self._skins: dict[tuple, Skin] = {}
 
     def surface(self, mesh, number) -> Surface | None:
-        """Return a primitive as a mesh."""
+        """Return a primitive as a mesh, or None if it is not supported."""
         reader = self._reader(mesh, number)
         if reader is None:
             return None
@@ -60,7 +61,7 @@ class Primitives:
         return self._surfaces[key]
 
     def skin(self, mesh, number, skin) -> Skin | None:
-        """Return how a skin pulls at a primitive."""
+        """Return the influences of a skin on a primitive, or None."""
         reader = self._reader(mesh, number)
         if reader is None or 'JOINTS_0' not in reader.primitive.attributes:
             return None
@@ -89,7 +90,7 @@ class Primitives:
 
 
 class _Primitive:
-    """One primitive."""
+    """One primitive of triangles."""
 
     def __init__(self, file, accessors, looks, mesh, number, place):
         self._file, self._accessors, self._looks = file, accessors, looks
@@ -107,7 +108,7 @@ class _Primitive:
             mesh.active_texture_coordinates = coordinates
         if colors is not None:
             mesh.point_data[COLORS] = colors
-        if self._has('TANGENT') and self._has('NORMAL'):  # without normals they do not count
+        if self._has('TANGENT') and self._has('NORMAL'):  # ignored without normals
             mesh.point_data['Tangents'] = self._of('TANGENT', 'VEC4')[:, :3]
         with naming(f'{self._place}.targets'):
             morphs = self._morphs(points)
@@ -126,7 +127,7 @@ class _Primitive:
 
     @cached_property
     def _triangles(self):
-        """Corners of the triangles as the file has them, shape (t, 3), int64."""
+        """Vertex indices of the triangles in the file, shape (t, 3), int64."""
         n = self._count('POSITION')
         if self.primitive.indices is None:
             self._file.spend(8 * n, self._place)
@@ -144,30 +145,30 @@ class _Primitive:
     def _grouped(self, corners):
         if self.primitive.mode == _TRIANGLES:
             if len(corners) % 3:
-                msg = f'{self._place} has {len(corners)} corners, which make no triangles.'
+                msg = f'{self._place} has {len(corners)} indices, not a multiple of 3.'
                 raise GltfError(msg)
             return corners.reshape(-1, 3)
         if len(corners) < 3:
-            msg = f'{self._place} has {len(corners)} corners; three are the least.'
+            msg = f'{self._place} has {len(corners)} indices; a strip or fan needs 3.'
             raise GltfError(msg)
         a, b, c = corners[:-2], corners[1:-1], corners[2:]
         if self.primitive.mode == _STRIP:
-            odd = np.arange(len(a)) % 2 == 1  # each other triangle turns the other way
+            odd = np.arange(len(a)) % 2 == 1  # every other triangle has reversed winding
             return np.column_stack([a, np.where(odd, c, b), np.where(odd, b, c)])
         return np.column_stack([b, c, np.broadcast_to(corners[0], len(a))])
 
     @cached_property
     def _vertices(self):
-        """Which vertices the mesh has, or ``None`` for all, and its faces, shape (t, 3)."""
+        """Vertices of the mesh, or ``None`` for all, and its faces, shape (t, 3)."""
         corners = self._triangles.ravel()
         n = self._count('POSITION')
         uses = np.bincount(corners, minlength=n)
         if not self._has('NORMAL') and uses.max() > 1:
-            # Without normals a mesh is flat (glTF 2.0, 3.7.2.1): no two triangles share any.
+            # Without normals a mesh is flat (glTF 2.0, 3.7.2.1): triangles share no vertices.
             return corners, np.arange(len(corners)).reshape(-1, 3)
         if uses.min() > 0:
             return None, self._triangles
-        used = np.flatnonzero(uses)  # what no triangle shows must not count in the bounds
+        used = np.flatnonzero(uses)  # unused vertices must not count in the bounds
         return used, np.searchsorted(used, self._triangles)
 
     @property
@@ -197,7 +198,7 @@ class _Primitive:
         for number in (0, 1):
             pair = {f'JOINTS_{number}', f'WEIGHTS_{number}'} & set(self.primitive.attributes)
             if len(pair) == 1:
-                msg = f'{self._place}.attributes has {pair.pop()} without its partner.'
+                msg = f'{self._place}.attributes has {pair.pop()} without its counterpart.'
                 raise GltfError(msg)
 
     def _has(self, name):
@@ -215,7 +216,7 @@ class _Primitive:
 
     def _normals(self, points):
         if self._has('NORMAL'):
-            return _unit(self._of('NORMAL', 'VEC3')).astype(np.float32)
+            return unit_vectors(self._of('NORMAL', 'VEC3')).astype(np.float32)
         return _flat(points, self._faces)
 
     def _coordinates(self):
@@ -270,7 +271,7 @@ class _Primitive:
         return self._looks.color_difference(self._material, colors, change)
 
     def _flat_differences(self, points, positions):
-        """Return how the normals of a flat mesh turn: each target's own, less the neutral one."""
+        """Return the differences of each target's face normals from the neutral ones."""
         self._file.spend(12 * len(points) * len(positions), f'{self._place}.targets')
         points = points.astype(np.float64)
         neutral = _flat(points, self._faces)
@@ -288,17 +289,10 @@ class _Primitive:
         return names if names is not None and len(names) == n else None
 
 
-def _unit(normals):
-    """Return normals of length one; quantised ones are not quite."""
-    normals = normals.astype(np.float64)  # in which the squares of float32 stay in range
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
-
-
 def _flat(points, faces):
-    """Return normals per point of a mesh in which no two triangles share a point."""
+    """Return the normals of points that no two triangles share."""
     corners = points[faces].astype(np.float64)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat = np.zeros((len(points), 3))
-    flat[faces] = _unit(normals)[:, None]
+    flat[faces] = unit_vectors(normals)[:, None]
     return flat.astype(np.float32)

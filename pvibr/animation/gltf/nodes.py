@@ -11,17 +11,17 @@ from pvibr.formats.gltf_accessors import Accessors
 from pvibr.formats.gltf_file import GltfError, GltfFile, follow, naming
 from pvibr.maths import quaternions
 
-#: How many nodes may hang below each other.
+#: Maximum depth of the scene graph.
 _DEEPEST = 1024
-#: Bytes that a node costs: its matrices.
+#: Bytes of a node's matrices.
 _NODE = 1024
-#: Largest number in the matrix of a node: beyond it float32 and products of matrices overflow.
+#: Largest number in a node's matrix: beyond it float32 and matrix products overflow.
 _FARTHEST = 1e30
-#: How far the axes of a node's matrix may be from right angles: files round to six digits.
+#: Tolerated shear of a node's matrix: files round to six digits.
 _SHEAR = 1e-4
 _INTERPOLATIONS = {'STEP': 'step', 'LINEAR': 'linear', 'CUBICSPLINE': 'cubic'}
 _VALUES = {'translation': 'VEC3', 'rotation': 'VEC4', 'scale': 'VEC3', 'weights': 'SCALAR'}
-#: Turns what is y-up into z-up.
+#: Rotation from y-up to z-up.
 _Z_UP = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
 
 
@@ -52,8 +52,8 @@ def _check_depth(nodes, level):
     else:
         msg = f'nodes[{level[0]}] is more than {_DEEPEST} nodes below its root.'
         raise GltfError(msg)
-    if not seen.all():  # each has one parent at most, so what no root leads to is a circle
-        msg = f'nodes[{np.flatnonzero(~seen)[0]}] is in or below a circle of children.'
+    if not seen.all():  # nodes have at most one parent, so the rest form cycles
+        msg = f'nodes[{np.flatnonzero(~seen)[0]}] is in or below a cycle of children.'
         raise GltfError(msg)
 
 
@@ -97,7 +97,7 @@ def _roots(document, parents, number):
 
 
 def skeleton_of(file: GltfFile, parents, up):
-    """Return all nodes as joints of the same numbers."""
+    """Return all nodes as joints with the same indices."""
     nodes = file.document.nodes
     translation = np.array([node.translation for node in nodes], np.float64).reshape(-1, 3)
     rotation = np.array([node.rotation for node in nodes], np.float64).reshape(-1, 4)
@@ -119,13 +119,13 @@ def skeleton_of(file: GltfFile, parents, up):
         world = skeleton.world(skeleton.rest)
     far = np.flatnonzero(~(np.abs(world).max((1, 2), initial=0.0) < _FARTHEST))
     if len(far):
-        msg = f'nodes[{far[0]}] is farther or larger than {_FARTHEST:.0e}.'
+        msg = f'nodes[{far[0]}] is translated or scaled by more than {_FARTHEST:.0e}.'
         raise GltfError(msg)
     return skeleton
 
 
 def _apart(matrix, place):
-    """Return translation, quaternion and scale of a matrix, given column by column."""
+    """Return translation, quaternion and scale of a column-major matrix."""
     matrix = np.array(matrix).reshape(4, 4).T
     linear, lengths = matrix[:3, :3], np.linalg.norm(matrix[:3, :3], axis=0)
     if not lengths.all() or np.abs(matrix[3] - [0, 0, 0, 1]).max() > _SHEAR:
@@ -134,7 +134,7 @@ def _apart(matrix, place):
     left, _, right = np.linalg.svd(linear / lengths)
     rotation = left @ right
     if np.abs(rotation * lengths - linear).max() > _SHEAR * lengths.max():
-        msg = f'{place} shears, which nodes must not.'
+        msg = f'{place} is sheared, which glTF forbids.'
         raise GltfError(msg)
     sign = np.array([1.0, 1.0, -1.0 if np.linalg.det(rotation) < 0 else 1.0])
     return matrix[:3, 3], quaternions.from_matrices(rotation * sign), lengths * sign
@@ -188,7 +188,7 @@ class _Tracks:
             if self._skips(channel, place):
                 continue
             if (node, path) in driven:
-                msg = f'{place} drives the {path} of nodes[{node}], as a channel before it does.'
+                msg = f'{place} drives the {path} of nodes[{node}], as an earlier channel does.'
                 raise GltfError(msg)
             driven.add((node, path))
             sampler = follow(
@@ -206,7 +206,7 @@ class _Tracks:
         if path not in _VALUES:
             self._file.leave_out(f'animation of {path[:40]!r}', f'{place}.target.path')
             return True
-        # Weights of what is not shown, or has no targets.
+        # Weights of hidden meshes, or meshes without targets.
         return node is None or (path == 'weights' and node not in self._targets)
 
     def _track(self, sampler, node, path, place):
@@ -225,6 +225,6 @@ class _Tracks:
         if path == 'rotation':
             values = values[..., [3, 0, 1, 2]]
         self._file.spend(8 * values.size * meshes, output)
-        # Each mesh of a node has columns of its own, and all the same weights.
+        # Each mesh of a node has its own columns with the same weights.
         values = np.tile(values, meshes) if meshes > 1 else values
         return Track(first, path, times, values, _INTERPOLATIONS[sampler.interpolation])

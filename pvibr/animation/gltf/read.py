@@ -1,4 +1,4 @@
-"""Figures from glTF 2.0 files."""
+"""The glTF 2.0 reader."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pvibr.animation.gltf.nodes import clips_of, parents_of, shown_nodes, skelet
 from pvibr.formats.gltf_accessors import Accessors
 from pvibr.formats.gltf_file import GltfError, GltfFile, follow, naming
 
-#: Extensions that are read. What another one adds is left out, and named in a warning.
+#: Supported extensions; others are left out, with a warning.
 EXTENSIONS = (
     'KHR_lights_punctual',
     'KHR_materials_emissive_strength',
@@ -23,56 +23,56 @@ EXTENSIONS = (
     'KHR_mesh_quantization',
     'KHR_texture_transform',
 )
-#: Bytes that a figure_mesh costs, though meshes of the same mesh share its arrays.
+#: Bytes of a FigureMesh, whose arrays are shared.
 _MESH = 4096
 
 
 def read_gltf(path, *, scene=None, up='y', pbr=False):
     """Read a figure from a glTF 2.0 file, ``.glb`` or ``.gltf``.
 
-    Each node becomes a joint of the same number, each primitive of triangles that a node of the
-    scene shows becomes a figure_mesh, each animation a clip.
+    Each node becomes a joint of the same index, each visible primitive of triangles a mesh, each
+    animation a clip.
 
     Parameters
     ----------
     path : str or pathlib.Path
-        The file. Files that it names must be in its folder or below.
+        The file. External buffers and images must be in its folder or below.
     scene : int or str, optional
-        Number or name of the scene; default the one that the file says, else the first.
+        Index or name of the scene; default the file's default scene, else the first.
     up : {'y', 'z'}
-        Which axis of the figure is up: glTF says y, and coordinates stay as they are in the
-        file. With 'z' one more joint comes last, ``'upright'``, which turns all others by 90
-        degrees about x.
+        Up axis of the figure. 'y', as in glTF, keeps the file's coordinates; 'z' appends a root
+        joint ``'upright'`` that turns the figure by 90 degrees about x.
     pbr : bool, optional
-        Whether looks are physically based, as the file asks, but dark without an environment
-        texture (``plotter.set_environment_texture``): ``pbr``, ``metallic`` and ``roughness`` of
-        ``add_mesh``, and ``pbr_textures`` and ``emissive_factor``, which ``add_animated`` knows.
+        Use physically based looks, as the file asks. They are dark without an environment texture
+        (``plotter.set_environment_texture``). Looks then hold ``pbr``, ``metallic`` and
+        ``roughness`` of ``add_mesh``, and ``pbr_textures`` and ``emissive_factor``, which
+        ``add_animated`` supports.
 
     Returns
     -------
     pvibr.Figure
-        The figure, at rest as the nodes of the file are.
+        The figure; its rest pose is that of the nodes.
 
     Raises
     ------
     pvibr.animation.GltfError
-        If the file is broken or requires an extension that is not supported; a ``ValueError``
-        whose message names the place.
+        If the file is broken or requires an unsupported extension; a ``ValueError`` that names the
+        place in the file.
     ValueError
-        If ``up`` is another word or there is no such scene.
+        If ``up`` is invalid or there is no such scene.
     FileNotFoundError
         If there is no such file.
 
     Warns
     -----
     pvibr.PvibrWarning
-        Once, of all that is in the file and not in the figure.
+        Names all features of the file that are not supported.
 
     Notes
     -----
-    A mesh without normals is flat, as glTF asks: its triangles share no points. Points that no
-    triangle shows are left out. Looks hold ``alpha_cutoff`` where alpha is a mask, which
-    ``add_mesh`` alone does not know.
+    A mesh without normals is flat, as glTF defines: its triangles share no points. Unused points
+    are dropped. Looks of alpha masks hold ``alpha_cutoff``, which ``add_mesh`` alone does not
+    support.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def _check_extensions(file):
 
 
 class _Meshes:
-    """The meshes that nodes show."""
+    """The meshes of the visible nodes."""
 
     def __init__(self, file, accessors, pbr, skeleton):
         self._file = file
@@ -129,7 +129,7 @@ class _Meshes:
         self._mirrored = np.linalg.det(skeleton.world(skeleton.rest)[:, :3, :3]) < 0
 
     def read(self, nodes):
-        """Return the meshes, and for each node with morph targets its columns of weights."""
+        """Return the meshes, and (first column, width, meshes) of weights by node."""
         document = self._file.document
         meshes: list[FigureMesh] = []
         targets: dict[int, tuple[int, int, int]] = {}
@@ -148,7 +148,7 @@ class _Meshes:
         return meshes, targets
 
     def _check(self, nodes):
-        """See that all references are sound, and that there are not absurdly many meshes."""
+        """Check all references, and that the number of meshes is plausible."""
         document = self._file.document
         for number in nodes:
             node, place = document.nodes[number], f'nodes[{number}]'
@@ -185,23 +185,23 @@ class _Meshes:
         return meshes
 
     def _weights(self, node, mesh, number):
-        """Return the weights that a node's morph targets rest at."""
+        """Return the rest weights of a node's morph targets."""
         n = len(mesh.primitives[0].targets)
         for i, primitive in enumerate(mesh.primitives):
             if len(primitive.targets) != n:
                 place = f'meshes[{node.mesh}].primitives[{i}]'
                 msg = f'{place} has {len(primitive.targets)} targets, the first primitive {n}.'
                 raise GltfError(msg)
-        given = node.weights if node.weights is not None else mesh.weights
-        if given and len(given) != n:
-            msg = f'nodes[{number}] has {len(given)} morph weights for {n} targets.'
+        weights = node.weights if node.weights is not None else mesh.weights
+        if weights and len(weights) != n:
+            msg = f'nodes[{number}] has {len(weights)} morph weights for {n} targets.'
             raise GltfError(msg)
         self._file.spend(8 * n * len(mesh.primitives), f'nodes[{number}].mesh')
-        return tuple(given) or (0.0,) * n
+        return tuple(weights) or (0.0,) * n
 
 
 def _resting(morphs, weights):
-    """Return morph targets that rest at some weights and share all arrays."""
+    """Return morph targets with other rest weights that share all arrays."""
     if morphs is None:
         return None
     morphs = copy.copy(morphs)

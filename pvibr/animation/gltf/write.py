@@ -79,7 +79,7 @@ class _FigureWriter:
         return self._glb.document.setdefault('nodes', [])
 
     def _host(self, nodes, mesh):
-        """Return the node that shows a mesh: its own one, if no other mesh is shown by that."""
+        """Return the node of a mesh: its joint, or a new node if another mesh has that one."""
         number = self._mesh(mesh)
         if number is None:
             return None

@@ -113,16 +113,16 @@ def test_the_file_itself_is_sound(rich):
         ('accessors.4.type', 'VEC2', r'attributes.POSITION is accessors\[4\] of VEC2'),
         ('accessors.5.count', 3, r'attributes.NORMAL has 3 elements, POSITION 4'),
         ('accessors.3.count', 3, r'targets\[0\].POSITION has 3 elements of 4'),
-        ('accessors.6.componentType', 5126, r'accessors\[6\], which .* must hold unsigned'),
+        ('accessors.6.componentType', 5126, r'accessors\[6\], which must hold unsigned'),
         ('accessors.7.count', 1, r'inverseBindMatrices has 1 matrices for 2 joints'),
         ('meshes.0.primitives.0.mode', 9, r'mode: Expected `int` <= 6'),
         # Graph
         ('nodes.3.children', [2], r'nodes\[3\].children\[0\] is 2, which is a child of nodes'),
-        ('nodes.3.children', [1], r'nodes\[1\] is in or below a circle'),
+        ('nodes.3.children', [1], r'nodes\[1\] is in or below a cycle'),
         ('nodes.3.children', [3], r'nodes\[3\].children\[0\] is 3, which is a child'),
         ('scenes.0.nodes', [2], r'scenes\[0\].nodes\[0\] is 2, which is a child of nodes\[1\]'),
         ('nodes.1.matrix', [0.0] * 16, r'nodes\[1\].matrix is singular'),
-        ('nodes.1.matrix', [1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], r'matrix shears'),
+        ('nodes.1.matrix', [1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], r'matrix is sheared'),
         ('nodes.1.matrix', [1.0] * 15, r'nodes\[1\].matrix: Expected `array` of length >?=? ?16'),
         ('nodes.1.rotation', [0, 0, 0, 0], r'nodes: '),
         ('nodes.1.scale', [1e31, 1, 1], r'nodes\[1\].scale\[0\]: Expected `float` <= 1e'),
@@ -138,8 +138,8 @@ def test_the_file_itself_is_sound(rich):
         ('asset', {}, r'asset: Object missing required field `version`'),
         ('nodes', None, r'nodes: Expected `array`, got `null`'),
         ('nodes.1.translation', [0, '1', 0], r'nodes\[1\].translation\[1\]'),
-        ('cameras.0.perspective', None, r'cameras\[0\] is perspective and says nothing'),
-        ('cameras.0.type', 'orthographic', r'cameras\[0\] is orthographic and says nothing'),
+        ('cameras.0.perspective', None, r'cameras\[0\] is perspective, but has no'),
+        ('cameras.0.type', 'orthographic', r'cameras\[0\] is orthographic, but has no'),
         ('images.0', {}, r'images\[0\] has neither uri nor bufferView'),
         ('images.0.uri', 'data:image/png;base64,iVBORw0KGgo=', r'images\[0\] cannot be read'),
     ],
@@ -191,7 +191,7 @@ def test_joints_and_indices_out_of_range(rich):
 
 def test_corners_that_make_no_triangles(rich):
     rich.json['meshes'][0]['primitives'][0]['indices'] = rich.array([0, 1, 2, 3], 'H')
-    with pytest.raises(GltfError, match='4 corners'):
+    with pytest.raises(GltfError, match='4 indices'):
         pvibr.read_gltf(rich.write())
 
 
@@ -314,7 +314,7 @@ def test_a_small_picture_that_unpacks_to_a_huge_one(glb):
 def test_scales_that_overflow_together(rich):
     for node in (1, 2):
         rich.json['nodes'][node]['scale'] = [1e20] * 3
-    with pytest.raises(GltfError, match=r'nodes\[2\] is farther or larger than 1e\+30'):
+    with pytest.raises(GltfError, match=r'nodes\[2\] is translated or scaled by more than 1e\+30'):
         pvibr.read_gltf(rich.write())
 
 
