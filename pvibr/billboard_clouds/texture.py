@@ -8,13 +8,12 @@ import numpy as np
 import pyvista as pv
 from scipy import ndimage
 
-from pvibr.core import _vtk
-from pvibr.gl import Target, texture_limit
-from pvibr.gl import enums as gl
-from pvibr.gl.offscreen import hidden_window
+from pvibr.gl import set_fragment_uniforms
+from pvibr.gl.offscreen import rasterize
 from pvibr.instances.bake import unlit_actor
 from pvibr.maths.image_error import box_reduce
 from pvibr.maths.packing import largest_scale
+from pvibr.maths.views import orthographic
 from pvibr.meshes.decimate import take_arrays
 from pvibr.meshes.parts import Part, dressed
 
@@ -163,52 +162,18 @@ def _pairs(corners, planes, owner, sheet, reach):
 
 def _drawn(parts, side, supersample):
     """Return colours with coverage and normals, both times coverage; bottom row first."""
-    with hidden_window() as (window, _):
-        while side * supersample > texture_limit(window) and supersample > 1:
-            supersample //= 2
-        wide = side * supersample
-        renderer = _vtk.vtkRenderer()
-        renderer.SetRenderWindow(window)
-        actors = [_actor(part) for part in parts]
-        target = Target(window, wide, wide, ('rgba8', 'rgba8'), depth=True)
-        _look_down(renderer.GetActiveCamera(), parts, side)
-        renderer.UpdateLightsGeometryToFollowCamera()
-        renderer.UpdateLights()
-        state = window.GetState()
-        with target.drawing(clear=(0, 0, 0, 0)):
-            state.SetEnumState(gl.BLEND, False)
-            state.SetEnumState(gl.DEPTH_TEST, True)
-            state.vtkglViewport(0, 0, wide, wide)
-            state.vtkglScissor(0, 0, wide, wide)
-            for actor in actors:
-                actor.RenderOpaqueGeometry(renderer)
-        color, normal = (_reduced(c.download(), supersample) for c in target.colors)
-        for actor in actors:
-            actor.ReleaseGraphicsResources(window)
-        target.release()
-        renderer.SetRenderWindow(None)
+    high = max(float(np.abs(part.mesh.points[:, 2]).max()) for part in parts) + 1
+    view = orthographic(np.eye(3), (0.0, 0.0, -high), (side, side, high))
+    actors = [_actor(part) for part in parts]
+    found = rasterize(actors, view, (side, side), ('rgba8', 'rgba8'), samples=supersample)
+    color, normal = (_reduced(pixels, len(pixels) // side) for pixels in found)
     return color, normal[..., :3] * 2 - color[..., 3:]
 
 
 def _actor(part):
     actor = unlit_actor(part, closed=False)
-    uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
-    uniforms.SetUniformMatrix3x3('ibr_object_from_view', np.eye(3).ravel().tolist())
+    set_fragment_uniforms([actor], {'ibr_object_from_view': np.eye(3)})
     return actor
-
-
-def _look_down(camera, parts, side):
-    high = max(float(np.abs(part.mesh.points[:, 2]).max()) for part in parts) + 1
-    matrix = _vtk.vtkMatrix4x4()
-    matrix.DeepCopy(
-        [2 / side, 0, 0, -1, 0, 2 / side, 0, -1, 0, 0, -1 / high, -1, 0, 0, 0, 1]
-    )  # what is 2 * high away is far
-    camera.ParallelProjectionOn()
-    camera.SetPosition(0, 0, high)
-    camera.SetFocalPoint(0, 0, 0)
-    camera.SetViewUp(0, 1, 0)
-    camera.SetExplicitProjectionTransformMatrix(matrix)
-    camera.UseExplicitProjectionTransformMatrixOn()
 
 
 def _reduced(pixels, factor):

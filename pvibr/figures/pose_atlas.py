@@ -281,8 +281,8 @@ def _baked(sampler, motions, counts, poses, grid, advance):
     box, radius, tile = grid
     parts = sampler.parts(poses[0])
     pictures, frames = [], octahedral.frame(octahedral.view_directions(VIEWS))
-    with hidden_window() as (window, _):
-        baker = Baker(window, parts, np.zeros(3), radius, (VIEWS, tile, 2))
+    with hidden_window() as (_, renderer):
+        baker = Baker(renderer, parts, np.zeros(3), radius, (VIEWS, tile, 2))
         try:
             for i, pose in enumerate(poses):
                 put(parts, sampler.shapes(pose))

@@ -1,4 +1,4 @@
-"""Small windows without a screen, for baking and measuring."""
+"""Windows without a screen, and what actors show in a view of one."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ from contextlib import contextmanager
 import numpy as np
 
 from pvibr.core import _vtk
+from pvibr.gl import enums as gl
+from pvibr.gl.drawer import Drawer
+from pvibr.gl.target import Target
+from pvibr.gl.texture import texture_limit
 
 
 @contextmanager
@@ -25,6 +29,30 @@ def hidden_window(width=64, height=64):
     finally:
         window.RemoveRenderer(renderer)
         window.Finalize()
+
+
+def rasterize(actors, view, size, formats=('rgba8',), *, samples=1, blend=False) -> list:
+    """Return arrays of what actors show in a view, bottom row first, in a window of their own.
+
+    Each side has `samples` times as many pixels as `size`, or fewer where the driver has a limit.
+    """
+    with hidden_window() as (window, renderer):
+        while max(size) * samples > texture_limit(window) and samples > 1:
+            samples //= 2
+        wide, high = (samples * int(n) for n in size)
+        drawer, target = Drawer(renderer), Target(window, wide, high, formats, depth=True)
+        with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            drawer.look(view, (0, 0, wide, high))
+            if blend:
+                window.GetState().SetEnumState(gl.BLEND, True)
+                window.GetState().vtkglBlendFuncSeparate(*gl.OVER)
+            drawer.draw(actors)
+        found = [color.download() for color in target.colors]
+        for actor in actors:
+            actor.ReleaseGraphicsResources(window)
+        target.release()
+        drawer.release()
+    return found
 
 
 def read_rgba(window) -> np.ndarray:

@@ -7,12 +7,13 @@ import time
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.gl import Quad, Target, shader_source, texture_limit
-from pvibr.gl import enums as gl
+from pvibr.gl import Quad, Target, set_fragment_uniforms, shader_source, texture_limit
+from pvibr.gl.drawer import Drawer
 from pvibr.gl.offscreen import hidden_window
 from pvibr.instances.atlas import MARGIN, Atlas, bounding_sphere
 from pvibr.maths import octahedral
 from pvibr.maths.surfaces import encloses
+from pvibr.maths.views import orthographic
 from pvibr.meshes.parts import copy_property
 from pvibr.meshes.turntable import Turntable
 
@@ -44,21 +45,21 @@ def bake_parts(
     start = time.perf_counter()
     points = np.concatenate([p.mesh.points for p in parts])
     center, radius = bounding_sphere(points)
-    with hidden_window() as (window, _):
+    with hidden_window() as (window, renderer):
         limit = texture_limit(window)
         while views * tile * 3 // 2 > limit and tile > 4:
             tile //= 2  # the smaller levels lie beside the largest
         while views * tile * supersample > limit and supersample > 1:
             supersample //= 2
         directions = octahedral.view_directions(views, half)
-        baker = Baker(window, parts, center, radius, (views, tile, supersample))
+        baker = Baker(renderer, parts, center, radius, (views, tile, supersample))
         try:
             geometry, albedo = baker.pictures(octahedral.frame(directions), progress)
         finally:
             baker.release()
         turntable = None
         if turns is not None:
-            baker = Baker(window, parts, center, radius, (turns.columns, tile, supersample))
+            baker = Baker(renderer, parts, center, radius, (turns.columns, tile, supersample))
             try:
                 turntable = Turntable(turns, *baker.pictures(turns.frames()))
             finally:
@@ -81,32 +82,18 @@ def bake_parts(
 class Baker:
     """Draws views of parts; the points of their meshes may change between pictures."""
 
-    def __init__(self, window, parts, center, radius, grid):
-        self.window, self.center, self.radius = window, center, radius
+    def __init__(self, renderer, parts, center, radius, grid):
+        self.window, self.center = renderer.GetRenderWindow(), center
+        self.radius = radius
         self.views, self.tile, self.scale = grid
         side = self.tile * self.scale
-        self.renderer = _vtk.vtkRenderer()
-        self.renderer.SetRenderWindow(window)
-        self.camera = self.renderer.GetActiveCamera()
+        self.drawer = Drawer(renderer)
         self.actors = [unlit_actor(p) for p in parts]
-        self.raster = Target(window, self.views * side, side, ('rgba8', 'rgba8'), depth=True)
+        self.raster = Target(self.window, self.views * side, side, ('rgba8', 'rgba8'), depth=True)
         strip = (self.views * self.tile, self.tile)
-        self.strip = Target(window, *strip, ('rgba8', 'rgba8'))
+        self.strip = Target(self.window, *strip, ('rgba8', 'rgba8'))
         source = f'#define SCALE {self.scale}\n{shader_source(__file__)}'
-        self.reduce = Quad(window, source, 'bake.glsl')
-        self._prepare_camera()
-
-    def _prepare_camera(self):
-        # An explicit matrix, since otherwise VTK uses the aspect ratio of the window.
-        r = MARGIN * self.radius
-        near, far = r, 3 * r
-        m = np.diag([1 / r, 1 / r, -2 / (far - near), 1.0])
-        m[2, 3] = -(far + near) / (far - near)
-        matrix = _vtk.vtkMatrix4x4()
-        matrix.DeepCopy(m.ravel())
-        self.camera.ParallelProjectionOn()
-        self.camera.SetExplicitProjectionTransformMatrix(matrix)
-        self.camera.UseExplicitProjectionTransformMatrixOn()
+        self.reduce = Quad(self.window, source, 'bake.glsl')
 
     def pictures(self, frames, progress=None):
         """Return geometry and albedo of all views, (views * tile, views * tile, 4) uint8 each."""
@@ -121,30 +108,20 @@ class Baker:
     def _row(self, frames):
         """Return geometry and albedo, (tile, views * tile, 4) uint8 each, of one row of views."""
         side = self.tile * self.scale
-        state = self.window.GetState()
         with self.raster.drawing(clear=(0, 0, 0, 0)):
-            state.SetEnumState(gl.BLEND, False)
-            state.SetEnumState(gl.DEPTH_TEST, True)
             for i, axes in enumerate(frames):
-                state.vtkglViewport(i * side, 0, side, side)
-                state.vtkglScissor(i * side, 0, side, side)
-                self._draw(axes)
+                self._draw(axes, (i * side, 0, side, side))
         surface, shape = self.raster.colors
         with self.strip.drawing():
             self.reduce.draw(textures={'surface': surface, 'shape': shape})
         return [c.download() for c in self.strip.colors]
 
-    def _draw(self, axes):
-        self.camera.SetPosition(*(self.center + 2 * MARGIN * self.radius * axes[2]))
-        self.camera.SetFocalPoint(*self.center)
-        self.camera.SetViewUp(*axes[1])
-        self.renderer.UpdateLightsGeometryToFollowCamera()
-        self.renderer.UpdateLights()
-        matrix = axes.ravel().tolist()  # GL reads columns: the transpose of rows = its inverse
-        for actor in self.actors:
-            uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
-            uniforms.SetUniformMatrix3x3('ibr_object_from_view', matrix)
-            actor.RenderOpaqueGeometry(self.renderer)
+    def _draw(self, axes, rect):
+        reach = MARGIN * self.radius
+        low, high = (axes @ self.center + sign * reach for sign in (-1, 1))
+        self.drawer.look(orthographic(axes, low, high), rect, clear=False)
+        set_fragment_uniforms(self.actors, {'ibr_object_from_view': axes.T})
+        self.drawer.draw(self.actors)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
@@ -152,7 +129,7 @@ class Baker:
             actor.ReleaseGraphicsResources(self.window)
         for thing in (self.raster, self.strip, self.reduce):
             thing.release()
-        self.renderer.SetRenderWindow(None)
+        self.drawer.release()
 
 
 def unlit_actor(part, closed=None):

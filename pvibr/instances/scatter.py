@@ -11,10 +11,11 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pvibr.core import _vtk
-from pvibr.gl.offscreen import hidden_window, read_rgba
+from pvibr.gl.offscreen import rasterize
 from pvibr.images.sheet import shelves
 from pvibr.instances.bake import copy_texture
 from pvibr.instances.mesh_pool import lendable
+from pvibr.maths.views import orthographic
 from pvibr.meshes.parts import Part, as_parts, copy_property
 
 _SAMPLES = 2  # along a side of a texel
@@ -198,24 +199,10 @@ def _keep_active(source, mesh):
 def _drawn(part, meshes, size):
     """Return premultiplied RGBA from 0 to 1 of flattened meshes, bottom row first."""
     width, height = size
-    with hidden_window(width * _SAMPLES, height * _SAMPLES) as (window, renderer):
-        renderer.SetBackground(0, 0, 0)
-        renderer.SetBackgroundAlpha(0.0)
-        actors = [_unlit(part, mesh) for mesh in meshes]
-        for actor in actors:
-            renderer.AddViewProp(actor)
-        camera = renderer.GetActiveCamera()
-        camera.ParallelProjectionOn()
-        camera.SetPosition(width / 2, height / 2, 3)
-        camera.SetFocalPoint(width / 2, height / 2, 0)
-        camera.SetViewUp(0, 1, 0)
-        camera.SetParallelScale(height / 2)
-        camera.SetClippingRange(1, 4)
-        window.Render()
-        picture = read_rgba(window).astype(np.float32) / 255
-        for actor in actors:
-            renderer.RemoveViewProp(actor)
-            actor.ReleaseGraphicsResources(window)
+    view = orthographic(np.eye(3), (0.0, 0.0, -1.0), (width, height, 2.0))
+    actors = [_unlit(part, mesh) for mesh in meshes]
+    picture = rasterize(actors, view, size, samples=_SAMPLES, blend=True)[0]
+    picture = picture.astype(np.float32) / 255
     picture = picture.reshape(height, _SAMPLES, width, _SAMPLES, 4)
     return picture.mean((1, 3))
 

@@ -9,7 +9,8 @@ import pyvista as pv
 from scipy import ndimage
 
 from pvibr.core import _vtk
-from pvibr.gl.offscreen import hidden_window, read_rgba
+from pvibr.gl.offscreen import rasterize
+from pvibr.maths.views import orthographic
 from pvibr.projection.samples import Samples
 
 #: Texels around each part of a texture that take its colours, for filters that reach over edges.
@@ -116,20 +117,6 @@ def _painted(uv, faces, width, height):
     actor = _vtk.vtkActor()
     actor.SetMapper(mapper)
     actor.GetProperty().LightingOff()
-    with hidden_window(width, height) as (window, renderer):
-        renderer.SetBackground(0, 0, 0)
-        renderer.AddActor(actor)
-        camera = renderer.GetActiveCamera()
-        matrix = _vtk.vtkMatrix4x4()
-        matrix.DeepCopy([2, 0, 0, -1, 0, 2, 0, -1, 0, 0, -1, 0, 0, 0, 0, 1])
-        camera.SetPosition(0, 0, 0)
-        camera.SetFocalPoint(0, 0, -1)
-        camera.SetViewUp(0, 1, 0)
-        camera.SetParallelProjection(True)
-        camera.SetExplicitProjectionTransformMatrix(matrix)
-        camera.UseExplicitProjectionTransformMatrixOn()
-        window.Render()
-        found = read_rgba(window)[..., :3].astype(int)
-        renderer.RemoveAllViewProps()
-        actor.ReleaseGraphicsResources(window)
+    view = orthographic(np.eye(3), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
+    found = rasterize([actor], view, (width, height))[0][..., :3].astype(int)
     return found @ [1, _BASE, _BASE**2] - 1
