@@ -1,32 +1,32 @@
-"""Measure run time against error, on the spot; each number beside its bar."""
+"""Measure run time against error: every module here but ``common`` is a bench."""
 
 from __future__ import annotations
 
+import ast
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
-#: What can be measured, and what its command says of itself.
+
+def _summary(module) -> str:
+    """Return the first line of a module's docstring without importing the module."""
+    home = Path(__file__).parent / module.name
+    source = home / '__init__.py' if module.ispkg else home.with_suffix('.py')
+    text = ast.get_docstring(ast.parse(source.read_text(encoding='utf-8'))) or ''
+    return text.partition('\n')[0]
+
+
+#: What can be measured, and the help of its command.
 BENCHES = {
-    'instances': "Measure instances: each point is one setting, VTK's own ways on the same axes.",
-    'shadows': 'Measure shadows against rays: each point is one setting, '
-    "VTK's own pass on the same axes.",
-    'projection': 'Measure projected pictures against rays and against the photographs.',
-    'effects': 'Measure what image effects cost, and their error.',
-    'figures': "Measure figures that move: against float64, numpy and VTK's own reader of glTF.",
-    'impostors': 'Measure impostors on the fly against the meshes that they stand for.',
-    'layers': 'Measure coherent layers against full rendering.',
-    'billboards': 'Measure billboards, what cut-outs cover, and the levels of a plant.',
-    'clouds': 'Measure billboard clouds: against k-means, '
-    'and against fewer triangles of as many bytes.',
-    'moving': "Measure frames of the demo's forest while it is dragged, "
-    'and the full picture after it.',
+    module.name: _summary(module)
+    for module in iter_modules(__path__)
+    if module.name not in ('common', '__main__')
 }
 
 
 def main(name, *, out=Path('out'), quick=False) -> list:
-    """Measure, print a table, and write it as JSON with a plot beside it."""
+    """Run a bench: print its table and write it as JSON with a plot beside it."""
     if name not in BENCHES:
         msg = f'name is {name!r}; it must be one of {", ".join(BENCHES)}.'
         raise ValueError(msg)
-    bench = import_module(f'pvibr.bench.{name}')
-    return bench.measure(Path(out), quick=quick)
+    return import_module(f'pvibr.bench.{name}').BENCH.run(name, Path(out), quick=quick)

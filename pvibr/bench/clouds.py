@@ -1,4 +1,4 @@
-"""``pvibr bench clouds``: planes and bytes against the error of the picture."""
+"""Measure billboard clouds: against k-means, and fewer triangles of as many bytes."""
 
 from __future__ import annotations
 
@@ -6,63 +6,38 @@ import io
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
 
-import pvibr
-from pvibr.bench.plot import plot_clouds
-from pvibr.bench.rows import Row
-from pvibr.bench.runs import run
+from pvibr.bench.common import plots
+from pvibr.bench.common.harness import Bench, Row
+from pvibr.bench.common.meshes import DATA
+from pvibr.bench.common.timing import pictures
+from pvibr.bench.common.whole_frames import real_plotter, turning
 from pvibr.billboard_clouds.cloud import billboard_cloud
 from pvibr.capture.offscreen import SAMPLES, Stage, mesh_actors
 from pvibr.maths.image_error import flip, psnr
 from pvibr.meshes.parts import Part, as_parts, dressed
 from pvibr.scenes.trees import tree_parts
 
-_DATA = Path(pvibr.__file__).parents[2] / 'shared' / 'data' / 'meshes'
 #: Pixels that a mesh is high: where a cloud of 2 % is meant to be seen.
 _SIZE = 160
 _HERE = np.eye(4)[None], np.zeros(1, int)
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How much is measured."""
-
-    meshes: int | None = None
-    epsilons: tuple[float, ...] = (0.02, 0.01, 0.04, 0.08)
-    counts: tuple[float, ...] = (0.6, 1.0, 1.5, 2.5)
-    views: int = 8
-    triangles: int = 100_000
-    size: int = 1024
-
-
-QUICK = Settings(1, (0.04,), (1.0,), 2, 5_000, 256)
-
-
-def measure(out, *, quick=False) -> list:
-    """Run every part, print and write the table and the plot, and return the rows."""
-    parts = {'time': _timed, 'error': _errors}
-    return run('clouds', parts, QUICK if quick else Settings(), plot_clouds, out, quick=quick)
-
-
 def _timed(settings, results):
-    """Add the time of a mesh of many triangles, and how far it was displaced."""
-    file = _DATA / 'skull.obj'
+    """Yield the time of a mesh of many triangles, and how far it was displaced."""
+    file = DATA / 'meshes' / 'skull.obj'
     mesh = pv.read(file) if file.is_file() and settings.triangles >= 100_000 else _ball(settings)
     start = time.perf_counter()
     cloud = billboard_cloud(mesh, epsilon=0.02, size=settings.size)
     seconds = time.perf_counter() - start
     name = f'{mesh.n_cells} triangles at 2 %'
-    results.rows += [
-        Row(f'{name}: time', seconds, 's', 20),
-        Row(f'{name}: planes', len(cloud.planes)),
-        Row(f'{name}: displacement over the bound', _moved(cloud, mesh), '', 1),
-    ]
+    yield Row(f'{name}: time', seconds, 's', 20)
+    yield Row(f'{name}: planes', len(cloud.planes))
+    yield Row(f'{name}: displacement over the bound', _moved(cloud, mesh), '', 1)
 
 
 def _ball(settings):
@@ -78,13 +53,13 @@ def _moved(cloud, mesh):
 
 
 def _errors(settings, results):
-    """Add the errors of clouds, of k-means and of quadric decimation by mesh."""
+    """Yield the errors of clouds, of k-means and of quadric decimation by mesh."""
     curves = results.points['meshes'] = {}
     for name, make in list(MESHES.items())[: settings.meshes]:
         parts = make()
         if parts is not None:
             curves[name] = found = _Mesh(parts, settings).curves()
-            results.rows += _rows(name, found)
+            yield from _rows(name, found)
 
 
 def _rows(name, found):
@@ -97,13 +72,9 @@ def _rows(name, found):
     yield Row(f'{label}: displacement over the bound', first['moved'], '', 1)
     yield Row(f'{label}: time', first['seconds'], 's')
     yield Row(f'{label}: bytes', first['bytes'])
-    same = planes_at(found['k-means'], first['flip'])
+    same = planes_at(found['k-means'], first['flip']) / first['planes']
     yield Row(
-        f'{label}: planes of k-means at the same FLIP over its own',
-        same / first['planes'],
-        'x',
-        1,
-        at_least=True,
+        f'{label}: planes of k-means at the same FLIP over its own', same, 'x', 1, at_least=True
     )
     for point in found['quadrics']:
         yield Row(f'{name}: FLIP of quadrics at {point["bytes"]} bytes', point['flip'])
@@ -175,11 +146,7 @@ class _Mesh:
     def _pictures(self, fill):
         with Stage((_SIZE, _SIZE), samples=SAMPLES) as stage:
             fill(stage)
-            found = []
-            for camera in self.cameras:
-                stage.look(camera)
-                found.append(stage.picture())
-            return found
+            return pictures(stage, self.cameras)
 
 
 def _show(plotter, actors):
@@ -216,7 +183,7 @@ def _png_bytes(texture):
 
 def _quadrics(part, share):
     """Return a part simplified by VTK's quadrics, its arrays taken along."""
-    mesh: Any = part.mesh
+    mesh = part.mesh
     if share < 1:
         with pv.vtk_verbosity('off'):  # it says of each edge that has no best point
             mesh = mesh.decimate(1 - share, enable_all_attribute_error=True)
@@ -226,13 +193,67 @@ def _quadrics(part, share):
 
 
 def _file(name, **looks):
-    file = _DATA / name
+    file = DATA / 'meshes' / name
     return as_parts(file, **looks) if file.is_file() else None
 
 
-MESHES: dict[str, Callable[[], Any]] = {
+MESHES: dict[str, Callable] = {
     'airplane': lambda: as_parts(pv.examples.load_airplane(), color='tan'),
     'tree': lambda: tree_parts('broadleaf', triangles=50_000),
     'building': lambda: _file('city/building_H.gltf'),
     'statue': lambda: _file('nefertiti-lowres.obj', color='tan', smooth_shading=True),
 }
+
+
+def plot(points):
+    """Draw the error of billboard clouds by planes, and by bytes beside quadric decimation."""
+    meshes = points['meshes']
+    figure, rows = plots.several_axes((4 * len(meshes), 8), 2, len(meshes), squeeze=False)
+    for name, planes, size in zip(meshes, *rows, strict=True):
+        for way, found in meshes[name].items():
+            by_bytes = [p | {'kB': p['bytes'] / 1e3} for p in found]
+            by_bytes.sort(key=lambda p: p['bytes'])
+            if way != 'quadrics':
+                plots.curve(planes, by_bytes, 'planes', 'flip', label=way)
+            if way != 'k-means':
+                plots.curve(size, by_bytes, 'kB', 'flip', label=way)
+        planes.set(xscale='log', xlabel='planes', title=name, ylim=(0, None))
+        size.set(xscale='log', xlabel='kB', ylim=(0, None))
+        for one in (planes, size):
+            one.set_ylabel('mean FLIP against the mesh')
+            one.legend(fontsize='x-small')
+    return figure
+
+
+def _airplane(settings, size, on):
+    """Return an airplane, as a billboard cloud or as its mesh."""
+    pl, parts = real_plotter(size), MESHES['airplane']()
+    if on:
+        billboard_cloud(parts, epsilon=settings.epsilons[0], size=settings.size).add_to(pl)
+    else:
+        _show(pl, mesh_actors([parts], *_HERE))
+    pl.camera_position = 'iso'
+    return pl, turning(pl)
+
+
+BENCH = Bench(
+    parts={'time': _timed, 'error': _errors},
+    plot=plot,
+    outside={'a billboard cloud': _airplane},
+    full={
+        'meshes': None,
+        'epsilons': (0.02, 0.01, 0.04, 0.08),
+        'counts': (0.6, 1.0, 1.5, 2.5),
+        'views': 8,
+        'triangles': 100_000,
+        'size': 1024,
+    },
+    quick={
+        'meshes': 1,
+        'epsilons': (0.04,),
+        'counts': (1.0,),
+        'views': 2,
+        'triangles': 5_000,
+        'size': 256,
+    },
+)

@@ -1,80 +1,21 @@
-"""Impostors on the fly: time, error and how often images are drawn again."""
+"""Measure impostors on the fly against the meshes that they stand for."""
 
 from __future__ import annotations
-
-import time
-from dataclasses import dataclass
 
 import numpy as np
 import pyvista as pv
 from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
 
-from pvibr.bench.plot import save, two_axes
-from pvibr.bench.rows import Row
-from pvibr.bench.runs import run
+from pvibr.bench.common import plots
+from pvibr.bench.common.harness import Bench, Row
+from pvibr.bench.common.meshes import knot, scatter, torus
+from pvibr.bench.common.timing import beside_full, warm_up
+from pvibr.bench.common.whole_frames import real_plotter, turning
 from pvibr.capture.offscreen import Stage
 
 #: Degrees of the orbit and world units of the fly-by from one frame to the next: a turn in 24 s
 #: at 60 frames a second, and the same pace straight on.
 TURN, STEP = 0.25, 0.2
-
-
-@dataclass
-class Settings:
-    """How much is measured."""
-
-    size: tuple = (1280, 720)
-    actors: int = 200
-    many: int = 5000
-    cells: int = 40_000
-    few_cells: int = 10_000
-    crowd_cells: int = 8000
-    frames: int = 40
-    errors: tuple = (0.5, 1.0, 2.0, 4.0)
-
-
-QUICK = Settings((160, 90), 8, 40, 2000, 500, 500, 10, (1.0,))
-
-
-def measure(out, *, quick=False) -> list:
-    """Measure everything, and write the table and the plot."""
-    parts = {
-        'orbit and fly-by': _paths,
-        'outlines': _outlines,
-        'nailboards': _nailboards,
-        'hierarchy': _hierarchy,
-    }
-    return run('impostors', parts, QUICK if quick else Settings(), plot, out, quick=quick)
-
-
-def knot(cells) -> pv.PolyData:
-    """Return a knot of about so many triangles, with normals."""
-    t = np.linspace(0, 2 * np.pi, max(cells // 48, 12))
-    ring = 2 + np.cos(3 * t)
-    line = np.c_[ring * np.cos(2 * t), ring * np.sin(2 * t), np.sin(3 * t)]
-    return pv.Spline(line, len(t)).tube(radius=0.5, n_sides=24).triangulate().compute_normals()
-
-
-def torus(cells) -> pv.PolyData:
-    """Return a torus of about so many triangles, with normals."""
-    side = int(np.sqrt(cells / 4)) + 1
-    return pv.ParametricTorus(u_res=2 * side, v_res=side).compute_normals()
-
-
-def scatter(count, cells, spacing, seed=0) -> list:
-    """Return actors on a square, turned at random, about 2 units large."""
-    rng = np.random.default_rng(seed)
-    meshes, columns = (knot(cells), torus(cells)), int(np.ceil(np.sqrt(count)))
-    found = []
-    for i in range(count):
-        mesh = meshes[i % 2]
-        actor = pv.Actor(mapper=pv.DataSetMapper(mesh.copy(deep=False)))
-        actor.prop.color, actor.prop.interpolation = rng.random(3), 'Phong'
-        actor.scale, actor.orientation = (2 / mesh.length,) * 3, rng.random(3) * 360
-        place = np.array(divmod(i, columns)) - (columns - 1) / 2 + 0.5 * rng.random(2)
-        actor.position = (*(spacing * place), 0.0)
-        found.append(actor)
-    return found
 
 
 def orbit(frames, radius, turn=TURN) -> list:
@@ -114,27 +55,19 @@ def _paths(settings, results):
                 found = _timed(stage, impostor, cameras)
                 results.points.setdefault(name, {})[max_error] = found
                 if max_error == 1.0:
-                    _tell(results, name, len(actors), found, 20)
+                    yield from _rows(name, len(actors), found, 20)
 
 
 def _timed(stage, impostor, cameras, every=10) -> dict:
     """Return mean milliseconds of frames, each so many with one of meshes between them."""
-    for enabled in (False, True):
-        impostor.enabled = enabled
-        stage.look(cameras[0])
-        stage.draw()
+    warm_up(stage, impostor, cameras[:1])
     times: dict = {True: [], False: []}
-    before, frames, worst = impostor.rendered, 0, 0.0
-    for k, camera in enumerate(cameras):
-        for enabled in (True, False) if k % every == every - 1 else (True,):
-            impostor.enabled = enabled
-            stage.look(camera)
-            start, drawn = time.process_time(), impostor.rendered
-            wall = stage.draw()
-            times[enabled].append((1e3 * wall, 1e3 * (time.process_time() - start)))
-            frames += impostor.rendered > drawn
-        impostor.enabled = True
-        worst = max(worst, impostor.report()['error_px'])
+    rendered, worst = [impostor.rendered], 0.0
+    for enabled, ms in beside_full(stage, impostor, cameras, every):
+        times[enabled].append(ms)
+        if enabled:
+            rendered.append(impostor.rendered)
+            worst = max(worst, impostor.report()['error_px'])
     (ms, cpu), (mesh_ms, mesh_cpu) = (np.mean(times[k], axis=0).tolist() for k in (True, False))
     return {
         'ms': ms,
@@ -142,21 +75,19 @@ def _timed(stage, impostor, cameras, every=10) -> dict:
         'mesh_ms': mesh_ms,
         'mesh_cpu': mesh_cpu,
         'error': worst,
-        'drawn': (impostor.rendered - before) / len(cameras),
-        'frames': frames / len(cameras),
+        'drawn': (rendered[-1] - rendered[0]) / len(cameras),
+        'frames': np.count_nonzero(np.diff(rendered)) / len(cameras),
     }
 
 
-def _tell(results, name, count, found, bar):
-    results.rows += [
-        Row(f'{name}: {count} meshes', found['mesh_ms'], 'ms'),
-        Row(f'{name}: impostors, images drawn again included', found['ms'], 'ms'),
-        Row(f'{name}: faster than the meshes', found['mesh_ms'] / found['ms'], 'x', bar, True),
-        Row(f'{name}: less processor time', found['mesh_cpu'] / found['cpu'], 'x'),
-        Row(f'{name}: images drawn again in a frame', found['drawn']),
-        Row(f'{name}: frames in which any was', 100 * found['frames'], '%'),
-        Row(f'{name}: largest error shown', found['error'], 'px', 1.0),
-    ]
+def _rows(name, count, found, bar):
+    yield Row(f'{name}: {count} meshes', found['mesh_ms'], 'ms')
+    yield Row(f'{name}: impostors, images drawn again included', found['ms'], 'ms')
+    yield Row(f'{name}: faster than the meshes', found['mesh_ms'] / found['ms'], 'x', bar, True)
+    yield Row(f'{name}: less processor time', found['mesh_cpu'] / found['cpu'], 'x')
+    yield Row(f'{name}: images drawn again in a frame', found['drawn'])
+    yield Row(f'{name}: frames in which any was', 100 * found['frames'], '%')
+    yield Row(f'{name}: largest error shown', found['error'], 'px', 1.0)
 
 
 def displaced(mesh, card) -> np.ndarray:
@@ -168,7 +99,7 @@ def displaced(mesh, card) -> np.ndarray:
 
 
 def _outlines(settings, results):
-    """Measure single objects on a walk around them."""
+    """Yield how far outlines are displaced on a walk around single objects."""
     worst: dict = dict.fromkeys(settings.errors, 0.0)
     for mesh in (knot(settings.few_cells), torus(settings.few_cells)):
         actor = pv.Actor(mapper=pv.DataSetMapper(mesh))
@@ -180,12 +111,12 @@ def _outlines(settings, results):
             with _stage(settings, [actor], (160, 160)) as stage:
                 stage.plotter.ibr.add_impostor(actor, max_error=max_error, only_if_faster=False)
                 for pair in zip(fine, _covers(stage, cameras), strict=True):
-                    found = displaced(*pair).max(initial=0.0)
-                    worst[max_error] = max(worst[max_error], float(found))
+                    away = float(displaced(*pair).max(initial=0.0))
+                    worst[max_error] = max(worst[max_error], away)
     results.points['outline'] = worst
-    for max_error, found in worst.items():
+    for max_error, away in worst.items():
         name = f'outline displaced at most, max_error {max_error:g}'
-        results.rows.append(Row(name, found, 'px', max_error + 0.5))
+        yield Row(name, away, 'px', max_error + 0.5)
 
 
 def _covers(stage, cameras):
@@ -199,7 +130,7 @@ def _covers(stage, cameras):
 
 
 def _nailboards(settings, results):
-    """Measure depth, and the line where two objects meet."""
+    """Yield errors of depth, and of the line where two objects meet."""
     (fine, _), (mesh, depths), (card, found) = (
         _meeting(settings, images, samples) for images, samples in ((0, 4), (0, 1), (1, 1))
     )
@@ -214,10 +145,9 @@ def _nailboards(settings, results):
         deep = distance_transform_edt(same & flat) > 2
         off.append(np.abs(depth - found[k])[deep].max(initial=0.0))
     step = 2 * 1.5 / 255
-    results.rows += [
-        Row('nailboards: depth, of a step of 8 bits', max(off) / step, 'steps', 1.0),
-        Row('nailboards: line of intersection displaced (99 %)', np.percentile(line, 99), 'px', 1),
-    ]
+    yield Row('nailboards: depth, of a step of 8 bits', max(off) / step, 'steps', 1.0)
+    away = np.percentile(line, 99)
+    yield Row('nailboards: line of intersection displaced (99 %)', away, 'px', 1)
 
 
 def _meeting(settings, images, samples):
@@ -247,7 +177,7 @@ def _linear(stage):
 
 
 def _hierarchy(settings, results):
-    """Measure a slow walk beside a crowd: 1.2 m/s at 60 frames a second."""
+    """Yield the rows of a slow walk beside a crowd: 1.2 m/s at 60 frames a second."""
     actors = scatter(settings.many, settings.crowd_cells, 2.2)
     side = 2.2 * np.sqrt(settings.many)
     start = np.array([0.0, -0.8 * side, 0.1 * side])
@@ -255,32 +185,69 @@ def _hierarchy(settings, results):
     with _stage(settings, actors) as stage:
         stage.look(cameras[0])
         impostor = stage.plotter.ibr.add_impostor(actors, hierarchical=True)
-        _tell(results, 'hierarchy', len(actors), _timed(stage, impostor, cameras, 20), 50)
+        yield from _rows('hierarchy', len(actors), _timed(stage, impostor, cameras, 20), 50)
         told = impostor.report()
-        results.rows += [
-            Row('hierarchy: images shown', told['shown']),
-            Row('hierarchy: actors drawn as meshes', _meshes(told)),
-            Row('hierarchy: memory', told['bytes'] / 2**20, 'MiB', impostor.memory / 2**20),
-        ]
+        meshes = sum(count for why, count in told['meshes'].items() if why != 'out of view')
+        yield Row('hierarchy: images shown', told['shown'])
+        yield Row('hierarchy: actors drawn as meshes', meshes)
+        yield Row('hierarchy: memory', told['bytes'] / 2**20, 'MiB', impostor.memory / 2**20)
 
 
-def _meshes(told):
-    return sum(count for why, count in told['meshes'].items() if why != 'out of view')
-
-
-def plot(results, path):
+def plot(points):
     """Draw time against error: the orbit at the left, outlines at the right."""
-    figure, (cost, error) = two_axes((11, 4.5))
-    points = results.points['orbit']
-    cost.plot([p['ms'] for p in points.values()], list(points), 'o-', label='impostors')
-    cost.axvline(
-        np.mean([p['mesh_ms'] for p in points.values()]), ls='--', color='0.5', label='meshes'
-    )
+    figure, (cost, error) = plots.several_axes((11, 4.5), 1, 2)
+    orbits, outline = points['orbit'], points['outline']
+    cost.plot([p['ms'] for p in orbits.values()], list(orbits), 'o-', label='impostors')
+    meshes = np.mean([p['mesh_ms'] for p in orbits.values()])
+    cost.axvline(meshes, ls='--', color='0.5', label='meshes')
     cost.set(xscale='log', xlabel='ms a frame', ylabel='max_error, px', title='orbit')
-    outline = results.points['outline']
     error.plot(list(outline), list(outline.values()), 'o-', label='measured')
     error.plot(list(outline), [e + 0.5 for e in outline], '--', color='0.5', label='bar')
     error.set(xlabel='max_error, px', ylabel='px', title='largest displacement of an outline')
     for axes in (cost, error):
         axes.legend(fontsize='small')
-    save(figure, 'impostors', results, path)
+    return figure
+
+
+def _scattered(settings, size, on):
+    """Return heavy actors, as impostors or as they are."""
+    pl = real_plotter(size)
+    actors = scatter(settings.actors, settings.cells, 4.0)
+    for actor in actors:
+        pl.add_actor(actor, reset_camera=False)
+    pl.camera_position = orbit(1, 5.0 * np.sqrt(settings.actors))[0]
+    if on:
+        pl.ibr.add_impostor(actors)
+    return pl, turning(pl, TURN)
+
+
+BENCH = Bench(
+    parts={
+        'orbit and fly-by': _paths,
+        'outlines': _outlines,
+        'nailboards': _nailboards,
+        'hierarchy': _hierarchy,
+    },
+    plot=plot,
+    outside={'impostors': _scattered},
+    full={
+        'size': (1280, 720),
+        'actors': 200,
+        'many': 5000,
+        'cells': 40_000,
+        'few_cells': 10_000,
+        'crowd_cells': 8000,
+        'frames': 40,
+        'errors': (0.5, 1.0, 2.0, 4.0),
+    },
+    quick={
+        'size': (160, 90),
+        'actors': 8,
+        'many': 40,
+        'cells': 2000,
+        'few_cells': 500,
+        'crowd_cells': 500,
+        'frames': 10,
+        'errors': (1.0,),
+    },
+)

@@ -1,17 +1,17 @@
-"""Coherent layers: time, error, and how often each is taken again."""
+"""Measure coherent layers against full rendering."""
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pyvista as pv
 
-from pvibr.bench.impostors import scatter
-from pvibr.bench.plot import save, two_axes
-from pvibr.bench.rows import Row
-from pvibr.bench.runs import run
+from pvibr.bench.common import plots
+from pvibr.bench.common.harness import Bench, Row
+from pvibr.bench.common.meshes import scatter
+from pvibr.bench.common.timing import beside_full, warm_up
+from pvibr.bench.common.whole_frames import real_plotter, turning
 from pvibr.capture.offscreen import Stage
 from pvibr.maths.image_error import flip
 
@@ -19,26 +19,6 @@ from pvibr.maths.image_error import flip
 #: next: 6 degrees and 1.2 units a second at 60 frames a second.
 TURN, STEP = 0.1, 0.02
 _EVERY = 8  # frames of which one is drawn in full as well, to be compared
-
-
-@dataclass
-class Settings:
-    """How much is measured."""
-
-    size: tuple = (1280, 720)
-    actors: int = 80
-    cells: int = 40_000
-    frames: int = 24
-    errors: tuple = (0.5, 1.0, 2.0, 4.0)
-
-
-QUICK = Settings((160, 90), 8, 1000, 16, (1.0,))
-
-
-def measure(out, *, quick=False) -> list:
-    """Measure everything, and write the table and the plot."""
-    parts = {'pan': _pan, 'track': _track, 'depth of field': _depth_of_field}
-    return run('layers', parts, QUICK if quick else Settings(), plot, out, quick=quick)
 
 
 def pan(frames) -> list:
@@ -73,15 +53,9 @@ def _stage(settings):
     return stage
 
 
-def _pan(settings, results):
-    _path(settings, results, 'pan', pan(settings.frames), (3, 0.02))
-
-
-def _track(settings, results):
-    _path(settings, results, 'track', track(settings.frames), ())
-
-
-def _path(settings, results, name, cameras, bars):
+def _path(settings, results, name, path, faster=None, error=None):
+    """Yield the rows of a path for both kinds of warps."""
+    cameras = path(settings.frames)
     with _stage(settings) as stage:
         stage.look(cameras[0])
         layers = stage.plotter.ibr.add_image_layers()
@@ -91,29 +65,21 @@ def _path(settings, results, name, cameras, bars):
                 found = _timed(stage, layers, cameras)
                 results.points.setdefault(name, {}).setdefault(warp, {})[max_error] = found
                 if max_error == 1.0:
-                    _tell(results, f'{name}, {warp}', found, bars)
+                    yield from _rows(f'{name}, {warp}', found, faster, error)
 
 
 def _timed(stage, layers, cameras) -> dict:
     """Return mean milliseconds of frames, and the error of some of them."""
-    for enabled in (False, True):
-        layers.enabled = enabled
-        for camera in cameras[:2]:
-            stage.look(camera)
-            stage.draw()
+    warm_up(stage, layers, cameras[:2])
     times: dict = {True: [], False: []}
     errors, before, worst = [], layers.report()['taken'], 0.0
-    for k, camera in enumerate(cameras):
-        stage.look(camera)
-        times[True].append(_spent(stage))
-        worst = max(worst, layers.report()['residual_px'])
-        if k % _EVERY == _EVERY - 1:
-            drawn = stage.read()
-            layers.enabled = False
-            times[False].append(_spent(stage))
+    for enabled, ms in beside_full(stage, layers, cameras, _EVERY):
+        times[enabled].append(ms)
+        if enabled:
+            drawn, worst = stage.read(), max(worst, layers.report()['residual_px'])
+        else:
             errors.append(float(flip(drawn, stage.read()).mean()))
-            layers.enabled = True
-    told = layers.report()
+    taken = layers.report()['taken'] - before
     (ms, cpu), (full_ms, full_cpu) = (np.mean(times[k], axis=0).tolist() for k in (True, False))
     return {
         'ms': ms,
@@ -122,33 +88,23 @@ def _timed(stage, layers, cameras) -> dict:
         'full_cpu': full_cpu,
         'flip': float(np.mean(errors)),
         'residual': worst,
-        'taken': (told['taken'] - before) / len(cameras),
+        'taken': taken / len(cameras),
         'layers': len(layers),
     }
 
 
-def _spent(stage) -> tuple[float, float]:
-    """Return milliseconds of a frame, of the wall and of the processor."""
-    start = time.process_time()
-    wall = stage.draw()
-    return 1e3 * wall, 1e3 * (time.process_time() - start)
-
-
-def _tell(results, name, found, bars):
-    faster, flip_bar = bars or (None, None)
-    results.rows += [
-        Row(f'{name}: full rendering', found['full_ms'], 'ms'),
-        Row(f'{name}: layers, taken again included', found['ms'], 'ms'),
-        Row(f'{name}: faster', found['full_ms'] / found['ms'], 'x', faster, at_least=True),
-        Row(f'{name}: less processor time', found['full_cpu'] / found['cpu'], 'x'),
-        Row(f'{name}: mean FLIP against full rendering', found['flip'], '', flip_bar),
-        Row(f'{name}: largest residual shown', found['residual'], 'px', 1.0),
-        Row(f'{name}: layers taken in a frame, of {found["layers"]}', found['taken']),
-    ]
+def _rows(name, found, faster, error):
+    yield Row(f'{name}: full rendering', found['full_ms'], 'ms')
+    yield Row(f'{name}: layers, taken again included', found['ms'], 'ms')
+    yield Row(f'{name}: faster', found['full_ms'] / found['ms'], 'x', faster, at_least=True)
+    yield Row(f'{name}: less processor time', found['full_cpu'] / found['cpu'], 'x')
+    yield Row(f'{name}: mean FLIP against full rendering', found['flip'], '', error)
+    yield Row(f'{name}: largest residual shown', found['residual'], 'px', 1.0)
+    yield Row(f'{name}: layers taken in a frame, of {found["layers"]}', found['taken'])
 
 
 def _depth_of_field(settings, results):
-    """Measure a background that is blurred as it is taken."""
+    """Yield the time of a background that is blurred as it is taken."""
     cameras = pan(settings.frames)
     with _stage(settings) as stage:
         stage.look(cameras[0])
@@ -156,26 +112,52 @@ def _depth_of_field(settings, results):
         for blur in (0.0, 4.0):
             layers.blur = (0.0, blur)
             found = _timed(stage, layers, cameras)
-            name = f'pan, all but the nearest blurred by {blur:g} px'
-            results.rows.append(Row(name, found['ms'], 'ms'))
+            yield Row(f'pan, all but the nearest blurred by {blur:g} px', found['ms'], 'ms')
 
 
-def plot(results, path):
+def plot(points):
     """Draw time against error, of both kinds of warps."""
-    figure, both = two_axes((12, 5))
+    figure, both = plots.several_axes((12, 5), 1, 2)
     for axes, name in zip(both, ('pan', 'track'), strict=True):
-        full = []
-        for warp, points in results.points[name].items():
-            ms = [p['ms'] for p in points.values()]
-            axes.plot(ms, [p['flip'] for p in points.values()], 'o-', label=warp)
-            for max_error, p in points.items():
-                place = {'xytext': (4, 5), 'textcoords': 'offset points', 'fontsize': 'x-small'}
-                axes.annotate(f'{max_error:g} px', (p['ms'], p['flip']), **place)
-            full += [p['full_ms'] for p in points.values()]
-        axes.axvline(np.mean(full), ls='--', color='0.5', label='full rendering')
-        axes.axvline(np.mean(full) / 3, ls=':', color='0.5', label='a third of it')
-        axes.axhline(0.02, ls='--', color='0.7', label='bar')
+        for warp, by_error in points[name].items():
+            plots.curve(axes, list(by_error.values()), 'ms', 'flip', label=warp)
+            for max_error, p in by_error.items():
+                plots.note(axes, f'{max_error:g} px', p['ms'], p['flip'])
+        full = np.mean([p['full_ms'] for by in points[name].values() for p in by.values()])
+        axes.axvline(full, ls='--', color='0.5', label='full rendering')
+        axes.axvline(full / 3, ls=':', color='0.5', label='a third of it')
+        plots.bar(axes, 0.02)
         axes.set(xscale='log', xlabel='ms a frame', title=f'slow {name}', ylim=(0, None))
         axes.set_ylabel('mean FLIP against full rendering')
         axes.legend(fontsize='small')
-    save(figure, 'layers', results, path)
+    return figure
+
+
+def _panned(settings, size, on):
+    """Return ground and heavy actors, as layers or as they are."""
+    pl = real_plotter(size)
+    for actor in scene(settings):
+        pl.add_actor(actor, reset_camera=False)
+    pl.camera_position = pan(1)[0]
+    if on:
+        pl.ibr.add_image_layers()
+    return pl, turning(pl, TURN)
+
+
+BENCH = Bench(
+    parts={
+        'pan': partial(_path, name='pan', path=pan, faster=3, error=0.02),
+        'track': partial(_path, name='track', path=track),
+        'depth of field': _depth_of_field,
+    },
+    plot=plot,
+    outside={'image layers': _panned},
+    full={
+        'size': (1280, 720),
+        'actors': 80,
+        'cells': 40_000,
+        'frames': 24,
+        'errors': (0.5, 1.0, 2.0, 4.0),
+    },
+    quick={'size': (160, 90), 'actors': 8, 'cells': 1000, 'frames': 16, 'errors': (1.0,)},
+)

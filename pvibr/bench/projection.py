@@ -1,20 +1,19 @@
-"""Projected pictures against rays: what is painted wrongly, and how exact the picture is."""
+"""Measure projected pictures against rays and against the photographs."""
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pyvista as pv
 
 import pvibr
-from pvibr.bench.light_scenes import SCENES, VIEW_ANGLE, WINDOWS, place
-from pvibr.bench.plot import save, two_axes
-from pvibr.bench.rays import Rays, edge_band
-from pvibr.bench.rows import Row
-from pvibr.bench.runs import run
+from pvibr.bench.common import plots
+from pvibr.bench.common.harness import Bench, Row
+from pvibr.bench.common.light_scenes import SCENES, VIEW_ANGLE, WINDOWS, place
+from pvibr.bench.common.rays import Rays, edge_band
+from pvibr.bench.common.timing import least
+from pvibr.bench.common.whole_frames import turning
 from pvibr.maths.pinhole import Pinhole
 from pvibr.projection.samples import Samples
 
@@ -23,31 +22,7 @@ SIZE = (1280, 720)
 LENS = (-0.25, 0.08, 1e-3, -5e-4)
 #: In percent and decibels.
 BAR, PSNR_BAR = 0.3, 35.0
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How much is measured."""
-
-    scenes: tuple = ('spheres', 'terrain', 'tree', 'airplane', 'statue')
-    windows: tuple = WINDOWS
-    offsets: tuple = (0.0, 1e6, 1e9)
-    resolutions: tuple = (512, 1024, 2048, 4096)
-
-
-QUICK = Settings(('spheres',), ((400, 225),), (0.0,), (512, 1024))
-
-
-def measure(out, *, quick=False) -> list:
-    """Run every part, print and write the table and the plot, and return the rows."""
-    parts = {
-        'leaks and holes': _painted,
-        'own camera': _own,
-        'data': _data,
-        'resolution': _resolution,
-    }
-    settings = QUICK if quick else Settings()
-    return run('projection', parts, settings, _plot, Path(out), quick=quick)
+_GREEN = np.full((SIZE[1], SIZE[0], 3), (0.0, 1.0, 0.0))
 
 
 def camera_of(scene, lens=()) -> Pinhole:
@@ -94,10 +69,8 @@ class _Truth:
 
     def errors(self, **settings):
         """Return leaks and holes in percent, and the ms that a frame takes longer."""
-        green = np.zeros((SIZE[1], SIZE[0], 3))
-        green[..., 1] = 1
         with self.scene.stage('spot', self.window) as stage:
-            photo = stage.plotter.ibr.add(pvibr.Projector(green, self.camera, **settings))
+            photo = stage.plotter.ibr.add(pvibr.Projector(_GREEN, self.camera, **settings))
             found = stage.picture()
             ms = _extra(stage, photo)
         painted = found[..., 1] - found[..., 0] > 0.5
@@ -107,15 +80,14 @@ class _Truth:
 
 def _extra(stage, photo, turns=5):
     """Return the ms that a frame takes longer, by turns in one run."""
-    times: dict = {True: [], False: []}
-    for _ in range(turns):
-        for on in (True, False):
-            photo.enabled = on
-            stage.draw()
-            start = time.perf_counter()
-            stage.draw()
-            times[on].append(time.perf_counter() - start)
-    return 1e3 * (min(times[True]) - min(times[False]))
+
+    def shown(on):
+        photo.enabled = on
+        stage.draw()
+        return stage.draw()
+
+    times = least(turns, {on: partial(shown, on) for on in (True, False)})
+    return 1e3 * (times[True] - times[False])
 
 
 def _painted(settings, results):
@@ -127,9 +99,9 @@ def _painted(settings, results):
                 truth = _Truth(scene, window, camera_of(scene, LENS))
                 leak, hole, ms = truth.errors()
                 what = f'{name}, {window[0]}x{window[1]}, at {offset:g} sizes'
-                results.rows.append(Row(f'leak: {what}', leak, '%', BAR))
-                results.rows.append(Row(f'hole: {what}', hole, '%', BAR))
-                results.rows.append(Row(f'extra time: {what}', ms, 'ms'))
+                yield Row(f'leak: {what}', leak, '%', BAR)
+                yield Row(f'hole: {what}', hole, '%', BAR)
+                yield Row(f'extra time: {what}', ms, 'ms')
 
 
 def _own(settings, results):
@@ -149,7 +121,7 @@ def _own(settings, results):
                 error = (255 * stage.picture() - photo)[_sure(surface)]
             found = 10 * np.log10(255**2 / max(np.mean(error**2), 1e-4))
             row = f'own camera: {name}, at {offset:g} sizes'
-            results.rows.append(Row(row, found, 'dB', PSNR_BAR, at_least=True))
+            yield Row(row, found, 'dB', PSNR_BAR, at_least=True)
 
 
 def _sure(surface):
@@ -174,7 +146,7 @@ def _data(settings, results):
             for kind, rows in (('leak', counts & ~truth), ('hole', counts & truth)):
                 if rows.any():
                     wrong = 100 * (found != truth)[rows].mean()
-                    results.rows.append(Row(f'{what}: {name}, {kind}', wrong, '% of cells', BAR))
+                    yield Row(f'{what}: {name}, {kind}', wrong, '% of cells', BAR)
 
 
 def _alike(mesh, truth):
@@ -197,15 +169,48 @@ def _resolution(settings, results):
         ]
 
 
-def _plot(results, path):
-    """Draw leaks and holes against the time that a frame takes longer."""
-    figure, both = two_axes((10, 5), sharey=True)
+def plot(points):
+    """Draw leaks and holes against the texels of the depth view."""
+    figure, both = plots.several_axes((10, 5), 1, 2, sharey=True)
     for axes, kind in zip(both, ('leak', 'hole'), strict=True):
-        for name, points in results.points.items():
-            axes.plot([p['texels'] for p in points], [p[kind] for p in points], 'o-', label=name)
-        axes.axhline(BAR, color='0.5', ls='--', label='bar')
+        for name, found in points.items():
+            plots.curve(axes, found, 'texels', kind, label=name)
+        plots.bar(axes, BAR)
         axes.set_xscale('log', base=2)
         axes.set_yscale('symlog', linthresh=0.01)
         axes.set(xlabel='texels along a side of the depth view', ylabel=f'{kind}s, % of pixels')
         axes.legend(fontsize='small')
-    save(figure, 'projection', results, path)
+    return figure
+
+
+def _projected(settings, size, on):
+    """Return a scene with a photograph on it, or without."""
+    scene = SCENES[settings.scenes[0]]()
+    plotter = scene.plotter('spot', size)
+    if on:
+        plotter.ibr.add(pvibr.Projector(_GREEN, camera_of(scene, LENS)))
+    return plotter, turning(plotter)
+
+
+BENCH = Bench(
+    parts={
+        'leaks and holes': _painted,
+        'own camera': _own,
+        'data': _data,
+        'resolution': _resolution,
+    },
+    plot=plot,
+    outside={'a projected picture': _projected},
+    full={
+        'scenes': ('spheres', 'terrain', 'tree', 'airplane', 'statue'),
+        'windows': WINDOWS,
+        'offsets': (0.0, 1e6, 1e9),
+        'resolutions': (512, 1024, 2048, 4096),
+    },
+    quick={
+        'scenes': ('spheres',),
+        'windows': ((400, 225),),
+        'offsets': (0.0,),
+        'resolutions': (512, 1024),
+    },
+)

@@ -51,8 +51,7 @@ app = App(
     version=lambda: pvibr.__version__,
     suppress_keyboard_interrupt=False,
 )
-bench = App(name='bench', help='Measure run time against error, here and now.')
-app.command(bench)
+bench = app.command(App(name='bench', help='Measure run time against error, here and now.'))
 
 
 @app.command

@@ -11,7 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from pvibr.bench.peers import LOD_REDUCTION, PART, glyph_seconds
+from pvibr.bench.common.peers import LOD_REDUCTION, PART, glyph_seconds
 from pvibr.capture.montage import compose, error_colors, save
 from pvibr.capture.offscreen import (
     SAMPLES,

@@ -145,6 +145,15 @@ class LightSpread(Effect):
         self._forget()
         self._forget_blur()
 
+    @property
+    def blur_sigma(self) -> float:
+        """Standard deviation of the widest blur of the last frame in pixels, NaN before it."""
+        if self._blur is None:
+            return math.nan
+        side = self.downsample // 2
+        squares, between = (side**2 - 1) / 12, self.downsample**2 / 6
+        return math.sqrt((side * self._blur.sigma) ** 2 + squares + between)
+
     def _forget_blur(self):
         if self._blur is not None:
             self._blur.release()

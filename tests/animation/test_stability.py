@@ -8,8 +8,8 @@ import pytest
 from pvibr import Figure
 from pvibr.animation import Clip, Morphs, Pose, Skin, Track
 from pvibr.animation.blending import crossfade, mix
-from pvibr.bench.figures_errors import gpu_errors, shown
-from pvibr.bench.figures_models import tube
+from pvibr.bench.figures.errors import gpu_errors, shown
+from pvibr.bench.figures.models import tube
 from pvibr.maths import quaternions
 from pvibr.maths.skinning import dual_blend, linear_blend
 

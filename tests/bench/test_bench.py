@@ -1,12 +1,15 @@
 import json
+import runpy
+from importlib import import_module
 
 import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.bench import main, peers, single
-from pvibr.bench.plot import plot
-from pvibr.bench.rows import Results, Row
+from pvibr.bench import BENCHES, instances, main
+from pvibr.bench.common import peers, whole_frames
+from pvibr.bench.common.harness import Results, Row
+from pvibr.bench.common.meshes import MESHES
 from pvibr.capture.offscreen import Stage, mesh_actors
 from pvibr.meshes.parts import as_parts
 
@@ -28,8 +31,48 @@ def test_results_are_json_and_a_plot(tmp_path):
     assert found['driver'] == 'a driver'
     assert found['rows'][0]['ok'] is True
     assert results.table().row_count == 1
-    plot(results, tmp_path / 'a.png')
-    assert (tmp_path / 'a.png').stat().st_size > 1000
+    instances.BENCH.write('instances', results, tmp_path)
+    assert (tmp_path / 'bench_instances.png').stat().st_size > 1000
+
+
+@pytest.mark.parametrize('name', BENCHES)
+def test_every_bench_is_declared(name):
+    bench = import_module(f'pvibr.bench.{name}').BENCH
+    assert set(bench.quick) <= set(bench.full)
+    assert bench.outside
+    assert BENCHES[name].startswith('Measure ')
+
+
+def test_continuous_integration_runs_every_bench(capfd):
+    runpy.run_module('pvibr.bench', run_name='__main__')
+    assert capfd.readouterr().out.split() == list(BENCHES)
+
+
+def test_whole_frames_are_drawn_by_turns():
+    drawn = []
+
+    def make(settings, size, on):
+        pl = whole_frames.real_plotter(size)
+        pl.add_mesh(pv.Cone())
+        draw = whole_frames.turning(pl)
+
+        def noted(k):
+            drawn.append((k, on, pl.render_window.GetMultiSamples() > 0))
+            draw(k)
+
+        return pl, noted
+
+    extent = whole_frames.Extent((40, 30), 2)
+    found = whole_frames.measured(make, None, extent)
+    assert drawn == [
+        (k, on, many) for many in (False, True) for k in range(-2, 2) for on in (True, False)
+    ]
+    assert [len(found[n][way]) for n in (0, 8) for way in ('with', 'without')] == [2] * 4
+    times = {'with': [2, 4, 9], 'without': [1, 2, 3]}
+    told = {what: value for what, value, _ in whole_frames.told(times)}
+    assert told['with over without'] == 2
+    assert (told['with'], told['without']) == (4, 2)
+    assert told['interquartile range of that'] == 0.5
 
 
 def test_an_unknown_bench_is_named():
@@ -58,9 +101,9 @@ def test_glyphs_stand_where_the_meshes_do(lod):
     assert np.ptp(pictures[0]) > 0.3
 
 
-@pytest.mark.parametrize('name', single.MESHES)
+@pytest.mark.parametrize('name', MESHES)
 def test_single_meshes_are_triangles(name):
-    parts = as_parts(single.MESHES[name]())
+    parts = as_parts(MESHES[name]())
     assert sum(part.mesh.n_cells for part in parts) > 2000
 
 

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from pvibr.bench import main, sprites
-from pvibr.bench.billboards import plot
-from pvibr.bench.rows import Results
+from pvibr.bench import main
+from pvibr.bench.billboards import BENCH, sprites
+from pvibr.bench.common.harness import Results
 
 
 def test_a_far_cut_out_covers_what_it_should():
     image = sprites.foliage()
     share = (image[..., 3] >= 128).mean()
-    assert abs(sprites._covered(image, 75, 0.5) / share - 1) < 0.1
-    assert sprites._covered(image, 37, None) < 0.8 * share
+    assert abs(sprites.covered(image, 75, 'kept') / share - 1) < 0.1
+    assert sprites.covered(image, 37, 'plain') < 0.8 * share
 
 
 def test_results_are_a_plot(tmp_path):
@@ -23,8 +23,8 @@ def test_results_are_a_plot(tmp_path):
         'coverage': {'kept': [(32, 1.0)], 'plain': [(32, 0.5)]},
         'plants': {'billboard': plant},
     }
-    plot(Results('a driver', {}, [], points), tmp_path / 'a.png')
-    assert (tmp_path / 'a.png').stat().st_size > 1000
+    BENCH.write('billboards', Results('a driver', {}, [], points), tmp_path)
+    assert (tmp_path / 'bench_billboards.png').stat().st_size > 1000
 
 
 def test_discs_are_round():

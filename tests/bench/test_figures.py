@@ -7,7 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from pvibr.bench import figures, figures_errors, figures_models, figures_peers, main
+from pvibr.bench import figures, main
+from pvibr.bench.figures import errors as figures_errors
+from pvibr.bench.figures import models as figures_models
+from pvibr.bench.figures import peers as figures_peers
 
 
 def test_the_tube_moves_and_ends_where_it_began():
@@ -78,5 +81,5 @@ def test_quick_bench_runs(tmp_path):
     rows = main('figures', out=tmp_path, quick=True)
     assert len(rows) > 30
     found = json.loads((tmp_path / 'bench_figures.json').read_text())
-    assert len(found['points']['poses']) == len(figures.QUICK.figures)
+    assert len(found['points']['poses']) == len(figures.BENCH.settings(quick=True).figures)
     assert (tmp_path / 'bench_figures.png').is_file()

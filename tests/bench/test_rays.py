@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.bench.light_scenes import (
+from pvibr.bench.common import light_scenes, meshes
+from pvibr.bench.common.light_scenes import (
     SCENES,
     WINDOWS,
     LightScene,
@@ -11,7 +12,7 @@ from pvibr.bench.light_scenes import (
     place,
     view_angle,
 )
-from pvibr.bench.rays import Rays, edge_band, strengths, wrong
+from pvibr.bench.common.rays import Rays, edge_band, strengths, wrong
 from pvibr.capture.offscreen import Stage
 
 FAR = [(0, 1), (1e6, 1), (1e9, 1), (0, 1e-9), (0, 1e9)]
@@ -159,8 +160,14 @@ def test_wrong_and_strengths_leave_out_what_is_unknown():
     assert np.isnan(wrong(drawn, true, np.ones(5, bool)))
 
 
-@pytest.mark.parametrize('name', SCENES)
-def test_scenes_hold_light_and_shadow_in_every_window(name):
+@pytest.mark.parametrize(
+    ('name', 'data'),
+    [*((name, True) for name in SCENES), ('terrain', False), ('statue', False)],
+)
+def test_scenes_hold_light_and_shadow_in_every_window(name, data, monkeypatch, tmp_path):
+    if not data:  # what stands in for the real files
+        for module in (light_scenes, meshes):
+            monkeypatch.setattr(module, 'DATA', tmp_path)
     scene = SCENES[name]()
     assert all(mesh.n_cells == len(mesh.regular_faces) for mesh in scene.meshes)
     rays = Rays(scene.meshes)

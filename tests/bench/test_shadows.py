@@ -1,14 +1,15 @@
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.bench import main, shadow_contact, shadow_errors, shadow_soft, shadow_times, shadows
-from pvibr.bench.light_scenes import SCENES, LightScene
-from pvibr.bench.plot import plot_shadows
-from pvibr.bench.rays import Rays
-from pvibr.bench.rows import Results
+from pvibr.bench import main, shadows
+from pvibr.bench.common.harness import Results
+from pvibr.bench.common.light_scenes import SCENES, LightScene
+from pvibr.bench.common.rays import Rays
+from pvibr.bench.shadows import contact, errors, soft, times
 
 WINDOW = (120, 80)
 
@@ -23,8 +24,9 @@ def scene():
     return LightScene('ball', [floor, ball], {'spot': light}, ((0, -14, 8), (0, 0, 0), (0, 0, 1)))
 
 
-@pytest.mark.parametrize('settings', [shadows.QUICK, shadows.Settings()])
-def test_settings_name_scenes_and_lights(settings):
+@pytest.mark.parametrize('quick', [False, True])
+def test_settings_name_scenes_and_lights(quick):
+    settings = shadows.BENCH.settings(quick=quick)
     named = {*settings.scenes, *settings.soft, settings.extreme, settings.timed, settings.plotted}
     assert named <= set(SCENES)
     assert set(settings.lights) <= {'directional', 'spot', 'point'}
@@ -32,19 +34,19 @@ def test_settings_name_scenes_and_lights(settings):
 
 @pytest.mark.parametrize(('setting', 'most'), [({'method': 'hard'}, 0.2), ({}, 0.2)])
 def test_few_pixels_are_wrong(scene, setting, most):
-    with shadow_errors.sight(scene, Rays(scene.meshes), 'spot', WINDOW) as found:
-        assert shadow_errors.wrong_share(found, setting) <= most
+    with errors.sight(scene, Rays(scene.meshes), 'spot', WINDOW) as found:
+        assert errors.wrong_share(found, setting) <= most
         assert (found.lit[~found.away] == 0).sum() > 50
         assert not found.stage.plotter.ibr.effects
 
 
 def test_shadows_that_miss_a_caster_are_found_wrong(scene):
-    with shadow_errors.sight(scene, Rays(scene.meshes), 'spot', WINDOW) as found:
-        assert shadow_errors.wrong_share(found, {'casts': lambda actor: False}) > 1
+    with errors.sight(scene, Rays(scene.meshes), 'spot', WINDOW) as found:
+        assert errors.wrong_share(found, {'casts': lambda actor: False}) > 1
 
 
 def test_the_reference_is_unsure_at_edges_alone(scene):
-    with shadow_errors.sight(scene, Rays(scene.meshes), 'spot', WINDOW) as found:
+    with errors.sight(scene, Rays(scene.meshes), 'spot', WINDOW) as found:
         every = np.isfinite(found.lit)
         assert not (found.unsure(every) & ~found.band).any()
         assert not found.unsure(np.zeros_like(every)).any()
@@ -53,26 +55,26 @@ def test_the_reference_is_unsure_at_edges_alone(scene):
 def test_soft_errors_are_those_of_what_is_known():
     lit, nan = np.array([0.0, 0.5, 1.0, 1.0]), np.nan
     away = np.array([False, False, False, True])
-    found = shadow_errors.Sight(None, None, lit, away, None, None)
-    assert shadow_soft.error(found, np.array([0.1, 0.7, nan, 0.0])) == pytest.approx(0.15)
+    found = errors.Sight(None, None, lit, away, None, None)
+    assert soft.error(found, np.array([0.1, 0.7, nan, 0.0])) == pytest.approx(0.15)
 
 
 def test_a_gap_is_as_wide_as_it_is_made():
-    narrow, wide = (shadow_contact.gap(0.0, 'spot', {'normal_bias': x}) for x in (0.0, 8.0))
+    narrow, wide = (contact.gap(0.0, 'spot', {'normal_bias': x}) for x in (0.0, 8.0))
     assert narrow < 1
     assert 5 < wide < 12
 
 
 def test_acne_is_counted():
-    assert shadow_contact.acne('spot', {}, 85.0) == 0
-    assert shadow_contact.acne_on_ball('spot', {}) == 0
+    assert contact.acne('spot', {}, 85.0) == 0
+    assert contact.acne_on_ball('spot', {}) == 0
 
 
 def test_times_are_those_of_both_moves(scene):
-    settings = shadows.Settings(screen=WINDOW, repeats=1, frames=1)
-    times = shadow_times.extra_ms(scene, 'spot', {'pcf': {}}, settings)
-    assert set(times['pcf']) == {'camera', 'light'}
-    assert np.isfinite([times['pcf'][k]['cpu'] for k in ('camera', 'light')]).all()
+    settings = SimpleNamespace(screen=WINDOW, repeats=1, frames=1)
+    found = times.extra_ms(scene, 'spot', {'pcf': {}}, settings)
+    assert set(found['pcf']) == {'camera', 'light'}
+    assert np.isfinite([found['pcf'][k]['cpu'] for k in ('camera', 'light')]).all()
 
 
 def test_points_are_a_plot(tmp_path):
@@ -80,8 +82,8 @@ def test_points_are_a_plot(tmp_path):
     both = [*points, {'label': 'b', 'setting': '{}', 'ms': 3.0, 'error': 0.1}]
     plotted = {'hard': {'pcf': both, "VTK's own pass": points}, 'soft': {'pcss': both}, 'rays': 2}
     results = Results('a driver', {}, points={'plot': plotted})
-    plot_shadows(results, tmp_path / 'a.png')
-    assert (tmp_path / 'a.png').stat().st_size > 1000
+    shadows.BENCH.write('shadows', results, tmp_path)
+    assert (tmp_path / 'bench_shadows.png').stat().st_size > 1000
 
 
 @pytest.mark.slow

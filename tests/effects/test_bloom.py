@@ -9,7 +9,7 @@ import pyvista as pv
 from scipy.ndimage import gaussian_filter
 
 import pvibr
-from pvibr.bench import effects_bloom
+from pvibr.bench.effects.bloom import natural as natural_spectrum
 from pvibr.gl import Target, Texture
 from pvibr.gl.fused import Fused
 from pvibr.gl.offscreen import hidden_window, read_rgba
@@ -256,7 +256,7 @@ chains = pytest.mark.parametrize(
 
 @chains
 def test_small_kernels_on_small_images_are_a_large_one(window, chain, kernel, downsample):
-    natural = effects_bloom.natural((320, 176))[..., 0]  # of the spectrum of photographs
+    natural = natural_spectrum((320, 176))[..., 0]  # of the spectrum of photographs
     assert_blurred(window, natural, chain, kernel, downsample)
 
 
@@ -279,7 +279,7 @@ def assert_blurred(window, grey, chain, kernel, downsample):
     )
     picture = FakePicture(window, np.dstack([grey] * 3 + [np.ones_like(grey)]))
     bloom.render(picture, picture)
-    sigma = effects_bloom.width_of(bloom)
+    sigma = bloom.blur_sigma
     seen = picture.target.colors[0].download()[..., 0]
     bloom.release()
     picture.release()

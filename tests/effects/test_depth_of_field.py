@@ -7,8 +7,9 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.bench import effects_depth_of_field as bench
+from pvibr.bench.effects import depth_of_field as bench
 from pvibr.core.frame import Frame
+from pvibr.maths.image_error import psnr
 
 SIZE = (200, 160)
 
@@ -78,9 +79,9 @@ def test_against_pictures_from_all_over_the_lens():
     off = bench.shot(pl)
     reference = bench.accumulated(pl, 0.15, focus, 256)
     pl.ibr.add(pvibr.DepthOfField(radius=0.15, limit=0.1))
-    found = bench.psnr(bench.shot(pl), reference)
+    found = psnr(bench.shot(pl), reference)
     assert found >= 34  # 32 is asked for
-    assert found > bench.psnr(off, reference) + 6
+    assert found > psnr(off, reference) + 6
 
 
 def test_an_opening_of_zero_is_a_pinhole(half_plane):

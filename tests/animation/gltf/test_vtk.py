@@ -7,7 +7,8 @@ import shutil
 import pytest
 from PIL import Image
 
-from pvibr.bench import figures_errors, figures_peers
+from pvibr.bench.figures import errors as figures_errors
+from pvibr.bench.figures import peers as figures_peers
 
 MODELS = [
     'AnimatedMorphCube.glb',

@@ -1,0 +1,63 @@
+"""Measure billboards, what cut-outs cover, quadrics, and the levels of a plant."""
+
+from __future__ import annotations
+
+from pvibr.bench.billboards import plants, quadrics, spheres, sprites
+from pvibr.bench.common import plots
+from pvibr.bench.common.harness import Bench
+
+
+def plot(points):
+    """Draw times by count, coverage by size, and time against error of the levels of a plant."""
+    figure, axes = plots.several_axes((20, 4.8), 1, 4)
+    times, balls, cover, plant = axes
+    for one, name, count in ((times, 'sprites', 'billboards'), (balls, 'spheres', 'spheres')):
+        for way, points_ in points[name].items():
+            one.plot(*zip(*points_, strict=True), 'o-', label=way)
+        one.set(xscale='log', yscale='log', xlabel=count, ylabel='ms a frame')
+    for way, points_ in points['coverage'].items():
+        cover.plot(*zip(*points_, strict=True), 'o-', label=f'{way} levels')
+    plots.bar(cover, 1, label=None)
+    cover.set_xscale('log', base=2)
+    cover.set(xlabel='size on the screen, px', ylabel='what a cut-out covers, over what it should')
+    for name, p in points['plants'].items():
+        plots.curve(plant, [p], 'ms', 'flip', label=f'{name}, {p["triangles"]} triangles')
+    plant.set(xscale='log', xlabel='ms a tree', ylabel='mean FLIP against 16 samples per pixel')
+    for one in axes:
+        one.set_ylim(None if one in (times, balls) else 0, None)
+        one.legend(fontsize='x-small')
+    return figure
+
+
+BENCH = Bench(
+    parts={
+        'sprites': sprites.measure,
+        'spheres': spheres.measure,
+        'quadrics': quadrics.measure,
+        'plants': plants.measure,
+    },
+    plot=plot,
+    outside={'cut-outs': sprites.cut_outs, 'spheres': spheres.balls},
+    full={
+        'size': (1280, 720),
+        'counts': (1_000, 10_000, 100_000, 1_000_000),
+        'slow': 100_000,
+        'quadrics': 10_000,
+        'sprite_sizes': (256, 200, 150, 100, 75, 50, 37, 25),
+        'plant_pixels': 128,
+        'plant_views': 6,
+        'plants': 20,
+        'copies': 50,
+    },
+    quick={
+        'size': (320, 180),
+        'counts': (1_000,),
+        'slow': 1_000,
+        'quadrics': 500,
+        'sprite_sizes': (75,),
+        'plant_pixels': 32,
+        'plant_views': 1,
+        'plants': 2,
+        'copies': 2,
+    },
+)

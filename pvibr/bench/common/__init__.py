@@ -1,0 +1,1 @@
+"""What the benches share: the harness, timing, plots, scenes, references and peers."""

@@ -1,0 +1,83 @@
+"""Whole frames of a real plotter, with a capability and without it, drawn by turns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.bench.common.timing import seconds
+
+#: Builds the scene of some settings in a plotter of a window size, with the capability or without
+#: it, and returns the plotter and a function that draws the frame of a number.
+Maker = Callable[
+    [SimpleNamespace, tuple[int, int], bool], tuple[pv.Plotter, Callable[[int], object]]
+]
+#: Samples per pixel: as on the stand, and PyVista's default.
+SAMPLES = 0, 8
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much is measured: the window and the number of pairs of frames."""
+
+    size: tuple[int, int]
+    pairs: int
+
+
+FULL, QUICK = Extent((1280, 720), 15), Extent((320, 180), 2)
+
+
+def real_plotter(size):
+    """Return an empty off-screen plotter as PyVista makes it."""
+    return pv.Plotter(off_screen=True, window_size=list(size))
+
+
+def turning(plotter, degrees=0.2) -> Callable[[int], object]:
+    """Return a function that draws a frame of a camera that turns around its focal point."""
+    start = plotter.camera.position, plotter.camera.focal_point, plotter.camera.up
+
+    def draw(k):
+        plotter.camera_position = start
+        plotter.camera.Azimuth(degrees * k)
+        plotter.renderer.ResetCameraClippingRange()
+        plotter.render_window.Render()
+
+    return draw
+
+
+def measured(make, settings, extent) -> dict[int, dict[str, list[float]]]:
+    """Return the ms of frames with and without, in pairs, by samples per pixel."""
+    both = {name: make(settings, extent.size, name == 'with') for name in ('with', 'without')}
+    found = {}
+    for samples in SAMPLES:
+        for plotter, _ in both.values():
+            plotter.render_window.SetMultiSamples(samples)
+            plotter.show(auto_close=False)
+        found[samples] = _pairs(both, extent.pairs)
+    for plotter, _ in both.values():
+        plotter.close()
+    return found
+
+
+def _pairs(both, pairs) -> dict[str, list[float]]:
+    times: dict[str, list[float]] = {name: [] for name in both}
+    for k in range(-2, pairs):
+        for name, (plotter, draw) in both.items():
+            ms = 1e3 * seconds(plotter.render_window, partial(draw, k))
+            if k >= 0:  # the first two upload, compile and settle
+                times[name].append(ms)
+    return times
+
+
+def told(times) -> Iterator[tuple[str, float, str]]:
+    """Yield names, values and units: medians, the paired ratio and the spread of it."""
+    yield 'with', np.median(times['with']), 'ms'
+    yield 'without', np.median(times['without']), 'ms'
+    low, ratio, high = np.percentile(np.divide(times['with'], times['without']), [25, 50, 75])
+    yield 'with over without', ratio, 'x'
+    yield 'interquartile range of that', high - low, 'x'

@@ -1,0 +1,69 @@
+"""Measure what image effects cost, and their error."""
+
+from __future__ import annotations
+
+from pvibr.bench.common import plots
+from pvibr.bench.common.harness import Bench
+from pvibr.bench.common.whole_frames import turning
+from pvibr.bench.effects import bloom, depth_of_field, outline, screen, together
+
+
+def plot(points):
+    """Draw what image effects cost, and for each with settings its time against its error."""
+    figure, axes = plots.several_axes((14, 9), 2, 2)
+    (cost, blooms), (outlines, lens) = axes
+    cost.barh(list(points['copies']), list(points['copies'].values()))
+    cost.axvline(1, color='0.5', ls='--')
+    cost.set(xlabel='full-screen copies', title='time of an effect')
+    for one, name in ((blooms, 'bloom'), (outlines, 'outline')):
+        plots.curve(one, points[name], 'copies', 'error', ls='')
+        for p in points[name]:
+            plots.note(one, p['name'], p['copies'], p['error'], (4, 3), 'xx-small')
+        one.set(xlabel='full-screen copies', xlim=(0, None))
+    plots.bar(blooms, 0.5)
+    blooms.set(title='bloom, against a true Gaussian', ylabel='mean error, of 255', yscale='log')
+    outlines.set(title='outline, against all silhouettes of a torus')
+    outlines.set_ylabel('1 - harmonic mean of precision and recall')
+    for radius in sorted({p['radius'] for p in points['lens']}):
+        same = [p for p in points['lens'] if p['radius'] == radius]
+        plots.curve(lens, same, 'ms', 'psnr', label=f'lens of radius {radius:g}')
+    plots.bar(lens, 32)
+    lens.set(xlabel='ms', ylabel='PSNR, dB', title='depth of field, against 256 pinholes')
+    lens.legend(fontsize='x-small')
+    return figure
+
+
+def _five(settings, size, on):
+    """Return a scene with five effects, or without."""
+    plotter, effects = together.scene(size)
+    together.choose(effects, together.FIVE if on else ())
+    return plotter, turning(plotter)
+
+
+BENCH = Bench(
+    parts={
+        'bloom': bloom.measure,
+        'screen': screen.measure,
+        'outline': outline.measure,
+        'depth of field': depth_of_field.measure,
+        'together': together.measure,
+    },
+    plot=plot,
+    outside={'five effects': _five},
+    full={
+        'screen': (1280, 720),
+        'rounds': 9,
+        'lens': (640, 480),
+        'radii': (0.1, 0.2),
+        'samples': (16, 48, 128),
+        'lenses': 256,
+    },
+    quick={
+        'screen': (320, 180),
+        'rounds': 1,
+        'lens': (160, 120),
+        'radii': (0.1,),
+        'samples': (16,),
+        'lenses': 16,
+    },
+)

@@ -1,0 +1,115 @@
+"""What a bloom costs in full-screen copies, and how near it comes to a true Gaussian."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from pvibr.bench.common.harness import Row
+from pvibr.bench.effects.copies import Stand, in_copies
+from pvibr.effects.bloom import Bloom
+from pvibr.gl.offscreen import hidden_window
+
+#: What is measured against a true Gaussian, each by itself.
+SETTINGS: tuple[dict, ...] = (
+    {},
+    {'kernel': 3},
+    {'kernel': 9},
+    {'downsample': 4},
+    {'downsample': 16},
+    {'levels': 1},
+    {'levels': 2},
+    {'levels': 5},
+    {'chain': 'tent'},
+    {'chain': 'tent', 'downsample': 4},
+    {'chain': 'tent', 'downsample': 16},
+)
+_BLUR_ALONE = {'threshold': 0.0, 'operator': 'keep', 'spread': 1.0, 'debug': 'blur'}
+
+
+def measure(settings, results):
+    """Yield the time of a bloom and of its stages, and its errors."""
+    size, rounds = settings.screen, settings.rounds
+    with hidden_window() as (window, _):
+        stand = Stand(window, _squares(size))
+        bloom, dark = _Staged(), Bloom(threshold=2.0)
+        whole = {'bloom': partial(bloom.render, stand, stand)}
+        whole['dark'] = partial(dark.render, stand, stand)
+        times, copy_ms = in_copies(stand, whole, rounds)
+        stages, _ = in_copies(stand, bloom.stages(stand), rounds)
+        _release(stand, bloom, dark)
+    yield Row('one full-screen copy', copy_ms, 'ms')
+    yield Row('bloom over a copy', times['bloom'], 'x', 2.5)
+    yield Row('bloom where nothing is bright, over a copy', times['dark'], 'x', 0.3)
+    results.points['copies'] = {'Bloom': times['bloom']}
+    for name, copies in stages.items():
+        yield Row(f'bloom: {name}, over a copy', copies, 'x')
+    points = results.points['bloom'] = _errors(size, rounds)
+    for point in points:
+        name = f'bloom, {point["name"]}: mean error against a Gaussian of {point["sigma"]:.0f} px'
+        yield Row(name, point['error'], '/255', 0.5)
+
+
+class _Staged(Bloom):
+    """A bloom whose stages can be drawn one by one."""
+
+    def stages(self, stand) -> dict:
+        """Return what draws each stage of a picture that the bloom was drawn on."""
+        self.render(stand, stand)
+        side = self.downsample // 2
+        blur = self._ready(stand, stand.size, side)
+        return {
+            'bright pass': partial(self._draw_source, stand, stand, blur.source, side),
+            'is there light': blur.lit,
+            'blur': partial(blur.draw, blur.source.colors[0], self.spread),
+            'blend': partial(blur.blend, stand, self._light),
+        }
+
+
+def _errors(size, rounds) -> list[dict]:
+    """Compare the widest blur alone with the Gaussian of its width, and time the bloom."""
+    picture = natural(size)
+    found = []
+    with hidden_window() as (window, _):
+        timed, seen = Stand(window, _squares(size)), Stand(window, picture)
+        blooms = [Bloom(**one) for one in SETTINGS]
+        jobs = {i: partial(b.render, timed, timed) for i, b in enumerate(blooms)}
+        copies, _ = in_copies(timed, jobs, rounds)
+        for i, (one, bloom) in enumerate(zip(SETTINGS, blooms, strict=True)):
+            for name, value in _BLUR_ALONE.items():
+                setattr(bloom, name, value)
+            bloom.render(seen, seen)
+            shown = seen.target.colors[0].download()[..., 0]
+            sigma = bloom.blur_sigma
+            true = gaussian_filter(picture[..., 0].astype(float), sigma, mode='reflect')
+            name = ', '.join(f'{k} {v}' for k, v in one.items()) or 'as it comes'
+            error = 255 * float(np.abs(shown - true).mean())
+            found.append({'name': name, 'sigma': sigma, 'error': error, 'copies': copies[i]})
+        _release(timed, seen, *blooms)
+    return found
+
+
+def natural(size, seed=0):
+    """Return a picture whose spectrum falls with frequency as those of photographs do."""
+    width, height = size
+    frequency = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width))
+    frequency[0, 0] = np.inf
+    spectrum = np.fft.rfft2(np.random.default_rng(seed).normal(size=(height, width)))
+    grey = np.fft.irfft2(spectrum / frequency, (height, width))
+    grey = 0.05 + 0.95 * (grey - grey.min()) / np.ptp(grey)
+    return np.dstack([grey] * 3 + [np.ones_like(grey)]).astype(np.float32)
+
+
+def _squares(size):
+    width, height = size
+    small = np.random.default_rng(0).uniform(0, 255, (-(-height // 20), -(-width // 20), 4))
+    array = np.kron(small, np.ones((20, 20, 1)))[:height, :width]
+    array[..., 3] = 255
+    return array.astype(np.uint8)
+
+
+def _release(*owners):
+    for owner in owners:
+        owner.release()

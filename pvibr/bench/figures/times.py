@@ -1,0 +1,188 @@
+"""What a new pose of a figure costs: on the GPU, in numpy, and by VTK's own reader of glTF."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from pvibr.bench.common.harness import Row
+from pvibr.bench.common.whole_frames import real_plotter
+from pvibr.bench.figures import models
+from pvibr.bench.figures.peers import NumpySkinning, gltf_reader, meshes_at
+from pvibr.capture.offscreen import Stage
+
+CAMERA = [(16, -16, 5), (0, 0, 3.5), (0, 0, 1)]
+LOOK = {'color': 'tan', 'smooth_shading': True}
+_FEW = 100  # one triangle of so many, where drawing shall not count
+
+
+def poses(settings, results):
+    """Yield the times of a new pose and its frame; the bars are those of the largest figure."""
+    sizes = settings.joints, settings.screen, settings.rounds
+    for around, rings in settings.figures:
+        share = _pose_times(rings, around, *sizes)
+        results.points.setdefault('poses', []).append({'vertices': around * rings, **share})
+    frame = _frame_times(rings, around, *sizes)
+    name = f'new pose of {around * rings:,} vertices, {settings.joints} joints'
+    for way in share:
+        yield Row(f'{name}, {way}: posing and upload', share[way], 'ms')
+        yield Row(f'{name}, {way}: with its frame', frame[way], 'ms')
+    reference = _reference_time(rings, around, settings.joints, settings.rounds)
+    yield Row(f'{name}, float64 reference: posing', reference, 'ms')
+    for times, what, bars in ((share, '', (10, None)), (frame, ', with the frame', (None, 3))):
+        for way, bar in zip(('numpy', 'vtkGLTFReader'), bars, strict=True):
+            ratio = times[way] / times['pvibr']
+            yield Row(f'{name}: {way} over pvibr{what}', ratio, 'x', bar, True)
+
+
+def morphs(settings, results):
+    """Yield the times of morph targets: frames with some active over frames with none."""
+    (around, rings), count = settings.face, settings.targets
+    found = _morph_times(around, rings, count, settings.screen, settings.rounds)
+    name = f'{count} morph targets on {around * rings:,} vertices'
+    yield Row(f'{name}: frame with none active', found['none'], 'ms')
+    yield Row(f'{name}: frame with 4 active', found['active'], 'ms')
+    yield Row(f'{name}: 4 active over none', found['active'] / found['none'], 'x', 2)
+
+
+def moving(settings, size, on):
+    """Return a figure that moves: posed on the GPU, or by numpy."""
+    around, rings = settings.figures[-1]
+    figure = models.tube(rings, around, settings.joints, look=LOOK)
+    plotter = real_plotter(size)
+    pose = (_by_gpu if on else _by_numpy)(plotter, figure)
+    plotter.camera_position = CAMERA
+
+    def draw(k):
+        pose((models.SECONDS / 30 * k) % models.SECONDS)
+        plotter.render_window.Render()
+
+    return plotter, draw
+
+
+def _pose_times(rings, around, joints, screen, rounds) -> dict:
+    """Time posing and upload alone: of all vertices, where few triangles are drawn."""
+    figure = models.tube(rings, around, joints, look=LOOK, every=_FEW)
+    found = _in_turns(figure, screen, rounds)
+    return {way: moved - still for way, (moved, still) in found.items()}
+
+
+def _frame_times(rings, around, joints, screen, rounds) -> dict:
+    """Time frames of a new pose."""
+    figure = models.tube(rings, around, joints, look=LOOK)
+    return {way: moved for way, (moved, _) in _in_turns(figure, screen, rounds).items()}
+
+
+def _reference_time(rings, around, joints, rounds) -> float:
+    """Time the float64 reference."""
+    figure = models.tube(rings, around, joints)
+    pose, least = figure.sample(0.4), np.inf
+    for _ in range(rounds):
+        start = time.perf_counter()
+        figure.posed(0, pose)
+        least = min(least, time.perf_counter() - start)
+    return 1e3 * least
+
+
+class _Way(NamedTuple):
+    """A window with a figure, and the function that poses it at a time."""
+
+    stage: Stage
+    pose: Callable[[float], None]
+
+    @classmethod
+    def of(cls, screen, add, source):
+        stage = Stage(screen)
+        pose = add(stage.plotter, source)
+        stage.look(CAMERA)
+        return cls(stage, pose)
+
+    def ms(self, moment=None) -> float:
+        """Return the time of a frame, of a new pose if a time is given."""
+        start = time.perf_counter()
+        if moment is not None:
+            self.pose(moment)
+        self.stage.draw()
+        return 1e3 * (time.perf_counter() - start)
+
+
+def _in_turns(figure, screen, rounds):
+    """Return by way the ms of a frame of a new pose, and of one in which nothing changed."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'figure.glb'
+        figure.save(path)
+        ways = {
+            'pvibr': _Way.of(screen, _by_gpu, figure),
+            'numpy': _Way.of(screen, _by_numpy, figure),
+            'vtkGLTFReader': _Way.of(screen, _by_reader, path),
+        }
+        least = {name: np.full(2, np.inf) for name in ways}
+        for i, moment in enumerate(models.SECONDS * np.linspace(0.05, 0.9, rounds + 1)):
+            for name, way in ways.items():
+                found = way.ms(moment), way.ms()
+                if i:  # the first round compiles and uploads
+                    least[name] = np.minimum(least[name], found)
+    for way in ways.values():
+        way.stage.close()
+    return {name: tuple(pair.tolist()) for name, pair in least.items()}
+
+
+def _by_gpu(plotter, figure):
+    plotter.ibr.add_animated(figure)
+
+    def pose(moment):
+        plotter.ibr.time = moment
+
+    return pose
+
+
+def _by_numpy(plotter, figure):
+    skinning = NumpySkinning(figure.meshes[0])
+    _add(plotter, skinning.mesh)
+    return lambda moment: skinning.pose(figure.world(figure.sample(moment)))
+
+
+def _by_reader(plotter, path):
+    reader = gltf_reader(path, 0, 1)
+    mapper = _add(plotter, meshes_at(reader, 0.0)[0]).mapper
+    return lambda moment: mapper.SetInputDataObject(meshes_at(reader, moment)[0])
+
+
+def _by_weights(plotter, figure):
+    """Return what gives four morph targets a weight, evenly spaced over all."""
+    actor = plotter.ibr.add_animated(figure)
+    actor.driver = None  # a clip would be sampled anew
+    count = len(figure.meshes[0].morphs)
+    shown = np.linspace(0, count - 1, 4).astype(int)
+
+    def pose(weight):
+        weights = np.zeros(count)
+        weights[shown] = weight
+        actor.weights = weights
+
+    return pose
+
+
+def _add(plotter, mesh):
+    actor = plotter.add_mesh(mesh, color=LOOK['color'])
+    actor.prop.interpolation = 'Phong'  # not smooth_shading, which computes normals anew
+    return actor
+
+
+def _morph_times(around, rings, count, screen, rounds) -> dict:
+    """Time frames of a mesh with morph targets, in turns: none of any weight, and four of them."""
+    shapes = models.targets(count, around * rings)
+    way = _Way.of(screen, _by_weights, models.tube(rings, around, 2, morphs=shapes, look=LOOK))
+    times: dict[str, list[float]] = {'none': [], 'active': []}
+    for i in range(rounds + 2):
+        # New weights in each frame, of targets that were active before.
+        times['active'].append(way.ms(0.1 + 0.8 * i / rounds))
+        way.ms(0.0)
+        times['none'].append(way.ms())
+    way.stage.close()
+    return {name: min(found[2:]) for name, found in times.items()}

@@ -1,0 +1,94 @@
+"""Measure instances: each point is one setting, VTK's own ways on the same axes."""
+
+from __future__ import annotations
+
+from pvibr.bench.common import plots
+from pvibr.bench.common.harness import Bench
+from pvibr.bench.common.whole_frames import turning
+from pvibr.bench.instances import crowd, precision, single, walk
+from pvibr.capture.offscreen import mesh_actors
+from pvibr.scenes.landscape import landscape
+from pvibr.scenes.scenery import scenery
+
+
+def plot(points):
+    """Draw the walk at the left, single meshes at the right."""
+    figure, (left, right) = plots.several_axes((12, 5), 1, 2)
+    _walk(left, points)
+    _single(right, points.get('single', {}))
+    return figure
+
+
+def _walk(axes, points):
+    plots.curve(axes, [p for _, p in points['pvibr']], 'ms', 'flip', label='pvibr')
+    for k, (max_error, p) in enumerate(points['pvibr']):
+        # Above and below by turns: points of close errors lie close together.
+        plots.note(axes, f'{max_error:g} px', p['ms'], p['flip'], (4, 8 if k % 2 else -14))
+    glyphs, lod = points['glyphs'], points['glyphs, culling + LOD']
+    axes.plot(glyphs['ms'], glyphs['flip'], 's', label='VTK glyphs, full meshes (extrapolated)')
+    # The glyph mapper shows no colours of vertices, so its error would be one of colour.
+    axes.axvline(lod['ms'], ls='--', color='0.5', label='VTK glyphs, culling + LOD')
+    axes.set(xscale='log', xlabel='ms a frame', title='walk')
+    axes.set(ylabel='mean FLIP against 16 samples per pixel', ylim=(0, 1.2 * axes.dataLim.ymax))
+    axes.legend(fontsize='small')
+
+
+def _single(axes, meshes):
+    for name, by_size in meshes.items():
+        sizes = list(by_size)
+        key = '1.0' if '1.0' in by_size[sizes[0]] else list(by_size[sizes[0]])[-1]
+        axes.plot(sizes, [by_size[size][key][0] for size in sizes], 'o-', label=name)
+    plots.bar(axes, 1.0, label=None)
+    axes.set_xscale('log', base=2)
+    axes.set(xlabel='diameter on the screen, px', ylim=(0, None), title='single meshes')
+    axes.set_ylabel('FLIP over that of the mesh at one sample')
+    axes.legend(fontsize='small')
+
+
+def _forest(settings, size, on):
+    """Return a small forest: of instances, or of VTK's actors."""
+    scene = landscape(settings.part)
+    plotter = scenery(scene, 1.0, size, off_screen=True)
+    if not on:
+        plotter.remove_actor('trees')
+        for actor in mesh_actors(scene.parts(), scene.matrices, scene.index):
+            plotter.renderer.AddViewProp(actor)
+    return plotter, turning(plotter)
+
+
+BENCH = Bench(
+    parts={
+        'walk': walk.measure,
+        'single meshes': single.measure,
+        'crowd': crowd.measure,
+        'precision': precision.measure,
+    },
+    plot=plot,
+    outside={'trees as instances': _forest},
+    full={
+        'size': (1280, 720),
+        'trees': 10_000,
+        'cameras': 4,
+        'part': 400,
+        'steps': 16,
+        'meshes': None,
+        'sizes': (16, 32, 64, 128),
+        'errors': (0.5, 1.0, 2.0, 4.0),
+        'directions': 6,
+        'crowd': 1_000_000,
+        'extremes': 2,
+    },
+    quick={
+        'size': (320, 180),
+        'trees': 300,
+        'cameras': 1,
+        'part': 30,
+        'steps': 3,
+        'meshes': 2,
+        'sizes': (32,),
+        'errors': (1.0,),
+        'directions': 2,
+        'crowd': 20_000,
+        'extremes': 1,
+    },
+)

@@ -1,0 +1,108 @@
+"""A million instances in view: time, Python's share, bytes; and the bake of a heavy mesh."""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.bench.common.harness import Row
+from pvibr.capture.offscreen import Stage
+from pvibr.core import _vtk
+from pvibr.meshes.parts import as_parts
+
+VIEW_ANGLE = 30.0
+#: Frames that are timed.
+FRAMES = 7
+#: Of an instance's radius, in the spacing between instances.
+SHARE = 0.3
+
+
+def measure(settings, results):
+    """Yield the rows of the crowd and of the bake."""
+    yield from _bake()
+    mesh, points, cameras = _scene(settings.crowd)
+    own = yield from _drawn(mesh, points, cameras, settings.size)
+    flat = _flat_cards(points, cameras, settings.size)
+    name = f'crowd of {settings.crowd:,}'
+    yield Row(f'{name}: pvibr', own, 'ms')
+    yield Row(f'{name}: flat one-texel cards', flat, 'ms')
+    yield Row(f'{name}: over flat cards', own / flat, 'x', 2.0)
+
+
+def _bake():
+    mesh = pv.ParametricTorus(u_res=251, v_res=201)
+    with Stage((64, 64)) as stage:
+        start = time.perf_counter()
+        ring = stage.plotter.ibr.add_instances(mesh, [[0, 0, 0]], cache=False, progress=False)
+        seconds = time.perf_counter() - start
+        (atlas,) = ring.atlases
+        yield Row(f'bake of {mesh.n_cells:,} triangles', seconds, 's', 3.0)
+        yield Row('its atlas', atlas.nbytes / 2**20, 'MiB', 48.0)
+
+
+def _scene(count):
+    """Return a mesh, points that fill the view, and cameras that turn a little."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-1, 1, (count, 3)) * [1.6, 0.9, 0.9]
+    mesh = pv.Sphere(theta_resolution=50, phi_resolution=50, radius=SHARE * 2 / count ** (1 / 3))
+    eyes = [(0.02 * k, -5.2, 0.01 * k) for k in range(FRAMES)]
+    return mesh, points, [(eye, (0, 0, 0), (0, 0, 1)) for eye in eyes]
+
+
+def _drawn(mesh, points, cameras, size):
+    """Yield the rows of a crowd, and return the ms of its frame."""
+    with Stage(size, view_angle=VIEW_ANGLE) as stage:
+        parts = [as_parts(mesh)]
+        first = stage.plotter.ibr.add_instances(parts, points[:1])
+        stage.seconds(cameras[:1])
+        alone = _gpu(first)
+        first.remove()
+        # Baked before the measured call, and kept on disk: the bytes are the instances'.
+        tracemalloc.start()
+        many = stage.plotter.ibr.add_instances(parts, points)
+        stage.seconds(cameras[:1])
+        held, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        seconds = stage.seconds(cameras)
+        moving = [_python(stage, camera) for camera in cameras]
+        still = [_python(stage, cameras[-1]) for _ in cameras]
+        n = len(points)
+        bakes = sum(a.geometry.nbytes + a.albedo.nbytes for a in many.atlases)
+        yield Row('crowd: Python a frame, nothing moved', np.median(still), 'ms', 0.2)
+        yield Row('crowd: Python a frame, camera moving', np.median(moving), 'ms', 5.0)
+        yield Row('crowd: CPU bytes an instance', max(held - bakes, 0) / n, 'B', 96.0)
+        yield Row('crowd: GPU bytes an instance', max(_gpu(many) - alone, 0) / n, 'B', 64.0)
+    return float(np.median(seconds)) * 1e3
+
+
+def _python(stage, camera):
+    stage.look(camera)
+    stage.draw()
+    return sum(row['ms'] for row in stage.plotter.ibr.report().as_dict()['rows'])
+
+
+def _gpu(instances):
+    return instances.report()['bytes']
+
+
+def _flat_cards(points, cameras, size):
+    """Return the milliseconds of as many flat cards, each the size of the bounding sphere."""
+    radius = SHARE * 2 / len(points) ** (1 / 3)
+    corners = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]) * radius
+    places = (points[:, None] + corners).astype(np.float32).reshape(-1, 3)
+    quads = np.arange(4 * len(points)).reshape(-1, 4)
+    cells: np.ndarray = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    cards = pv.PolyData.from_regular_faces(places, cells)
+    cards.active_texture_coordinates = np.full((cards.n_points, 2), 0.5, np.float32)
+    mapper = _vtk.vtkPolyDataMapper()
+    mapper.SetInputData(cards)
+    actor = _vtk.vtkActor()
+    actor.SetMapper(mapper)
+    actor.SetTexture(pv.Texture(np.full((1, 1, 3), 200, np.uint8)))
+    actor.GetProperty().LightingOff()
+    with Stage(size, view_angle=VIEW_ANGLE) as stage:
+        stage.add([actor])
+        return float(np.median(stage.seconds(cameras))) * 1e3

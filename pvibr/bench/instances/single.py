@@ -1,0 +1,144 @@
+"""Single meshes, small on the screen: whichever level is drawn must not be worse than the mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.bench.common.harness import Row
+from pvibr.bench.common.meshes import MESHES
+from pvibr.capture.offscreen import SAMPLES, Stage, covered, mesh_actors
+from pvibr.instances.atlas import bounding_sphere
+from pvibr.maths.image_error import displacements, flip
+from pvibr.meshes.parts import as_parts
+
+#: Vertical angle in degrees and height in pixels of the window that the views are cut from.
+VIEW_ANGLE, HEIGHT = 30.0, 720
+#: Pixels around the object.
+ROOM = 16
+#: Displacement that the bar allows beyond max_error: outlines are known to whole pixels.
+SLACK = 0.5
+#: The name of the full mesh drawn once per pixel: even that is not where many samples put it.
+ONCE = 'mesh at one sample'
+#: Mean FLIP below which a ratio says nothing: nothing can be seen.
+FLOOR = 1e-4
+
+
+def measure(settings, results):
+    """Yield FLIP against the mesh's own, and the displacement of outlines."""
+    results.points['single'] = {}
+    for name, make in list(MESHES.items())[: settings.meshes]:
+        found = _Mesh(name, make(), settings).measure()
+        results.points['single'][name] = found
+        yield from _flip_rows(name, found)
+    yield from moved_rows(results.points['single'])
+
+
+def moved_rows(meshes):
+    """Yield for each max_error, and for the mesh itself, the outline farthest beyond its bar."""
+    worst: dict[str, tuple[float, float, float, str]] = {}
+    for name, found in meshes.items():
+        for size, by_error in found.items():
+            own = by_error[ONCE][1]
+            for key, (_, moved) in by_error.items():
+                bar = 0.0 if key == ONCE else max(float(key) + SLACK, own)
+                here = (moved - bar, bar, moved, f'{name} at {size} px')
+                worst[key] = max(worst.get(key, here), here)
+    for key, (_, bar, moved, where) in worst.items():
+        drawn = key if key == ONCE else f'max_error {key}'
+        name = f'single: worst p99 of displacement, {drawn} ({where})'
+        yield Row(name, moved, 'px', None if key == ONCE else bar)
+
+
+def _flip_rows(name, found):
+    for size, by_error in found.items():
+        if '1.0' in by_error:
+            ratio = by_error['1.0'][0]
+            yield Row(f'single: {name} at {size} px, FLIP ratio', ratio, 'x', 1.0)
+
+
+class _Mesh:
+    """One mesh, drawn by pvibr, by VTK, and by VTK with many samples."""
+
+    def __init__(self, name, mesh, settings):
+        self.parts, self.settings = as_parts(mesh), settings
+        self.center, self.radius = bounding_sphere(
+            np.concatenate([part.mesh.points for part in self.parts])
+        )
+        self.rng = np.random.default_rng(sum(name.encode()))
+
+    def measure(self):
+        """Return by size and max_error the FLIP ratio and the displacement's 99th percentile."""
+        return {size: self._at(size) for size in self.settings.sizes}
+
+    def _at(self, size):
+        window = _window(size)
+        cameras = [self._camera(size) for _ in range(self.settings.directions)]
+        truth = self._full(size, cameras, SAMPLES)
+        once = self._full(size, cameras, 1)
+        base = _mean_flip(once, truth)
+        found = {ONCE: (1.0, _moved(once, truth))}
+        with Stage(window, view_angle=_angle(size), background='white') as stage:
+            stage.bounds = self._bounds()
+            drawn = stage.plotter.ibr.add_instances(
+                [self.parts], [[0.0, 0.0, 0.0]], show_scalar_bar=False
+            )
+            for max_error in self.settings.errors:
+                drawn.max_error = max_error
+                pictures = []
+                for camera in cameras:
+                    stage.look(camera)
+                    pictures.append((stage.picture(), stage.coverage()))
+                ratio = max(_mean_flip(pictures, truth), FLOOR) / max(base, FLOOR)
+                found[str(max_error)] = (ratio, _moved(pictures, truth))
+        return found
+
+    def _camera(self, size):
+        away, up, aside = self.rng.normal(size=(3, 3))
+        away /= np.linalg.norm(away)
+        # As high in the window as the sphere has pixels, and not always on the same part of one.
+        tangent = np.tan(np.radians(VIEW_ANGLE / 2)) * size / HEIGHT
+        eye = self.center + away * self.radius * np.sqrt(1 + 1 / tangent**2)
+        shift = aside * self.radius / size
+        return tuple(map(tuple, (eye + shift, self.center + shift, up)))
+
+    def _bounds(self):
+        low, high = self.center - self.radius, self.center + self.radius
+        return tuple(np.stack([low, high], 1).ravel())
+
+    def _full(self, size, cameras, samples):
+        look = {'view_angle': _angle(size), 'samples': samples, 'background': 'white'}
+        with Stage(_window(size), **look) as stage:
+            stage.bounds = self._bounds()
+            stage.look(cameras[0])
+            stage.draw()
+            empty = stage.depth()
+            stage.add(mesh_actors([self.parts], np.eye(4)[None], [0]))
+            found = []
+            for camera in cameras:
+                stage.look(camera)
+                picture = stage.picture()
+                found.append((picture, covered(stage.depth(), empty, samples)))
+        return found
+
+
+def _window(size):
+    """Return width and height of the cut around an object of a size, px."""
+    return size + 2 * ROOM, size + 2 * ROOM
+
+
+def _angle(size):
+    """Return the vertical angle of the cut, degrees."""
+    part = _window(size)[1] / HEIGHT
+    return float(np.degrees(2 * np.arctan(np.tan(np.radians(VIEW_ANGLE / 2)) * part)))
+
+
+def _mean_flip(pictures, truth):
+    return float(
+        np.mean([flip(a, b).mean() for (a, _), (b, _) in zip(pictures, truth, strict=True)])
+    )
+
+
+def _moved(pictures, truth):
+    pairs = zip(pictures, truth, strict=True)
+    away = np.concatenate([displacements(a, b) for (_, a), (_, b) in pairs])
+    return float(np.percentile(away, 99)) if len(away) else 0.0
