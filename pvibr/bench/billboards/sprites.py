@@ -119,7 +119,7 @@ class _PlainLevels(Billboards):
 
     def __init__(self, points, image, **options):
         super().__init__(points, image, **options)
-        self._images = SheetImages([image])
+        self._images = SheetImages([image], None)
 
 
 _WAYS = {'kept': Billboards, 'plain': _PlainLevels}
