@@ -7,7 +7,7 @@ import io
 import numpy as np
 
 from pvibr.core.files import replacing
-from pvibr.formats.glb_writer import GlbWriter
+from pvibr.formats.glb_writer import CLAMPED, GlbWriter
 
 _CUTOFF = 0.5
 
@@ -16,46 +16,30 @@ def write_glb(cloud, path):
     """Write a cloud as binary glTF 2.0."""
     glb, mesh = GlbWriter(), cloud.mesh
     middle = np.asarray(mesh.center)
-    uv = np.asarray(mesh.active_texture_coordinates)
     tangents = np.asarray(mesh.point_data['Tangents'])
-    attributes = {
-        'POSITION': glb.accessor(np.asarray(mesh.points, float) - middle, limits=True),
-        'NORMAL': glb.accessor(mesh.point_data.active_normals),
-        'TANGENT': glb.accessor(np.column_stack([tangents, np.ones(len(tangents))])),
-        'TEXCOORD_0': glb.accessor(uv * [1, -1] + [0, 1]),  # glTF counts rows from the top
-    }
-    sampler = glb.add('samplers', {'wrapS': 33071, 'wrapT': 33071})  # CLAMP_TO_EDGE
     color, normal = (
-        glb.add('textures', {'source': _image(glb, texture), 'sampler': sampler})
+        glb.texture(texture.to_array(), CLAMPED, optimize=True)
         for texture in (cloud.texture, cloud.normal_texture)
     )
-    material = {
-        'pbrMetallicRoughness': {
-            'baseColorTexture': {'index': color},
-            'metallicFactor': 0.0,
-            'roughnessFactor': 1.0,
-        },
-        'normalTexture': {'index': normal},
-        'alphaMode': 'MASK',
-        'alphaCutoff': _CUTOFF,
-        'doubleSided': True,
+    reflection = {
+        'baseColorTexture': {'index': color},
+        'metallicFactor': 0.0,
+        'roughnessFactor': 1.0,
     }
-    triangles = mesh.triangulate().regular_faces.astype(np.uint32)
-    primitive = {
-        'attributes': attributes,
-        'indices': glb.accessor(triangles.reshape(-1)),
-        'material': glb.add('materials', material),
-    }
+    primitive = glb.primitive(
+        np.asarray(mesh.points, float) - middle,
+        mesh.triangulate().regular_faces,
+        normals=mesh.point_data.active_normals,
+        coordinates=np.asarray(mesh.active_texture_coordinates),
+        TANGENT=np.column_stack([tangents, np.ones(len(tangents))]),
+    )
+    primitive['material'] = glb.material(
+        reflection, normalTexture={'index': normal}, cutoff=_CUTOFF, two_sided=True
+    )
     number = glb.add('meshes', {'primitives': [primitive]})
-    node = glb.add('nodes', {'mesh': number, 'translation': middle.tolist()})
-    glb.document['scene'] = glb.add('scenes', {'nodes': [node]})
+    glb.scene([glb.add('nodes', {'mesh': number, 'translation': middle.tolist()})])
     glb.write(path)
     return [path]
-
-
-def _image(glb, texture):
-    view = glb.view(_png(texture))
-    return glb.add('images', {'bufferView': view, 'mimeType': 'image/png'})
 
 
 def _png(texture):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 from typing import Any
@@ -11,6 +12,10 @@ import numpy as np
 from pvibr.core.files import replacing
 
 _COMPONENTS = {'u1': 5121, 'u2': 5123, 'u4': 5125, 'f4': 5126}
+_UNLIT = 'KHR_materials_unlit'
+#: Of a sampler: GL enums CLAMP_TO_EDGE, NEAREST and LINEAR.
+CLAMPED = {'wrapS': 33071, 'wrapT': 33071}
+NEAREST, LINEAR = {'magFilter': 9728}, {'magFilter': 9729}
 _TYPES = {1: 'SCALAR', 2: 'VEC2', 3: 'VEC3', 4: 'VEC4', 16: 'MAT4'}
 
 
@@ -46,6 +51,54 @@ class GlbWriter:
         if limits:
             accessor |= _limits(values)
         return self.add('accessors', accessor | {'bufferView': view})
+
+    def primitive(self, points, faces, *, normals=None, coordinates=None, **attributes) -> dict:
+        """Add arrays of a mesh; return the part of a mesh that has them."""
+        own = {'POSITION': self.accessor(points, limits=True)}
+        if normals is not None:
+            own['NORMAL'] = self.accessor(normals)
+        if coordinates is not None:
+            own['TEXCOORD_0'] = self.accessor(
+                coordinates[:, :2] * [1, -1] + [0, 1]
+            )  # rows go down
+        indices = self.accessor(np.asarray(faces).astype(np.uint32).reshape(-1))
+        own |= {name: self.accessor(values) for name, values in attributes.items()}
+        return {'attributes': own, 'indices': indices}
+
+    def texture(self, image, sampler=None, *, optimize=False):
+        """Add an image as PNG and a texture of it; equal samplers are shared."""
+        from PIL import Image
+
+        stream = io.BytesIO()
+        Image.fromarray(np.asarray(image)).save(stream, 'PNG', optimize=optimize)
+        view = self.view(stream.getvalue())
+        texture = {'source': self.add('images', {'bufferView': view, 'mimeType': 'image/png'})}
+        if sampler is not None:
+            known = self.document.get('samplers', [])
+            shared = known.index(sampler) if sampler in known else self.add('samplers', sampler)
+            texture['sampler'] = shared
+        return self.add('textures', texture)
+
+    def material(
+        self, reflection, *, cutoff=None, blends=False, two_sided=False, lit=True, **textures
+    ):
+        """Add a metallic-roughness material."""
+        material = {'pbrMetallicRoughness': reflection, **textures}
+        if cutoff is not None:
+            material |= {'alphaMode': 'MASK', 'alphaCutoff': float(cutoff)}
+        elif blends:
+            material['alphaMode'] = 'BLEND'
+        if two_sided:
+            material['doubleSided'] = True
+        if not lit:
+            material['extensions'] = {_UNLIT: {}}
+            self.document['extensionsUsed'] = [_UNLIT]
+        return self.add('materials', material)
+
+    def scene(self, nodes, **named):
+        """Add the scene that is shown, with these nodes at its root."""
+        roots = {'nodes': nodes} if nodes else {}
+        self.document['scene'] = self.add('scenes', roots | named)
 
     def sparse(self, where, values, n):
         """Add an array that is zero but in some rows."""

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import warnings
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -13,8 +10,10 @@ import pyvista as pv
 from pvibr.animation.clip import Clip
 from pvibr.animation.gltf.write_tracks import lasting, one_hot, weights_track
 from pvibr.core.errors import PvibrWarning
+from pvibr.core.files import with_suffix
 from pvibr.formats.glb_writer import GlbWriter
 from pvibr.maths.tones import to_light
+from pvibr.maths.vectors import unit_vectors
 
 #: A morph target that changes nothing.
 _NOTHING = (np.zeros(0, int), np.zeros((0, 3)))
@@ -29,12 +28,8 @@ _TEXTURES = {
 
 def write_glb(figure, path):
     """Write a figure as binary glTF 2.0."""
-    path = Path(path).expanduser()
-    if path.suffix.lower() != '.glb':
-        msg = f'path is {str(path)!r}; figures are written as .glb.'
-        raise ValueError(msg)
-    glb = _FigureWriter(figure).document()
-    glb.write(path)
+    path = with_suffix(path, '.glb')
+    _FigureWriter(figure).document().write(path)
 
 
 class _FigureWriter:
@@ -102,10 +97,7 @@ class _FigureWriter:
         more = range(len(parents), len(nodes))
         roots = [int(i) for i in np.flatnonzero(parents < 0)]
         roots += [i for i in more if i not in self._hung]
-        scene = {'nodes': roots} if roots else {}
-        if self._figure.name:
-            scene['name'] = self._figure.name
-        self._glb.document['scene'] = self._glb.add('scenes', scene)
+        self._glb.scene(roots, **({'name': self._figure.name} if self._figure.name else {}))
         if not nodes:
             del self._glb.document['nodes']
 
@@ -124,17 +116,15 @@ class _FigureWriter:
             self._left_out['meshes without polygons'] = None
             return None
         points, normals = _neutral(mesh)
-        add = self._glb.accessor
-        attributes = {'POSITION': add(points, limits=True)}
-        if normals.any():
-            attributes['NORMAL'] = add(_unit(normals))
-        coordinates = mesh.mesh.active_texture_coordinates
-        if coordinates is not None:
-            attributes['TEXCOORD_0'] = add(coordinates[:, :2] * [1, -1] + [0, 1])
-        attributes |= self._colors(mesh)
+        primitive = self._glb.primitive(
+            points,
+            faces,
+            normals=unit_vectors(normals) if normals.any() else None,
+            coordinates=mesh.mesh.active_texture_coordinates,
+            **self._colors(mesh),
+        )
         if mesh.skin is not None:
-            attributes |= self._influences(mesh.skin)
-        primitive = {'attributes': attributes, 'indices': add(faces.astype(np.uint32).reshape(-1))}
+            primitive['attributes'] |= self._influences(mesh.skin)
         primitive['material'] = self._material(mesh.look)
         entry = {'name': mesh.name} if mesh.name else {}
         entry['primitives'] = [primitive]
@@ -154,7 +144,7 @@ class _FigureWriter:
         values = np.asarray(values)
         values = values / 255.0 if values.dtype == np.uint8 else values.astype(float)
         light = _light(mesh.look, values[:, :3])
-        return {'COLOR_0': self._glb.accessor(np.hstack([light, values[:, 3:]]))}
+        return {'COLOR_0': np.hstack([light, values[:, 3:]])}
 
     def _influences(self, skin):
         """Add joints and weights in sets of four."""
@@ -252,7 +242,7 @@ class _FigureWriter:
     def _material(self, look):
         color = _light(look, np.array(pv.Color(look.get('color', 'white')).float_rgb))
         alpha = float(look.get('opacity', 1.0))
-        reflection: dict[str, Any] = {
+        reflection = {
             'baseColorFactor': [*np.clip(color, 0, 1).tolist(), alpha],
             'metallicFactor': float(look.get('metallic', 0.0)) if look.get('pbr') else 0.0,
             'roughnessFactor': float(look.get('roughness', 0.5)) if look.get('pbr') else 1.0,
@@ -269,31 +259,22 @@ class _FigureWriter:
         }
         own = ('baseColorTexture', 'metallicRoughnessTexture')
         reflection |= {name: indices.pop(name) for name in own if name in indices}
-        material: dict[str, Any] = {'pbrMetallicRoughness': reflection} | indices
         if 'emissive_factor' in look:
             if max(look['emissive_factor']) > 1:
                 self._left_out['light above 1'] = None
-            material['emissiveFactor'] = np.clip(look['emissive_factor'], 0, 1).tolist()
-        if 'alpha_cutoff' in look:
-            material |= {'alphaMode': 'MASK', 'alphaCutoff': float(look['alpha_cutoff'])}
-        elif alpha < 1 or _translucent(look.get('texture')):
-            material['alphaMode'] = 'BLEND'
-        if look.get('culling') not in ('back', True):
-            material['doubleSided'] = True
-        if look.get('lighting') is False:
-            material['extensions'] = {'KHR_materials_unlit': {}}
-            self._glb.document['extensionsUsed'] = ['KHR_materials_unlit']
-        return self._glb.add('materials', material)
+            indices['emissiveFactor'] = np.clip(look['emissive_factor'], 0, 1).tolist()
+        return self._glb.material(
+            reflection,
+            **indices,
+            cutoff=look.get('alpha_cutoff'),
+            blends=alpha < 1 or _translucent(look.get('texture')),
+            two_sided=look.get('culling') not in ('back', True),
+            lit=look.get('lighting') is not False,
+        )
 
     def _texture(self, texture):
         if id(texture) not in self._textures:
-            from PIL import Image  # what imageio writes pictures with; few figures need it
-
-            stream = io.BytesIO()
-            Image.fromarray(np.asarray(texture.to_array())).save(stream, 'PNG')
-            view = self._glb.view(stream.getvalue())
-            image = self._glb.add('images', {'bufferView': view, 'mimeType': 'image/png'})
-            self._textures[id(texture)] = self._glb.add('textures', {'source': image})
+            self._textures[id(texture)] = self._glb.texture(texture.to_array())
         return self._textures[id(texture)]
 
 
@@ -307,11 +288,6 @@ def _neutral(mesh):
 
 def _translucent(texture):
     return texture is not None and texture.to_array().shape[-1] in (2, 4)
-
-
-def _unit(vectors):
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
 
 
 def _output(track):

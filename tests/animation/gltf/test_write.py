@@ -237,7 +237,7 @@ def test_what_gltf_cannot_say_is_refused(tmp_path):
     twice = FigureMesh(strip(np.eye(3)), morphs=Morphs(np.ones((2, 3, 3))))
     with pytest.raises(ValueError, match='tracks with different keys'):
         Figure([twice], clips=[Clip('x', two)]).save(path)
-    with pytest.raises(ValueError, match=r'written as .glb'):
+    with pytest.raises(ValueError, match=r'must end in .glb'):
         Figure([]).save(tmp_path / 'x.gltf')
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [('x.glb', b'before')]
 
