@@ -1,0 +1,92 @@
+"""Taking pictures of plotters, and comparing them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+
+
+def plotter(size=(120, 90), **options):
+    """Return a plotter without anything that smooths edges."""
+    pl = pv.Plotter(off_screen=True, window_size=size, **options)
+    pl.disable_anti_aliasing()
+    pl.render_window.SetMultiSamples(0)
+    return pl
+
+
+def place(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), angle=30.0, parallel=None):
+    """Put the camera somewhere, with a half height of the view where it is parallel."""
+    camera = pl.camera
+    camera.position, camera.focal_point, camera.up = eye, focus, up
+    camera.view_angle = angle
+    if parallel is not None:
+        camera.parallel_projection = True
+        camera.parallel_scale = parallel
+    pl.renderer.ResetCameraClippingRange()
+    return pl
+
+
+def shot(pl, **how):
+    """Return a screenshot of a new frame, whole numbers from 0 to 255, top row first."""
+    pl.render()
+    return pl.screenshot(None, return_img=True, **how).astype(int)
+
+
+def grab(pl):
+    """Return the colours of a new frame, (h, w, 3) 0 to 1, top row first."""
+    window = pl.render_window
+    window.Render()
+    width, height = window.GetSize()
+    pixels = _vtk.vtkUnsignedCharArray()
+    window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
+    rgb = _vtk.vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
+    return rgb / 255.0
+
+
+def depth_buffer(pl):
+    """Return the depths of what was drawn last, 0 to 1, top row first."""
+    window = pl.render_window
+    width, height = window.GetSize()
+    values = _vtk.vtkFloatArray()
+    window.GetZbufferData(0, 0, width - 1, height - 1, values)
+    return _vtk.vtk_to_numpy(values).reshape(height, width)[::-1].astype(float)
+
+
+def depths(pl):
+    """Return distances along the view's axis of what was drawn last, NaN where nothing was."""
+    z = depth_buffer(pl)
+    near, far = pl.camera.clipping_range
+    if pl.camera.parallel_projection:
+        away = near + z * (far - near)
+    else:
+        away = near * far / (far - z * (far - near))
+    return np.where(z < 1, away, np.nan)
+
+
+def rgba(pl):
+    """Return colours times coverage, and coverage: from a frame on black and one on white."""
+    pl.set_background('black')
+    dark = grab(pl)
+    pl.set_background('white')
+    light = grab(pl)
+    coverage = 1 - (light - dark).mean(2, keepdims=True)
+    return np.concatenate([dark, coverage], 2)
+
+
+def off(one, other):
+    """Return how far pixels are off, in the colour that is furthest off."""
+    return np.abs(one - other).max(axis=2)
+
+
+def reduce(picture, factor):
+    """Average squares of pixels."""
+    h, w = (n // factor for n in picture.shape[:2])
+    return picture.reshape(h, factor, w, factor, -1).mean((1, 3))
+
+
+def centroid(coverage):
+    """Return the middle of what is covered, in pixels: x, y."""
+    y, x = np.indices(coverage.shape)
+    return np.array([(coverage * x).sum(), (coverage * y).sum()]) / coverage.sum()

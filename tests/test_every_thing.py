@@ -1,0 +1,277 @@
+"""What every thing in a scene keeps to, whatever it draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import pvibr
+from pvibr.core.effect import Effect
+from pvibr.core.errors import ClosedError
+from pvibr.effects import ORDER
+from tests.figures.makers import bending, worm
+from tests.pictures import off, place, plotter, shot
+
+SIZE = (120, 90)
+PLACES = np.array([(-2.0, 0.0, 0.0), (0.0, 0.8, 0.2), (2.0, -0.5, -0.2)])
+EYE = np.array((3.0, -11.0, 4.0))
+BALL = pv.Sphere(radius=0.8, theta_resolution=60, phi_resolution=60)
+TORUS = pv.ParametricTorus(ringradius=0.6, crosssectionradius=0.25, u_res=60, v_res=30)
+LOOK = {'color': 'tomato', 'smooth_shading': True}
+FIGURE = worm(clips=[bending()])
+ENDS = PLACES + np.array((0.5, 0.3, 0.9))
+AXES = np.array([(0.8, 0.4, 0.6), (0.5, 0.9, 0.3), (0.4, 0.4, 0.9)])
+
+
+def meshes(pl, *found, **look):
+    return [pl.add_mesh(mesh, **LOOK | look) for mesh in found]
+
+
+def balls(pl):
+    return meshes(pl, *(BALL.translate(at) for at in PLACES))
+
+
+def shown_by_meshes(pl):
+    return meshes(pl, BALL.translate(PLACES[0]), TORUS.translate(PLACES[1]))
+
+
+def rods(pl):
+    for a, b in zip(PLACES, ENDS, strict=True):
+        size = {'radius': 0.3, 'height': np.linalg.norm(b - a), 'resolution': 90}
+        rod = pv.Cylinder(center=(a + b) / 2, direction=b - a, **size)
+        meshes(pl, rod.compute_normals(split_vertices=True))
+
+
+def eggs(pl):
+    egg = pv.Sphere(radius=1.0, theta_resolution=60, phi_resolution=60)
+    found = (egg.scale(axes).translate(at) for axes, at in zip(AXES, PLACES, strict=True))
+    return meshes(pl, *(egg.compute_normals() for egg in found))
+
+
+def signs(pl):
+    for at in PLACES:
+        right = np.cross((0, 0, 1), EYE - at)
+        up = np.cross(EYE - at, right)
+        sides = [0.6 * side / np.linalg.norm(side) for side in (right, up)]
+        corners = [at + np.dot(k, sides) for k in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        square = pv.PolyData(np.array(corners), faces=[4, 0, 1, 2, 3])
+        meshes(pl, square, color='white', lighting=False, smooth_shading=False)
+
+
+#: The share of pixels that may look otherwise than with meshes, and by how much all in the mean.
+BOUND = (0.02, 1.0)
+#: Soft edges write depth: what darkens along edges of depth darkens beside them.
+SOFT_EDGES = {'ssao': (0.08, 2.5), 'edl': (0.1, 6.0)}
+#: Images of actors are off by their outlines.
+IMAGES = dict.fromkeys(('nothing', 'ssaa', 'msaa', 'ssao', 'edl', 'peeling'), (0.01, 0.6))
+
+
+class Case(NamedTuple):
+    """How a thing is added, and the meshes that show the same."""
+
+    add: Callable
+    plain: Callable
+    bounds: dict = {}  # by mode, else BOUND
+    replaces: dict = {}  # what is reported of the meshes that it is given and shows in images
+
+
+EVERY = {
+    'Instances': Case(
+        lambda pl: pl.ibr.add_instances(BALL, PLACES, name='it', **LOOK), balls, SOFT_EDGES
+    ),
+    'Crowd': Case(
+        lambda pl: pl.ibr.add_animated(FIGURE, PLACES, name='it', **LOOK),
+        lambda pl: meshes(pl, *(FIGURE.mesh(0.0, 'bend').translate(at) for at in PLACES)),
+    ),
+    'AnimatedActor': Case(
+        lambda pl: pl.ibr.add_animated(FIGURE, name='it', **LOOK),
+        lambda pl: meshes(pl, FIGURE.mesh()),
+    ),
+    'Billboards': Case(
+        lambda pl: pl.ibr.add_billboards(
+            PLACES, np.full((8, 8, 3), 255, np.uint8), size=1.2, name='it'
+        ),
+        signs,
+    ),
+    'Spheres': Case(lambda pl: pl.ibr.add_spheres(PLACES, 0.8, color='tomato', name='it'), balls),
+    'Cylinders': Case(
+        lambda pl: pl.ibr.add_cylinders(PLACES, ENDS, 0.3, color='tomato', name='it'), rods
+    ),
+    'Ellipsoids': Case(
+        lambda pl: pl.ibr.add_ellipsoids(PLACES, AXES, color='tomato', name='it'), eggs
+    ),
+    'Impostor': Case(
+        lambda pl: pl.ibr.add_impostor(shown_by_meshes(pl), only_if_faster=False),
+        shown_by_meshes,
+        IMAGES,
+        {'shown': 2, 'meshes': {}},
+    ),
+    'ImageLayers': Case(
+        lambda pl: pl.ibr.add_image_layers([shown_by_meshes(pl)], only_if_faster=False),
+        shown_by_meshes,
+        IMAGES,
+        {'taken': 1},
+    ),
+}
+MODES = {
+    'nothing': lambda pl: None,
+    'ssaa': lambda pl: pl.enable_anti_aliasing('ssaa'),
+    'msaa': lambda pl: pl.enable_anti_aliasing('msaa', multi_samples=4),
+    'ssao': lambda pl: pl.enable_ssao(radius=0.5, kernel_size=32),
+    'edl': lambda pl: pl.enable_eye_dome_lighting(),
+    'peeling': lambda pl: pl.enable_depth_peeling(8),
+}
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch):
+    monkeypatch.setattr('pvibr.figures.pose_atlas.VIEWS', 6)
+    monkeypatch.setattr('pvibr.figures.pose_atlas.TILES', (32,))
+    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
+
+
+def stage(pl):
+    """Something to stand on, and to look through."""
+    pl.set_background((0.1, 0.2, 0.3))
+    pl.add_mesh(pv.Plane(center=(0, 0, -2.2), i_size=14, j_size=14), color='white')
+    pl.add_mesh(pv.Sphere(radius=0.7, center=(1, -3, 0)), color='blue', opacity=0.4)
+    return place(pl, EYE)
+
+
+def drawn(name, mode='nothing', *, plain=False):
+    """Return a plotter with a thing, with meshes or with neither, and what was added."""
+    pl, thing = stage(plotter(SIZE)), None
+    MODES[mode](pl)
+    if name is not None:
+        thing = (EVERY[name].plain if plain else EVERY[name].add)(pl)
+    place(pl, EYE)
+    pl.show(auto_close=False)
+    shot(pl)
+    return pl, thing
+
+
+def test_every_thing_is_here():
+    found = {name: getattr(pvibr, name) for name in set(pvibr.__all__) - {*ORDER}}
+    kinds = {n for n, k in found.items() if isinstance(k, type) and issubclass(k, Effect)}
+    assert kinds - {'Effect', 'LiveTexture', 'Mirror'} == set(EVERY)
+
+
+every = pytest.mark.parametrize('name', EVERY)
+
+
+@every
+@pytest.mark.parametrize('mode', MODES)
+def test_other_passes_see_it_as_meshes(name, mode):
+    """And nothing of the frame before stays, and nothing is left of it when it is removed."""
+    share, mean = EVERY[name].bounds.get(mode, BOUND)
+    pl, thing = drawn(name, mode)
+    picture, report = shot(pl), pl.ibr.report()
+    assert report.rows, report
+    assert {row.state for row in report.rows} == {'ran'}, report
+    assert EVERY[name].replaces.items() <= thing.report().items(), thing.report()
+    np.testing.assert_array_equal(shot(pl), picture)
+    pl.ibr.remove(thing)
+    after = shot(pl)
+    other, _ = drawn(name, mode, plain=True)
+    truth = shot(other)
+    empty = truth if EVERY[name].replaces else shot(drawn(None, mode)[0])
+    assert off(after, empty).max() <= 1
+    shown = off(truth, empty) > 15
+    assert EVERY[name].replaces or shown.mean() > 0.03, 'the reference shows nothing'
+    assert (off(picture, truth) > 15).mean() < share
+    assert np.abs(picture - truth).mean() < mean
+
+
+@every
+def test_removed_in_every_way_and_added_again(name):
+    pl, thing = drawn(name)
+    on, rows = shot(pl), len(pl.ibr.report().rows)
+    empty = drawn(name, plain=True) if EVERY[name].replaces else drawn(None)
+    props, empty = empty[0].renderer.GetViewProps().GetNumberOfItems(), shot(empty[0])
+    ways = [thing.remove, lambda: pl.ibr.remove(thing), pl.ibr.clear]
+    if not EVERY[name].replaces:
+        ways.append(lambda: pl.remove_actor('it'))
+    for way in ways:
+        way()
+        assert off(shot(pl), empty).max() <= 1
+        assert pl.ibr.effects == ()
+        assert pl.renderer.GetViewProps().GetNumberOfItems() == props
+        assert thing.report()['bytes'] == 0
+        pl.ibr.add(thing)
+        assert (off(shot(pl), on) <= 1).all()
+        assert len(pl.ibr.report().rows) == rows
+    pl.clear()
+    shot(pl)
+    assert pl.ibr.effects == ()
+    assert pl.renderer.GetViewProps().GetNumberOfItems() == 0
+
+
+@pytest.mark.parametrize('name', [name for name in EVERY if not EVERY[name].replaces])
+def test_hidden_and_shown(name):
+    pl, thing = drawn(name)
+    on, empty = shot(pl), shot(drawn(None)[0])
+    thing.visibility = False
+    assert off(shot(pl), empty).max() <= 1
+    assert pl.ibr.report().rows[0].state == 'skipped'
+    thing.visibility = True
+    np.testing.assert_array_equal(shot(pl), on)
+
+
+@every
+def test_added_to_another_plotter(name):
+    """Once the plotter is closed that it was in; a plotter that is closed takes nothing."""
+    pl, thing = drawn(name)
+    on = shot(pl)
+    thing.remove()
+    pl.close()
+    with pytest.raises(ClosedError, match='make a new one'):
+        pl.ibr.add(thing)
+    if not EVERY[name].replaces:  # its actors were closed with the plotter
+        other = drawn(None)[0]
+        other.ibr.add(thing)
+        place(other, EYE)
+        assert (off(shot(other), on) <= 1).all()
+
+
+@every
+def test_own_subplot(name):
+    pl = plotter((2 * SIZE[0], SIZE[1]), shape=(1, 2), border=False)
+    for column in range(2):
+        pl.subplot(0, column)
+        stage(pl)
+    pl.show(auto_close=False)
+    before = shot(pl)
+    EVERY[name].add(pl)
+    place(pl, EYE)
+    shot(pl)
+    after = shot(pl)
+    np.testing.assert_array_equal(after[:, : SIZE[0]], before[:, : SIZE[0]])
+    alone = shot(drawn(name)[0])
+    assert (off(after[:, SIZE[0] :], alone) > 15).mean() < 0.01
+    pl.subplot(0, 0)
+    assert pl.ibr.effects == ()
+
+
+@every
+def test_two_plotters_know_nothing_of_each_other(name):
+    one, other = drawn(name)[0], drawn(name)[0]
+    before = shot(other)
+    np.testing.assert_array_equal(shot(one), before)
+    one.close()
+    np.testing.assert_array_equal(shot(other), before)
+
+
+@every
+def test_windows_of_any_size(name):
+    pl, thing = drawn(name)
+    on = shot(pl)
+    for size in ((1, 1), (130, 7), (7, 90), SIZE):
+        pl.window_size = size
+        found = shot(pl)
+        assert found.shape[:2] == size[::-1]
+    assert thing.enabled, pl.ibr.report()
+    assert (off(found, on) > 15).mean() < 0.01
