@@ -492,21 +492,6 @@ def test_bounds_hold_the_cards_and_the_camera_sees_them():
     pl.close()
 
 
-def test_removed_and_added_again_in_another_plotter(see):
-    pl, other = plotter((0, -10, 0)), plotter((0, -10, 0))
-    thing = pl.ibr.add_billboards([[0, 0, 0]], WHITE, size=2, name='one')
-    first = grab(pl, see)
-    thing.remove()
-    assert grab(pl, see).max() == 0
-    assert not list(pl.renderer.GetViewProps())
-    other.ibr.add(thing)
-    assert (grab(other, see) == first).all()
-    other.remove_actor('one')
-    assert grab(other, see).max() == 0
-    pl.close()
-    other.close()
-
-
 def test_what_moves_is_drawn_where_it_is(see):
     pl = plotter((0, -10, 0))
     thing = pl.ibr.add_billboards([[-2, 0, 0]], WHITE)
@@ -534,20 +519,6 @@ def test_what_moves_is_drawn_where_it_is(see):
     thing.visibility = True
     thing.actor.VisibilityOff()
     assert grab(pl, see).max() == 0
-    pl.close()
-
-
-def test_subplots_have_their_own():
-    pl = pv.Plotter(shape=(1, 2), off_screen=True, window_size=(200, 80))
-    for column in range(2):
-        pl.subplot(0, column)
-        pl.set_background('black')
-        pl.ibr.add_billboards([[0, 0, 0]], WHITE, colors=[np.eye(3)[column]])
-        aim(pl, (0, -4, 0))
-    pl.show(auto_close=False)
-    picture = pl.screenshot()
-    assert picture[40, 50].tolist() == [255, 0, 0]
-    assert picture[40, 150].tolist() == [0, 255, 0]
     pl.close()
 
 

@@ -423,17 +423,3 @@ def test_materials_of_all_kinds_share_a_draw():
     assert np.abs(pictures[0] - pictures[1]).mean() < 0.5
     inside = distance_transform_edt(cover(pictures[0])) > 3
     assert np.abs(pictures[0] - pictures[1])[inside].mean() < 2.0
-
-
-def test_subplots_have_their_own():
-    pl = pv.Plotter(off_screen=True, window_size=(400, 200), shape=(1, 2))
-    pl.ren_win.SetMultiSamples(0)
-    for k in range(2):
-        pl.subplot(0, k)
-        actor = pl.add_mesh(TORUS, color='gold', smooth_shading=True)
-        pl.camera_position = EYE
-        if k:
-            pl.ibr.add_impostor(actor, only_if_faster=False)
-    pl.show(auto_close=False)
-    picture = pl.screenshot(None, return_img=True).astype(int)
-    assert displaced(picture[:, :200], picture[:, 200:], cover) <= 1.5

@@ -12,12 +12,6 @@ from pvibr.core import _vtk
 
 TORUS = pv.ParametricTorus(u_res=120, v_res=60).compute_normals()
 BALL = pv.Sphere(theta_resolution=120, phi_resolution=60)
-MODES = {
-    'ssao': lambda pl: pl.enable_ssao(radius=0.5, kernel_size=32),
-    'edl': lambda pl: pl.enable_eye_dome_lighting(),
-    'peeling': lambda pl: pl.enable_depth_peeling(8),
-    'ssaa': lambda pl: pl.enable_anti_aliasing('ssaa'),
-}
 
 
 def make(*, images, size=(240, 180), **settings):
@@ -54,13 +48,6 @@ def alike(first, second, most=1.0):
     """Tell whether pictures differ by no more than outlines that are less than a pixel off."""
     away = np.abs(first - second)
     return away.mean() < most and (away.max(-1) > 40).mean() < 0.01
-
-
-@pytest.mark.parametrize('mode', MODES)
-def test_beside_what_plotters_enable(mode):
-    mesh, card, told = pictures(lambda pl, _: MODES[mode](pl))
-    assert told['shown'] == 2
-    assert alike(mesh, card)
 
 
 def test_beside_volumes_and_translucent_actors():

@@ -140,10 +140,10 @@ def test_they_meet_meshes_where_spheres_do(see):
     assert (np.abs(pictures[0] - pictures[1]).max(-1) > 0.03).mean() < 0.01
 
 
-@pytest.mark.parametrize('largest', [60.0, -1.0], ids=['points', 'quads'])
 @pytest.mark.parametrize('extra', ['ssaa', 'peeling', 'edl', 'ssao', 'glass'])
-def test_other_passes_see_them_as_meshes(extra, largest, see, monkeypatch):
-    shape = dataclasses.replace(Spheres.shape, largest_point=largest)
+def test_other_passes_see_large_ones_as_meshes(extra, see, monkeypatch):
+    """As quads, which those are that are too large for points."""
+    shape = dataclasses.replace(Spheres.shape, largest_point=-1.0)
     monkeypatch.setattr(Spheres, 'shape', shape)
     centers, radii = cloud(12, seed=5, largest=0.4)
     pictures = []
@@ -182,23 +182,6 @@ def test_large_screenshots_are_the_same_picture():
     halved = large.reshape(SIZE[1], 3, SIZE[0], 3, 3).mean((1, 3))
     assert np.abs(halved - small).mean() < 3
     pl.close()
-
-
-def test_subplots_and_two_plotters(see):
-    centers, radii = cloud(40)
-    for _ in range(2):
-        pl = plotter(size=(200, 80), shape=(1, 2))
-        pl.subplot(0, 1)
-        pl.remove_all_lights()
-        pl.add_light(pv.Light(light_type='headlight'))
-        pl.set_background('black')
-        things = pl.ibr.add_spheres(centers, radii, color='white', diffuse=1.0)
-        aim(pl, (0, -6, 1))
-        picture = see.grab(pl)[:, 100:]
-        ids, _, normals = cast(pl, things.points, things.radius)
-        good = quadric_rays.inner(ids)
-        assert np.abs(picture[..., 0] - np.where(ids >= 0, normals[..., 2], 0))[good].max() < 0.008
-        pl.close()
 
 
 def test_highlights_follow_the_material(see):
