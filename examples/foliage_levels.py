@@ -15,7 +15,7 @@ from pvibr.scenes.trees import tree_parts
 TRIANGLES = 40_000
 
 # %%
-# 1. The ladder. Leaves are what is connected and small; ``labels`` would name them.
+# 1. The levels. Leaves are what is connected and small; ``labels`` would name them.
 tree = tree_parts('broadleaf', triangles=TRIANGLES)
 levels = pvibr.foliage_levels(tree, views=16)
 
@@ -37,7 +37,7 @@ pl.show(auto_close=False)
 pl.close()
 
 # %%
-# 4. In a scene the ladder takes part by itself: each level is drawn up to the size at which its
+# 4. In a scene the levels are chosen by their error: each is drawn up to the size at which its
 # measured error is below ``max_error``.
 x, y = np.meshgrid(np.linspace(-140, 140, 15), np.linspace(0, 420, 22))
 points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])

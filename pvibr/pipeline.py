@@ -115,7 +115,7 @@ class Pipeline:
             msg = f'{name} is not in this subplot; here are: {self._names() or "none"}'
             raise ValueError(msg)
         self._enter([e for e in self._entries if e.effect is not effect])
-        self._make_current()
+        self.make_current()
         try:
             effect.release()
         finally:
@@ -149,7 +149,8 @@ class Pipeline:
     def _names(self):
         return ', '.join(effect.name for effect in self.effects)
 
-    def _make_current(self):
+    def make_current(self):
+        """Make the context of the window current, if it was drawn."""
         window = self.window
         if window is not None and not window.GetNeverRendered():
             window.MakeCurrent()
@@ -168,7 +169,7 @@ class Pipeline:
             for tag in self._observers:
                 self.renderer.RemoveObserver(tag)
             self._observers = []
-            self._make_current()
+            self.make_current()
             self._stage.release()
             self.buffers.release()
 

@@ -1,4 +1,4 @@
-"""Billboard clouds: a mesh as a few textured rectangles, each vertex displaced within a bound."""
+"""Billboard clouds: a mesh as a few textured rectangles, with bounded displacement."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BOTH = 0.1  # of the area near a plane that must look each way for it to have t
 
 @dataclass(frozen=True, eq=False)
 class BillboardCloud:
-    """What a mesh became: rectangles with a texture, and how good they are.
+    """The textured rectangles of a mesh, with their error.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class BillboardCloud:
         )
 
     def add_to(self, plotter, *, lighting=True, **kwargs):
-        """Show it in a plotter: cut out at its edges, and lit by the normals of its texture.
+        """Add it to a plotter, alpha-tested, and lit by its normal map.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class BillboardCloud:
         return actor
 
     def save(self, path):
-        """Write it for other programs.
+        """Write it to a file.
 
         Parameters
         ----------
@@ -217,7 +217,7 @@ def _joined(parts):
 
 
 def _sides(planes, points, faces, solid, apart):
-    """Return a plane for each side that is shown, and which of the given ones it is."""
+    """Return a plane for each visible side, and the index of the given one."""
     a, b, c = points[faces].transpose(1, 0, 2)
     area = (np.cross(b - a, c - a) * planes.normals[planes.owner]).sum(1)
     count = len(planes)

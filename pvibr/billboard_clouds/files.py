@@ -51,7 +51,7 @@ def _png(texture):
 
 
 def write_obj(cloud, path):
-    """Write a cloud as OBJ, with its material and two pictures beside it."""
+    """Write a cloud as OBJ, with its material and two images beside it."""
     stem = path.stem.replace(' ', '_')  # names in these files end at a blank
     material, color = path.with_name(f'{stem}.mtl'), path.with_name(f'{stem}.png')
     normal = path.with_name(f'{stem}_normals.png')

@@ -1,4 +1,4 @@
-"""The pictures on the planes of a billboard cloud: laid out flat, drawn at once, packed."""
+"""The texture of a billboard cloud: planes flattened, rendered at once, packed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _BLOCK = 1 << 20  # distances looked at together
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """Where the picture of each plane is, in the world and in the texture."""
+    """The rectangle of each plane, in world and texture space."""
 
     axes: np.ndarray
     low: np.ndarray
@@ -43,7 +43,7 @@ class Sheet:
         return points, (self.corners[:, None] + texel) / self.side
 
     def flattened(self, points, plane):
-        """Return points as they lie in the texture, in texels, with their height over it."""
+        """Return points in texels of the texture, with their height above it."""
         flat = np.einsum('n...d,ned->n...e', points, self.axes[plane])
         to = np.column_stack([self.corners, np.zeros(len(self.corners))])
         shape = (len(plane), *[1] * (flat.ndim - 2), 3)
@@ -51,7 +51,7 @@ class Sheet:
 
 
 def arranged(planes, points, faces, side) -> Sheet:
-    """Return the smallest rectangles around what lies on each plane, packed into a square."""
+    """Return the smallest rectangles around the contents of each plane, packed into a square."""
     order = np.argsort(planes.owner, kind='stable')
     starts = np.searchsorted(planes.owner[order], np.arange(len(planes) + 1))
     axes, low, sizes = [], [], []
@@ -89,7 +89,7 @@ def _rectangle(points, normal):
 
 
 def draw(parts, origin, planes, sheet, reach, supersample):
-    """Draw all that is near to each plane onto it."""
+    """Render the triangles near each plane onto it."""
     flat = []
     first = 0
     for part in parts:
@@ -111,7 +111,7 @@ def draw(parts, origin, planes, sheet, reach, supersample):
 
 
 def _laid_out(part, origin, planes, owner, sheet, reach):
-    """Return a part whose triangles lie where they are drawn, some on more than one plane."""
+    """Return a part flattened into the texture, with some triangles on several planes."""
     mesh = part.mesh
     points, faces = np.asarray(mesh.points, float) - origin, np.asarray(mesh.regular_faces)
     face, plane = _pairs(points[faces], planes, owner, sheet, reach)
@@ -127,7 +127,7 @@ def _laid_out(part, origin, planes, owner, sheet, reach):
 
 
 def _turn_normals(mesh, axes, *, flat):
-    """Turn the normals of triangles with corners of their own, as the triangles were turned."""
+    """Rotate the normals of unshared corners with their triangles."""
     for data, of in ((mesh.point_data, axes.repeat(3, 0)), (mesh.cell_data, axes)):
         if data.active_normals is None:
             continue
@@ -139,7 +139,7 @@ def _turn_normals(mesh, axes, *, flat):
 
 
 def _pairs(corners, planes, owner, sheet, reach):
-    """Return triangles and planes: each its own, and all else that lies near within a picture."""
+    """Return triangles and planes: its own of each, and others nearby within a rectangle."""
     found = []
     block = max(1, _BLOCK // len(planes))
     for start in range(0, len(corners), block):
@@ -177,14 +177,14 @@ def _actor(part):
 
 
 def _reduced(pixels, factor):
-    """Average squares of samples, some rows at a time; 0 to 1."""
+    """Return means of squares of samples, some rows at a time; 0 to 1."""
     step = 64 * factor
     rows = [box_reduce(pixels[k : k + step], factor) for k in range(0, len(pixels), step)]
     return np.concatenate(rows) / 255
 
 
 def _solid(coverage, sheet):
-    """Return which texels are drawn: of each picture as many as its parts cover together."""
+    """Return the opaque texels: in each rectangle as many as its coverage."""
     solid = np.zeros(coverage.shape)
     for (x, y), (w, h) in zip(sheet.corners, sheet.texels, strict=True):
         own = coverage[y : y + h, x : x + w]
@@ -195,7 +195,7 @@ def _solid(coverage, sheet):
 
 
 def _spread(image, known):
-    """Give all else the nearest colour of what is drawn: filters of any width meet no other."""
+    """Fill transparent texels with the nearest colour, for filters of any width."""
     if not known.any():
         return image
     row, column = ndimage.distance_transform_edt(

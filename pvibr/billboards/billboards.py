@@ -18,7 +18,7 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
 from pvibr.images.sheet import as_images
 from pvibr.instances.cards import card_mesh, pack
-from pvibr.scene.item_set import ItemSet
+from pvibr.scene.item_set import CardSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_actor import draw_actor, observe_shader
@@ -31,7 +31,7 @@ _ROW, _WIDE = 1024, 3072  # texels; the second is a multiple of 3 and of 4
 _HIT = 0.05  # alpha from which a blended billboard can be picked
 
 
-class Billboards(ItemSet):
+class Billboards(CardSet):
     """An image at each of many points, turned toward the eye.
 
     Parameters
@@ -39,55 +39,55 @@ class Billboards(ItemSet):
     points : array_like, shape (n, 3), or dataset
         World units.
     image : path, array, pyvista.Texture, pvibr.LiveTexture, or a list of the first three
-        What is shown; several are packed into one texture. Arrays are (h, w) or (h, w, c), row 0
+        Image or images; several are packed into one texture. Arrays are (h, w) or (h, w, c), row 0
         at the top, uint8, uint16, bool or float from 0 to 1.
     size : float or array_like, shape (n,), (n, 2) or (1, 2)
         Height, or width and height, of each or of all; a height keeps the image's proportions.
     facing : {'spherical', 'cylindrical', 'screen', 'world'}
-        Turned to the eye; only about `axis`; parallel to the screen; not at all.
+        Towards the camera; about `axis` only; parallel to the screen; fixed.
     axis : array_like, shape (3,) or (n, 3), optional
-        What is up on the cards: z for cylindrical ones, the camera's up for spherical ones unless
-        given.
+        Up direction of the cards; z for cylindrical cards, the camera's up for spherical ones by
+        default.
     towards : {'point', 'plane'}
-        Whether cards turn to the eye's place, or all alike to its plane.
+        Face the camera's position, or its image plane.
     orientation : array_like, shape (4,) or (n, 4), optional
         Quaternions (w, x, y, z) of cards that face the world: from x right, y up, z to the front.
     rotation : float or array_like, shape (n,)
         Radians counter-clockwise about the card's normal.
     index : array_like of int, shape (n,), optional
-        Which of several images each shows; by turns by default, or the first of a flipbook.
+        Image that each shows; in turn by default, or the first of a flipbook.
     frames : tuple of 2 int, optional
-        Columns and rows of images in the image.
+        Columns and rows of a sprite sheet.
     fps : float, optional
-        Images a second of a flipbook: each goes on from its `index` and round.
+        Frame rate of a flipbook, which starts at `index` and loops.
     cutout : float or None
-        Alpha from which a texel is drawn, opaque; None blends.
+        Alpha threshold above which texels are opaque; None for alpha blending.
     size_unit : {'world', 'pixel'}
-        What `size` is in.
+        Unit of `size`.
     anchor : {'center', 'bottom', 'top'} or array_like, shape (2,)
-        What of the card is at the point: shares of width and height from the lower left.
+        Position of the point on the card, in shares of width and height from the lower left.
     views : int
-        How many of the images, in turn, are views of one thing about the axis of cylindrical
-        cards: the first from x (from y where the axis is close to x), the others
-        counter-clockwise. Each card shows the one from the eye's side.
+        Number of consecutive images that show one object from around the axis of cylindrical
+        cards: the first from x (from y if the axis is close to x), the others
+        counter-clockwise. Each card shows the view nearest to the camera.
     blend_views : bool
-        Mix the two views on both sides of the eye, not the nearest alone.
+        Blend the two nearest views.
     yaw : float or array_like, shape (n,)
-        Radians by which the thing itself is turned about the axis.
+        Rotation of the object itself about the axis, in radians.
     colors : array_like, shape (n, 3), optional
-        Multiply the image; uint8 or float.
+        Colours that multiply the image; uint8 or float.
     scalars : array_like, shape (n,), optional
-        Mapped to colours as in ``add_mesh``.
+        Values mapped to colours as in ``add_mesh``.
     visible : array_like of bool, shape (n,), optional
-        Which are drawn.
+        Mask of the items that are drawn.
     opacity : float or array_like, shape (n,)
-        Of each it is for those that blend only.
+        One value, or one per billboard if they are blended.
     lighting : bool
-        Whether lights fall on the cards.
+        Light the cards.
     pickable : bool
-        Whether :meth:`pick` finds them.
+        Allow picking.
     name : str, optional
-        What the plotter and reports call it.
+        Name in the plotter and in reports.
     **table
         ``cmap``, ``clim``, ``n_colors``, ``nan_color``, ``below_color``, ``above_color``,
         ``log_scale`` as in ``add_mesh``.
@@ -95,16 +95,16 @@ class Billboards(ItemSet):
     Raises
     ------
     TypeError, ValueError
-        Where an argument is not allowed.
+        If an argument is invalid.
     FileNotFoundError
-        Where there is no such image.
+        If an image does not exist.
 
     Notes
     -----
-    Cut-outs are opaque to VTK and meet other props by depth. Those that blend are drawn from far
-    to near, with other translucent props in between by the middle of these, or pixel by pixel
-    where depth peeling is on. All cast shadows, each turned to the light, as large as the camera
-    sees them; of those that blend, what is at least half opaque does.
+    Cut-outs are opaque to VTK and depth-tested. Blended billboards are sorted from far to near
+    among other translucent props by the centre of these, or per pixel with depth peeling. All
+    cast shadows, turned to the light, in the size that the camera sees; blended ones cast those
+    of texels that are at least half opaque.
 
     Examples
     --------
@@ -118,12 +118,10 @@ class Billboards(ItemSet):
     >>> pl.close()
     """
 
-    web = 'baked', 'quads, turned to the eye as it is now'
+    web = 'baked', 'quads, turned to the current camera'
     _title = 'Billboards'
 
-    fps = Param(
-        None, 'Images a second of a flipbook.', range='(-inf, inf)', unit='1/s', kind=float
-    )
+    fps = Param(None, 'Frame rate of a flipbook.', range='(-inf, inf)', unit='1/s', kind=float)
     _noun = 'points'
 
     @takes(table=TABLE_OPTIONS)
@@ -200,9 +198,9 @@ class Billboards(ItemSet):
         self._feature = _feature()
         self._mapper = _vtk.vtkPolyDataMapper()
         self._mapper.ScalarVisibilityOff()
-        observe_shader(self._mapper, self)
+        observe_shader(self._mapper, self._set_shader)
         draws = -(-max(len(self), 1) // _CHUNK)
-        # What blends, and beside it, for lights, what of it is at least half opaque.
+        # Blended draws, and for lights those of texels that are at least half opaque.
         self._draws = self._actors(draws + MOST * self.blends, self.blends)
         self._dense = self._actors(draws, False) if self.blends else []
         self._set_bounds()
@@ -222,7 +220,7 @@ class Billboards(ItemSet):
 
     @property
     def facing(self) -> str:
-        """What the cards are turned to."""
+        """Direction that the cards face."""
         return self.layout.facing
 
     @property
@@ -232,7 +230,7 @@ class Billboards(ItemSet):
 
     @property
     def points(self) -> np.ndarray:
-        """Where they are, shape (n, 3), world units."""
+        """Positions, shape (n, 3), world units."""
         return self.layout.points
 
     @points.setter
@@ -254,7 +252,7 @@ class Billboards(ItemSet):
 
     @property
     def rotation(self) -> np.ndarray:
-        """By how much each is turned in its plane, shape (n,), radians."""
+        """Rotation in the plane of the card, shape (n,), radians."""
         return self.layout.rotation
 
     @rotation.setter
@@ -264,7 +262,7 @@ class Billboards(ItemSet):
 
     @property
     def index(self) -> np.ndarray:
-        """Which image each shows, shape (n,)."""
+        """Image of each, shape (n,)."""
         return self.layout.index
 
     @index.setter
@@ -274,7 +272,7 @@ class Billboards(ItemSet):
 
     @property
     def bounds(self) -> tuple[float, ...]:
-        """World bounds: x, y and z, low and high; of none (1, -1, 1, -1, 1, -1)."""
+        """World bounds: x, y and z, low and high; if empty (1, -1, 1, -1, 1, -1)."""
         return tuple(float(v) for v in self.layout.bounds)
 
     # -- the life of an effect ----------------------------------------------------------------
@@ -284,17 +282,17 @@ class Billboards(ItemSet):
         return *super().content_key(), self._step(), self._images.draws, self.layout.seen_as()
 
     def _step(self) -> int:
-        """Return how many images a flipbook has gone on."""
+        """Return the number of images that a flipbook has advanced."""
         if not self.fps or self.pipeline is None:
             return 0
         return int(np.floor(self.pipeline.time * self.fps + 1e-9)) % self.layout.n_images
 
     def actors(self) -> list:
-        """Return the actors that draw them, those that are not visible now too."""
+        """Return the actors that draw them, invisible ones included."""
         return self._draws + self._dense
 
     def drawn(self) -> list:
-        """Return the actors that `prepare` chose; of those that blend none for a light."""
+        """Return the visible actors; none of blended billboards in shadow maps."""
         return [a for a in self._draws if a.GetVisibility()]
 
     def depths(self) -> list:
@@ -303,7 +301,7 @@ class Billboards(ItemSet):
 
     @property
     def cast_bounds(self) -> np.ndarray:
-        """World bounds of what throws shadows, shape (6,)."""
+        """World bounds of the shadow casters, shape (6,)."""
         return self.layout.cast_bounds()
 
     def needed(self, frame) -> bool | str:
@@ -385,7 +383,7 @@ class Billboards(ItemSet):
         looks[~self.visible, 3] = 0
         return looks[self.layout.order]
 
-    def set_shader(self, program):
+    def _set_shader(self, program):
         """Bind textures and set uniforms of a program that is about to draw."""
         textures = self.textures | {'ibr_sheet': self._images.texture}
         set_uniforms(program, self.binder.bind(self, textures))
@@ -396,7 +394,7 @@ class Billboards(ItemSet):
                 self._failure = 'the shader text of the billboards did not land'
 
     def release(self):
-        """Free what they hold on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         self.binder.unbind()
         if self._window is not None:
             self._mapper.ReleaseGraphicsResources(self._window)
@@ -407,7 +405,7 @@ class Billboards(ItemSet):
         self.textures, self._window, self._content_key = {}, None, None
 
     def report(self) -> dict:
-        """Return bytes, how many are drawn, and the texture that holds the images."""
+        """Return GPU memory, counts, and the size of the texture."""
         return {
             'bytes': sum(t.nbytes for t in self.textures.values()) + self._images.nbytes,
             'billboards': len(self),
@@ -417,7 +415,7 @@ class Billboards(ItemSet):
         }
 
     def bake_into(self, scene):
-        """Hand them to a scene without pvibr, as they are turned to the eye now."""
+        """Add them to a scene without pvibr, turned to its camera."""
         rows = np.flatnonzero(self.visible)
         layout, frame = self.layout, scene.frame
         axes, sizes = layout.placed(frame, rows)
@@ -441,7 +439,7 @@ class Billboards(ItemSet):
         )
 
     def _shown_images(self, frame, rows) -> np.ndarray:
-        """Return the number of the image that some show."""
+        """Return the numbers of the images of some rows."""
         layout = self.layout
         turned = (layout.index[rows] + self._step()) % layout.n_images
         views = [layout.view_of(frame, i) for i in rows] if layout.views > 1 else 0
@@ -458,7 +456,7 @@ class Billboards(ItemSet):
     # -- picking ------------------------------------------------------------------------------
 
     def pick(self, x, y) -> Hit | None:
-        """Return the nearest billboard under a pixel, where its image is not transparent.
+        """Return the nearest billboard whose image is not transparent under a pixel.
 
         Parameters
         ----------
@@ -498,6 +496,6 @@ def _feature() -> Feature:
 
 
 def _spans(first, end, unit):
-    """Return the first slot and the end entry of each draw of some entries."""
+    """Return first slot and last entry of the draws of a range."""
     step = _CHUNK // unit
     return [(a * unit, min(a + step, end)) for a in range(first, end, step)]

@@ -1,11 +1,10 @@
-"""Where billboards are and how they are turned: arrays, their order, rays that meet them."""
+"""Positions, orientation and order of billboards, and ray intersection."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from pvibr.core.frame import Frame
 from pvibr.instances.cards import BLOCK
 from pvibr.maths.blocks import Blocks, morton_order
 from pvibr.maths.facing import FACINGS, TOWARDS, as_units, azimuths, cards
@@ -16,7 +15,7 @@ UNITS = ('world', 'pixel')
 
 
 class BillboardLayout:
-    """Points with cards."""
+    """Points with a card at each."""
 
     def __init__(
         self,
@@ -48,7 +47,7 @@ class BillboardLayout:
         self.rotation = _numbers('rotation', rotation, len(self))
         self.turn = _turn(facing, axis, orientation, len(self))
         self.own_up = facing == 'spherical' and axis is not None
-        self._seer: Any = None  # the camera's last frame
+        self._seer: Frame | None = None  # the camera's last frame
         self.set_index(index)
         self._arrange()
 
@@ -57,11 +56,11 @@ class BillboardLayout:
 
     @property
     def n_images(self) -> int:
-        """How many images there are, views of one counted once."""
+        """Number of images, views of one object counted once."""
         return len(self._images)
 
     def set_index(self, index):
-        """Choose which image each shows."""
+        """Set the image of each."""
         count = self.n_images
         self.index = _checked_index(
             np.arange(len(self)) % count if index is None else index, len(self), count
@@ -69,17 +68,17 @@ class BillboardLayout:
         self.sizes = _full_sizes(self.given_size, self._images[self.index])
 
     def resize(self, size):
-        """Take another size."""
+        """Set the size."""
         self.given_size = _checked_size(size, len(self))
         self.set_index(self.index)
         self._arrange()
 
     def rotate(self, rotation):
-        """Turn each in its plane."""
+        """Set the rotation in the plane of the card."""
         self.rotation = _numbers('rotation', rotation, len(self))
 
     def move(self, points):
-        """Take new points, as many as before."""
+        """Set the points; their number must not change."""
         points = as_points(points)
         if len(points) != len(self):
             msg = f'points has {len(points)} rows; it must keep its {len(self)} billboards'
@@ -88,7 +87,7 @@ class BillboardLayout:
         self._arrange()
 
     def _arrange(self):
-        """Put neighbours together, in blocks that are culled as one."""
+        """Sort neighbours into blocks that are culled as one."""
         self.order = morton_order(self.points)
         reach = np.maximum(self.anchor, 1 - self.anchor) * self.sizes
         self.radii = np.hypot(*reach.T) if self.size_unit == 'world' else np.zeros(len(self))
@@ -100,7 +99,7 @@ class BillboardLayout:
 
     @property
     def bounds(self) -> np.ndarray:
-        """World bounds, shape (6,); of none (1, -1, 1, -1, 1, -1)."""
+        """World bounds, shape (6,); if empty (1, -1, 1, -1, 1, -1)."""
         if not len(self):
             return np.array([1.0, -1.0] * 3)
         radii = self.radii[:, None]
@@ -108,7 +107,7 @@ class BillboardLayout:
         return np.stack([low, high], 1).ravel()
 
     def reach_bounds(self) -> np.ndarray:
-        """Return bounds that hold the cards wherever the eye is, shape (6,)."""
+        """Return bounds of the cards for any camera, shape (6,)."""
         if self.size_unit == 'world' or not len(self):
             return self.bounds
         # Cards as large as so many pixels are as large in the world as they are far away.
@@ -116,7 +115,7 @@ class BillboardLayout:
         return self.bounds + np.array([-1e4, 1e4] * 3) * length
 
     def rows(self) -> np.ndarray:
-        """Return what the shader reads, shape (n, 3 or 4, 4), float32, in the order of blocks."""
+        """Return the shader's texels, shape (n, 3 or 4, 4), float32, in block order."""
         order = self.order
         local = self.points[order] - self.origin
         each = self.turn.ndim == 2
@@ -132,7 +131,7 @@ class BillboardLayout:
         return out
 
     def uniforms(self) -> dict:
-        """Return what the shader knows of all."""
+        """Return the uniforms of all billboards."""
         each = self.turn.ndim == 2
         return {
             'ibr_count': len(self),
@@ -148,7 +147,7 @@ class BillboardLayout:
         }
 
     def view_uniforms(self, frame) -> dict:
-        """Return what the shader knows of the eye."""
+        """Return the uniforms of a view."""
         eye = -frame.view_from_world[:3, :3].T @ frame.view_from_world[:3, 3] - self.origin
         high = eye.astype(np.float32)
         uniforms = {'ibr_size_scale': 0.0, 'ibr_size_depth': (0.0, 0.0, 0.0, 0.0)}
@@ -160,7 +159,7 @@ class BillboardLayout:
         }
 
     def _pixel_uniforms(self, frame) -> dict:
-        """Return how large pixels are: those of the camera, also in what a light sees."""
+        """Return the uniforms of the pixel size: that of the camera, also for a light."""
         if not frame.casting:
             self._seer = frame
         seer = self._seer or frame
@@ -171,7 +170,7 @@ class BillboardLayout:
         return {'ibr_size_scale': self._pixel(seer), 'ibr_size_depth': tuple(depth.tolist())}
 
     def cast_bounds(self) -> np.ndarray:
-        """Return world bounds of the cards as the camera saw them last, shape (6,)."""
+        """Return world bounds of the cards in the camera's last frame, shape (6,)."""
         if self.size_unit == 'world' or self._seer is None or not len(self):
             return self.bounds
         reach = np.hypot(*(np.maximum(self.anchor, 1 - self.anchor) * self.sizes).T)
@@ -184,18 +183,18 @@ class BillboardLayout:
         return self.bounds + np.array([-most, most] * 3)
 
     def seen_as(self) -> tuple:
-        """Return what the world size of cards depends on: where it is in pixels, the camera."""
+        """Return a key of the cards' world size, which in pixels depends on the camera."""
         if self.size_unit == 'world' or self._seer is None:
             return ()
         seer = self._seer
         return seer.view_from_world.tobytes(), seer.parallel, self._pixel(seer)
 
     def _pixel(self, frame) -> float:
-        """Return what a pixel is in world units at a distance of 1."""
+        """Return the size of a pixel at distance 1, world units."""
         return frame.scale / frame.pixel_scale
 
     def chosen(self, frame, fences, *, sort):
-        """Return what is drawn, in which order."""
+        """Return the drawn entries in order, items per entry, and cuts at the fences."""
         if self.size_unit == 'pixel':
             blocks = np.arange(len(self._blocks.centers))
         else:
@@ -217,7 +216,7 @@ class BillboardLayout:
         return depths_of(frame, points)
 
     def view_of(self, frame, i) -> int:
-        """Return which of its views a billboard shows, the nearer one where two are mixed."""
+        """Return the view that a billboard shows, the nearer one if two are blended."""
         if self.views == 1:
             return 0
         axis = self.turn[i, :3] if self.turn.ndim == 2 else self.turn[:3]
@@ -226,7 +225,7 @@ class BillboardLayout:
         return int(np.rint((azimuth - self.yaw[i]) / (2 * np.pi) * self.views)) % self.views
 
     def placed(self, frame, near) -> tuple[np.ndarray, np.ndarray]:
-        """Return how some are turned, (k, 3, 3), and their widths and heights, (k, 2)."""
+        """Return axes, (k, 3, 3), and widths and heights, (k, 2), of some rows."""
         turn = self.turn[near] if self.turn.ndim == 2 else self.turn
         axes = cards(
             self.points[near],
@@ -245,7 +244,7 @@ class BillboardLayout:
         return axes, sizes
 
     def met(self, frame, start, direction) -> list:
-        """Return the billboards whose rectangles a ray meets, the nearest first."""
+        """Return the billboards whose rectangles a ray hits, nearest first."""
         near = np.arange(len(self))
         if self.size_unit == 'world':
             away = self.points - start
@@ -288,7 +287,7 @@ def _floats(name, values) -> np.ndarray:
 
 
 def as_anchor(anchor) -> np.ndarray:
-    """Return what of a card is at its point."""
+    """Return the position of the point on the card."""
     named = isinstance(anchor, str)
     values = ANCHORS.get(anchor) if named else anchor
     if values is None or np.shape(values) != (2,) or not np.isfinite(values).all():
@@ -298,7 +297,7 @@ def as_anchor(anchor) -> np.ndarray:
 
 
 def checked_cutout(cutout):
-    """Return an alpha from which something is drawn, or None."""
+    """Return a checked alpha threshold, or None."""
     if cutout is not None and not 0 < cutout <= 1:
         msg = f'cutout is {cutout!r}; it must be above 0 and at most 1, or None to blend'
         raise ValueError(msg)
@@ -360,7 +359,7 @@ def _checked_size(size, count):
 
 
 def _full_sizes(size, images):
-    """Return width and height of each; where only heights are given, as wide as its image."""
+    """Return width and height of each; a height alone keeps the image's proportions."""
     if size.ndim == 2:
         return np.broadcast_to(size, (len(images), 2))
     heights = np.broadcast_to(size, (len(images),))
@@ -368,7 +367,7 @@ def _full_sizes(size, images):
 
 
 def _turn(facing, axis, orientation, count):
-    """Return axis or quaternion of all, shape (4,), or of each, shape (n, 4)."""
+    """Return the common axis or quaternion, shape (4,), or one each, shape (n, 4)."""
     if facing != 'world' and orientation is not None:
         msg = f"orientation is of cards with facing='world', not {facing!r}; give axis or rotation"
         raise ValueError(msg)

@@ -33,7 +33,7 @@ class SheetImages:
         return self._sheet.rects * np.float32(0.5**self._skipped)
 
     def uniforms(self) -> dict:
-        """Return what the shader knows of the texture."""
+        """Return the uniforms of the texture."""
         return {'ibr_smallest': float(len(self._sheet.levels) - 1 - self._skipped)}
 
     def whole(self) -> tuple[np.ndarray, np.ndarray]:
@@ -53,7 +53,7 @@ class SheetImages:
         return {'texture': f'{width} x {height}'}
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Free GPU memory; the context is current."""
         if self.texture is not None:
             self.texture.release()
         self.texture = None
@@ -93,7 +93,7 @@ class LiveImage:
         return np.array([[0, 0, *self._live.size]], np.float32)
 
     def uniforms(self) -> dict:
-        """Return what the shader knows of the texture."""
+        """Return the uniforms of the texture."""
         return {'ibr_smallest': float(np.floor(np.log2(max(self._live.size))))}
 
     def whole(self) -> tuple[np.ndarray, np.ndarray]:

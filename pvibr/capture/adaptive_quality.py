@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import Any
 
 from pvibr.capture.clock import draw, filming, is_dragged, ticks
+from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
 
 #: What quality may be: three dB a step.
@@ -66,7 +67,7 @@ class Budget:
         self._frame += 1
         self._stuck = max(0, self._stuck - 1)
         before = self._known(self._level)
-        mean = ms if before is None else before + _WEIGHT * (ms - before)
+        mean = RunningMean(ms if before is None else before, _WEIGHT).add(ms)
         self._took[self._level] = mean, self._frame
         raised, self._raised = self._raised, False
         self._easy = self._easy + 1 if mean < _EASY * self.ms else 0

@@ -228,7 +228,7 @@ class Crowd(Instances):
         self._moved()
 
     def _moved(self):
-        for group in self._groups:
+        for group in self.groups:
             group.moved()
         self._changes += 1
 
@@ -264,7 +264,7 @@ class Crowd(Instances):
     def prepare(self, frame):
         """Choose levels of detail, and animate the members."""
         super().prepare(frame)
-        for group in self._groups:
+        for group in self.groups:
             group.at(frame.window, self._now())
             for actor in group.mesh_actors():
                 actor.SetPickable(bool(self.pickable and frame.picking))
@@ -272,12 +272,12 @@ class Crowd(Instances):
     def finish(self, frame):
         """Release the texture units."""
         super().finish(frame)
-        for group in self._groups:
+        for group in self.groups:
             group.finish()
 
     def report(self) -> dict:
         """Return the report of instances, with bytes on the GPU."""
-        return super().report() | {'bytes': sum(group.nbytes for group in self._groups)}
+        return super().report() | {'bytes': sum(group.nbytes for group in self.groups)}
 
 
 def _matrix(pose) -> np.ndarray:

@@ -1,8 +1,6 @@
-"""The quad that shows a layer's picture in the scene, warped, with the depth of what it shows."""
+"""The quad that shows a layer's image in the scene, warped, with depth."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -34,15 +32,15 @@ def layer_feature(*, blends) -> Feature:
 
 
 class LayerCard(ShaderActor):
-    """One quad, for one picture at a time."""
+    """A quad for one image at a time."""
 
     def __init__(self):
         super().__init__()
         self.actor.prop.lighting = False
-        self._bounds: Any = None
+        self._bounds: tuple | None = None
 
     def show(self, frame, picture, warp, turn, bounds):
-        """Draw a picture in a frame."""
+        """Draw an image in a frame."""
         self._attach(layer_feature(blends=picture.blends))
         bounds = tuple(map(float, bounds))
         if bounds != self._bounds:

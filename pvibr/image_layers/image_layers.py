@@ -1,57 +1,54 @@
-"""Coherent layers: parts of the scene as pictures, warped until they must be taken again."""
+"""Image layers: parts of the scene cached as images that are warped to each frame."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
-from pvibr.core.determinism import is_deterministic
 from pvibr.core.params import Param
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.scene_pass import is_marker
 from pvibr.image_layers.card import LayerCard
-from pvibr.image_layers.layer import Layer, Now, around, numbers_by_depth
+from pvibr.image_layers.layer import Layer, Now, numbers_by_depth
 from pvibr.image_layers.members import Lighting, Member
 from pvibr.image_layers.picture import Settings
-from pvibr.maths.views import may_see
 from pvibr.projection.live_texture import LiveTexture
+from pvibr.scene.actor_watch import ActorWatch
 from pvibr.scene.casters import Casters, Surfaces, listed
-from pvibr.scene.thing import Thing
+from pvibr.scene.substitute import Substitute, addresses
+from pvibr.scene.thing import joined_bounds
 
 # The eye may go this share of the way to the nearest middle until a split by depth is made anew.
 _NEAR = 0.25
 
 
-class ImageLayers(Thing):
-    """Parts of the scene that are drawn as pictures, taken again only when they must be.
+class ImageLayers(Substitute):
+    """Parts of the scene cached as images, which are warped to each frame.
 
-    A picture shows the actors of a layer, lit, beyond the edges of the screen as well. In every
-    frame it is warped by the best fit of its characteristic points, the nearest and farthest of
-    each block of what it shows, and it has their depth: layers, other props, instances and
-    impostors hide each other as surfaces do. It serves until a point is shown further than
-    `max_error` from where it is, something is seen that it does not show, its texels are too
-    large, its actors changed, or light on them did by more than `max_shade`. The actors stay what
-    they are to all others: they can be picked, moved, hidden and removed.
+    An image shows the lit actors of a layer with overscan. In every frame it is warped by the
+    best fit of its characteristic points, the nearest and farthest of each block, and it is
+    depth-tested. It is rendered again once a point is displaced by more than `max_error`,
+    something becomes visible that it lacks, its resolution is too low, its actors changed, or
+    their shading did by more than `max_shade`. The actors themselves can still be picked, moved,
+    hidden and removed.
 
     Parameters
     ----------
     groups : sequence of vtkActor or sequences of them, optional
-        The layers, each one actor or several, all in the subplot that this is added to; by default
-        all actors of the subplot, those that come later too, by their depth.
+        Actors of each layer, all in the subplot that this is added to; by default all actors of
+        the subplot, later ones included, are split by depth.
     name : str, optional
-        What reports call it.
+        Name in reports.
     **settings
-        See the class's Params.
+        Settings of the class.
 
     Raises
     ------
     TypeError
-        Where an actor is none.
+        If an actor is none.
     ValueError
-        Where a layer is empty, an actor is given twice, or a setting is out of range.
+        If a layer is empty, an actor is given twice, or a setting is out of range.
 
     Examples
     --------
@@ -66,55 +63,42 @@ class ImageLayers(Thing):
     >>> pl.close()
     """
 
-    web = 'shown', 'its actors, as meshes'
-    max_error = Param(
-        1.0, 'How far from where it is anything may be shown.', range='(0, inf)', unit='px'
-    )
     max_shade = Param(
         0.02,
-        'How much lighter or darker than it is anything may be shown, of white.',
+        'Maximum error of the brightness, as a share of white.',
         range='(0, 1]',
     )
     warp = Param(
         'projective',
-        'What a warp may be: affine alone, or after that of the plane which fits '
-        'best, and which is exact where the eye stays.',
+        'Warp by an affine map alone, or after the homography of the best-fit plane, which is '
+        'exact for a camera that only turns.',
         choices=('affine', 'projective'),
     )
     overscan = Param(
         0.15,
-        'What pictures show beyond each side of the screen, of its width and height.',
+        'Margin rendered beyond each side of the screen, as a share of its size.',
         range='[0, 1]',
     )
     resolution = Param(
         (),
-        'Texels of a pixel along a side, of each layer or of all; by default 1, and 2 where '
-        'the window smooths edges.',
+        'Texels per pixel along a side, of all layers or each; 1 by default, 2 if anti-aliased.',
         range='[0.05, 4]',
     )
     blur = Param(
         (),
-        'Standard deviation of a low-pass filter, of each layer or of all; by default none.',
+        'Standard deviation of a Gaussian blur, of all layers or each; none by default.',
         range='[0, 100]',
         unit='px',
     )
-    count = Param(4, 'Layers at most where they are made by depth.', range='[1, 16]')
-    budget_ms = Param(
-        None,
-        'What may be taken again in a frame, the worst first; None for all that is wrong.',
-        range='[0, inf)',
-        unit='ms',
-        kind=float,
-    )
+    count = Param(4, 'Maximum number of layers if split by depth.', range='[1, 16]')
     memory = Param(
         2**29,
-        'What pictures may take; their resolution is less where it is short.',
+        'Maximum GPU memory of the images, which limits their resolution.',
         range='[65536, inf)',
         unit='bytes',
     )
-    only_if_faster = Param(
-        True, 'Replace only actors that are slower to draw themselves, as measured here.'
-    )
+    _argument = 'groups'
+    _surfaces: Surfaces
 
     def __init__(self, groups=None, *, name=None, **settings):
         self.name = name
@@ -124,15 +108,14 @@ class ImageLayers(Thing):
         self._layers: list[Layer] = []
         # After all opaque props, but before those with soft edges of their own; in front of these
         # are only blurred layers that are nearer than all sharp ones.
-        self._cards: dict[bool, list[LayerCard]] = {False: [LayerCard()], True: []}
-        self._surfaces: Any = None
-        self._drawer: Any = None
+        self._back, self._front = [LayerCard()], list[LayerCard]()
+        self._drawer: Drawer | None = None
         self._split: tuple = ()
-        self._version = 0
-        self._frame: Any = None
         if self._groups is not None:
             self._layers = [Layer([Member(a) for a in group]) for group in self._groups]
             self._members = {m.key: m for layer in self._layers for m in layer.members}
+        self._draws: dict[str, int] = {}  # of live textures
+        self._watch = ActorWatch(self.actors())
 
     def __setattr__(self, name, value):
         super().__setattr__(name, _several(name, value))
@@ -147,105 +130,72 @@ class ImageLayers(Thing):
 
     @property
     def props(self) -> tuple:
-        """The quads that show its layers; without them it goes."""
-        return tuple(card.actor for card in self._all_cards())
-
-    def _all_cards(self):
-        return [*self._cards[False], *self._cards[True]]
+        """Actors of the quads that show its layers."""
+        return tuple(card.actor for card in self._cards())
 
     def actors(self) -> list:
         """Return the actors that are in layers."""
         return [m.actor for m in self._members.values()]
 
-    def drawn(self) -> list:
-        """Return what draws it in the frame that it was prepared for."""
-        return [
-            *(a for a in self.props if a.GetVisibility()),
-            *(m.actor for m in self._members.values() if m.actor.GetVisibility()),
-        ]
+    def _stood_for(self) -> list:
+        return self.actors()
+
+    def _cards(self) -> list:
+        return [*self._back, *self._front]
 
     def solids(self) -> list:
-        """Return the actors whose meshes throw its shadows."""
+        """Return the actors whose meshes cast its shadow volumes."""
         return [m.actor for m in self._members.values() if m.why != 'hidden']
-
-    def content_key(self) -> tuple:
-        """Return what changes whenever what is drawn does, the camera left out."""
-        if self._frame is None:
-            self._update_members()
-        return self._version, self._revision
 
     @property
     def bounds(self) -> tuple[float, ...]:
         """World bounds of all actors that are visible."""
         if self._frame is None:
-            self._update_members()
-        return around([m.bounds for m in self._members.values() if m.why != 'hidden'])
+            self._update()
+        return super().bounds
 
     # -- the life of an effect --------------------------------------------------------------------
 
-    def attach(self, pipeline):
-        """Put the quads into the scene."""
-        renderer = pipeline.renderer
-        for actor in self.actors() if self._groups is not None else ():
-            if not renderer.HasViewProp(actor):
-                msg = f'groups: {actor!r} is not in this subplot; add it there first'
-                raise ValueError(msg)
-        for other in pipeline.things:
-            taken = {address(a) for a in (*other.actors(), *other.props)}
-            both_all = isinstance(other, ImageLayers) and self._groups is other._groups is None
-            if both_all or taken & self._members.keys():
-                msg = f'groups: {other.name} stands for some of these; remove it first'
-                raise ValueError(msg)
-        super().attach(pipeline)
+    def _claimed(self) -> list:
+        return self.actors() if self._groups is not None else []
+
+    def _conflicts(self, other) -> bool:
+        if isinstance(other, ImageLayers) and self._groups is other.groups is None:
+            return True
+        return bool(addresses([*other.actors(), *other.props]) & self._members.keys())
+
+    @property
+    def groups(self) -> list | None:
+        """Actors of each layer as given, None if split by depth."""
+        return self._groups
 
     def _put_in(self, renderer):
         self._surfaces = Surfaces(renderer)
-        for actor in self.props:
-            renderer.AddViewProp(actor)
+        super()._put_in(renderer)
 
-    def _take_out(self, renderer):
-        self.deactivate()
-        for actor in self.props:
-            renderer.RemoveViewProp(actor)
-
-    def deactivate(self):
-        """Show the actors themselves."""
-        for card in self._all_cards():
+    def _give_back(self):
+        for card in self._cards():
             card.hide()
-        for member in self._members.values():
-            member.show()
-        self._frame = None
+        self._watch.show()
 
     def needed(self, frame) -> bool | str:
-        """Tell whether a frame is one that pictures may serve."""
+        """Return True if images may replace actors in a frame, else why not."""
         return frame.scale == 1 or 'a screenshot larger than the window is drawn from the actors'
-
-    def prepare(self, frame):
-        """Warp what serves, take again what does not, and hide what is in either."""
-        if frame is self._frame:
-            return
-        self.deactivate()
-        self._update_members()
-        try:
-            self._prepare(frame)
-        except Exception:
-            self.deactivate()
-            raise
-        self._frame = frame
-
-    def finish(self, frame):
-        """Give everyone their actors back."""
-        if frame is self._frame:
-            self.deactivate()
 
     # -- what is in which layer -------------------------------------------------------------------
 
-    def _update_members(self):
-        """Look at all actors; those that were taken out of the subplot go."""
+    def _update(self):
+        """Update all members; forget actors that left the subplot."""
         self._gather()
         effects = self.pipeline.effects if self.pipeline is not None else ()
-        draws = {address(e.texture): e.draws for e in effects if isinstance(e, LiveTexture)}
-        changed = [m.update(draws) for m in self._members.values()]
+        lives = [e for e in effects if isinstance(e, LiveTexture)]
+        before, self._draws = self._draws, {address(e.texture): e.draws for e in lives}
+        members = list(self._members.values())
+        rows = self._watch.changed()
+        if before != self._draws:  # of which VTK's times know nothing
+            rows = list(range(len(members)))
+        changed = [members[i].update(self._draws) for i in rows]
+        self._watch.settle()
         self._version += any(changed)
 
     def _gather(self):
@@ -254,20 +204,23 @@ class ImageLayers(Thing):
         # What another thing stands for is its own from then on.
         self._surfaces.update([t for t in self.pipeline.things if t is not self])
         free, _ = self._surfaces.chosen(None)
-        own = {address(a) for a in self.props}
+        own = addresses(self.props)
         present = {k: a for k, a in free.items() if k not in own}
-        if self._groups is None:
-            for key in present.keys() - self._members.keys():
-                self._members[key] = Member(present[key])
+        new = present.keys() - self._members.keys() if self._groups is None else set()
         gone = self._members.keys() - present.keys()
+        if not new and not gone:
+            return
+        for key in new:
+            self._members[key] = Member(present[key])
         for key in gone:
             del self._members[key]
-            self._version += 1
         for layer in self._layers if gone else ():
             layer.keep(self._members)
+        self._version += bool(gone)
+        self._watch = ActorWatch(self.actors())
 
     def _by_depth(self, frame):
-        """Split all actors by their depth, anew where the eye went far."""
+        """Split all actors by depth, again if the camera moved far."""
         fit = {m.key: m for m in self._members.values() if not m.why}
         if self._split:
             keys, count, eye, room = self._split
@@ -293,12 +246,11 @@ class ImageLayers(Thing):
     # -- one frame --------------------------------------------------------------------------------
 
     def _prepare(self, frame):
-        for card in self._all_cards():
-            if card.failure:
-                raise RuntimeError(card.failure)
         if self._groups is None:
             self._by_depth(frame)
-        now = Now(frame, frame.view, Lighting(frame.renderer), *self._scene(), self)
+        limits = self.max_error, self.max_shade, self.warp, self.only_if_faster
+        light = Lighting(frame.renderer)
+        now = Now(frame, frame.view, light, *self._scene(), *limits)
         for k, layer in enumerate(self._layers):
             layer.judge(now, self._settings(frame, k))
         self._take(now)
@@ -315,7 +267,7 @@ class ImageLayers(Thing):
         return Settings(resolution, blur, self.overscan, 'rgba16f' if wide else 'rgba8', share)
 
     def _scene(self) -> tuple[list, tuple]:
-        """Return the effects that the look of surfaces depends on, and when they changed."""
+        """Return the effects that surfaces depend on, and a key of their state."""
         lives = [e for e in self.pipeline.effects if isinstance(e, LiveTexture)]
         effects = [
             e
@@ -336,64 +288,59 @@ class ImageLayers(Thing):
         return effects, (key, Casters(free, others).key(), self._version)
 
     def _take(self, now):
-        """Take the pictures that do not serve, the worst first, within the budget."""
+        """Renew invalid images within the budget, the worst first."""
         wrong = [k for k in self._layers if k.wrong]
         wrong.sort(key=lambda k: -k.residual)
-        endless = self.budget_ms is None or is_deterministic()
-        left = np.inf if endless else self.budget_ms / 1e3
-        taken = 0
+        left, taken = self._budget(), 0
         for layer in wrong:
             if taken and layer.seconds > left:
                 layer.late()
                 continue
-            self._drawer = self._drawer or Drawer(now.frame.renderer)
-            left, taken = left - layer.take(now, self._drawer), taken + 1
-        if not taken:
+            left, taken = left - self._take_one(now, layer), taken + 1
+        if not taken or self._drawer is None:
             return
         self._drawer.done()
         now.frame.renderer.UpdateLightsGeometryToFollowCamera()
 
+    def _take_one(self, now, layer) -> float:
+        """Renew an image; return the seconds that it took."""
+        self._drawer = self._drawer or Drawer(now.frame.renderer)
+        seconds = layer.take(now, self._drawer)
+        for member in layer.members:
+            member.settle(self._draws)
+        self._watch.settle()
+        return seconds
+
     def _show(self, frame):
-        """Draw the pictures, from far to near, in place of their actors."""
-        shown = [layer for layer in self._layers if layer.fit is not None and layer.fit.seen]
-        shown.sort(key=lambda layer: -layer.away())
-        sharp = [k for k, layer in enumerate(shown) if not layer.picture.blurred]
+        """Draw the images, from far to near, in place of their actors."""
+        shown = [(k, k.fit) for k in self._layers if k.fit is not None and k.fit.seen]
+        shown.sort(key=lambda pair: -pair[0].away(pair[1]))
+        sharp = [k for k, (layer, _) in enumerate(shown) if not layer.picture.blurred]
         cut = sharp[-1] + 1 if sharp else 0
         before: list = []
-        for last, mine in ((True, shown[cut:]), (False, shown[:cut])):
-            cards = self._cards[last]
+        for cards, mine in ((self._front, shown[cut:]), (self._back, shown[:cut])):
             for _ in range(len(mine) - len(cards)):
                 cards.append(LayerCard())
                 frame.renderer.AddViewProp(cards[-1].actor)
-            for card, layer in zip(cards, mine, strict=False):
-                fit = layer.fit
-                card.show(frame, layer.picture, fit.warp, fit.turn, around(layer.bounds))
+            for card, (layer, fit) in zip(cards, mine, strict=False):
+                bounds = joined_bounds(layer.bounds.tolist())
+                card.show(frame, layer.picture, fit.warp, fit.turn, bounds)
             _put(frame.renderer, [card.actor for card in cards], before)
             before = [card.actor for card in cards] + self._soft_edged()
-        for layer in self._layers:
-            for member in layer.members if layer.fit is not None else ():
-                if not member.why:
-                    member.hide()
+        hidden = {m.key for k in self._layers if k.fit is not None for m in k.members if not m.why}
+        self._watch.hide([i for i, key in enumerate(self._members) if key in hidden])
 
     def _soft_edged(self):
-        """Return actors that blend with what was drawn before them."""
+        """Return the actors of things with soft edges."""
         return [actor for thing in self.pipeline.things for actor in thing.soft_edged()]
-
-    def draws(self, frame, *, depth=False) -> list:
-        """Return the actors themselves that may be seen in a frame that is not its own."""
-        found = [m for m in self._members.values() if m.why not in ('hidden', 'empty')]
-        if not found:
-            return []
-        seen = may_see(frame.view, [m.bounds for m in found])
-        return [m.actor for m, s in zip(found, seen, strict=True) if s]
 
     # -- memory -----------------------------------------------------------------------------------
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         self.deactivate()
         window = None if self.pipeline is None else self.pipeline.window
-        for card in self._all_cards():
+        for card in self._cards():
             card.release(window)
         for layer in self._layers:
             layer.picture.release()
@@ -402,7 +349,7 @@ class ImageLayers(Thing):
         self._drawer = None
 
     def report(self) -> dict:
-        """Return, of each layer, how often it is taken, its residual, and why it was taken."""
+        """Return how often, how wrong, and why each layer's image was renewed."""
         told = {f'layer {k}': layer.report() for k, layer in enumerate(self._layers)}
         return {
             'bytes': sum(layer.picture.nbytes for layer in self._layers),
@@ -418,7 +365,7 @@ def _draws(lives) -> tuple:
 
 
 def _several(name, value):
-    """Return one number as the numbers of all layers, where each layer has its own."""
+    """Return one number as a tuple for settings of single layers."""
     own = name in ('resolution', 'blur') and isinstance(value, (int, float))
     return (value,) if own and not isinstance(value, bool) else value
 
@@ -438,7 +385,7 @@ def _checked_groups(groups) -> list:
 
 
 def _put(renderer, actors, before):
-    """Have actors drawn after all others but some."""
+    """Draw actors after all others but some."""
     props = renderer.GetViewProps()
     end = _end(props, before)
     there = [props.GetItemAsObject(i) for i in range(max(end - len(actors), 0), end)]
@@ -452,7 +399,7 @@ def _put(renderer, actors, before):
 
 
 def _end(props, before) -> int:
-    """Return how many props come before some, and before marks that are no part of the scene."""
+    """Return how many props come before some, and before markers."""
     places = [props.IsItemPresent(actor) - 1 for actor in before]  # -1 where it is not
     end = min((k for k in places if k >= 0), default=props.GetNumberOfItems())
     while end and is_marker(props.GetItemAsObject(end - 1)):
@@ -461,6 +408,6 @@ def _end(props, before) -> int:
 
 
 def _smooths(frame) -> bool:
-    """Tell whether edges of meshes are smooth in a window."""
+    """Return True if a window is anti-aliased."""
     chosen = frame.renderer.GetPass()
     return frame.window.GetMultiSamples() > 1 or (chosen is not None and chosen.IsA('vtkSSAAPass'))

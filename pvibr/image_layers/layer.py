@@ -1,55 +1,64 @@
-"""One layer: its actors, its picture, and whether that serves."""
+"""One layer: its actors, its image, and whether that is valid."""
 
 from __future__ import annotations
 
 import time
 from collections import Counter
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from pvibr.core.costs import Backoff, RunningMean
 from pvibr.core.determinism import elapsed
-from pvibr.image_layers.picture import LayerPicture
+from pvibr.core.frame import Frame
+from pvibr.image_layers.members import Lighting
+from pvibr.image_layers.picture import Fit, LayerPicture, Settings
 from pvibr.maths.layers import split_by_depth
-from pvibr.maths.views import may_see
+from pvibr.maths.views import View, may_see
 from pvibr.scene.casters import sized
+from pvibr.scene.thing import joined_bounds
 
 #: Frames that a layer is left to VTK at most.
 REST = 64
-# Shares of the new value in running means; what layers gain before they are used, as a factor.
-_NEWS, _GAIN = 0.2, 1.1
+# What layers gain before they are used, as a factor.
+_GAIN = 1.1
 
 
 class Now(NamedTuple):
-    """What layers ask for in a frame."""
+    """The state of a frame that layers depend on."""
 
-    frame: Any
-    view: Any
-    light: Any
+    frame: Frame
+    view: View
+    light: Lighting
     effects: list
     key: tuple
-    owner: Any
+    max_error: float
+    max_shade: float
+    warp: str
+    only_if_faster: bool
 
 
 class Layer:
-    """Some actors, their picture, and how well it serves."""
+    """Some actors, their image, and its error."""
+
+    _want: Settings
+    _light: Lighting
 
     def __init__(self, members):
         self.members, self.picture = members, LayerPicture()
-        self.fit: Any = None
+        self.fit: Fit | None = None
         self.wrong, self.residual = False, 0.0
         self.residual_shown = 0.0
         self.why, self.state = '', 'new'
         self.taken = self.frames = 0
         self.reasons: Counter = Counter()
-        self.rate, self.seconds = 1.0, 0.0
-        self._alone = 0.0  # seconds of the actors in it
-        self._rests = self._pause = 0
+        self._rate, self._seconds = RunningMean(1.0), RunningMean()
+        self._alone = RunningMean()  # seconds of the actors in it
+        self._pause = Backoff(4, REST)
         self._key: tuple = ()
         self._start: list = []
-        self._light: Any = None
-        self._used: Any = None
+        self._used: Settings | None = None
 
     # -- its actors -------------------------------------------------------------------------------
 
@@ -59,11 +68,11 @@ class Layer:
         return np.array([m.bounds for m in self.members if not m.why]).reshape(-1, 6)
 
     def keep(self, members):
-        """Forget the actors that are not among these."""
+        """Keep only these members."""
         self.members = [m for m in self.members if m.key in members]
 
     def _motion(self):
-        """Return what moved all actors alike since, None where none; False where not alike."""
+        """Return the rigid motion of all actors, None without any; False if they differ."""
         now = [m.matrix for m in self.members if not m.why]
         if all(map(np.array_equal, now, self._start)):
             return None
@@ -80,7 +89,7 @@ class Layer:
     # -- whether its picture serves ---------------------------------------------------------------
 
     def judge(self, now, settings):
-        """Warp the picture to a frame, and tell whether it serves."""
+        """Warp the image to a frame, and judge whether it is valid."""
         self._want, self.wrong, self.fit = settings, False, None
         self.residual = self.residual_shown = 0.0
         bounds = self.bounds
@@ -91,27 +100,26 @@ class Layer:
             self.state = 'out of view'
             return
         self.frames += 1
-        if self._rests and not settings.blur:
-            self._rests -= 1
+        if not settings.blur and self._pause.waits():
             return
-        if now.owner.only_if_faster and not settings.blur and self._is_dear():
+        if now.only_if_faster and not settings.blur and self._is_dear():
             self._rest()
             return
         self.why = self._stale(now)
         self.wrong = bool(self.why)
         if self.why in ('new', 'changed', 'settings'):
             self.residual = np.inf
-        self.rate += _NEWS * (self.wrong - self.rate)
+        self._rate.add(float(self.wrong))
         self.residual_shown = 0.0 if self.fit is None else self.fit.residual
         if not self.wrong:
-            self._pause = max(self._pause - 1, 0)
+            self._pause.succeeded()
             self.state = 'warped'
 
     def _content_key(self, now) -> tuple:
         return tuple((m.key, m.version) for m in self.members if not m.why), now.key
 
     def _stale(self, now) -> str:
-        """Return why the picture does not serve, or nothing."""
+        """Return why the image is invalid, empty if it is valid."""
         if not self.picture.alive:
             return 'new'
         if self._want != self._used:
@@ -119,22 +127,22 @@ class Layer:
         motion = self._motion() if self._content_key(now) == self._key else False
         if motion is False or (motion is not None and now.key):
             return 'changed'
-        fit = self.picture.fit(now.frame, motion, now.owner.warp)
+        fit = self.picture.fit(now.frame, motion, now.warp)
         self.residual = fit.residual
         if fit.why == 'window':
             return 'window'
         self.fit = fit
-        if self._shade(now, fit.turn, motion) > now.owner.max_shade:
+        if self._shade(now, fit.turn, motion) > now.max_shade:
             return 'light'
-        return fit.why or ('geometry' if fit.residual > now.owner.max_error else '')
+        return fit.why or ('geometry' if fit.residual > now.max_error else '')
 
     def _shade(self, now, turn, motion) -> float:
-        """Return how much lighter or darker its surfaces are now, of white."""
+        """Return the change of shading, as a share of white."""
         dull = max((m.dull for m in self.members if not m.why), default=0.0)
         gloss = max((m.gloss for m in self.members if not m.why), default=0.0)
         if not dull and not gloss:
             return 0.0
-        box = np.reshape(around(self.bounds), (3, 2))
+        box = np.reshape(joined_bounds(self.bounds.tolist()), (3, 2))
         radius = np.linalg.norm(np.ptp(box, axis=1)) / 2
         color, turned = now.light.change(self._light, box.mean(1), radius)
         if motion is not None:
@@ -142,7 +150,7 @@ class Layer:
         return dull * (color + turned) + gloss * (turned + self._seen_otherwise(now, turn))
 
     def _seen_otherwise(self, now, turn) -> float:
-        """Return by how much the direction to the eye turned, radians times light."""
+        """Return the change of the view direction, radians times light."""
         if now.frame.parallel:
             return now.light.strength * _angle(turn)
         if self.picture.empty:
@@ -153,11 +161,11 @@ class Layer:
     # -- taking it --------------------------------------------------------------------------------
 
     def late(self):
-        """Go on with a picture that is wrong: the budget of the frame is spent."""
+        """Keep an invalid image: the budget of the frame is spent."""
         self.state = 'late'
 
     def take(self, now, drawer) -> float:
-        """Take the picture, warp it to the frame, and return the seconds that it took."""
+        """Renew the image, warp it to the frame, and return the seconds that it took."""
         shown = [m for m in self.members if not m.why]
         self.reasons[self.why] += 1
         start = time.perf_counter()
@@ -167,14 +175,12 @@ class Layer:
         spent = elapsed(start, alone)
         self.taken += 1
         # The first ones upload meshes and build shaders.
-        news = 1.0 if self.taken <= 2 else _NEWS
-        self.seconds += news * (spent - self.seconds)
-        self._alone += news * (alone - self._alone)
-        for member in shown:  # what drawing them did to them is no change
-            member.settle()
+        weight = 1.0 if self.taken <= 2 else None
+        self._seconds.add(spent, weight)
+        self._alone.add(alone, weight)
         self._key, self._start = self._content_key(now), [m.matrix for m in shown]
         self._light, self._used = now.light, self._want
-        self.fit = self.picture.fit(now.frame, None, now.owner.warp)
+        self.fit = self.picture.fit(now.frame, None, now.warp)
         self.residual_shown = self.fit.residual
         self.state = 'taken'
         return spent
@@ -192,24 +198,29 @@ class Layer:
         return seconds
 
     def _is_dear(self) -> bool:
-        """Tell whether the picture costs more than it saves."""
-        cost = self.rate * self.seconds + self.picture.pixel * self.picture.area
-        return self.taken > 1 and cost * _GAIN > self._alone
+        """Return True if the image costs more than it saves."""
+        cost = self._rate.value * self.seconds + self.picture.pixel * self.picture.area
+        return self.taken > 1 and cost * _GAIN > self._alone.value
 
     def _rest(self):
-        """Leave the layer to VTK for a while, each time for longer."""
-        self._pause = min(2 * self._pause + 4, REST)
-        self._rests, self.rate, self.state = self._pause, 0.5, 'left to VTK'
+        """Leave the layer to VTK for a while, longer each time."""
+        self._pause.failed()
+        self._rate.value, self.state = 0.5, 'left to VTK'
 
-    def away(self) -> float:
+    @property
+    def seconds(self) -> float:
+        """Expected seconds of a new image."""
+        return self._seconds.value
+
+    def away(self, fit) -> float:
         """Return how far the layer reaches along the view.
 
         By this they are sorted: what lies around or under the others is behind them.
         """
-        return -float(self.fit.turn[2] @ [0, 0, -self.picture.farthest, 1])
+        return -float(fit.turn[2] @ [0, 0, -self.picture.farthest, 1])
 
     def report(self) -> dict:
-        """Return how often its picture is taken and why, and how wrong it is."""
+        """Return how often the image is renewed and why, and its error."""
         return {
             'actors': len(self.members),
             'state': self.state,
@@ -223,17 +234,8 @@ class Layer:
 
 
 def _angle(matrix) -> float:
-    """Return how far a matrix turns, radians."""
+    """Return the rotation angle of a matrix, radians."""
     return float(np.arccos(np.clip((np.trace(matrix[:3, :3]) - 1) / 2, -1, 1)))
-
-
-def around(boxes) -> tuple:
-    """Return the bounds of all of some boxes."""
-    found = np.array([b for b in boxes if b[0] <= b[1]]).reshape(-1, 6)
-    if not len(found):
-        return (1.0, -1.0) * 3
-    ends = np.stack([found[:, ::2].min(0), found[:, 1::2].max(0)], 1)
-    return tuple(ends.ravel().tolist())
 
 
 def numbers_by_depth(frame, bounds, count) -> tuple[list, list]:

@@ -1,12 +1,11 @@
-"""What is in layers: when it changed, and the light that falls on it."""
+"""Members of layers: changes of actors and of lights."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from pvibr.core._vtk import address
+from pvibr.scene.actor_watch import ineligibility, updated_data
 
 # The steepest slope of a highlight, cos(angle) ** power, is this times the root of the power.
 _SLOPE = np.exp(-0.5)
@@ -17,58 +16,36 @@ class Member:
 
     def __init__(self, actor):
         self.actor, self.key = actor, address(actor)
-        # Asked for in every frame: an attribute of a PyVista actor takes its time.
-        self._mapper, self._prop, self._back = (
-            actor.GetMapper,
-            actor.GetProperty,
-            actor.GetBackfaceProperty,
-        )
-        self._texture, self._visible = actor.GetTexture, actor.GetVisibility
-        self._place, self._box = actor.GetMatrix, actor.GetBounds
         self.matrix, self.bounds = np.eye(4), (1.0, -1.0) * 3
         self.why, self.dull, self.gloss = 'not drawn yet', 1.0, 0.0
         self.version = 0
-        self._content_key: Any = None
-        self._draws: dict = {}
-        self._shown = False
-        self._hidden = False
+        self._content_key: tuple = ()
 
     def update(self, draws) -> bool:
-        """Look at the actor; its own time is no help: that is also of being hidden."""
-        self._draws = draws
-        data, content_key = self._look()
-        before, self.matrix = self.matrix, np.reshape(self._place().GetData(), (4, 4))
-        self.bounds = self._box() or (1.0, -1.0) * 3
+        """Update the member, and return True if the actor changed or moved."""
+        content_key = self._look(draws)
+        before, matrix = self.matrix, self.actor.GetMatrix().GetData()
+        self.matrix = np.reshape(matrix, (4, 4))
+        self.bounds = self.actor.GetBounds() or (1.0, -1.0) * 3
         if content_key == self._content_key:
             return not np.array_equal(before, self.matrix)
         self._content_key = content_key
         self.version += 1
-        self.why = self._unfit(data)
-        self._take_looks(self._prop())
+        self.why = ineligibility(self.actor) if self.actor.GetVisibility() else 'hidden'
+        self._take_looks(self.actor.GetProperty())
         return True
 
-    def settle(self):
-        """Take what it is now for what it was when last looked at: drawing may touch actors."""
-        self._content_key = self._look()[1]
+    def settle(self, draws):
+        """Ignore changes so far: drawing an actor may modify it."""
+        self._content_key = self._look(draws)
 
-    def _look(self) -> tuple:
-        """Return the data that it draws, and what changes whenever its looks do."""
-        mapper, worn = self._mapper(), _time_of(self._texture())
-        data = _updated(mapper)
-        self._shown = bool(self._visible()) or self._hidden
-        things = mapper, data, self._prop(), self._back()
-        return data, (self._shown, worn, self._draws.get(worn[0]), *map(_time_of, things))
-
-    def _unfit(self, data) -> str:
-        if not self._shown:
-            return 'hidden'
-        if data is None or self.bounds[0] > self.bounds[1]:
-            return 'empty'
-        if not np.isfinite(self.bounds).all():
-            return 'bounds that are not finite'
-        if self.actor.HasTranslucentPolygonalGeometry():
-            return 'translucent'
-        return ''
+    def _look(self, draws) -> tuple:
+        """Return a key of the actor's looks."""
+        actor, texture = self.actor, _time_of(self.actor.GetTexture())
+        mapper = actor.GetMapper()
+        things = mapper, updated_data(mapper), actor.GetProperty(), actor.GetBackfaceProperty()
+        shown = bool(actor.GetVisibility())
+        return shown, texture, draws.get(texture[0]), *map(_time_of, things)
 
     def _take_looks(self, prop):
         self.dull = self.gloss = 0.0
@@ -78,29 +55,6 @@ class Member:
             if prop.GetInterpolation() == 3:
                 # As steep as its normal distribution, whose width is the square of roughness.
                 self.gloss = _SLOPE / max(prop.GetRoughness(), 0.1) ** 2
-
-    def hide(self):
-        """Leave it out of the frame about to be drawn."""
-        self._hidden = True
-        self.actor.VisibilityOff()
-
-    def show(self):
-        """Take that back."""
-        if self._hidden:
-            self._hidden = False
-            self.actor.VisibilityOn()
-
-
-def _updated(mapper):
-    """Return what a mapper draws, up to date; None where it has nothing."""
-    if mapper is None or not mapper.GetNumberOfInputPorts():
-        return None
-    if not mapper.GetNumberOfInputConnections(0):
-        return None
-    source = mapper.GetInputAlgorithm()
-    if not source.IsA('vtkTrivialProducer'):
-        source.Update()
-    return mapper.GetInputDataObject(0, 0)
 
 
 def _time_of(thing) -> tuple:
@@ -123,7 +77,7 @@ class Lighting:
         self.positional = np.array([bool(light.GetPositional()) for light in on], bool)
 
     def change(self, before, center, radius) -> tuple[float, float]:
-        """Return how much the light differs from that of another moment."""
+        """Return the change of colour and direction since another moment."""
         if self.kinds != before.kinds:
             return np.inf, np.inf
         color = float(np.abs(self.colors - before.colors).max(axis=1, initial=0.0).sum())
@@ -141,7 +95,7 @@ class Lighting:
 
     @property
     def strength(self) -> float:
-        """Of all lights together, as a share of white."""
+        """Intensity of all lights together, as a share of white."""
         return float(self.colors.max(axis=1, initial=0.0).sum())
 
 

@@ -1,18 +1,16 @@
-"""The picture of a layer: taken once, warped to each frame for as long as it serves."""
+"""The image of a layer: rendered once, warped to each frame while it is valid."""
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from pvibr.core.determinism import elapsed
+from pvibr.core.costs import expected_seconds, timed
 from pvibr.gl import Quad, Target, shader_source, texture_limit
 from pvibr.gl import enums as gl
 from pvibr.gl.feature import sections
-from pvibr.impostors.costs import ACTOR, CELL
 from pvibr.maths.layers import (
     extents,
     fit_affine,
@@ -38,7 +36,7 @@ _TEXTS = sections(shader_source(__file__, 'image_layers'))
 
 
 class Settings(NamedTuple):
-    """How a picture is taken."""
+    """Settings of an image."""
 
     resolution: float
     blur: float
@@ -48,7 +46,7 @@ class Settings(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """A picture in a frame."""
+    """An image warped to a frame."""
 
     warp: np.ndarray
     turn: np.ndarray
@@ -58,10 +56,13 @@ class Fit(NamedTuple):
 
 
 class LayerPicture:
-    """Colour and depth of some actors, as an eye saw them."""
+    """Colour and depth of some actors, as a camera saw them."""
+
+    settings: Settings
+    clip_from_view: np.ndarray
 
     def __init__(self):
-        self.settings: Any = None
+        self.alive = self.blurred = False  # taken; low-pass filtered
         self.rect: tuple = (0.0, 0.0, 0.0, 0.0)
         self.crop: tuple = (0.0, 0.0, 0.0, 0.0)
         self.clip_from_view = self.view_from_world = np.eye(4)
@@ -72,18 +73,10 @@ class LayerPicture:
         self._pixels, self._points = np.zeros((0, 2)), np.zeros((0, 3))
         self._view_from_pixel, self._plane = np.eye(3), np.zeros(3)
         self.texels, self.scale, self.pixel = [0, 0], 1.0, PIXEL
-        self._target: Any = None
-        self._spread: Any = None
-        self._soft: list = []
-        self._ranges: Any = None
+        self._targets: dict[str, Target] = {}
         self._quads: dict[str, Quad] = {}
 
     # -- what it holds ----------------------------------------------------------------------------
-
-    @property
-    def alive(self) -> bool:
-        """Whether it was taken."""
-        return self.settings is not None
 
     @property
     def empty(self) -> bool:
@@ -91,46 +84,41 @@ class LayerPicture:
         return not len(self._points)
 
     @property
-    def blurred(self) -> bool:
-        """Whether it was low-pass filtered."""
-        return bool(self._soft)
-
-    @property
     def blends(self) -> bool:
-        """Whether its edges are soft: blurred, or of several texels a pixel."""
+        """Whether its edges are soft: blurred or supersampled."""
         return self.blurred or self.scale > 1
 
     @property
     def color(self):
         """Texture of colour times coverage, and coverage."""
-        return (self._soft[-1] if self._soft else self._target).colors[0]
+        return self._targets['down' if self.blurred else 'raw'].colors[0]
 
     @property
     def depth(self):
-        """Texture of depth, 0 to 1, to be filtered; where it is blurred, of the mean depth."""
-        return self._soft[-1].colors[1] if self._soft else self._spread.colors[0]
+        """Texture of filterable depth, 0 to 1; of the mean depth if blurred."""
+        found = self._targets['down' if self.blurred else 'spread'].colors
+        return found[-1]
 
     @property
     def area(self) -> float:
-        """Pixels of its card when it was taken."""
+        """Pixels of its card when it was rendered."""
         (left, bottom, right, top), (u0, v0, u1, v1) = self.rect, self.crop
         return (right - left) * (top - bottom) * (u1 - u0) * (v1 - v0)
 
     @property
     def nearest(self) -> float:
-        """Distance of the nearest that it shows along the view, world units."""
+        """Distance of its nearest point along the view, world units."""
         return float(-self._points[:, 2].max(initial=-np.inf))
 
     @property
     def farthest(self) -> float:
-        """Distance of the farthest that it shows along the view, world units."""
+        """Distance of its farthest point along the view, world units."""
         return float(-self._points[:, 2].min(initial=np.inf))
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        targets = self._target, self._spread, self._ranges, *self._soft
-        return sum(target.nbytes for target in targets if target is not None)
+        return sum(target.nbytes for target in self._targets.values())
 
     # -- whether it serves ------------------------------------------------------------------------
 
@@ -161,7 +149,7 @@ class LayerPicture:
         return fit_affine(moved(plane, source), at) @ plane
 
     def _gone(self, frame, warp, turn, source, motion) -> str:
-        """Return why it does not show what is to be seen, or nothing."""
+        """Return why it lacks visible parts, empty if it does not."""
         if frame.size != self._size or frame.parallel != self._parallel:
             return 'window'
         if len(self._beyond) and (motion is not None or _any_seen(frame, self._beyond)):
@@ -182,8 +170,8 @@ class LayerPicture:
     # -- taking it --------------------------------------------------------------------------------
 
     def aim(self, frame, bounds, settings) -> View | None:
-        """Choose what it shows in the view of a frame."""
-        self.settings, self.view_from_world = settings, frame.view_from_world
+        """Choose the rectangle to render; return its view, None if empty."""
+        self.alive, self.settings, self.view_from_world = True, settings, frame.view_from_world
         self._size, self._parallel = frame.size, frame.parallel
         self._pixels, self._points = np.zeros((0, 2)), np.zeros((0, 3))
         self._plane, self._view_from_pixel = np.zeros(3), _view_from_pixel(frame)
@@ -208,7 +196,7 @@ class LayerPicture:
         return self._view(frame, first, last)
 
     def _view(self, frame, first, last) -> View:
-        """Return the view of a rectangle, and take it."""
+        """Set the rectangle, and return its view."""
         settings = self.settings
         scale = settings.resolution
         if settings.blur:
@@ -224,73 +212,67 @@ class LayerPicture:
 
     def draw(self, drawer, view, actors) -> float:
         """Draw actors into it, in the view that :meth:`aim` returned."""
-        window = drawer.window
-        window.WaitForCompletion()
-        start = time.perf_counter()
-        self._target = self._sized(self._target, window, (self.settings.format,), depth=True)
-        state = window.GetState()
-        with self._target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            drawer.look(view, (0, 0, *self.texels))
-            state.SetEnumState(gl.BLEND, True)
-            state.vtkglBlendFuncSeparate(*gl.OVER)
-            drawer.inner.UpdateLightsGeometryToFollowCamera()
-            drawer.inner.UpdateLights()
-            drawer.draw(actors)
-        window.WaitForCompletion()
-        seconds = elapsed(start, sum(ACTOR + CELL * _cells(actor) for actor in actors))
-        if self.settings.blur:
-            self._soften(window)
-        else:
-            self._spread_depth(window)
-        self._find_points(window)
-        return seconds
+        window, format = drawer.window, self.settings.format
+        expected = sum(expected_seconds(_cells(actor)) for actor in actors)
+        with timed(window, expected) as spent:
+            target = self._sized(window, 'raw', (format,), depth=True)
+            state = window.GetState()
+            with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+                drawer.look(view, (0, 0, *self.texels))
+                state.SetEnumState(gl.BLEND, True)
+                state.vtkglBlendFuncSeparate(*gl.OVER)
+                drawer.inner.UpdateLightsGeometryToFollowCamera()
+                drawer.inner.UpdateLights()
+                drawer.draw(actors)
+        self.blurred = bool(self.settings.blur)
+        (self._soften if self.blurred else self._spread_depth)(window, target)
+        self._find_points(window, target.depth)
+        return spent.seconds
 
-    def _sized(self, target, window, formats, *, depth=False):
-        if target is not None:
-            same = (target.width, target.height) == tuple(self.texels)
-            if same and target.colors[0].is_float == formats[0].endswith('f'):
-                return target
-            target.release()
-        width, height = self.texels
-        return Target(window, width, height, formats, depth=depth, filter='linear')
+    def _sized(self, window, name, formats, *, size=None, depth=False) -> Target:
+        """Return a target of a size, by default that of the image; kept while it fits."""
+        size, old = tuple(size or self.texels), self._targets.get(name)
+        if old is not None:
+            same = (old.width, old.height) == size
+            if same and old.colors[0].is_float == formats[0].endswith('f'):
+                return old
+            old.release()
+        smooth = 'linear' if name != 'ranges' else 'nearest'
+        width, height = size
+        target = Target(window, width, height, formats, depth=depth, filter=smooth)
+        self._targets[name] = target
+        return target
 
-    def _spread_depth(self, window):
-        """Have depth that can be filtered."""
-        for target in self._soft:
-            target.release()
-        self._soft = []
-        self._spread = self._sized(self._spread, window, ('r32f',))
-        quad, start = self._quad(window, 'spread'), time.perf_counter()
-        self._spread.draw(quad, {}, {'deep': self._target.depth})
-        window.WaitForCompletion()
+    def _spread_depth(self, window, raw):
+        """Copy the depth to a filterable texture."""
+        for name in self._targets.keys() & {'across', 'down'}:
+            self._targets.pop(name).release()
+        target, quad = self._sized(window, 'spread', ('r32f',)), self._quad(window, 'spread')
+        count = np.prod(self.texels)
+        with timed(window, PIXEL * count) as spent:
+            target.draw(quad, {}, {'deep': raw.depth})
         # A card asks for about as much.
-        self.pixel = elapsed(start, PIXEL * np.prod(self.texels)) / np.prod(self.texels)
+        self.pixel = spent.seconds / count
 
-    def _soften(self, window):
+    def _soften(self, window, raw):
         """Blur colour and depth."""
-        formats = (self.settings.format, 'rg32f')
-        old = self._soft or [None, None]
-        self._soft = [self._sized(target, window, formats) for target in old]
         quad = self._quad(window, 'soften')
-        color, depth = self._target.colors[0], self._target.depth
+        color, depth = raw.colors[0], raw.depth
         sigma = float(self.settings.blur * self.scale)
-        for k, target in enumerate(self._soft):
-            axis = (1.0 / self.texels[0], 0.0) if k == 0 else (0.0, 1.0 / self.texels[1])
+        steps = ('across', (1.0 / self.texels[0], 0.0)), ('down', (0.0, 1.0 / self.texels[1]))
+        for k, (name, axis) in enumerate(steps):
+            target = self._sized(window, name, (self.settings.format, 'rg32f'))
             uniforms = {'axis': axis, 'sigma': sigma, 'last': k}
             target.draw(quad, uniforms, {'picture': color, 'deep': depth})
             color, depth = target.colors
 
-    def _find_points(self, window):
-        """Take characteristic points: the nearest and farthest of each block."""
+    def _find_points(self, window, depth):
+        """Find characteristic points: the nearest and farthest of each block."""
         side = -(-max(self.texels) // BLOCKS)
         columns, rows = (-(-n // side) for n in self.texels)
-        if self._ranges is None or (self._ranges.width, self._ranges.height) != (columns, rows):
-            if self._ranges is not None:
-                self._ranges.release()
-            self._ranges = Target(window, columns, rows, ('rg32f',), filter='nearest')
-        quad = self._quad(window, 'range')
-        self._ranges.draw(quad, {'side': side}, {'deep': self._target.depth})
-        found = self._ranges.colors[0].download()[..., :2].astype(float)
+        ranges = self._sized(window, 'ranges', ('rg32f',), size=(columns, rows))
+        ranges.draw(self._quad(window, 'range'), {'side': side}, {'deep': depth})
+        found = ranges.colors[0].download()[..., :2].astype(float)
         row, column = np.nonzero(found[..., 0] < 2)
         self._crop(row, column, side)
         if not len(row):
@@ -323,19 +305,13 @@ class LayerPicture:
             self._quads[name] = Quad(window, _TEXTS[name], f'layers.glsl, {name}')
         return self._quads[name]
 
-    def forget(self):
-        """Count as not taken."""
-        self.settings = None
-
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
-        targets = self._target, self._spread, self._ranges, *self._soft
-        for owner in (*targets, *self._quads.values()):
-            if owner is not None:
-                owner.release()
-        self._target = self._spread = self._ranges = None
-        self._soft, self._quads = [], {}
-        self.forget()
+        """Free GPU memory; the context is current."""
+        for target in self._targets.values():
+            target.release()
+        for quad in self._quads.values():
+            quad.release()
+        self._targets, self._quads, self.alive = {}, {}, False
 
 
 def _any_seen(frame, bounds) -> bool:
@@ -349,7 +325,7 @@ def _depths(frame, bounds) -> np.ndarray:
 
 
 def _view_from_pixel(frame) -> np.ndarray:
-    """Return what takes homogeneous pixels to x and y at distance 1, or of a parallel view."""
+    """Return the matrix from homogeneous pixels to x and y at distance 1 or in a parallel view."""
     clip, column = frame.clip_from_view, 3 if frame.parallel else 2
     sign = -1.0 if frame.parallel else 1.0
     out = np.eye(3)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pvibr.gl import Texture, shader_source
@@ -42,17 +40,16 @@ class ImpostorCards(ShaderActor):
     def __init__(self):
         super().__init__()
         self._room, self._bounds = 0, np.array([1.0, -1.0] * 3)
-        self._table: Any = None
-        self._matter: Any = None
+        self._gpu: tuple[Texture, Texture] | None = None  # a row per card, and materials
         self._known = 0
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU, without the pool."""
-        return sum(t.nbytes for t in (self._table, self._matter) if t is not None)
+        return sum(texture.nbytes for texture in self._gpu or ())
 
     def fit(self, count, bounds):
-        """Have room for cards within bounds."""
+        """Reserve cards within bounds."""
         low, high = (
             np.minimum(bounds[::2], self._bounds[::2]),
             np.maximum(bounds[1::2], self._bounds[1::2]),
@@ -69,24 +66,25 @@ class ImpostorCards(ShaderActor):
         self.mapper.SetInputData(card_mesh(self._room, 4, self._bounds))
 
     def attach(self, *, depth, materials):
-        """Attach the shader text, and take over the materials."""
+        """Attach the shader text, and set the materials."""
         self._attach(card_feature(depth=depth, shiny=materials.shiny, several=len(materials) > 1))
-        if self._matter is not None and len(materials) != self._known:
-            self._matter.upload(materials.table())
+        if self._gpu is not None and len(materials) != self._known:
+            self._gpu[1].upload(materials.table())
         self._known = len(materials)
         self._materials = materials
 
     def show(self, frame, rows, pool):
         """Draw cards in a frame."""
-        if self._table is None:
-            self._table = Texture(frame.window)
-            self._matter = Texture(frame.window).upload(self._materials.table())
+        if self._gpu is None:
+            matter = Texture(frame.window).upload(self._materials.table())
+            self._gpu = Texture(frame.window), matter
+        cards, matter = self._gpu
         height = max(1, -(-len(rows) // _ROW))
         table = np.zeros((height * _ROW, _TEXELS, 4), np.float32)
         table[: len(rows)] = rows
-        self._table.upload(table.reshape(height, _ROW * _TEXELS, 4))
+        cards.upload(table.reshape(height, _ROW * _TEXELS, 4))
         clip, view = frame.clip_from_view, frame.view_from_world
-        self._textures = {**pool.textures, 'ibr_cards': self._table, 'ibr_materials': self._matter}
+        self._textures = {**pool.textures, 'ibr_cards': cards, 'ibr_materials': matter}
         self._uniforms = {
             'ibr_count': len(rows),
             'ibr_clip_from_eye': clip,
@@ -96,9 +94,8 @@ class ImpostorCards(ShaderActor):
         self.actor.SetVisibility(bool(len(rows)))
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive."""
+        """Free GPU memory; the context is current."""
         super().release(window)
-        for texture in (self._table, self._matter):
-            if texture is not None:
-                texture.release()
-        self._table = self._matter = None
+        for texture in self._gpu or ():
+            texture.release()
+        self._gpu = None

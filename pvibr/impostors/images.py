@@ -1,8 +1,6 @@
-"""Images of objects, several views of each, in a pool of tiles; how wrong each is by now."""
+"""Images of objects, several views of each, in a pool of tiles, and their errors."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -20,7 +18,10 @@ _SHAPES: tuple = ((3,), (3,), (3, 3), (2,), (2,), (), ())  # of a card's fields
 class Images:
     """The views of n objects."""
 
-    def __init__(self, count, views):
+    _pool: TilePool  # while `_is_open`
+    _is_open = False
+
+    def __init__(self, count, views, drawer: Drawer):
         self.count, self.views = count, views
         total = count * views
         self.card = Card(*(np.zeros((total, *shape)) for shape in _SHAPES))
@@ -32,8 +33,7 @@ class Images:
         self.size = np.zeros((total, 2), int)
         self.used = np.full(total, -1)  # the last frame that showed it
         self.taken = np.full(total, -1)  # the frame that drew it
-        self.pool: Any = None
-        self.drawer: Any = None
+        self.drawer = drawer
 
     # -- how wrong they are ----------------------------------------------------------------------
 
@@ -59,15 +59,19 @@ class Images:
 
     # -- making them -----------------------------------------------------------------------------
 
-    def open(self, frame, area, memory):
-        """Have a pool on the GPU."""
-        if self.pool is None:
-            self.pool = TilePool(frame.window, area, memory)
-        if self.drawer is None:
-            self.drawer = Drawer(frame.renderer)
+    @property
+    def pool(self) -> TilePool | None:
+        """The tiles on the GPU, None before they are needed."""
+        return self._pool if self._is_open else None
+
+    def open(self, frame, area, memory) -> TilePool:
+        """Return the pool, created if needed."""
+        if not self._is_open:
+            self._pool, self._is_open = TilePool(frame.window, area, memory), True
+        return self._pool
 
     def sizes(self, card, eyes, max_error) -> np.ndarray:
-        """Return the texels that the screen needs of cards, shape (n, 2), with their margins."""
+        """Return the texels of cards at screen resolution, shape (n, 2), with margins."""
         # As large as they are now, or will be where the image is taken from.
         away = np.minimum(eyes.away(card.center), np.linalg.norm(card.eye, axis=1))
         scale = eyes.pixels(card.center, card.depth) / away
@@ -75,13 +79,13 @@ class Images:
         return np.ceil(np.minimum(sides * RESERVE / max_error, 1e6)).astype(int) + 2
 
     def room(self, obj, side, now) -> int | None:
-        """Return an index for a new image of an object, with a tile; None where there is none."""
+        """Return the index of a new image of an object with a tile, None without room."""
         own = obj * self.views + np.arange(self.views)
         free = own[~self.alive[own]]
         view = int(free[0] if len(free) else own[self.used[own].argmin()])
         if self.alive[view]:
             self.drop([view])
-        tiles = self.pool.tiles
+        tiles = self._pool.tiles
         side = tiles.fits(side)
         corner = tiles.take(side)
         while corner is None:
@@ -94,11 +98,11 @@ class Images:
         return view
 
     def drop(self, views):
-        """Forget images and give their tiles back."""
+        """Forget images and free their tiles."""
         for view in views:
             if self.alive[view]:
                 x, y, side = self.tile[view].tolist()
-                self.pool.tiles.give((x, y), side)
+                self._pool.tiles.give((x, y), side)
                 self.alive[view] = False
 
     def drop_objects(self, objects):
@@ -147,25 +151,23 @@ class Images:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return 0 if self.pool is None else self.pool.nbytes
+        return self._pool.nbytes if self._is_open else 0
 
     def close_pool(self):
-        """Forget all images and free their tiles; the context must be alive."""
-        if self.pool is not None:
-            self.pool.release()
-        self.pool = None
+        """Forget all images and free the pool; the context is current."""
+        if self._is_open:
+            self._pool.release()
+        self._is_open = False
         self.alive[:] = False
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Free GPU memory; the context is current."""
         self.close_pool()
-        if self.drawer is not None:
-            self.drawer.release()
-        self.drawer = None
+        self.drawer.release()
 
 
 class Eyes:
-    """Where a frame is seen from, and how large things are on its screen."""
+    """The camera of a frame, and sizes on its screen."""
 
     def __init__(self, frame):
         self.frame, self.eye, self.parallel = frame, frame.eye, frame.parallel
@@ -176,13 +178,13 @@ class Eyes:
         self._corner = float(np.hypot(*across))
 
     def away(self, places) -> np.ndarray:
-        """Return the distances of places, 1 in a parallel view."""
+        """Return the distances of points, 1 in a parallel view."""
         if self.parallel:
             return np.ones(len(places))
         return np.linalg.norm(places - self.eye, axis=1)
 
     def pixels(self, places, radius) -> np.ndarray:
-        """Return pixels of a radian at places; in a parallel view, of a world unit."""
+        """Return pixels per radian at points; in a parallel view, per world unit."""
         scale = self.frame.pixel_scale
         if self.parallel:
             return np.full(len(places), scale)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.impostors.sources import copied, ineligibility, unlit
+from pvibr.impostors.sources import copied, unlit
 from pvibr.instances.mesh_pool import MeshPool, lendable
 from pvibr.maths.impostors import box_corners, dop_corners
 from pvibr.meshes.parts import copy_property
 from pvibr.scene import looks as look
+from pvibr.scene.actor_watch import ineligibility
 
 #: Blocks of a set at most: what is asked of each in a frame takes its time.
 MOST = 4096
@@ -36,19 +37,21 @@ class InstanceSet:
         self.looks: np.ndarray | None = None
 
     def changed(self) -> bool:
-        """Tell whether anything changed since last asked."""
+        """Return True if anything changed since the last call."""
         content_key, self._content_key = self._content_key, self.thing.content_key()
         return content_key != self._content_key
 
     def update(self):
-        """Take over where the instances are and how they look."""
+        """Update positions and looks of the instances."""
         thing = self.thing
         self.looks = look.merge(len(thing), thing.colors, thing.visible)
         shown = thing.visibility and bool(thing.actor.GetVisibility())
         visible = self.looks[:, 3] > 0
         for number, group in enumerate(thing.groups):
             blocks = [block for block in self.blocks if block.number == number]
-            why = next((w for p in group.levels[0].parts if (w := ineligibility(p.actor))), '')
+            why = next(
+                (w for p in group.levels[0].parts if (w := ineligibility(p.actor, relit=True))), ''
+            )
             fields = _placed(group, self.per)
             cells = sum(part.mesh.n_cells for part in group.levels[-1].parts)
             for k, block in enumerate(blocks):
@@ -59,43 +62,43 @@ class InstanceSet:
                 block.cells = cells * len(block.slots)
 
     def pool(self, number, texels) -> MeshPool:
-        """Return what draws an instance so large that it is as good as its mesh."""
+        """Return the mesh pool of the level that is within the error at a size."""
         group = self.thing.groups[number]
-        limits = self.thing.level_limits(group.model).meshes
+        limits = self.thing.limits[number].meshes
         level = max(k for k, limit in enumerate(limits) if k == 0 or texels <= limit)
         key = number, level
         if key not in self._pools:
             self._pools[key] = _Pool(group.levels[level], self.materials)
         pool = self._pools[key]
-        pool.multiply = self.thing._blend == 'multiply'
+        pool.multiply = self.thing.multiplies
         return pool
 
     def plain(self, meshes, pixels, area, pixel) -> np.ndarray:
-        """Return the seconds that blocks take as the set itself draws them."""
-        limits = [self.thing.level_limits(g.model).mesh for g in self.thing.groups]
+        """Return the seconds of blocks drawn by the set itself."""
+        limits = [limit.mesh for limit in self.thing.limits]
         limit = np.array([limits[block.number] for block in self.blocks])
         cards = self.per * _CARD + pixel * area
         # The larger a block is beside its instances, the smaller these are.
         return np.where(pixels < limit * self.per ** (1 / 3), np.minimum(cards, meshes), meshes)
 
     def hide(self, imaged) -> bool:
-        """Leave out of frames what images show."""
+        """Hide the blocks that images show."""
         key = imaged.tobytes()
         if key == self._imaged:
             return False
         self._imaged = key
         chosen = [b for b, yes in zip(self.blocks, imaged.tolist(), strict=True) if yes]
         ids = [self.thing.groups[b.number].ids[b.span] for b in chosen]
-        self.thing.cover(np.concatenate(ids) if ids else None)
+        self.thing.covered = np.concatenate(ids) if ids else None
         return True
 
     def show(self):
-        """Have the set itself draw all of it."""
+        """Show all blocks."""
         self._imaged = b''
-        self.thing.cover(None)
+        self.thing.covered = None
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive."""
+        """Free GPU memory; the context is current."""
         for pool in self._pools.values():
             for actor in pool.actors():
                 actor.SetTexture(None)  # the set's own
@@ -105,7 +108,7 @@ class InstanceSet:
 
 
 class Block:
-    """Some instances of one mesh; to impostors what :class:`Source` is."""
+    """Some instances of one mesh, with the interface of :class:`Source`."""
 
     tries: int = 0
     seconds: float = np.inf
@@ -133,7 +136,7 @@ class Block:
 
 
 class _Pool(MeshPool):
-    """Actors that draw what light falls on, not what it makes of it."""
+    """Actors that draw unlit surfaces."""
 
     def __init__(self, level, materials):
         super().__init__(level)
@@ -152,7 +155,7 @@ class _Pool(MeshPool):
 
 
 def _placed(group, per):
-    """Return middles, half edges, corners and radii of blocks of a group's instances."""
+    """Return centres, half edges, corners and radii of blocks of a group."""
     parts = group.levels[0].parts
     points = np.concatenate([part.mesh.points for part in parts]).astype(float)
     low, high = points.min(0), points.max(0)
@@ -174,7 +177,7 @@ def _placed(group, per):
 
 
 def _joined(center, reach, per):
-    """Return the same of blocks of several instances: their boxes along the axes."""
+    """Return the same for blocks of several instances, as axis-aligned boxes."""
     first = np.arange(0, len(center), per)
     low = np.minimum.reduceat(center - reach, first)
     high = np.maximum.reduceat(center + reach, first)

@@ -1,4 +1,4 @@
-"""Where leaves and the nodes over them are, and how they are seen."""
+"""Bounding volumes of leaves and inner nodes, and their projection."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Nodes:
 
     @property
     def has_levels(self) -> bool:
-        """Whether there are nodes over leaves."""
+        """Whether there are inner nodes."""
         return len(self.tree) > self.tree.leaves
 
     def fit(self):
-        """Take over what the leaves are now."""
+        """Fit all nodes to the leaves."""
         leaves, gather = self.leaves, self.tree.gather
         live = leaves.fits & leaves.wanted
         low = np.where(live[:, None], leaves.center - leaves.reach, np.inf)
@@ -52,11 +52,11 @@ class Nodes:
 
     @property
     def bounds(self) -> np.ndarray:
-        """Bounds of all that is live: x, y and z, low and high."""
+        """Bounds of all live nodes: x, y and z, low and high."""
         return np.stack([self.low[self.live].min(0), self.high[self.live].max(0)], 1).ravel()
 
     def faces(self, eyes):
-        """Return how deep boxes are from their middles, and the area that they show."""
+        """Return depth and visible area of the boxes."""
         if eyes.parallel:
             along = self._half @ eyes.toward
         else:
@@ -67,17 +67,17 @@ class Nodes:
         return np.minimum(along.sum(1), self.radius), (along * self._faces).sum(1)
 
     def below(self, node) -> list[int]:
-        """Return the leaves below a node that can be images."""
+        """Return the live leaves under a node."""
         return [i for i in self.tree.below(node) if self.live[i]]
 
     def corners(self, node) -> np.ndarray:
-        """Return the corners of what is below a node, from its middle, shape (k, 3)."""
+        """Return the corners of a node's leaves, relative to its centre, shape (k, 3)."""
         rows = self.below(node)
         middles = self.leaves.center[rows] - self.center[node]
         return (middles[:, None] + self.leaves.corners[rows]).reshape(-1, 3)
 
     def cards(self, nodes, eyes, step, max_error) -> Card:
-        """Return cards for new images, as far ahead on the way as the error allows."""
+        """Return cards for new images, as far ahead of the motion as the error allows."""
         leaves = nodes < len(self.leaves)
         rows = [np.flatnonzero(leaves), *np.flatnonzero(~leaves)[:, None]]
         cards = []

@@ -1,21 +1,16 @@
-"""The actors that impostors stand for: when they changed, and doubles that draw their surface."""
+"""The actors that impostors stand for, and doubles that draw their surface without light."""
 
 from __future__ import annotations
 
 from itertools import product
-from typing import Any
 
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.gl.feature import replacements
 from pvibr.maths.impostors import dop_corners
 from pvibr.meshes.parts import copy_property
+from pvibr.scene.actor_watch import NOT_FINITE, ineligibility
 
-#: Why an actor is no image whose points or matrix are broken.
-NOT_FINITE = 'bounds that are not finite'
-_SURFACE, _PBR = 2, 3  # VTK_SURFACE, VTK_PBR
-_MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper', 'vtkPolyDataMapper')
 # What is kept is the colour before light, which VTK then multiplies by the texture, and the normal
 # after VTK's own flips for surfaces with two sides; without light, the colour as it is.
 _UNLIT = """//VTK::Light::Impl
@@ -33,7 +28,7 @@ _OUTPUT = """  if (gl_FragData[0].a < 0.5) discard;
 
 
 class Materials:
-    """What light makes of surfaces, numbered: ambient, diffuse, specular, power and its colour."""
+    """Numbered materials: ambient, diffuse, specular, its power and colour."""
 
     most = 256
 
@@ -63,7 +58,7 @@ class Materials:
         return any(key[2] > 0 for key in self._numbers)
 
     def table(self) -> np.ndarray:
-        """Return them as a picture, shape (2, 256, 4), float32."""
+        """Return the materials as an image, shape (2, 256, 4), float32."""
         table = np.zeros((2, self.most, 4), np.float32)
         for key, number in self._numbers.items():
             table[:, number] = np.reshape(key, (2, 4))
@@ -71,7 +66,7 @@ class Materials:
 
 
 class Source:
-    """One actor, and its double."""
+    """An actor, and a double that draws its unlit surface."""
 
     def __init__(self, actor, materials):
         self.actor, self.materials = actor, materials
@@ -79,11 +74,8 @@ class Source:
         self.center, self.half, self.radius = np.zeros(3), np.zeros((3, 3)), 0.0
         self.corners = np.zeros((80, 3))
         self.cells = self.tries = 0
-        self.clocks: list = []
-        self.pipeline: Any = None
-        self._double: Any = None
+        self._double = _vtk.vtkActor()
         self._times: tuple = ()
-        self._watched: tuple = ()
         self._shape: tuple = ()
         self._length = 0.0
         self._own = np.zeros((80, 3))
@@ -94,9 +86,8 @@ class Source:
         return bool(self.actor.GetVisibility())
 
     def update(self, dops):
-        """Take over what the actor is now: whether it serves, and its box."""
-        self.why = ineligibility(self.actor)
-        self._watch()
+        """Update eligibility, bounding box and double."""
+        self.why = ineligibility(self.actor, relit=True)
         if self.why:
             return
         data = self.actor.GetMapper().GetInput()
@@ -116,18 +107,6 @@ class Source:
         if self.radius == 0.0:
             self.why = 'a point'
         self._copy_looks(data)
-
-    def _watch(self):
-        mapper, data, producer = self.actor.GetMapper(), None, None
-        ports = 0 if mapper is None else mapper.GetNumberOfInputPorts()
-        if ports and mapper.GetNumberOfInputConnections(0):
-            data, producer = mapper.GetInputDataObject(0, 0), mapper.GetInputAlgorithm()
-        if (mapper, data, producer) == self._watched:
-            return
-        self._watched = mapper, data, producer
-        self.clocks = [thing.GetMTime for thing in (mapper, data) if thing is not None]
-        simple = producer is None or producer.IsA('vtkTrivialProducer')
-        self.pipeline = None if simple else producer
 
     def _measure(self, data, dops):
         shape = data, data.GetMTime()
@@ -154,8 +133,6 @@ class Source:
         mapper, prop = actor.GetMapper(), actor.GetProperty()
         times = mapper, mapper.GetMTime(), prop, prop.GetMTime()
         number = self.materials.number(actor.GetProperty())
-        if self._double is None:
-            self._double = _vtk.vtkActor()
         double = self._double
         double.SetUserMatrix(actor.GetMatrix())
         double.SetTexture(actor.GetTexture())
@@ -173,21 +150,21 @@ class Source:
         self._double.RenderOpaqueGeometry(renderer)
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive."""
-        if self._double is not None and window is not None:
+        """Free GPU memory; the context is current."""
+        if window is not None:
             self._double.SetTexture(None)  # the actor's own
             self._double.ReleaseGraphicsResources(window)
-        self._double, self._times = None, ()
+        self._double, self._times = _vtk.vtkActor(), ()
 
 
 def _held(points, middle):
-    """Return the corners of a polytope that holds points, from a middle, and their radius."""
+    """Return corners of a bounding polytope around a centre, and the radius."""
     away = points - middle
     return dop_corners(away), float(np.sqrt(np.einsum('ni,ni->n', away, away).max()))
 
 
 def unlit(actor, number):
-    """Have an actor draw colour and coverage, normal and the number of its material."""
+    """Make an actor draw colour and coverage, normal and material number."""
     prop, shader = actor.GetProperty(), actor.GetShaderProperty()
     lit = bool(prop.GetLighting())
     prop.SetInterpolation(min(prop.GetInterpolation(), 2))
@@ -202,45 +179,8 @@ def unlit(actor, number):
 
 
 def copied(mapper, data):
-    """Return a mapper of the same looks."""
+    """Return a copy of a mapper for some data."""
     copy = _vtk.vtkPolyDataMapper() if data.IsA('vtkPolyData') else _vtk.vtkDataSetMapper()
     copy.ShallowCopy(mapper)
     copy.SetInputDataObject(data)
     return copy
-
-
-def _data(mapper):
-    """Return what a mapper draws, up to date."""
-    if mapper.GetNumberOfInputConnections(0):
-        mapper.GetInputAlgorithm().Update()
-    return mapper.GetInput()
-
-
-def ineligibility(actor) -> str:
-    """Return why an image cannot stand for an actor, or nothing."""
-    mapper, prop = actor.GetMapper(), actor.GetProperty()
-    if mapper is None or mapper.GetClassName() not in _MAPPERS:
-        return 'a mapper of another kind'
-    data = _data(mapper) if mapper.GetNumberOfInputConnections(0) else None
-    if data is None or not data.IsA('vtkDataSet') or not data.GetNumberOfCells():
-        return 'empty'
-    if prop.GetRepresentation() != _SURFACE or prop.GetEdgeVisibility():
-        return 'points or lines'
-    if data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines():
-        return 'points or lines'
-    if actor.HasTranslucentPolygonalGeometry():
-        return 'translucent'
-    if prop.GetInterpolation() == _PBR or actor.GetBackfaceProperty() is not None:
-        return 'a material of another kind'
-    if _has_shaders(actor.GetShaderProperty()):
-        return 'shaders of its own'
-    if not np.isfinite(mapper.GetBounds()).all():
-        return NOT_FINITE
-    return ''
-
-
-def _has_shaders(shader) -> bool:
-    if shader.HasVertexShaderCode() or shader.HasFragmentShaderCode():
-        return True
-    texts = replacements(shader).items()
-    return any(stage != 'Fragment' or '// pvibr:' not in text for (stage, _), text in texts)

@@ -1,8 +1,6 @@
-"""Square tiles, sides powers of two, in one render target that many images share."""
+"""Square tiles, sides powers of two, in one shared render target."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from pvibr.gl import Target, texture_limit
 
@@ -12,7 +10,7 @@ TEXEL_BYTES = 12
 
 
 class Tiles:
-    """Which squares of a larger one are taken, by halves of halves (a buddy system)."""
+    """Allocation of squares in a larger one, a buddy system."""
 
     def __init__(self, side, least=8):
         self.side, self.least = side, least
@@ -23,7 +21,7 @@ class Tiles:
         return max(self.least, 1 << (int(size) - 1).bit_length())
 
     def take(self, side) -> tuple[int, int] | None:
-        """Return the corner of a free tile that is taken now, None where there is none."""
+        """Take a free tile; return its corner, None without any."""
         larger = side
         while not self._free.get(larger):
             larger *= 2
@@ -51,7 +49,7 @@ class Tiles:
 
 
 class TilePool:
-    """Tiles on the GPU, as many as the memory allows."""
+    """Tiles on the GPU, limited by memory."""
 
     def __init__(self, window, area, memory):
         self.largest = _power_below(min((memory / TEXEL_BYTES) ** 0.5, texture_limit(window)))
@@ -60,11 +58,11 @@ class TilePool:
             side *= 2
         self.side = min(side, self.largest)
         self.tiles = Tiles(self.side)
-        self.target: Any = Target(window, self.side, self.side, FORMATS, depth=True)
+        self.target = Target(window, self.side, self.side, FORMATS, depth=True)
 
     @property
     def may_grow(self) -> bool:
-        """Whether the memory allows a larger one."""
+        """Whether memory allows a larger pool."""
         return self.side < self.largest
 
     @property
@@ -74,12 +72,12 @@ class TilePool:
 
     @property
     def textures(self) -> dict:
-        """By the names of their samplers."""
+        """Textures by the names of their samplers."""
         colors = dict(zip(('ibr_albedo', 'ibr_shape'), self.target.colors, strict=True))
         return colors | {'ibr_depth': self.target.depth}
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Free GPU memory; the context is current."""
         self.target.release()
 
 

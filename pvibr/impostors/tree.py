@@ -1,4 +1,4 @@
-"""Boxes over boxes: what may share an image."""
+"""A bounding volume hierarchy over what may share an image."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Tree:
         return self.leaves + len(self.children)
 
     def _split(self, centers):
-        """Halve by the longest side of the boxes' middles, from above; number from below."""
+        """Split at the median of the longest side top-down; number bottom-up."""
         made: list = []
         stack: list = [(np.arange(self.leaves), 0, None)]
         while stack:
@@ -61,7 +61,7 @@ class Tree:
         return out
 
     def cheapest(self, cost, here) -> np.ndarray:
-        """Return the nodes that cover all boxes at the least cost."""
+        """Return the nodes that cover all boxes at minimum cost."""
         least = np.where(here, cost, 0.0)
         whole = np.ones(len(self), bool)
         for level in self._levels:
@@ -80,7 +80,7 @@ class Tree:
         return np.flatnonzero(wanted & here)
 
     def below(self, node) -> list[int]:
-        """Return the boxes below a node."""
+        """Return the boxes under a node."""
         found, stack = [], [int(node)]
         while stack:
             node = stack.pop()
@@ -91,7 +91,7 @@ class Tree:
         return found
 
     def above(self, nodes) -> np.ndarray:
-        """Return nodes and all that are above them."""
+        """Return nodes and their ancestors."""
         found = set(np.asarray(nodes, int).tolist())
         for node in list(found):
             node = self.parent[node]

@@ -1,4 +1,4 @@
-"""What users give for instances, checked: meshes, poses, which mesh each instance shows."""
+"""Checked arguments of instances: meshes, poses and indices."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def meshes_and_poses(mesh, poses, index):
 
 
 def checked_index(index, n, meshes):
-    """Return the number of the mesh of each instance; by turns if none is given."""
+    """Return the mesh of each instance, in turn by default."""
     if index is None:
         return np.arange(n) % meshes if meshes > 1 else np.zeros(n, int)
     index = np.asarray(index)

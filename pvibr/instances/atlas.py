@@ -1,4 +1,4 @@
-"""The atlas: pictures of an object from all sides, as data."""
+"""The atlas: images of an object from all sides, as data."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def bounding_sphere(points):
 
 @dataclass
 class Atlas:
-    """Pictures of an object on an octahedral grid of views.
+    """Images of an object on an octahedral grid of views.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Atlas:
 
     @classmethod
     def blank(cls, points) -> Atlas:
-        """Return an atlas without pictures, for a driver that cannot draw them.
+        """Return an atlas without images, for a driver that cannot render them.
 
         Parameters
         ----------
@@ -86,19 +86,19 @@ class Atlas:
 
     @property
     def phases(self) -> int:
-        """How many poses it shows: 1, unless it is phased."""
+        """Number of poses: 1, unless it is phased."""
         return 1
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the pictures on the GPU, their smaller levels included."""
+        """GPU memory of the images, mip levels included."""
         pictures = [self.geometry, self.albedo]
         if self.turntable is not None:
             pictures += [self.turntable.geometry, self.turntable.albedo]
         return sum(p.nbytes for p in pictures) * 3 // 2
 
     def textures(self):
-        """Return geometry and albedo with all smaller levels of detail beside them.
+        """Return geometry and albedo with all mip levels beside them.
 
         Returns
         -------
@@ -118,7 +118,7 @@ class Atlas:
 
     @classmethod
     def from_arrays(cls, arrays) -> Atlas:
-        """Make an atlas from named arrays, checking that they fit together.
+        """Return an atlas of named arrays, checked.
 
         Parameters
         ----------
@@ -165,7 +165,7 @@ class Atlas:
         )
 
     def save(self, path):
-        """Write to an ``.npz`` file, whole or not at all.
+        """Write an ``.npz`` file atomically.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class Atlas:
             raise ValueError(msg) from err
 
     def contact_sheet(self, path=None, background=1.0) -> np.ndarray:
-        """Return all views side by side as a picture to look at, optionally saved.
+        """Return all views side by side as an image, optionally saved.
 
         Parameters
         ----------
@@ -233,12 +233,12 @@ class Atlas:
         return sheet
 
     def directions(self) -> np.ndarray:
-        """Return the unit vectors from the object to the eye of all views, (views, views, 3)."""
+        """Return the unit vectors from the object to the cameras, (views, views, 3)."""
         return octahedral.view_directions(self.views, self.half)
 
 
 def pyramid(picture, tile) -> np.ndarray:
-    """Return a picture with all smaller levels of detail beside it."""
+    """Return an image with all mip levels beside it."""
     side = len(picture)
     out = np.zeros((side, side * 3 // 2, 4), np.uint8)
     out[:, :side] = picture

@@ -1,4 +1,4 @@
-"""Bake: draw an object from every view of the grid and keep the pictures as an atlas."""
+"""Bake an atlas: render an object from every view of the grid."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _OUTPUT = """
 def bake_parts(
     parts, *, views=16, tile=128, half=False, supersample=2, turns=None, progress=None
 ) -> Atlas:
-    """Draw the parts of one object from all views into an atlas."""
+    """Render the parts of one object from all views into an atlas."""
     if views < 2 or tile < 4 or tile & (tile - 1):
         msg = f'views={views}, tile={tile}: views must be 2 or more, tile a power of two from 4'
         raise ValueError(msg)
@@ -80,7 +80,7 @@ def bake_parts(
 
 
 class Baker:
-    """Draws views of parts; the points of their meshes may change between pictures."""
+    """Renders views of parts, whose points may change in between."""
 
     def __init__(self, renderer, parts, center, radius, grid):
         self.window, self.center = renderer.GetRenderWindow(), center
@@ -124,7 +124,7 @@ class Baker:
         self.drawer.draw(self.actors)
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Free GPU memory; the context is current."""
         for actor in self.actors:
             actor.ReleaseGraphicsResources(self.window)
         for thing in (self.raster, self.strip, self.reduce):
@@ -166,7 +166,7 @@ def unlit_actor(part, closed=None):
 
 
 def copy_texture(texture):
-    """Return a texture of its own with the same image, for another window."""
+    """Return a new texture with the same image, for another window."""
     if texture is None or texture.GetInput() is None:
         return None
     copy = _vtk.vtkTexture()
@@ -180,7 +180,7 @@ def copy_texture(texture):
 
 
 def fill_depth(geometry, tile):
-    """Extend depth into the background of every tile, so that rays beside a part still find it.
+    """Dilate depth into the background of every tile, for rays that pass beside a part.
 
     The pull-push interpolation of Gortler et al., "The Lumigraph", SIGGRAPH 1996, section 3.4,
     within each tile: averages of the covered texels are pulled up a pyramid, holes take the value

@@ -11,7 +11,7 @@ import struct
 import time
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import platformdirs
@@ -37,15 +37,15 @@ _given_up: set[Path] = set()
 
 
 class Entry(dict[str, np.ndarray]):
-    """The arrays of one entry by name, with the notes that were put beside them."""
+    """The arrays of one entry by name, with metadata."""
 
-    def __init__(self, arrays: Mapping[str, np.ndarray], meta: dict[str, Any]) -> None:
+    def __init__(self, arrays: Mapping[str, np.ndarray], meta: dict[str, object]) -> None:
         super().__init__(arrays)
         self.meta = meta
 
 
 class AtlasCache:
-    """A folder of entries, limited in size; the least recently used go first."""
+    """A folder of entries, limited in size; the least recently used are removed first."""
 
     def __init__(
         self, path: str | os.PathLike[str] | None = None, cap_bytes: int = CAP_BYTES
@@ -57,7 +57,7 @@ class AtlasCache:
         self.cap_bytes = int(cap_bytes)
 
     def get(self, key: str) -> Entry | None:
-        """Read one entry, and count this as a use of it."""
+        """Read one entry, and mark it as used."""
         file = self._file(key)
         try:
             raw = np.fromfile(file, np.uint8)
@@ -73,9 +73,9 @@ class AtlasCache:
         return entry
 
     def put(
-        self, key: str, arrays: Mapping[str, np.ndarray], meta: dict[str, Any] | None = None
+        self, key: str, arrays: Mapping[str, np.ndarray], meta: dict[str, object] | None = None
     ) -> bool:
-        """Write one entry, whole or not at all, then remove the oldest above the cap."""
+        """Write one entry atomically, then remove the oldest above the cap."""
         file = self._file(key)
         chunks = pack(arrays, meta or {})
         size = sum(len(chunk) for chunk in chunks)
@@ -131,7 +131,7 @@ class AtlasCache:
         self._sweep()
 
     def _sweep(self) -> None:
-        """Remove what processes that were killed while writing left behind."""
+        """Remove temporary files of processes that were killed."""
         limit = time.time() - ABANDONED_SECONDS
         for file in self.path.glob(f'.*{SUFFIX}'):
             with contextlib.suppress(OSError):
@@ -149,21 +149,21 @@ class AtlasCache:
 
 
 def default_path() -> Path:
-    """Name the folder of atlases: that of ``PVIBR_CACHE``, else the platform's own."""
+    """Return the folder of atlases: ``PVIBR_CACHE``, or the platform's own."""
     override = os.environ.get('PVIBR_CACHE')
     if override:
         return Path(override).expanduser()
     return platformdirs.user_cache_path('pvibr', appauthor=False)
 
 
-def key_of(*values: Any) -> str:
+def key_of(*values: object) -> str:
     """Digest arrays and settings by their content."""
     text = json.dumps(values, sort_keys=True, default=_digest)
     return hashlib.blake2b(text.encode(), digest_size=20).hexdigest()
 
 
-def pack(arrays: Mapping[str, np.ndarray], meta: dict[str, Any]) -> list[bytes | memoryview]:
-    """Lay arrays and notes out as the chunks of one file."""
+def pack(arrays: Mapping[str, np.ndarray], meta: dict[str, object]) -> list[bytes | memoryview]:
+    """Return arrays and metadata as the chunks of one file."""
     table: dict[str, tuple[str, tuple[int, ...], int]] = {}
     data: list[bytes | memoryview] = []
     end = 0
@@ -182,7 +182,7 @@ def pack(arrays: Mapping[str, np.ndarray], meta: dict[str, Any]) -> list[bytes |
 
 
 def unpack(raw: np.ndarray) -> Entry:
-    """Read what :func:`pack` laid out, after checking that nothing of it has changed."""
+    """Read a file of :func:`pack`, its checksum verified."""
     buffer = raw.data
     if len(buffer) < _HEAD.size:
         msg = 'it is truncated'
@@ -213,8 +213,8 @@ def _view(data: memoryview, dtype: str, shape: list[int], offset: int) -> np.nda
     return np.frombuffer(data, np.dtype(dtype), count, offset).reshape(shape)
 
 
-def _digest(value: Any) -> list[Any]:
-    """Stand for an array in JSON text by its type, shape and digest."""
+def _digest(value: object) -> list:
+    """Represent an array in JSON by type, shape and digest."""
     if not isinstance(value, (np.ndarray, np.generic)):
         msg = f'A key is made of arrays and of what JSON holds, got a {type(value).__name__}.'
         raise TypeError(msg)
@@ -224,7 +224,7 @@ def _digest(value: Any) -> list[Any]:
 
 
 def _write_whole(file: Path, chunks: list[bytes | memoryview]) -> None:
-    """Write under another name, then rename: readers see all of it or nothing."""
+    """Write a temporary file, then rename it: readers see all or nothing."""
     with replacing(file) as part, part.open('xb') as stream:
         stream.writelines(chunks)
 

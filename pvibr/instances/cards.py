@@ -1,4 +1,4 @@
-"""Cards on the GPU: one atlas, its instances and the programs that draw them."""
+"""Cards on the GPU: an atlas, its instances and card shaders."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ DULL = '#define pow(a, b) 0.0\n', '#undef pow\n'
 
 @dataclass(frozen=True)
 class CardShader:
-    """How a card is drawn."""
+    """A way to draw a card."""
 
     name: str
     views: int
@@ -127,7 +127,7 @@ def card_mesh(count, corners, bounds):
 
 
 def pack(values, width, channels) -> np.ndarray:
-    """Return values as the rows of an image, padded with zeros."""
+    """Return values as an image, padded with zeros."""
     flat = values.reshape(-1, channels)
     height = max(1, -(-len(flat) // width))
     out = np.zeros((height * width, channels), values.dtype)
@@ -136,7 +136,7 @@ def pack(values, width, channels) -> np.ndarray:
 
 
 def slabs(depths, turns, unit) -> list[np.ndarray]:
-    """Divide the blocks of several meshes into draws that take turns from far to near."""
+    """Divide the blocks of several meshes into alternating draws from far to near."""
     total, capacity = sum(len(d) for d in depths), _CHUNK // unit
     if len(depths) == 1:
         return [np.minimum(np.arange(-(-total // capacity) + 1) * capacity, total)]
@@ -149,7 +149,7 @@ def slabs(depths, turns, unit) -> list[np.ndarray]:
 
 
 def slab_counts(instances, meshes, turned=False) -> dict[str, int]:
-    """Return how many draws of each program a mesh may need."""
+    """Return the maximum number of draws of each shader."""
     # A block may be partly empty, and each mesh has one such block.
     full = -(-(instances + meshes * BLOCK) // _CHUNK)
     used = ALL_CARD_SHADERS if turned else CARD_SHADERS
@@ -198,19 +198,19 @@ class Cards:
 
     @property
     def failure(self) -> str | None:
-        """What went wrong with the shaders, or None."""
+        """Error of the shaders, or None."""
         return next((layer.failure for layer in self.layers.values() if layer.failure), None)
 
     def programs(self) -> list:
-        """Return the programs that are in use, in the order in which they are drawn."""
+        """Return the card shaders in use, in drawing order."""
         return [layer.program for layer in self.layers.values()]
 
     def actors(self) -> list:
-        """Return all actors, those of the far cards first: the order to draw them in."""
+        """Return all actors in drawing order, far cards first."""
         return [a for layer in self.layers.values() for a in layer.actors]
 
     def upload(self, window, rows):
-        """Put pictures and poses on the GPU of a window whose context is current."""
+        """Upload images and poses; the context is current."""
         self.window = window
         names = ('ibr_geometry', 'ibr_albedo')
         for name, picture in zip(names, self.atlas.textures(), strict=True):
@@ -228,17 +228,17 @@ class Cards:
             self.uniforms['ibr_pages'] = self.atlas.pages
 
     def look(self, looks):
-        """Put per-instance colours on the GPU."""
+        """Upload per-instance colours."""
         self.uniforms['ibr_has_looks'] = int(looks is not None)
         if looks is not None and self.window is not None:
             self.textures['ibr_looks'].upload(pack(looks, _ROW, 4))
 
     def move(self, moves):
-        """Put on the GPU how instances of a phased atlas move."""
+        """Upload the motion of instances of a phased atlas."""
         self.textures['ibr_moves'].upload(pack(moves, _ROW, 4))
 
     def view(self, frame):
-        """Take over the camera of a frame."""
+        """Set the uniforms of a frame's camera."""
         clip, view = frame.clip_from_view, frame.view_from_world
         self.uniforms |= {
             'ibr_parallel': int(frame.parallel),
@@ -250,7 +250,7 @@ class Cards:
         }
 
     def show(self, name, blocks, sizes, cuts, *, level=None, unit=None, dithered=False):
-        """Draw some blocks by a program, in the order given."""
+        """Draw some blocks by a shader, in the given order."""
         layer = self.layers[name]
         layer.dithered, layer.unit, layer.level = dithered, unit or self.unit, level or sizes
         layer.show(blocks, sizes, cuts)
@@ -261,7 +261,7 @@ class Cards:
             layer.show(np.zeros((0, 4), np.float32), (0.0, 0.0, 1.0, 1.0), np.zeros(1, int))
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Free GPU memory; the context is current."""
         self.binder.unbind()
         for layer in self.layers.values():
             layer.release(self.window)
@@ -271,7 +271,7 @@ class Cards:
 
 
 class _Layer:
-    """The cards of one program: draws of at most a chunk of cards that share one mapper."""
+    """The cards of one shader: chunks that share one mapper."""
 
     def __init__(self, cards, program, prop, draws, bounds):
         self.cards, self.program = cards, program
@@ -286,13 +286,13 @@ class _Layer:
         self.checked = False
         self.mapper = _vtk.vtkPolyDataMapper()
         self.mapper.ScalarVisibilityOff()
-        observe_shader(self.mapper, self)
+        observe_shader(self.mapper, self._set_shader)
         self.mapper.SetInputData(card_mesh(self._most(), program.corners, bounds))
         self.actors = [draw_actor(self.mapper, prop, self.feature) for _ in range(draws)]
         self.spans = [(0, 0)] * draws  # of each actor: first card, end of the blocks
 
     def _most(self):
-        """Return the cards of the largest draw."""
+        """Return the number of cards of the largest draw."""
         unit = self.cards.unit
         return min(_CHUNK, -(-self.cards.uniforms['ibr_count'] // unit) * unit)
 
@@ -313,7 +313,7 @@ class _Layer:
                 uniforms.SetUniformi('ibr_end', end)
         self.spans = spans
 
-    def set_shader(self, program):
+    def _set_shader(self, program):
         """Bind textures and set uniforms of a program that is about to draw."""
         cards = self.cards
         if self.program.corners == 1:

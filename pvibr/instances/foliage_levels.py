@@ -1,4 +1,4 @@
-"""A ladder of levels for plants and other scattered matter, from the mesh to one billboard."""
+"""Levels of detail for foliage, from the mesh to one billboard."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.instances.bake import copy_texture
+from pvibr.instances.foliage_quads import Groups, clusters, components, dilated, quads
 from pvibr.instances.mesh_pool import lendable
-from pvibr.instances.scatter import Groups, clusters, components, dilated, quads
 from pvibr.maths.facing import CLOSE, as_units
 from pvibr.maths.image_error import box_reduce, flip, psnr, silhouette_iou
 from pvibr.meshes.decimate import lighter
@@ -47,8 +47,11 @@ class FoliageLevels:
 
     def _meshes(self) -> list:
         """Return the parts of each level of meshes."""
-        rungs = range(len(self.parts[0].stand_ins))
-        return [self.parts, *([q for p in self.parts for q in p.stand_ins[k]] for k in rungs)]
+        count = len(self.parts[0].stand_ins)
+        return [
+            self.parts,
+            *([q for p in self.parts for q in p.stand_ins[k]] for k in range(count)),
+        ]
 
     def actors(self, name) -> list:
         """Return new actors that show a level of meshes, for ``plotter.add_actor``."""
@@ -101,7 +104,7 @@ def foliage_levels(
     axis=(0.0, 0.0, 1.0),
     **looks,
 ) -> FoliageLevels:
-    """Return ever cheaper levels of what consists of many small parts, such as leaves.
+    """Return ever cheaper levels of detail of foliage: many small parts, such as leaves.
 
     The mesh; a textured quad for each part; for each cluster of parts; views about an axis, one of
     which a billboard shows by azimuth; one billboard. What is no small part, a trunk, stays a
@@ -166,12 +169,14 @@ def foliage_levels(
             groups = Groups.of(small.mesh, of_part)
             bunches = Groups.of(small.mesh, _clustered(groups, n_clusters)[of_part])
             sets = [[groups], [bunches.turned(k) for k in range(crossed)]]
-        rungs = []
+        stand_ins = []
         for chosen, share in zip(sets, _SHARES, strict=True):
-            rung = [quads(small, chosen, texture=texture)] if chosen else []
-            rungs.append((*rung, *([lighter(kept, share) or kept] if kept is not None else [])))
+            level = [quads(small, chosen, texture=texture)] if chosen else []
+            stand_ins.append(
+                (*level, *([lighter(kept, share) or kept] if kept is not None else []))
+            )
         counts += [sum(len(g.axes) for g in chosen) for chosen in sets]
-        joined.append(replace(part, stand_ins=tuple(rungs)))
+        joined.append(replace(part, stand_ins=tuple(stand_ins)))
     axis = as_units('axis', axis)
     joined[0] = replace(joined[0], turns=Turns(tuple(axis.tolist()), int(views)))
     turntable = _turntable(parts, axis, views, view_size)
@@ -191,7 +196,7 @@ def _check(largest, crossed, views, view_size):
 
 
 def _divided(parts, labels, largest):
-    """Return of each part what stays a mesh, what is small, and the labels of that."""
+    """Return for each part the rest as a mesh, the foliage, and its labels."""
     if labels is not None:
         count = parts[0].mesh.n_cells
         labels = np.asarray(labels)
@@ -247,7 +252,7 @@ def _clustered(groups, count):
 
 
 def _turntable(parts, axis, views, size) -> dict:
-    """Return arguments of billboards that show a thing from its sides."""
+    """Return arguments of billboards that show an object from its sides."""
     points = np.concatenate([np.asarray(p.mesh.points, float) for p in parts])
     along = points @ axis
     radius = float(np.linalg.norm(points - along[:, None] * axis, axis=1).max())
@@ -277,7 +282,7 @@ def _turntable(parts, axis, views, size) -> dict:
 
 
 def _shown(parts):
-    """Return a function that puts parts into a plotter."""
+    """Return a function that adds parts to a plotter."""
 
     def put(plotter):
         for actor in _actors(parts):
@@ -287,7 +292,7 @@ def _shown(parts):
 
 
 def _actors(parts):
-    """Return actors of parts that share nothing with those of other windows."""
+    """Return independent actors of parts for another window."""
     out = []
     for part in parts:
         actor = lendable(part, part.polydata_mapper())
@@ -304,7 +309,7 @@ def _billboard(cards):
 
 
 def _pictures(put, cameras, size):
-    """Return premultiplied RGBA from 0 to 1 of parallel views, the top row first."""
+    """Return premultiplied RGBA, 0 to 1, of parallel views, top row first."""
     plotter = pv.Plotter(off_screen=True, window_size=size, theme=pv.themes.Theme())
     try:
         plotter.renderer.disable_anti_aliasing()
@@ -327,7 +332,7 @@ def _pictures(put, cameras, size):
 
 
 class _Shots:
-    """Views of a plant and its stand-ins all around."""
+    """Renders foliage and its levels from all around."""
 
     def __init__(self, parts, size, directions):
         bounds = np.array([p.mesh.bounds for p in parts]).reshape(-1, 3, 2)
@@ -342,7 +347,7 @@ class _Shots:
             self.cameras.append((focus + 3 * radius * back, focus, (0, 0, 1), radius, 3 * radius))
 
     def take(self, put, samples=1):
-        """Return pictures, the mean of so many samples along a side of a pixel."""
+        """Return images supersampled by a factor along a side."""
         pictures = _pictures(put, self.cameras, [self.size * samples] * 2)
         return [box_reduce(p, samples) for p in pictures]
 

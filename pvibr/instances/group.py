@@ -1,4 +1,4 @@
-"""One mesh of an instanced scene: its atlas, its instances in blocks, its levels."""
+"""Instances of one mesh: atlas, blocks and levels of detail."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class Choice:
 
     @property
     def least(self) -> float:
-        """The diameter from which any is drawn."""
+        """Minimum on-screen diameter."""
         return min(self.sizes[0], self.level[0])
 
     @property
     def most(self) -> float:
-        """The diameter up to which any is drawn."""
+        """Maximum on-screen diameter."""
         return max(self.sizes[3], self.level[3])
 
 
@@ -53,7 +53,7 @@ def stretches(axes):
 
 
 def unit_of(count) -> int:
-    """Return how many instances of a set are culled, sorted and chosen together."""
+    """Return the number of instances that are culled and sorted together."""
     return 1 if count <= SORTED else BLOCK
 
 
@@ -83,7 +83,7 @@ class InstanceGroup:
         return [MeshPool(level) for level in self.levels]
 
     def parts(self, slot) -> list:
-        """Return the meshes that a ray at an instance meets, as Parts in model coordinates."""
+        """Return the meshes of an instance for ray casting, as Parts in model coordinates."""
         return self.levels[0].parts
 
     def _spheres(self, ids):
@@ -116,7 +116,7 @@ class InstanceGroup:
         return np.stack([low, high], 1).ravel()
 
     def upload(self, window):
-        """Put atlas and poses on the GPU of a window whose context is current."""
+        """Upload atlas and poses; the context is current."""
         self.cards.upload(window, self._rows())
         self.cards.look(self.looks)
 
@@ -134,13 +134,13 @@ class InstanceGroup:
 
     @cached_property
     def _local(self):
-        """Centres relative to the block's origin, shape (3, n), float32: rows are fast to read."""
+        """Centres relative to the block's origin, shape (3, n), float32."""
         centers, _ = self._spheres(self.ids)
         origins = np.repeat(self.blocks.centers, self.unit, 0)[: len(centers)]
         return np.ascontiguousarray((centers - origins).T, np.float32)
 
     def set_looks(self, looks, multiply=False):
-        """Take over changed looks."""
+        """Set the looks of instances."""
         self.looks = None if looks is None else np.ascontiguousarray(looks[self.ids])
         self.cards.uniforms['ibr_multiply'] = int(multiply)
         self.cards.look(self.looks)
@@ -154,14 +154,14 @@ class InstanceGroup:
         return tuple(float(v) for v in self.looks[slot] / 255.0)
 
     def tint(self, colors):
-        """Have one colour for all that are drawn in the same way."""
+        """Set one colour for each level of detail."""
         for name, layer in self.cards.layers.items():
             layer.tint = colors.get(name)
         for k, pool in enumerate(self.pools):
             pool.tint(colors.get('lighter mesh' if k else 'mesh'), self._look)
 
     def select(self, frame, limits):
-        """Choose which blocks are drawn by which program."""
+        """Choose the blocks that each card shader draws."""
         index, origins, small, large = self.blocks.seen(frame)
         self.seen = index
         self.cards.view(frame)
@@ -186,7 +186,7 @@ class InstanceGroup:
         return chosen
 
     def _rises(self, frame, index, origins):
-        """Return by what sine eyes look down on or up to instances; None where none asks."""
+        """Return the sines of the camera's elevation over instances; None without a turntable."""
         turntable = self.atlas.turntable
         if turntable is None or self.unit > 1:
             return None
@@ -200,7 +200,7 @@ class InstanceGroup:
         return np.abs(along) / np.maximum(_lengths(axes.T) * away, 1e-30)
 
     def refine(self, frame, choice):
-        """Sort the single instances of a choice of blocks, those out of its sizes left out."""
+        """Sort the single instances of a choice of blocks, and drop those out of its sizes."""
         slots = (
             choice.table[:, 3].astype(int)[:, None] * self.unit + np.arange(self.unit)
         ).ravel()
@@ -243,7 +243,7 @@ class InstanceGroup:
         return new
 
     def _sizes(self, frame, slots, least):
-        """Return the slots in view that are at least so large, and their diameters in pixels."""
+        """Return the slots in view of at least a size, and their diameters in pixels."""
         if self.looks is not None:
             slots = slots[self.looks[slots, 3] > 0]
         one = Blocks(
@@ -254,7 +254,7 @@ class InstanceGroup:
         return slots[index[big]], sizes[big]
 
     def _levels(self, slots, sizes, limits):
-        """Return slot to mesh level: the lightest that is good enough at its size."""
+        """Return the mesh level of each slot: the lightest within the error at its size."""
         out = {}
         for slot, size in zip(slots.tolist(), sizes.tolist(), strict=True):
             level = next(k for k in range(len(limits) - 1, -1, -1) if size <= limits[k])
@@ -265,7 +265,7 @@ class InstanceGroup:
         return out
 
     def instance_of(self, actor):
-        """Return the scene's instance that an actor of the near meshes shows, or None."""
+        """Return the index of the instance that a mesh actor shows, or None."""
         for pool in self.pools:
             slot = pool.instance_of(actor)
             if slot is not None:
@@ -273,18 +273,18 @@ class InstanceGroup:
         return None
 
     def mesh_actors(self):
-        """Return the actors of the near meshes."""
+        """Return the actors of instances drawn as meshes."""
         return [a for pool in self.pools for a in pool.actors()]
 
     def hide(self):
-        """Draw nothing of it."""
+        """Hide all instances."""
         self.cards.hide()
         self.near, self.seen = {}, np.zeros(0, int)
         for pool in self.pools:
             pool.show((), self.matrix, self._look)
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Free GPU memory; the context is current."""
         window = self.cards.window
         self.cards.release()
         if window is not None:
@@ -296,17 +296,17 @@ class InstanceGroup:
 
 
 def _span(cards, name):
-    """Return the sizes between which a program is drawn; of one that is not there none."""
+    """Return the sizes between which a shader is used, (0, 0) if it is not."""
     return next((span for other, *span in cards if other == name), (0.0, 0.0))
 
 
 def _lengths(columns):
-    """Return the lengths of vectors whose coordinates are the rows of an array."""
+    """Return the lengths of column vectors."""
     return np.sqrt((columns * columns).sum(0))
 
 
 def _ascending(values):
-    """Return the order of values, as well as 16 bits tell them apart: those sort by radix."""
+    """Return the ascending order of values quantized to 16 bits, for a radix sort."""
     if not len(values):
         return np.zeros(0, np.intp)
     low = values.min()
@@ -315,7 +315,7 @@ def _ascending(values):
 
 
 def _card_property(parts):
-    """Return the material of the largest part, as cards need it."""
+    """Return the material of the largest part, prepared for cards."""
     largest = max(parts, key=lambda p: p.mesh.n_cells)
     prop = _vtk.vtkProperty()
     copy_property(prop, largest.actor.GetProperty())

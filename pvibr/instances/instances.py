@@ -1,4 +1,4 @@
-"""Many instances of heavy meshes, drawn with an error that the user chooses."""
+"""Many instances of heavy meshes, drawn within an error bound."""
 
 from __future__ import annotations
 
@@ -23,48 +23,48 @@ from pvibr.instances.levels import Limits, checked_force, forced_limits, limits_
 from pvibr.meshes.parts import as_meshes, as_parts
 from pvibr.meshes.poses import as_poses
 from pvibr.scene import looks as look
-from pvibr.scene.painted import TABLE_OPTIONS, Painted
+from pvibr.scene.item_set import ItemSet
+from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import nearest_hit
-from pvibr.scene.thing import Thing, anchor, set_bounds
+from pvibr.scene.thing import anchor, joined_bounds, set_bounds
 
 
-class Instances(Painted, Thing):
-    """A mesh, or several, drawn at many poses: near as mesh, far as cards made from images.
+class Instances(ItemSet):
+    """A mesh, or several, drawn at many poses: near as a mesh, far as images on cards.
 
     Parameters
     ----------
     mesh : dataset, MultiBlock, actor, FoliageLevels, trimesh object, path, or a list of these
-        What is drawn. The graph of a trimesh scene, or a file with one (glTF, CityJSON), gives
-        the poses where none are given.
+        Meshes to draw. A trimesh scene, or a file with a scene graph (glTF, CityJSON), also has
+        poses.
     poses : array_like, shape (n, 3) or (n, 4, 4), or path, optional
-        Points or matrices (world from model), world units, or a file of them, as
-        :func:`pvibr.read_poses` reads it.
+        Points or matrices (world from model), world units, or a file for
+        :func:`pvibr.read_poses`.
     index : array_like of int, shape (n,), optional
-        Which of several meshes each instance shows; by turns where it is not given.
+        Mesh of each instance if there are several; in turn by default.
     max_error : float
-        How far, in pixels, an outline may be from the mesh's own.
+        Maximum distance of the outline from that of the mesh, in pixels.
     name : str, optional
-        What the plotter and reports call it.
+        Name in the plotter and in reports.
     scalars : array_like, shape (n,), or str, optional
-        Values per instance, coloured by `cmap`; a name selects a column of the file of the poses,
-        or else an array of the mesh, as in ``add_mesh``.
+        Values per instance, coloured by `cmap`; a name selects a column of the pose file, or
+        else an array of the mesh, as in ``add_mesh``.
     colors : array_like, shape (n, 3), optional
         Colours per instance, uint8 or float.
     blend : {'replace', 'multiply'}
-        What colours of instances do with the mesh's own.
+        How colours of instances combine with those of the mesh.
     cmap, clim : optional
         As in ``add_mesh``.
     opacity : float or str, optional
         As in ``add_mesh``. Translucent sets are drawn as meshes at every size.
     pickable : bool
-        Whether it can be picked.
+        Allow picking.
     cache : bool or path
-        Whether, or where, atlases are kept on disk.
+        Keep atlases on disk, or the folder to keep them in.
     progress : bool, optional
-        Whether a long bake shows a progress bar; by default where standard error is a terminal.
+        Show a progress bar while baking; by default if standard error is a terminal.
     views : {'full', 'half'}
-        Whether it is seen from all sides or only from above its own horizon; half a sphere has
-        twice the density of views.
+        Bake views from all sides, or from above the horizon only at twice the density.
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the looks.
     force_level : str or dict of str to (float, float), optional
@@ -77,7 +77,7 @@ class Instances(Painted, Thing):
     Raises
     ------
     TypeError, ValueError
-        Where an argument is not allowed.
+        If an argument is invalid.
 
     Examples
     --------
@@ -93,15 +93,16 @@ class Instances(Painted, Thing):
     web = 'baked', 'meshes, far ones billboard clouds'
     presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
     _title = 'Instances'
-    _covered = _worn = None
+    #: Indices of instances that another thing draws in frames of the scene's own camera.
+    covered: np.ndarray | None = None
+    _applied: np.ndarray | None = None
     _force_level: str | dict | None = None
     _forced: dict[str, tuple] = {}
 
     max_error = Param(
-        1.0, 'How far an outline may be from that of the mesh.', range='(0, inf)', unit='px'
+        1.0, 'Maximum distance of the outline from that of the mesh.', range='(0, inf)', unit='px'
     )
-    visibility = Param(True, 'Whether it is drawn at all.')
-    _changes = 0
+    _noun = 'instances'
 
     @takes(mesh_kwargs=as_parts)
     def __init__(
@@ -176,7 +177,7 @@ class Instances(Painted, Thing):
 
     @property
     def n_instances(self) -> int:
-        """How many instances there are."""
+        """Number of instances."""
         return len(self._poses)
 
     def __len__(self):
@@ -196,11 +197,11 @@ class Instances(Painted, Thing):
         self._rebuild(poses)
 
     def _rebuild(self, poses):
-        """Make everything anew that depends on poses and models."""
+        """Build again what depends on poses and models."""
         pipeline = self.pipeline
         if pipeline is not None:
-            pipeline._make_current()
-        for group in self._groups:
+            pipeline.make_current()
+        for group in self.groups:
             group.release()
         if pipeline is not None:
             self._take_out(pipeline.renderer)
@@ -211,15 +212,16 @@ class Instances(Painted, Thing):
 
     def _set_poses(self, poses, index):
         self._poses, self._index = poses, index
-        self._groups = []
+        #: What draws the instances of each mesh: its cards, its meshes, what is seen of them.
+        self.groups: list = []
         ids = {k: np.flatnonzero(index == k) for k in self._models}
         turned = any(model.atlas.turntable is not None for model in self._models.values())
         unit, draws = unit_of(len(poses)), slab_counts(len(poses), len(ids), turned)
         for k, model in self._models.items():
-            self._groups.append(self._group(model, ids[k], poses, self._binder, unit, draws))
+            self.groups.append(self._group(model, ids[k], poses, self._binder, unit, draws))
         self._uploaded = False
         self._touch()
-        self._bounds = _union([k.bounds for k in self._groups])
+        self._bounds = joined_bounds([tuple(g.bounds) for g in self.groups])
         set_bounds(self._anchor, self._bounds)
 
     def _group(self, *args):
@@ -228,12 +230,7 @@ class Instances(Painted, Thing):
     @property
     def bounds(self) -> tuple[float, ...]:
         """World bounds: x, y and z, low and high; of an empty set (1, -1, 1, -1, 1, -1)."""
-        return tuple(float(v) for v in self._bounds)
-
-    @property
-    def groups(self) -> list:
-        """What draws the instances of each mesh: its cards, its meshes, what is seen of them."""
-        return self._groups
+        return self._bounds
 
     @property
     def atlases(self) -> list:
@@ -250,12 +247,21 @@ class Instances(Painted, Thing):
         self._forced, self._force_level = checked_force(level), level
         self._touch()
 
-    def level_limits(self, model) -> Limits:
-        """Return the on-screen sizes at which the levels of a model change."""
+    @property
+    def limits(self) -> list[Limits]:
+        """On-screen sizes at which levels change, for each of `groups`."""
+        return [self._limits(group.model) for group in self.groups]
+
+    def _limits(self, model) -> Limits:
         count = len(model.levels)
         if self._failure or not model.atlas.errors:
             return limits_of({}, count, 1)
         return forced_limits(self._forced, count) if self._forced else model.limits(self.max_error)
+
+    @property
+    def multiplies(self) -> bool:
+        """Whether colours of instances multiply those of the mesh."""
+        return self._blend == 'multiply'
 
     # -- looks of single instances -----------------------------------------------------------
 
@@ -265,75 +271,57 @@ class Instances(Painted, Thing):
         Parameters
         ----------
         ids : array_like of int
-            Which instances.
+            Instances to change.
         scalars, colors, visible : optional
-            Their new values.
+            New values.
 
         Raises
         ------
         IndexError
-            Where an instance does not exist.
+            If an instance does not exist.
         ValueError
-            Where values do not fit.
+            If the number of values is wrong.
         """
-        ids = np.asarray(ids)
-        new_scalars, new_colors, new_visible = self._scalars, self._colors, None
+        ids, changed = np.asarray(ids), {}
         if scalars is not None:
-            new_scalars = np.full(len(self), np.nan) if new_scalars is None else new_scalars.copy()
-            new_scalars[ids] = scalars
+            before = self._scalars
+            changed['scalars'] = np.full(len(self), np.nan) if before is None else before.copy()
+            changed['scalars'][ids] = scalars
         if colors is not None:
             rows = np.atleast_2d(np.asarray(colors))
-            new_colors = self._base_colors()
-            new_colors[ids] = look.as_colors(rows, len(rows))
+            changed['colors'] = self._base_colors()
+            changed['colors'][ids] = look.as_colors(rows, len(rows))
         if visible is not None:
-            new_visible = self.visible.copy()
-            new_visible[ids] = visible
-        if scalars is not None:
-            self.scalars = new_scalars
-        if colors is not None:
-            self.colors = new_colors
-        if new_visible is not None:
-            self.visible = new_visible
+            changed['visible'] = self.visible.copy()
+            changed['visible'][ids] = visible
+        for name, values in changed.items():
+            setattr(self, name, values)
 
     def _base_colors(self):
         if self._colors is not None:
             return self._colors.copy()
-        prop = self._groups[0].levels[0].parts[0].actor.GetProperty()
+        prop = self.groups[0].levels[0].parts[0].actor.GetProperty()
         return np.tile(np.rint(np.array(prop.GetColor()) * 255).astype(np.uint8), (len(self), 1))
 
     def _repaint(self):
-        self._wear(self._worn)
+        self._apply_looks(self._applied)
         self._touch()
 
-    def _wear(self, covered):
-        """Look as users want it, less what others draw."""
-        self._worn = covered
+    def _apply_looks(self, covered):
+        """Upload the looks, without what others draw."""
+        self._applied = covered
         shown = self._visible
         if covered is not None:
             shown = self.visible.copy()
             shown[covered] = False
         merged = look.merge(len(self), self._colors, shown)
         if self.pipeline is not None:
-            self.pipeline._make_current()
-        for group in self._groups:
-            group.set_looks(merged, self._blend == 'multiply')
-
-    def cover(self, ids):
-        """Leave instances out of what the scene's own camera shows, since another draws them.
-
-        Parameters
-        ----------
-        ids : numpy.ndarray of int or None
-            Which; None for all to be drawn.
-        """
-        self._covered = ids
-
-    def _touch(self):
-        self._content_key = None
-        self._changes += 1
+            self.pipeline.make_current()
+        for group in self.groups:
+            group.set_looks(merged, self.multiplies)
 
     def scalar_mapper(self):
-        """Return a mapper with the table of the scalars shown, for a scalar bar; else None."""
+        """Return a mapper with the table of the shown scalars, None without scalars."""
         if self.table is not None:
             return super().scalar_mapper()
         shown = [p.actor.mapper for p in self._parts() if p.actor.mapper.GetScalarVisibility()]
@@ -341,13 +329,13 @@ class Instances(Painted, Thing):
         return tables[0] if tables else None
 
     def scalar_title(self) -> str:
-        """Return what a scalar bar calls the scalars."""
+        """Return the title of the scalar bar."""
         if self.table is not None:
             return super().scalar_title()
         return self.scalar_mapper().GetArrayName() or ''
 
     def bake_into(self, scene):
-        """Hand the instances to a scene without pvibr."""
+        """Add the instances to a scene without pvibr."""
         for k, model in self._models.items():
             ids = np.flatnonzero((self._index == k) & self.visible)
             scene.copies(
@@ -356,7 +344,7 @@ class Instances(Painted, Thing):
                 self._poses[ids],
                 largest=model.limits(self.max_error).meshes if model.atlas.errors else None,
                 colors=None if self._colors is None else self._colors[ids],
-                multiply=self._blend == 'multiply',
+                multiply=self.multiplies,
             )
 
     def _parts(self):
@@ -366,51 +354,31 @@ class Instances(Painted, Thing):
 
     def _put_in(self, renderer):
         # All far cards first, then all nearer ones: their soft edges blend with what is behind.
-        layers = zip(*(k.cards.layers.values() for k in self._groups), strict=True)
+        layers = zip(*(k.cards.layers.values() for k in self.groups), strict=True)
         turns = (zip(*(layer.actors for layer in row), strict=True) for row in layers)
         self._card_actors = [actor for turn in turns for draw in turn for actor in draw]
         super()._put_in(renderer)
 
-    def _take_out(self, renderer):
-        for group in self._groups:
-            group.hide()
-        super()._take_out(renderer)
-
-    def content_key(self) -> tuple:
-        """Return what changes whenever what is drawn does, the camera left out."""
-        shown = self.visibility and bool(self._anchor.GetVisibility())
-        return self._changes, self._revision, shown
-
     def actors(self) -> list:
-        """Return the actors that draw the instances, those that are not visible now too."""
-        return self._card_actors + [a for k in self._groups for a in k.mesh_actors()]
+        """Return the actors that draw the instances, invisible ones included."""
+        return self._card_actors + [a for k in self.groups for a in k.mesh_actors()]
 
-    #: Frames that are drawn to pick need the cards too.
-    picks = True
-
-    def needed(self, frame) -> bool | str:
-        """Tell whether there is anything to draw."""
-        if not self.visibility or not self._anchor.GetVisibility():
-            self._hide()
-            return 'not visible'
-        return bool(self._groups) or 'no instances'
-
-    def _hide(self):
-        if self._content_key is not None:
-            for group in self._groups:
-                group.hide()
-            self._content_key = None
+    def deactivate(self):
+        """Hide all actors."""
+        for group in self.groups:
+            group.hide()
+        self._content_key = None
 
     def prepare(self, frame):
-        """Choose what is drawn, where camera, size or settings changed."""
+        """Choose levels again if camera, size or settings changed."""
         if not self._uploaded:
-            for group in self._groups:
+            for group in self.groups:
                 group.upload(frame.window)
             self._uploaded = True
         self._keep_last(frame.renderer)
-        covered = self._covered if frame.own and not frame.picking else None
-        if covered is not self._worn:
-            self._wear(covered)
+        covered = self.covered if frame.own and not frame.picking else None
+        if covered is not self._applied:
+            self._apply_looks(covered)
             self._content_key = None
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         how = frame.picking, frame.casting, frame.quality
@@ -419,28 +387,28 @@ class Instances(Painted, Thing):
         if content_key == self._content_key:
             return
         self._content_key = content_key
-        limits = [self.level_limits(g.model).coarser(frame.quality) for g in self._groups]
-        chosen = [k.select(frame, limit) for k, limit in zip(self._groups, limits, strict=True)]
-        for program in self._groups[0].cards.programs():
+        limits = [found.coarser(frame.quality) for found in self.limits]
+        chosen = [k.select(frame, limit) for k, limit in zip(self.groups, limits, strict=True)]
+        for program in self.groups[0].cards.programs():
             self._show_cards(frame, program, [c[program.name] for c in chosen])
-        for group, limit in zip(self._groups, limits, strict=True):
+        for group, limit in zip(self.groups, limits, strict=True):
             for actor in group.select_meshes(frame, limit):
                 actor.SetPickable(bool(self.pickable))
                 frame.renderer.AddViewProp(actor)
 
     def _show_cards(self, frame, program, choices):
-        unit = self._groups[0].unit
+        unit = self.groups[0].unit
         if unit > 1 and sum(len(c.table) for c in choices) * unit <= SORTED_SEEN:
-            pairs = zip(self._groups, choices, strict=True)
+            pairs = zip(self.groups, choices, strict=True)
             unit, choices = 1, [group.refine(frame, c) for group, c in pairs]
         cuts = slabs([c.depths for c in choices], program.turns, unit)
-        for group, c, cut in zip(self._groups, choices, cuts, strict=True):
+        for group, c, cut in zip(self.groups, choices, cuts, strict=True):
             look = {'level': c.level, 'unit': unit, 'dithered': c.dithered}
             group.cards.show(program.name, c.table, c.sizes, cut, **look)
 
     def _check_cards(self):
-        """Where a shader of the cards failed: warn once, and draw meshes from now on."""
-        failure = next((k.cards.failure for k in self._groups if k.cards.failure), None)
+        """Warn once if a card shader failed, and draw meshes from then on."""
+        failure = next((k.cards.failure for k in self.groups if k.cards.failure), None)
         if failure and not self._failure:
             self._failure, self._content_key = failure, None
             msg = f'{self.name}: {failure}: meshes are drawn instead. Look at `pvibr doctor`.'
@@ -453,7 +421,7 @@ class Instances(Painted, Thing):
     def _keep_last(self, renderer):
         """Draw cards after all other opaque props: their soft edges blend with what is there."""
         props = renderer.GetViewProps()
-        known = len(self._card_actors) + sum(len(k.mesh_actors()) for k in self._groups)
+        known = len(self._card_actors) + sum(len(k.mesh_actors()) for k in self.groups)
         count = props.GetNumberOfItems()
         if count == getattr(self, '_prop_count', None) or not known:
             return
@@ -463,28 +431,28 @@ class Instances(Painted, Thing):
         self._prop_count = count
 
     def finish(self, frame):
-        """Give the texture units back."""
+        """Release the texture units."""
         self._binder.unbind()
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
-        for group in self._groups:
+        """Free GPU memory; the context is current."""
+        for group in self.groups:
             group.release()
         self._uploaded, self._content_key = False, None
 
     def report(self) -> dict:
         """Return bytes, what was drawn, and the error tables of the atlases."""
         counts: dict = {}
-        for group in self._groups:
+        for group in self.groups:
             for key, value in group.counts.items():
                 counts[key] = counts.get(key, 0) + value
         out = {
-            'bytes': sum(k.cards.nbytes for k in self._groups),
+            'bytes': sum(k.cards.nbytes for k in self.groups),
             'instances': len(self),
             **counts,
         }
         for k, model in self._models.items():
-            out[f'atlas {k}'] = model.describe(self.level_limits(model))
+            out[f'atlas {k}'] = model.describe(self._limits(model))
         return out
 
     def pick(self, x, y):
@@ -500,9 +468,9 @@ class Instances(Painted, Thing):
         pvibr.scene.picking.Hit or None
             ``index`` of the instance and ``point`` on its mesh, world units.
         """
-        if not self.pickable or self.pipeline is None or not self.visibility:
+        if not self._can_pick():
             return None
-        return nearest_hit(self._groups, self.pipeline.renderer, x, y, self.visible)
+        return nearest_hit(self.groups, self.pipeline.renderer, x, y, self.visible)
 
     def instance_of(self, actor):
         """Return the index of the instance that a picked actor shows, or None.
@@ -510,13 +478,6 @@ class Instances(Painted, Thing):
         Parameters
         ----------
         actor : vtkActor
-            What PyVista's mesh picking returned.
+            Actor that PyVista's mesh picking returned.
         """
-        return next((i for k in self._groups if (i := k.instance_of(actor)) is not None), None)
-
-
-def _union(bounds):
-    if not bounds:
-        return np.array([1.0, -1.0] * 3)
-    b = np.array(bounds)
-    return np.stack([b[:, ::2].min(0), b[:, 1::2].max(0)], 1).ravel()
+        return next((i for k in self.groups if (i := k.instance_of(actor)) is not None), None)

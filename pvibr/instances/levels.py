@@ -1,4 +1,4 @@
-"""The levels of detail of one mesh, and which is good enough at which size."""
+"""Levels of detail of one mesh, and the sizes at which they change."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def forced_limits(ranges, mesh_levels) -> Limits:
 
 
 def _spans(errors, programs, max_error):
-    """Return for each program, in the order of cost, the sizes at which it is drawn."""
+    """Return the sizes at which each shader is used, in the order of cost."""
     reached, spans = 0.0, []
     for program in programs:
         good = min(_good_up_to(errors, program.name, max_error, _BETTER), program.largest)
@@ -153,7 +153,7 @@ def _spans(errors, programs, max_error):
 
 
 def _good_up_to(errors, name, max_error, better):
-    """Return the largest size at which outline and colour are within bounds, interpolated."""
+    """Return the largest size at which outline and colour are within bounds."""
     sizes, table = errors['sizes'], errors[name]
     bounds = np.array([max_error + _SLACK, better * max(1.0, max_error)])
     over = (table > bounds).any(1)
@@ -169,14 +169,14 @@ def _good_up_to(errors, name, max_error, better):
 
 
 def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **looks) -> Atlas:
-    """Return a mesh as images from all around, with the error of drawing them measured."""
+    """Return the atlas of a mesh, with its error measured."""
     parts = as_parts(mesh, **looks)
     grid = {'views': views, 'tile': tile, 'half': half}
     return make_model(parts, cache=cache, progress=progress, **grid).atlas
 
 
 def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=128) -> LodModel:
-    """Return the levels of a mesh, baked and measured, or taken from the cache."""
+    """Return the levels of a mesh, baked and measured, or cached."""
     levels = _levels(parts)
     folder = None if cache in (True, False) else cache
     store = AtlasCache(folder) if cache is not False else None
@@ -218,7 +218,7 @@ def _baked(levels, progress, **grid):
 
 
 def _turns(parts):
-    """Return which pictures from around an axis are asked for, or None."""
+    """Return the turntable views asked for, or None."""
     return next((p.turns for p in parts if p.turns is not None), None)
 
 
@@ -226,10 +226,10 @@ def _levels(parts):
     levels = [MeshLevel(list(parts))]
     given = max(len(p.stand_ins) for p in parts)
     if given:
-        rungs = [
+        coarser = [
             [q for p in parts for q in (p.stand_ins or ((p,),) * given)[k]] for k in range(given)
         ]
-        return levels + [MeshLevel(rung) for rung in rungs]
+        return levels + [MeshLevel(level) for level in coarser]
     if levels[0].triangles < _HEAVY:
         return levels
     for share in SHARES:
@@ -241,14 +241,14 @@ def _levels(parts):
 
 
 def _bake_level(levels):
-    """Return the index of the lightest level that has triangles enough for a bake."""
+    """Return the index of the lightest level with enough triangles for a bake."""
     if any(p.stand_ins for p in levels[0].parts):
         return 0  # quads with pictures are no place to take pictures from
     return max(i for i, lv in enumerate(levels) if i == 0 or lv.triangles >= _BAKE_TRIANGLES)
 
 
 def _bake_parts(levels):
-    """Return the lightest parts that show every texel: surfaces may be simplified, leaves not."""
+    """Return the lightest parts to bake: surfaces may be simplified, foliage not."""
     out = list(levels[0].parts)
     for level in levels[1:]:
         for i, part in enumerate(level.parts):
@@ -258,9 +258,9 @@ def _bake_parts(levels):
 
 
 def content_key(parts, views, tile, half) -> str:
-    """Return a hash of everything that the pictures of a mesh depend on."""
+    """Return a hash of everything that the atlas of a mesh depends on."""
     values = [VERSION, views, tile, half, SHARES, _turns(parts)]
-    stand_ins = [q for p in parts for rung in p.stand_ins for q in rung]
+    stand_ins = [q for p in parts for level in p.stand_ins for q in level]
     for part in [*parts, *stand_ins]:
         values += [part.alpha_cutoff, *_mesh_values(part.mesh), *look_values(part.actor)]
     return key_of(*values)
@@ -276,7 +276,7 @@ def _mesh_values(mesh):
 
 
 def look_values(actor) -> list:
-    """Return everything of an actor's look that its pictures depend on."""
+    """Return the values of an actor's look that its atlas depends on."""
     prop, mapper, texture = actor.GetProperty(), actor.GetMapper(), actor.GetTexture()
     values = [list(prop.GetColor()), prop.GetInterpolation(), prop.GetRepresentation()]
     values += [prop.GetBackfaceCulling(), prop.GetFrontfaceCulling(), prop.GetOpacity()]
@@ -305,7 +305,7 @@ def _table_values(table):
 
 @contextmanager
 def progress_bar(wanted):
-    """Yield a function that takes the fraction done; a bar appears after a second of it."""
+    """Yield a function of the fraction done; the bar appears after a second."""
     if wanted is None:
         wanted = sys.stderr.isatty()
     if not wanted:

@@ -1,4 +1,4 @@
-"""The error of each level of detail against the mesh, measured where the atlas is baked."""
+"""The error of each level of detail against the mesh, measured after baking."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FLOOR = 1e-4  # mean FLIP below which a ratio says nothing: nothing can be seen
 
 
 def directions(count, half=False):
-    """Return directions spread over the sphere that are on no grid of views.
+    """Return directions spread over the sphere, off the grid of views.
 
     Returns ------- numpy.ndarray, shape (count, 3) Unit vectors, the spherical Fibonacci points of
     Keinert et al., "Spherical Fibonacci Mapping", SIGGRAPH Asia 2015, turned by an irrational
@@ -41,7 +41,7 @@ def directions(count, half=False):
 
 
 def level_directions(count, turns, half=False):
-    """Return directions that are level with a turntable, spread as evenly."""
+    """Return directions spread over a turntable's horizon."""
     k = np.arange(count) + 0.5
     z = LEVEL * (1 - (1.0 if half else 2.0) * k / count)
     return _around(z) @ turns.sides()
@@ -66,7 +66,7 @@ def measure(model) -> dict[str, np.ndarray]:
 
 
 def _measured(model, views, programs, *, meshes):
-    """Return the rows of programs, and of lighter meshes, in some views or from all around."""
+    """Return the rows of card shaders and lighter meshes, in some views or all."""
     sheet = _Sheet(model, views)
     try:
         reference = sheet.draw_mesh(0)
@@ -100,7 +100,7 @@ def _measured(model, views, programs, *, meshes):
 
 
 def _filtered(picture):
-    """Return pixels of the largest size: means of samples, those on a pixel's border by half."""
+    """Return pixels of the largest size, averaged from samples with half weight on borders."""
     for axis in (0, 1):
         picture = np.moveaxis(picture, axis, 0)
         ends = picture[::_SAMPLES]
@@ -110,7 +110,7 @@ def _filtered(picture):
 
 
 def _once(picture, size):
-    """Return one sample a pixel, that in its middle."""
+    """Return one sample per pixel, at its centre."""
     step = SIZES[-1] * _SAMPLES // size
     return picture[step // 2 :: step, step // 2 :: step]
 
@@ -125,7 +125,7 @@ def _row(picture, truth, base, size):
 
 
 def _moved(picture, truth, size):
-    """Return the 99th percentile of the outline's displacement, or what the worst view asks."""
+    """Return the 99th percentile of the outline's displacement, or that of the worst view."""
     pair = picture[..., 3], truth[..., 3]
     found = outline_distances(*pair), outline_distances(*pair[::-1])
     pixels, away = (np.concatenate(both) for both in zip(*found, strict=True))
@@ -143,7 +143,7 @@ def _fine(picture, reference):
 
 
 def _flip(picture, truth, size):
-    """Return the mean FLIP, or where nothing can be seen what counts as that."""
+    """Return the mean FLIP, clamped to what can be seen."""
     if size >= _FEW_SIZE:
         width = min(_COLUMNS, int(_FEW_WIDTH / (size * _CELL))) * round(size * _CELL)
         picture, truth = (_first(p, size)[:, :width] for p in (picture, truth))
@@ -182,7 +182,7 @@ class _Sheet:
         camera.SetClippingRange(2 * atlas.radius, 6 * atlas.radius)
 
     def _resize(self, size, shift=0.0):
-        """Take a size in pixels, and move the pixels by a part of one to the lower left."""
+        """Set the size in pixels, and shift by a part of one to the lower left."""
         cell = round(size * _CELL)
         self.window.SetSize(cell * _COLUMNS, cell * _ROWS)
         shift *= self.spacing / cell
@@ -205,7 +205,7 @@ class _Sheet:
         return picture
 
     def draw_cards(self, program, size):
-        """Return the picture of the cards of a program, premultiplied RGBA from 0 to 1."""
+        """Return the image of a shader's cards, premultiplied RGBA from 0 to 1."""
         self._resize(size)
         cards = self.group.cards
         cards.hide()
@@ -231,7 +231,7 @@ class _Sheet:
 
 
 def _poses(atlas, spacing, views=None):
-    """Return a pose per view: turned so that the view's direction is +z, moved to its cell."""
+    """Return a pose per view: its direction turned to +z, in its cell."""
     from pvibr.maths.octahedral import frame
 
     count = _COLUMNS * _ROWS

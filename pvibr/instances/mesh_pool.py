@@ -1,9 +1,8 @@
-"""Instances that are near enough to be drawn as the mesh itself."""
+"""Instances near enough to be drawn as the mesh itself."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -64,7 +63,7 @@ class MeshPool:
     def __init__(self, level):
         self.level = level
         self.radius = max(p.mesh.length for p in level.parts) / 2
-        self.lent: dict[int, Any] = {}
+        self.lent: dict = {}  # by instance
         self.free: list = []
         self.multiply = False
         self._tint: tuple | None = None
@@ -72,7 +71,7 @@ class MeshPool:
         self._lit = True
 
     def light(self, lit):
-        """Have the normals of mirrored poses turned, or not: without light VTK has none."""
+        """Switch the flip of mirrored normals, which VTK lacks without lights."""
         if lit == self._lit:
             return
         self._lit = lit
@@ -104,7 +103,7 @@ class MeshPool:
         return [lendable(p, p.actor.GetMapper()) for p in self.level.parts]
 
     def fade(self, shares):
-        """Draw some instances in a share of their pixels; cards have the others."""
+        """Draw a share of the pixels of some instances; cards draw the others."""
         for i in self._faded | shares.keys():
             for actor in self.lent.get(i, ()):
                 uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
@@ -112,7 +111,7 @@ class MeshPool:
         self._faded = set(shares)
 
     def tint(self, color, look_of):
-        """Have one colour for all that it shows, whatever their looks are."""
+        """Set one colour for all instances, over their looks."""
         self._tint = color
         self.recolor(look_of)
 
@@ -120,7 +119,7 @@ class MeshPool:
         """Take over changed looks of the instances shown."""
         for i, actors in self.lent.items():
             for actor in actors:
-                self._dress(actor, look_of(i))
+                self._set_look(actor, look_of(i))
 
     def instance_of(self, actor):
         """Return the instance that an actor shows, or None."""
@@ -136,9 +135,9 @@ class MeshPool:
             uniforms.SetUniformf('ibr_share', 1.0)
             uniforms.SetUniformi('ibr_mirrored', int(volume < 0))
             uniforms.SetUniformf('ibr_blur', BLUR * self.radius * abs(volume) ** (1 / 3))
-            self._dress(actor, look)
+            self._set_look(actor, look)
 
-    def _dress(self, actor, look):
+    def _set_look(self, actor, look):
         uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniform4f('ibr_look', (*self._tint, 1.0) if self._tint else look)
         uniforms.SetUniformi('ibr_multiply', int(self.multiply and not self._tint))
@@ -172,7 +171,7 @@ def lendable(part, mapper):
 
 
 def _turn_normals(actor, there):
-    """Turn the normals of mirrored poses, where there are any, or leave them alone."""
+    """Flip the normals of mirrored poses, if there are any."""
     if there and actor.GetProperty().GetLighting() and _has_normals(actor):
         _MIRROR.attach(actor)
     else:

@@ -1,4 +1,4 @@
-"""Quadrics on the GPU: the programs that draw them, and which of them draws which blocks."""
+"""Quadrics on the GPU: draw modes, and the choice of one for each block."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LARGEST_SMALL = 4.0  # px: those are edges all over, and their depths differ by
 
 @dataclass(frozen=True)
 class Shape:
-    """What kind of quadric is drawn."""
+    """A type of quadric."""
 
     name: str
     texels: int
@@ -38,7 +38,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class DrawMode:
-    """How the items of a block are drawn."""
+    """A way to draw the items of a block."""
 
     name: str
     corners: int
@@ -86,18 +86,18 @@ SMALL = DrawMode('small', 1, 65_536, depth=False)
 POINTS = DrawMode('points', 1, 65_536)
 QUADS = DrawMode('quads', 4, 16_384)
 BLENDED = DrawMode('blended', 4, 65_536, blends=True)
-#: What is drawn ahead to find what is behind it: as point sprites, and as quads.
+#: Depth prepass of point sprites and of quads.
 HIDING = (
     DrawMode('hiding_points', 1, 65_536, depth=False, hides=True),
     DrawMode('hiding_quads', 4, 16_384, depth=False, hides=True),
 )
-#: What is near first: it hides much, and what is hidden need not be lit.
+#: Near ones first: they hide much, and hidden fragments are not lit.
 DRAW_MODES = (QUADS, POINTS, SMALL, DOTS)
 _DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
 
 
 class Layer:
-    """The items that are drawn in one mode: draws of a chunk each that share one mapper."""
+    """The items of one draw mode: chunks that share one mapper."""
 
     def __init__(self, quadrics, mode):
         self._owner = weakref.proxy(quadrics)
@@ -109,7 +109,7 @@ class Layer:
         self.drawn = 0
         self._mapper = _vtk.vtkPolyDataMapper()
         self._mapper.ScalarVisibilityOff()
-        observe_shader(self._mapper, self)
+        observe_shader(self._mapper, self._set_shader)
         slots = max(-(-len(quadrics) // BLOCK), 1) * BLOCK
         self._chunk = min(mode.chunk, slots)
         self.bound(quadrics.bounds)
@@ -119,11 +119,11 @@ class Layer:
         self.actors = [draw_actor(self._mapper, **look) for _ in range(draws)]
 
     def bound(self, bounds):
-        """Tell VTK where they are."""
+        """Set the bounds that VTK culls by."""
         self._mapper.SetInputData(card_mesh(self._chunk, self.mode.corners, bounds))
 
     def set_shiny(self, shiny):
-        """Have highlights computed or not."""
+        """Switch specular highlights."""
         if self.failure:
             raise ShaderError(self.failure)
         if shiny != self._shiny:
@@ -147,7 +147,7 @@ class Layer:
             actor.VisibilityOff()
         return parts
 
-    def set_shader(self, program):
+    def _set_shader(self, program):
         """Bind textures and set uniforms of a program that is about to draw."""
         owner = self._owner
         state = owner.window.GetState()
@@ -163,7 +163,7 @@ class Layer:
                 self.failure = f'the shader text of {self._feature.name} did not land'
 
     def release(self, window):
-        """Free what it holds on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         if window is not None:
             self._mapper.ReleaseGraphicsResources(window)
             for actor in self.actors:
@@ -174,7 +174,7 @@ class Layer:
 
 
 def _span(actor, first, end):
-    """Have an actor draw from a slot up to an entry."""
+    """Set the range that an actor draws."""
     actor.VisibilityOn()
     uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
     uniforms.SetUniformi('ibr_first', first)
@@ -184,7 +184,7 @@ def _span(actor, first, end):
 
 @dataclass
 class Seen:
-    """Blocks in view, the nearest first."""
+    """Blocks in view, nearest first."""
 
     entries: np.ndarray
     modes: np.ndarray
@@ -193,7 +193,7 @@ class Seen:
 
 
 def seen_blocks(blocks, frame, shape) -> Seen:
-    """Return what may be seen, the nearest first, and how it is drawn."""
+    """Return the blocks in view, nearest first, with their draw modes."""
     with np.errstate(divide='ignore', invalid='ignore'):  # the eye may be in the middle of one
         index, origins, small, large = (a[::-1] for a in blocks.seen(frame))
     around = (blocks.reach + blocks.largest)[index]
@@ -209,7 +209,7 @@ def seen_blocks(blocks, frame, shape) -> Seen:
 
 
 def view_uniforms(frame, count, unit) -> dict:
-    """Return what both shaders know of the eye."""
+    """Return the uniforms of a view."""
     m = frame.clip_from_view
     offset = m[:2, 3] if frame.parallel else -m[:2, 2]
     return {
@@ -225,7 +225,7 @@ def view_uniforms(frame, count, unit) -> dict:
 
 
 def _pixel_uniforms(state, uniforms) -> dict:
-    """Return what is known of the target's pixels: passes may draw in one of their own size."""
+    """Return the uniforms of the target's pixels, whose size differs between passes."""
     found = [0, 0, 0, 0]
     state.vtkglGetIntegerv(gl.VIEWPORT, found)
     corner, size = np.array(found[:2], float), np.array(found[2:], float)

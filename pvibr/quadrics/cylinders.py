@@ -1,4 +1,4 @@
-"""Cylinders and capsules by the million, exact to the pixel, without triangles."""
+"""Cylinders and capsules by the million, ray-cast per pixel, without triangles."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from pvibr.scene import looks as look
 
 
 class Cylinders(Quadrics):
-    """Cylinders by the million, exact to the pixel, without triangles.
+    """Cylinders by the million, ray-cast per pixel, without triangles.
 
     Parameters
     ----------
     points_a, points_b : array_like, shape (n, 3), or dataset
         Their ends, world units.
     radius : float or array_like, shape (n,)
-        Of all or of each, world units; one of radius 0 is not drawn.
+        World units; radius 0 is not drawn.
     caps : {'flat', 'round', None}
-        How they end: flat; as half a sphere about the end; open, so that the inside is seen.
+        Flat ends, hemispheres, or open ends that show the inside.
     blend : bool
-        Where each end has its own colour, whether they are mixed along the axis; else each half
-        has that of its end, as bonds of molecules do.
+        Interpolate the colours of both ends along the axis; by default each half has that of its
+        end, as bonds of molecules do.
     **looks
         As of :class:`pvibr.Spheres`; ``colors`` may have the shape (n, 2, 3), and ``scalars``
         (n, 2), for both ends.
@@ -34,12 +34,12 @@ class Cylinders(Quadrics):
     Raises
     ------
     TypeError, ValueError
-        Where an argument is not allowed.
+        If an argument is invalid.
 
     Notes
     -----
-    As for :class:`pvibr.Spheres`; what is thinner than a pixel is drawn one pixel wide. Of length
-    0, a round one is a sphere, and others are not drawn.
+    As for :class:`pvibr.Spheres`; those thinner than a pixel are drawn one pixel wide. Of
+    length 0, those with round caps are spheres, and others are not drawn.
 
     Examples
     --------
@@ -102,7 +102,7 @@ class Cylinders(Quadrics):
 
     @property
     def radius(self) -> np.ndarray:
-        """Of each, shape (n,), world units."""
+        """Radius of each, shape (n,), world units."""
         return self._radii
 
     @radius.setter
@@ -111,7 +111,7 @@ class Cylinders(Quadrics):
         self._moved()
 
     def _halves(self):
-        """Return from middles to second ends, half their lengths, and directions."""
+        """Return vectors from the centres to the second ends, half lengths, and directions."""
         halves = (self._ends[1] - self._ends[0]) / 2
         lengths = np.linalg.norm(halves, axis=1)
         units = np.where(lengths[:, None] > 0, halves, [0, 0, 1.0])

@@ -1,4 +1,4 @@
-"""Ellipsoids by the million, exact to the pixel, without triangles."""
+"""Ellipsoids by the million, ray-cast per pixel, without triangles."""
 
 from __future__ import annotations
 
@@ -16,15 +16,14 @@ _FLATTEST = 1e-4  # of the largest radius: what floats can tell from a disc
 
 
 class Ellipsoids(PointQuadrics):
-    """Ellipsoids by the million, exact to the pixel, without triangles.
+    """Ellipsoids by the million, ray-cast per pixel, without triangles.
 
     Parameters
     ----------
     points : array_like, shape (n, 3), or dataset
         Centres, world units.
     radii : float or array_like, shape (n, 3) or (3,)
-        Half axes of each or of all, world units. One below 1e-4 of the largest is drawn as that;
-        where all are 0, nothing is drawn.
+        Semi-axes, world units, at least 1e-4 of the largest; if all are 0, nothing is drawn.
     orientation : array_like, shape (n, 4), (4,), (n, 3, 3) or (3, 3), optional
         Quaternions (w, x, y, z), or matrices whose columns are the directions of the axes: those
         of eigenvectors as numpy returns them, mirrored ones too.
@@ -34,11 +33,11 @@ class Ellipsoids(PointQuadrics):
     Raises
     ------
     TypeError, ValueError
-        Where an argument is not allowed.
+        If an argument is invalid.
 
     Notes
     -----
-    As for :class:`pvibr.Spheres`; what is thinner than a pixel is drawn one pixel wide.
+    As for :class:`pvibr.Spheres`; those thinner than a pixel are drawn one pixel wide.
 
     Examples
     --------
@@ -66,7 +65,7 @@ class Ellipsoids(PointQuadrics):
 
     @property
     def radii(self) -> np.ndarray:
-        """Half axes of each, shape (n, 3), world units."""
+        """Semi-axes, shape (n, 3), world units."""
         return self._radii
 
     @radii.setter
@@ -85,12 +84,12 @@ class Ellipsoids(PointQuadrics):
         self._moved()
 
     def axes(self) -> np.ndarray:
-        """Return half axes as they are drawn, in columns.
+        """Return the semi-axes as drawn, in columns.
 
         Returns
         -------
         numpy.ndarray, shape (n, 3, 3)
-            World units; of length 0 where nothing is drawn.
+            World units; of length 0 if nothing is drawn.
         """
         largest = self._radii.max(1, initial=0.0)[:, None]
         return self._turns * np.maximum(self._radii, _FLATTEST * largest)[:, None]

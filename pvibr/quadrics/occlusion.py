@@ -1,4 +1,4 @@
-"""Blocks of quadrics that others hide: found before they are drawn."""
+"""Occlusion culling of blocks of quadrics."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pvibr.core.costs import Backoff
 from pvibr.gl import Quad, Target
 from pvibr.gl import enums as gl
 from pvibr.maths.occlusion import behind, likely_seen, on_screen
@@ -37,7 +38,7 @@ class _Gpu(NamedTuple):
 
 
 class Occlusion:
-    """Finds blocks of which nothing can be seen, since others hide them.
+    """Finds blocks that are hidden by others.
 
     In the manner of Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", SIGGRAPH 1993.
     """
@@ -45,7 +46,7 @@ class Occlusion:
     def __init__(self):
         self.layers: list = []
         self._gpu: _Gpu | None = None
-        self._pause = 0
+        self._pause = Backoff(_PAUSE, _PAUSE)
 
     @property
     def nbytes(self) -> int:
@@ -55,13 +56,12 @@ class Occlusion:
         return sum(one.nbytes for one in held if one is not None)
 
     def hidden(self, owner, frame, seen) -> np.ndarray:
-        """Return which blocks need not be drawn."""
+        """Return a mask of the hidden blocks."""
         none = np.zeros(len(seen.modes), bool)
         # A pass may draw in pixels of its own, between those of the depths.
         if frame.casting or frame.renderer.GetPass() is not None or len(none) < _LEAST:
             return none
-        if self._pause:
-            self._pause -= 1
+        if self._pause.waits():
             return none
         first = self._likely(frame, seen)
         if first.mean() > _WORTH:
@@ -71,7 +71,7 @@ class Occlusion:
         farthest = self._draw(owner, frame, parts)
         found = behind(frame, farthest, _TILE, seen.entries[:, :3], seen.around)
         if found.mean() < _GAIN:
-            self._pause = _PAUSE
+            self._pause.failed()
         return found
 
     def _likely(self, frame, seen):
@@ -80,7 +80,7 @@ class Occlusion:
         return likely_seen(middles, seen.areas, _LAYERS)
 
     def _draw(self, owner, frame, parts):
-        """Draw depths, and return the farthest of each square."""
+        """Draw depths; return the farthest one in each square of pixels."""
         gpu = self._begin(owner, frame)
         state, renderer = frame.window.GetState(), frame.renderer
         with gpu.target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
@@ -114,8 +114,8 @@ class Occlusion:
         self._gpu = None
 
     def release(self, window):
-        """Free what it holds on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         self._release_gpu()
         for layer in self.layers:
             layer.release(window)
-        self.layers, self._pause = [], 0
+        self.layers, self._pause = [], Backoff(_PAUSE, _PAUSE)

@@ -1,4 +1,4 @@
-"""Things by the million on cards on which rays from the eye meet them exactly."""
+"""Quadrics by the million, ray-cast on cards."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pvibr.quadrics.cards import (
     view_uniforms,
 )
 from pvibr.quadrics.occlusion import Occlusion
-from pvibr.scene.item_set import ItemSet
+from pvibr.scene.item_set import CardSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.thing import anchor, set_bounds
@@ -34,8 +34,8 @@ from pvibr.scene.translucent import depths_of
 _OPAQUE = 127
 
 
-class Quadrics(ItemSet):
-    """Things of one shape by the million, exact to the pixel, without triangles.
+class Quadrics(CardSet):
+    """Things of one shape by the million, ray-cast per pixel, without triangles.
 
     A subclass sets ``shape`` and its places before it calls this one's ``__init__``, and has
     ``_spheres``, ``_extents``, ``_rows`` and ``_meet``.
@@ -43,23 +43,23 @@ class Quadrics(ItemSet):
     Parameters
     ----------
     color : color, optional
-        Of all that have none of their own; the theme's by default.
+        Colour of items without one of their own; the theme's by default.
     colors : array_like, shape (n, 3), optional
-        Of each; uint8 or float.
+        Colour of each; uint8 or float.
     scalars : array_like, shape (n,), optional
-        Mapped to colours as in ``add_mesh``.
+        Values mapped to colours as in ``add_mesh``.
     visible : array_like of bool, shape (n,), optional
-        Which are drawn.
+        Mask of the items that are drawn.
     opacity : float or array_like, shape (n,)
-        Of all or of each, 0 to 1.
+        One value or one each, 0 to 1.
     lighting : bool
-        Whether lights fall on them.
+        Apply lighting.
     ambient, diffuse, specular, specular_power : float, optional
-        Of the material, as in ``add_mesh``.
+        Material, as in ``add_mesh``.
     pickable : bool
-        Whether :meth:`pick` finds them.
+        Allow picking.
     name : str, optional
-        What the plotter and reports call it.
+        Name in the plotter and in reports.
     **table
         ``cmap``, ``clim``, ``n_colors``, ``nan_color``, ``below_color``, ``above_color``,
         ``log_scale`` as in ``add_mesh``.
@@ -67,7 +67,7 @@ class Quadrics(ItemSet):
     Raises
     ------
     TypeError, ValueError
-        Where an argument is not allowed.
+        If an argument is invalid.
     """
 
     web = 'baked', 'meshes'
@@ -117,30 +117,30 @@ class Quadrics(ItemSet):
     # -- what a shape says --------------------------------------------------------------------
 
     def _spheres(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return middles, shape (n, 3), and radii of spheres that hold each; 0: not drawn."""
+        """Return centres, shape (n, 3), and radii of bounding spheres; 0 is not drawn."""
         raise NotImplementedError
 
     def _extents(self) -> np.ndarray:
-        """Return half the sides of the boxes that hold each, shape (n, 3)."""
+        """Return the half sizes of the bounding boxes, shape (n, 3)."""
         raise NotImplementedError
 
     def _rows(self, middles) -> np.ndarray:
-        """Return texels, shape (n, t, 4), where middles are relative to something near."""
+        """Return texels, shape (n, t, 4), for centres relative to their blocks."""
         raise NotImplementedError
 
     def _meet(self, start, direction, index) -> Meeting:
-        """Return where a ray meets some of them."""
+        """Return the intersections of a ray with some of them."""
         raise NotImplementedError
 
     def _bodies(self) -> list:
-        """Return what they are made of: levels, sizes, matrices, and rows of colours or None."""
+        """Return their meshes: levels, sizes, matrices, and colours or None."""
         raise NotImplementedError
 
     # -- what they are ------------------------------------------------------------------------
 
     @property
     def bounds(self) -> tuple[float, ...]:
-        """World bounds: x, y and z, low and high; of none (1, -1, 1, -1, 1, -1)."""
+        """World bounds: x, y and z, low and high; if empty (1, -1, 1, -1, 1, -1)."""
         if not len(self):
             return (1.0, -1.0) * 3
         middles, extents = self._spheres()[0], self._extents()
@@ -149,7 +149,7 @@ class Quadrics(ItemSet):
 
     @property
     def opacity(self):
-        """Of all, a number, or of each, shape (n,)."""
+        """Opacity of all, a number, or of each, shape (n,)."""
         return self.property.GetOpacity() if self._opacity.ndim == 0 else self._opacity
 
     @opacity.setter
@@ -163,12 +163,12 @@ class Quadrics(ItemSet):
 
     @property
     def blends(self) -> bool:
-        """Whether what is behind shines through, so that they are drawn from far to near."""
+        """Whether items are translucent, and so drawn from far to near."""
         each = self._opacity.ndim and len(self) and self._opacity.min() < 1
         return bool(each) or super().blends
 
     def _moved(self):
-        """Have places taken over for the next frame."""
+        """Upload the positions for the next frame."""
         for name in ('_order', '_blocks'):
             self.__dict__.pop(name, None)
         bounds = self.bounds
@@ -178,7 +178,7 @@ class Quadrics(ItemSet):
         self._drop('ibr_items', 'ibr_looks')
 
     def _as_many(self, name, points):
-        """Return points, as many as there are."""
+        """Return checked points; their number must not change."""
         points = as_points(points)
         if len(points) != len(self):
             msg = f'{name} has {len(points)} rows; it must keep its {len(self)} {self.shape.name}'
@@ -188,11 +188,11 @@ class Quadrics(ItemSet):
     # -- the life of an effect ----------------------------------------------------------------
 
     def actors(self) -> list:
-        """Return the actors that draw them, those that are not visible now too."""
+        """Return the actors that draw them, invisible ones included."""
         return [actor for layer in self._layers for actor in layer.actors]
 
     def depths(self) -> list:
-        """Return the actors that cast shadows: none where what is behind shines through."""
+        """Return the actors that cast shadows: none if they are translucent."""
         return [] if self.blends else self.drawn()
 
     def prepare(self, frame):
@@ -214,7 +214,7 @@ class Quadrics(ItemSet):
             layer.show(seen.entries[(seen.modes == k) & ~hidden])
 
     def _show_blended(self, frame, others):
-        """Show all that may be seen from far to near, other props in between."""
+        """Show the items in view from far to near, with other props in between."""
         for layer in self._layers[:-1]:
             layer.show(np.zeros((0, 4)))
         self._hidden = 0
@@ -270,7 +270,7 @@ class Quadrics(ItemSet):
         return looks[self._order].reshape(-1, 4)
 
     def release(self):
-        """Free what they hold on the GPU; the context is current."""
+        """Free GPU memory; the context is current."""
         self.binder.unbind()
         for layer in self._layers:
             layer.release(self.window)
@@ -280,7 +280,7 @@ class Quadrics(ItemSet):
         self.textures, self.window, self._content_key = {}, None, None
 
     def report(self) -> dict:
-        """Return bytes, how many there are, and how many are drawn in which direction."""
+        """Return GPU memory and counts by draw mode."""
         textures = [*self.textures.values(), *(t for a in self._layers if (t := a.entries))]
         return {
             'bytes': sum(t.nbytes for t in textures) + self._occlusion.nbytes,
@@ -290,7 +290,7 @@ class Quadrics(ItemSet):
         }
 
     def bake_into(self, scene):
-        """Hand them to a scene without pvibr."""
+        """Add them to a scene without pvibr."""
         rows = np.flatnonzero(self.visible & (self._spheres()[1] > 0))
         for levels, largest, matrices, colors in self._bodies():
             shown = rows[np.isfinite(matrices[rows]).all((1, 2))]
@@ -308,7 +308,7 @@ class Quadrics(ItemSet):
     # -- picking ------------------------------------------------------------------------------
 
     def pick(self, x, y) -> Hit | None:
-        """Return the nearest of them under a pixel.
+        """Return the nearest item under a pixel.
 
         Parameters
         ----------
@@ -318,7 +318,7 @@ class Quadrics(ItemSet):
         Returns
         -------
         pvibr.scene.picking.Hit or None
-            ``index`` of it and ``point`` on it, world units.
+            ``index`` of the item and ``point`` on its surface, world units.
         """
         if not self._can_pick():
             return None
@@ -338,7 +338,10 @@ class Quadrics(ItemSet):
 
 
 class PointQuadrics(Quadrics):
-    """Quadrics with one point each, their centre."""
+    """Quadrics with one point each, their centre.
+
+    Parameters are those of :class:`pvibr.Spheres`.
+    """
 
     _points: np.ndarray
 
@@ -357,7 +360,7 @@ class PointQuadrics(Quadrics):
 
 
 def checked_lengths(name, lengths, shape) -> np.ndarray:
-    """Return lengths as a float64 array of its own."""
+    """Return lengths as a checked float64 array, copied."""
     array = np.asarray(lengths, float)
     if array.shape not in ((), shape, shape[1:]):
         allowed = ', '.join(str(s) for s in dict.fromkeys((shape, shape[1:])) if s)

@@ -1,4 +1,4 @@
-"""Spheres by the million, exact to the pixel, without triangles."""
+"""Spheres by the million, ray-cast per pixel, without triangles."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths
 
 
 class Spheres(PointQuadrics):
-    """Spheres by the million, exact to the pixel, without triangles.
+    """Spheres by the million, ray-cast per pixel, without triangles.
 
     Parameters
     ----------
     points : array_like, shape (n, 3), or dataset
         Centres, world units.
     radius : float or array_like, shape (n,)
-        Of all or of each, world units; one of radius 0 is not drawn.
+        World units; radius 0 is not drawn.
     **looks
         ``color``, ``colors``, ``scalars``, ``visible``, ``opacity``, ``lighting``, ``ambient``,
         ``diffuse``, ``specular``, ``specular_power``, ``pickable``, ``name``, ``cmap``, ``clim``,
@@ -30,15 +30,14 @@ class Spheres(PointQuadrics):
     Raises
     ------
     TypeError, ValueError
-        Where an argument is not allowed.
+        If an argument is invalid.
 
     Notes
     -----
-    Silhouettes, normals and depth are those of the sphere at the middle of each pixel, in
-    perspective too. What is smaller than a pixel is drawn one pixel large; spheres of up to four
-    pixels have one depth each. They cast and receive shadows, and meet other props by depth.
-    Translucent ones show their front, drawn from far to near, and cast no shadow. Hardware picking
-    does not see them; :meth:`pick` does.
+    Silhouettes, normals and depth are exact at pixel centres, in perspective too. Spheres smaller
+    than a pixel are drawn one pixel large; those of up to four pixels have a single depth. They
+    cast and receive shadows and are depth-tested. Translucent ones show their front faces, sorted
+    from far to near, and cast no shadow. Hardware picking ignores them; :meth:`pick` does not.
 
     Examples
     --------
@@ -62,7 +61,7 @@ class Spheres(PointQuadrics):
 
     @property
     def radius(self) -> np.ndarray:
-        """Of each, shape (n,), world units."""
+        """Radius of each, shape (n,), world units."""
         return self._radii
 
     @radius.setter

@@ -13,30 +13,18 @@ from pvibr.scene.translucent import DepthSortedDraws
 
 
 class ItemSet(Painted, Thing):
-    """Items with looks of their own, sorted among other translucent props where they blend.
+    """Items with looks of their own.
 
-    A subclass has ``property``, ``blends``, ``_choose(frame, others)`` and ``_upload(window)``.
+    Parameters are those of :class:`pvibr.Effect`.
     """
 
     visibility = Param(True, 'Draw the items.')
     #: Frames that are drawn to pick need them too.
     picks = True
-    property: pv.Property
     pickable: bool
     _noun = 'items'
     _changes = 0
     _content_key: tuple | None = None
-
-    def _begin_drawing(self, *stale):
-        """Start without anything on the GPU; name the textures to be made."""
-        self.binder, self._sorted_draws = Binder(), DepthSortedDraws()
-        self.textures: dict[str, Texture] = {}
-        self._stale = set(stale)
-
-    @property
-    def blends(self) -> bool:
-        """Whether items are translucent, and so drawn from far to near."""
-        return self.property.GetOpacity() < 1
 
     def _is_visible(self) -> bool:
         return self.visibility and bool(self._anchor.GetVisibility())
@@ -44,15 +32,9 @@ class ItemSet(Painted, Thing):
     def _can_pick(self) -> bool:
         return self.pickable and self.pipeline is not None and self.needed(None) is True
 
-    # -- the life of an effect ----------------------------------------------------------------
-
-    def _take_out(self, renderer):
-        self.deactivate()
-        super()._take_out(renderer)
-
     def content_key(self) -> tuple:
         """Return a value that changes with the content, camera excluded."""
-        return self._changes, self._revision, self._is_visible(), self.blends
+        return self._changes, self._revision, self._is_visible()
 
     def needed(self, frame) -> bool | str:
         """Return True if there is anything to draw, else why not."""
@@ -65,6 +47,41 @@ class ItemSet(Painted, Thing):
         for actor in self.actors():
             actor.VisibilityOff()
         self._content_key = None
+
+    def _take_out(self, renderer):
+        self.deactivate()
+        super()._take_out(renderer)
+
+    def _touch(self):
+        """Have the items chosen again for the next frame."""
+        self._content_key = None
+        self._changes += 1
+
+
+class CardSet(ItemSet):
+    """Items on cards, sorted among other translucent props where they blend.
+
+    Parameters are those of :class:`pvibr.Effect`.
+    """
+
+    property: pv.Property  # of a subclass, as are _choose and _upload
+
+    def _begin_drawing(self, *stale):
+        """Start without anything on the GPU; name the textures to be made."""
+        self.binder, self._sorted_draws = Binder(), DepthSortedDraws()
+        self.textures: dict[str, Texture] = {}
+        self._stale = set(stale)
+
+    @property
+    def blends(self) -> bool:
+        """Whether items are translucent, and so drawn from far to near."""
+        return self.property.GetOpacity() < 1
+
+    # -- the life of an effect ----------------------------------------------------------------
+
+    def content_key(self) -> tuple:
+        """Return a value that changes with the content, camera excluded."""
+        return *super().content_key(), self.blends
 
     def prepare(self, frame):
         """Choose which items are drawn, and in which order."""
@@ -102,5 +119,4 @@ class ItemSet(Painted, Thing):
     def _drop(self, *names):
         """Have textures made again for the next frame."""
         self._stale |= set(names)
-        self._content_key = None
-        self._changes += 1
+        self._touch()

@@ -12,16 +12,16 @@ from pvibr.gl.binder import Binder
 from pvibr.gl.feature import Feature
 
 
-def observe_shader(mapper, owner):
-    """Call ``owner.set_shader(program)`` before each draw of a mapper."""
+def observe_shader(mapper, set_shader):
+    """Call a method with the program before each draw of a mapper."""
     # The mapper keeps the function, which must not keep the owner: no cycle through C++.
-    found = weakref.ref(owner)
+    method = weakref.WeakMethod(set_shader)
 
     @_vtk.calldata_type(_vtk.VTK_OBJECT)
     def update(_mapper, _event, program):
-        alive = found()
+        alive = method()
         if alive is not None:
-            alive.set_shader(program)
+            alive(program)
 
     mapper.AddObserver('UpdateShaderEvent', update)
 
@@ -50,7 +50,7 @@ class ShaderActor:
         self.mapper.ScalarVisibilityOff()
         self.actor = draw_actor(self.mapper)
         self.failure: str | None = None
-        observe_shader(self.mapper, self)
+        observe_shader(self.mapper, self._set_shader)
         self._feature: Feature | None = None
         self._checked = False
         self._textures: dict = {}
@@ -70,7 +70,7 @@ class ShaderActor:
         self.actor.VisibilityOff()
         self._binder.unbind()
 
-    def set_shader(self, program):
+    def _set_shader(self, program):
         """Bind textures and set uniforms of a program that is about to draw."""
         set_uniforms(program, self._binder.bind(self, self._textures))
         set_uniforms(program, self._uniforms)
@@ -80,7 +80,7 @@ class ShaderActor:
                 self.failure = f'the shader text {self._feature.name} did not land'
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive."""
+        """Free GPU memory; the context is current."""
         self.hide()
         self._textures = {}
         if window is not None:

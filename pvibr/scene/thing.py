@@ -38,6 +38,15 @@ def set_bounds(actor, bounds):
     actor.GetMapper().SetInputData(mesh)
 
 
+def joined_bounds(boxes) -> tuple[float, ...]:
+    """Return the bounds of all of some boxes, empty ones left out."""
+    found = np.array([b for b in boxes if b and b[0] <= b[1]]).reshape(-1, 6)
+    if not len(found):
+        return (1.0, -1.0) * 3
+    ends = np.stack([found[:, ::2].min(0), found[:, 1::2].max(0)], 1)
+    return tuple(ends.ravel().tolist())
+
+
 class Thing(Effect):
     """An effect that draws with actors of its own; a subclass overrides the hooks it needs.
 

@@ -70,7 +70,7 @@ LOOK = {'scalars': 'paint', 'rgb': True}
 
 
 @pytest.fixture(scope='module')
-def ladder(fir):
+def foliage(fir):
     return pvibr.foliage_levels(fir, texture=256, view_size=32, views=12, **LOOK)
 
 
@@ -97,10 +97,10 @@ def pose(angle, scale=1.0, shift=(0, 0, 0)):
 
 @pytest.mark.parametrize('offset', [0.0, 1e6])
 @pytest.mark.parametrize('parallel', [None, 2.2], ids=['perspective', 'parallel'])
-def test_the_side_that_the_eye_sees_is_shown_and_lit(fir, ladder, atlases, parallel, offset, see):
+def test_the_side_that_the_eye_sees_is_shown_and_lit(fir, foliage, atlases, parallel, offset, see):
     matrix = pose(0.9, 1.2, (offset, -offset, offset))
     pl, truth = plotter(), plotter()
-    things = pl.ibr.add_instances(ladder, [matrix], cache=atlases)
+    things = pl.ibr.add_instances(foliage, [matrix], cache=atlases)
     truth.ibr.add_instances(fir, [matrix], max_error=1e-9, cache=atlases, **LOOK)
     things.force_level = {'blended': (0.0, 1e9), 'turntable': (0.0, 1e9)}
     focus = matrix[:3, 3] + [0, 0, 1.9]
@@ -121,9 +121,9 @@ def test_the_side_that_the_eye_sees_is_shown_and_lit(fir, ladder, atlases, paral
         assert colors[k] < 0.5 * min(others)
 
 
-def test_from_above_it_gives_way(ladder, atlases, see):
+def test_from_above_it_gives_way(foliage, atlases, see):
     pl = plotter()
-    things = pl.ibr.add_instances(ladder, [[0, 0, 0]], cache=atlases)
+    things = pl.ibr.add_instances(foliage, [[0, 0, 0]], cache=atlases)
     things.force_level = {
         'blended': (0.0, 1e9),
         'billboard': (0.0, 20.0),
@@ -146,10 +146,10 @@ def test_from_above_it_gives_way(ladder, atlases, see):
     pl.close()
 
 
-def test_a_billboard_is_lit_from_where_the_light_is(ladder, atlases, see):
+def test_a_billboard_is_lit_from_where_the_light_is(foliage, atlases, see):
     pl = plotter(lighting='none')
     pl.add_light(pv.Light(position=(1, 0, 0), light_type='scene light', positional=False))
-    things = pl.ibr.add_instances(ladder, [[0, 0, 0]], cache=atlases)
+    things = pl.ibr.add_instances(foliage, [[0, 0, 0]], cache=atlases)
     things.force_level = {'blended': (0.0, 1e9), 'billboard': (0.0, 1e9)}
     seen = []
     for side in (1, -1):
@@ -160,9 +160,9 @@ def test_a_billboard_is_lit_from_where_the_light_is(ladder, atlases, see):
     pl.close()
 
 
-def test_each_level_joins_by_its_measured_error(ladder, atlases, see):
+def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
     pl = plotter()
-    things = pl.ibr.add_instances(ladder, [[0, 0, 0], [9, 0, 0]], cache=atlases, max_error=2.0)
+    things = pl.ibr.add_instances(foliage, [[0, 0, 0], [9, 0, 0]], cache=atlases, max_error=2.0)
     errors = things.atlases[0].errors
     assert {'billboard', 'turntable', 'mesh1', 'mesh2'} <= set(errors)
     assert errors['turntable'].shape == (len(SIZES), 2)
@@ -170,8 +170,8 @@ def test_each_level_joins_by_its_measured_error(ladder, atlases, see):
     see.place(pl, (0, -60, 1.6), (0, 0, 1.6))
     see.grab(pl)
     assert 'turntable from the side to' in things.report()['atlas 0']
-    # What was baked is read again, and a set without a ladder may stand beside one with it.
-    mixed = pl.ibr.add_instances([ladder, pv.Cube()], [[0, 5, 0], [9, 5, 0]], cache=atlases)
+    # What was baked is read again, and a set without foliage may stand beside one with it.
+    mixed = pl.ibr.add_instances([foliage, pv.Cube()], [[0, 5, 0], [9, 5, 0]], cache=atlases)
     assert mixed.atlases[0].turntable.turns == things.atlases[0].turntable.turns
     assert mixed.atlases[1].turntable is None
     see.grab(pl)

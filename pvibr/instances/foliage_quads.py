@@ -1,4 +1,4 @@
-"""Many small parts, leaves above all, as textured quads: one for each, or for each cluster."""
+"""Foliage as textured quads, one for each leaf or cluster."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _THIN = 1e-3  # least width of a quad, in parts of its length
 
 
 def components(mesh) -> np.ndarray:
-    """Return which connected part each triangle belongs to."""
+    """Return the connected component of each triangle."""
     _, same = np.unique(np.asarray(mesh.points), axis=0, return_inverse=True)
     triangles = same.ravel()[mesh.regular_faces]
     ends = np.concatenate([triangles[:, :2], triangles[:, 1:]])
@@ -36,7 +36,7 @@ def components(mesh) -> np.ndarray:
 
 
 def clusters(centers, count, seed=0) -> np.ndarray:
-    """Return which of some clusters each point belongs to: k-means, from spread out beginnings."""
+    """Return the cluster of each point, by k-means with spread seeds."""
     if count >= len(centers):
         return np.arange(len(centers))
     rng = np.random.default_rng(seed)
@@ -57,7 +57,7 @@ def clusters(centers, count, seed=0) -> np.ndarray:
 
 @dataclass
 class Groups:
-    """Triangles in groups, each with a frame of its own."""
+    """Groups of triangles, each with a local frame."""
 
     points: np.ndarray
     source: np.ndarray
@@ -79,13 +79,13 @@ class Groups:
         return cls(points, source, group, corner.reshape(-1, 3), axes, low, high)
 
     def turned(self, k) -> Groups:
-        """Return the same groups with another of their axes as the normal."""
+        """Return the groups with another axis as normal."""
         axes = np.roll(self.axes, k, 1)
         low, high = _extents(self.points, self.group, axes)
         return Groups(self.points, self.source, self.group, self.triangles, axes, low, high)
 
     def thickness(self) -> np.ndarray:
-        """Return how far points of each group are from its plane at most, shape (g,)."""
+        """Return the thickness of each group over its plane, shape (g,)."""
         return (self.high[:, 2] - self.low[:, 2]) / 2
 
     def local(self) -> np.ndarray:
@@ -94,7 +94,7 @@ class Groups:
 
 
 def _principal(points, group):
-    """Return along, across and normal of each group, right-handed."""
+    """Return tangent, bitangent and normal of each group, right-handed."""
     count = int(group.max()) + 1
     sizes = np.bincount(group, minlength=count)
     sums = np.stack([np.bincount(group, c, minlength=count) for c in points.T], 1)
@@ -126,7 +126,7 @@ class Layout:
 
     @classmethod
     def of(cls, extents, side) -> Layout:
-        """Place rectangles as large as they all can be."""
+        """Pack rectangles at the largest common scale."""
         scale = side / np.sqrt(max(float(extents.prod(1).sum()), 1e-300))
         scale = min(scale, (side - 2 * _EDGE) / float(extents.max()))
         least = 1 + 2 * _EDGE
@@ -162,7 +162,7 @@ def quads(part, groups, *, texture=1024) -> Part:
 
 
 def _flattened(part, groups, layout, low):
-    """Return the triangles of all groups, each seen along its normal, side by side."""
+    """Return the triangles of all groups flattened along their normals, side by side."""
     pieces, first = [], 0
     for g in groups:
         count = len(g.axes)
@@ -225,7 +225,7 @@ def _unlit(part, mesh):
 
 
 def dilated(picture):
-    """Return straight RGBA whose transparent texels have colours from around them.
+    """Return straight RGBA whose transparent texels take the nearest colours.
 
     Premultiplied averages are pulled up a pyramid, holes take the finest that has any: Gortler et
     al., "The Lumigraph", SIGGRAPH 1996, section 3.4.
@@ -246,7 +246,7 @@ def dilated(picture):
 
 
 def _mean_normals(mesh, groups):
-    """Return the mean of each group's normals, or None where the mesh has none."""
+    """Return the mean normal of each group, None without normals."""
     given = mesh.point_data.active_normals
     if given is None:
         return None

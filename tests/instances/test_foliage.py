@@ -8,8 +8,8 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 import pvibr
+from pvibr.instances.foliage_quads import Groups, Layout, clusters, components, dilated, quads
 from pvibr.instances.levels import _levels, content_key
-from pvibr.instances.scatter import Groups, Layout, clusters, components, dilated, quads
 from pvibr.meshes.parts import as_parts
 
 
@@ -130,7 +130,7 @@ def test_dilation_leaves_what_is_covered():
     assert (np.abs(out[..., :3].astype(int) - [255, 128, 0]) <= 1).all()
 
 
-def test_a_ladder_of_levels(plant):
+def test_levels_of_foliage(plant):
     levels = pvibr.foliage_levels(plant, texture=256, view_size=64, views=8, **LOOK)
     names = [level.name for level in levels.levels]
     assert names == ['mesh', 'parts', 'clusters', 'turntable', 'billboard']
@@ -186,7 +186,7 @@ def test_a_turntable_shows_the_side_that_the_eye_sees(plant, see):
         assert np.abs(pictures[0] - pictures[1])[both[0] & both[1]].mean() < 0.12
 
 
-def test_the_ladder_joins_the_levels_of_instances(plant, atlases):
+def test_foliage_joins_the_levels_of_instances(plant, atlases):
     levels = pvibr.foliage_levels(plant, texture=256, view_size=32, views=2, **LOOK)
     meshes = _levels(levels.parts)
     assert [m.triangles for m in meshes] == [level.triangles for level in levels.levels[:3]]

@@ -1,0 +1,155 @@
+"""What is drawn in place of actors, which are hidden for the frame and given back after it."""
+
+from __future__ import annotations
+
+from pvibr.core._vtk import address
+from pvibr.core.determinism import is_deterministic
+from pvibr.core.frame import Frame
+from pvibr.core.params import Param
+from pvibr.maths.views import may_see
+from pvibr.scene.thing import Thing, joined_bounds
+
+
+class Substitute(Thing):
+    """A thing that stands for actors of the scene, which stay what they are to all others.
+
+    Parameters are those of :class:`pvibr.Effect`.
+    """
+
+    web = 'shown', 'its actors, as meshes'
+    max_error = Param(1.0, 'Maximum screen-space displacement.', range='(0, inf)', unit='px')
+    budget_ms = Param(
+        None,
+        'Time for new images in a frame, the worst first; None for no limit.',
+        range='[0, inf)',
+        unit='ms',
+        kind=float,
+    )
+    only_if_faster = Param(
+        True, 'Replace only actors that are slower to draw themselves, as measured here.'
+    )
+    _argument = 'actors'
+    _version = 0
+    _frame: Frame | None = None
+
+    def _cards(self) -> list:
+        """Return the ShaderActors that show the images."""
+        raise NotImplementedError
+
+    def _stood_for(self) -> list:
+        """Return the actors that it stands for."""
+        raise NotImplementedError
+
+    def _update(self):
+        """Take over what the actors are now, none of them hidden."""
+        raise NotImplementedError
+
+    def _give_back(self):
+        """Hide the images, and show the actors."""
+        raise NotImplementedError
+
+    def _prepare(self, frame):
+        """Show images in place of actors."""
+        raise NotImplementedError
+
+    def _conflicts(self, other) -> bool:
+        """Return True if another effect stands for the same actors."""
+        raise NotImplementedError
+
+    # -- what it is to others --------------------------------------------------------------------
+
+    def drawn(self) -> list:
+        """Return the actors that draw it in the frame that it was prepared for."""
+        mine = *(card.actor for card in self._cards()), *self._stood_for()
+        return [actor for actor in mine if actor.GetVisibility()]
+
+    def content_key(self) -> tuple:
+        """Return a value that changes whenever the drawn content does, the camera left out."""
+        if self._frame is None:
+            self._update()
+        return self._version, self._revision
+
+    def _boxes(self) -> list:
+        """Return the bounds of what it stands for."""
+        return [actor.GetBounds() for actor in self.solids()]
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """World bounds of all actors that are visible."""
+        return joined_bounds(self._boxes())
+
+    def draws(self, frame, *, depth=False) -> list:
+        """Return the actors themselves that may be seen in a frame that is not its own."""
+        boxes = [(a, a.GetBounds()) for a in self.solids()]
+        boxes = [(a, box) for a, box in boxes if box and box[0] <= box[1]]
+        if not boxes:
+            return []
+        seen = may_see(frame.view, [box for _, box in boxes])
+        return [a for (a, _), s in zip(boxes, seen, strict=True) if s]
+
+    # -- the life of an effect -------------------------------------------------------------------
+
+    def attach(self, pipeline):
+        """Add its images to the scene."""
+        for actor in self._claimed():
+            if not pipeline.renderer.HasViewProp(actor):
+                msg = f'{self._argument}: {actor!r} is not in this subplot; add it there first'
+                raise ValueError(msg)
+        for other in pipeline.things:
+            if self._conflicts(other):
+                msg = (
+                    f'{self._argument}: {other.name} stands for some of them already; '
+                    'remove it first'
+                )
+                raise ValueError(msg)
+        super().attach(pipeline)
+
+    def _claimed(self) -> list:
+        """Return the props that must be in the subplot."""
+        return list(self.props)
+
+    def _put_in(self, renderer):
+        for card in self._cards():
+            renderer.AddViewProp(card.actor)
+
+    def _take_out(self, renderer):
+        self.deactivate()
+        for card in self._cards():
+            renderer.RemoveViewProp(card.actor)
+
+    def deactivate(self):
+        """Show the actors themselves."""
+        self._give_back()
+        self._frame = None
+
+    def prepare(self, frame):
+        """Choose what is drawn as an image, and renew images that are wrong."""
+        if frame is self._frame:
+            return
+        self._give_back()
+        self._update()
+        failure = next((card.failure for card in self._cards() if card.failure), None)
+        try:
+            if failure:
+                raise RuntimeError(failure)
+            self._prepare(frame)
+        except Exception:
+            self.deactivate()
+            raise
+        self._frame = frame
+
+    def finish(self, frame):
+        """Give everyone their actors back."""
+        if frame is self._frame:
+            self._give_back()
+            self._frame = None
+
+    def _budget(self) -> float:
+        """Return the seconds for new images in a frame."""
+        unlimited = self.budget_ms is None or is_deterministic()
+        return float('inf') if unlimited else self.budget_ms / 1e3
+
+
+def addresses(actors) -> set[str]:
+    """Return the addresses of actors, equal for all wrappers of one VTK object."""
+    return {address(actor) for actor in actors}
