@@ -11,7 +11,7 @@ from pvibr.meshes.turntable import LEVEL
 #: Of images that were drawn for this frame.
 FLASH = (1.0, 0.0, 1.0)
 _MOST = 16_384  # instances that are asked, spread over those that are seen
-_ONE = ('splat', 'flat', 'parallax')  # programs that show one view
+_ONE = ('splat', 'flat', 'parallax')  # shaders that show one view
 
 
 class Sheet:

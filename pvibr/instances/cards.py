@@ -48,7 +48,7 @@ class CardShader:
     largest: float = float('inf')
 
     def defines(self, phased=False, turned=False) -> str:
-        """Return the preprocessor lines of the program."""
+        """Return the preprocessor lines of the shader."""
         values = {
             'VIEWS_BLENDED': self.views,
             'STEPS': self.steps,
@@ -62,7 +62,7 @@ class CardShader:
         return DITHER + ''.join(f'#define {k} {v}\n' for k, v in values.items())
 
     def feature(self, shiny=True, phased=False, turned=False) -> Feature:
-        """Return the shader text of the program by VTK's tags."""
+        """Return the shader text by VTK's tags."""
         part = sections(shader_source(__file__))
         defines = self.defines(phased, turned)
         vertex = {
@@ -201,9 +201,9 @@ class Cards:
         """Error of the shaders, or None."""
         return next((layer.failure for layer in self.layers.values() if layer.failure), None)
 
-    def programs(self) -> list:
+    def shaders(self) -> list:
         """Return the card shaders in use, in drawing order."""
-        return [layer.program for layer in self.layers.values()]
+        return [layer.shader for layer in self.layers.values()]
 
     def actors(self) -> list:
         """Return all actors in drawing order, far cards first."""
@@ -273,11 +273,11 @@ class Cards:
 class _Layer:
     """The cards of one shader: chunks that share one mapper."""
 
-    def __init__(self, cards, program, prop, draws, bounds):
-        self.cards, self.program = cards, program
+    def __init__(self, cards, shader, prop, draws, bounds):
+        self.cards, self.shader = cards, shader
         shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
         turned = cards.atlas.turntable is not None
-        self.feature = program.feature(shiny, cards.atlas.phased, turned)
+        self.feature = shader.feature(shiny, cards.atlas.phased, turned)
         self.blocks: Texture | None = None
         self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
         self.dithered, self.unit = False, cards.unit
@@ -287,7 +287,7 @@ class _Layer:
         self.mapper = _vtk.vtkPolyDataMapper()
         self.mapper.ScalarVisibilityOff()
         observe_shader(self.mapper, self._set_shader)
-        self.mapper.SetInputData(card_mesh(self._most(), program.corners, bounds))
+        self.mapper.SetInputData(card_mesh(self._most(), shader.corners, bounds))
         self.actors = [draw_actor(self.mapper, prop, self.feature) for _ in range(draws)]
         self.spans = [(0, 0)] * draws  # of each actor: first card, end of the blocks
 
@@ -316,18 +316,18 @@ class _Layer:
     def _set_shader(self, program):
         """Bind textures and set uniforms of a program that is about to draw."""
         cards = self.cards
-        if self.program.corners == 1:
+        if self.shader.corners == 1:
             cards.window.GetState().SetEnumState(_PROGRAM_POINT_SIZE, True)
         textures = {**cards.textures, 'ibr_blocks': self.blocks}
-        if self.program.sides:
+        if self.shader.sides:
             textures |= cards.turned
         set_uniforms(program, cards.binder.bind(self, textures))
         set_uniforms(program, cards.uniforms)
-        if self.program.sides:
+        if self.shader.sides:
             turns = cards.atlas.turntable
             program.SetUniformi('ibr_views', turns.turns.columns)
             program.SetUniformi('ibr_tile', turns.tile)
-            views = 1 if self.program.sides == 1 else turns.turns.views
+            views = 1 if self.shader.sides == 1 else turns.turns.views
             program.SetUniformi('ibr_turn_views', views)
         program.SetUniform4f('ibr_range', self.sizes)
         program.SetUniform4f('ibr_turn_range', self.level)

@@ -389,22 +389,22 @@ class Instances(ItemSet):
         self._content_key = content_key
         limits = [found.coarser(frame.quality) for found in self.limits]
         chosen = [k.select(frame, limit) for k, limit in zip(self.groups, limits, strict=True)]
-        for program in self.groups[0].cards.programs():
-            self._show_cards(frame, program, [c[program.name] for c in chosen])
+        for shader in self.groups[0].cards.shaders():
+            self._show_cards(frame, shader, [c[shader.name] for c in chosen])
         for group, limit in zip(self.groups, limits, strict=True):
             for actor in group.select_meshes(frame, limit):
                 actor.SetPickable(bool(self.pickable))
                 frame.renderer.AddViewProp(actor)
 
-    def _show_cards(self, frame, program, choices):
+    def _show_cards(self, frame, shader, choices):
         unit = self.groups[0].unit
         if unit > 1 and sum(len(c.table) for c in choices) * unit <= SORTED_SEEN:
             pairs = zip(self.groups, choices, strict=True)
             unit, choices = 1, [group.refine(frame, c) for group, c in pairs]
-        cuts = slabs([c.depths for c in choices], program.turns, unit)
+        cuts = slabs([c.depths for c in choices], shader.turns, unit)
         for group, c, cut in zip(self.groups, choices, cuts, strict=True):
             look = {'level': c.level, 'unit': unit, 'dithered': c.dithered}
-            group.cards.show(program.name, c.table, c.sizes, cut, **look)
+            group.cards.show(shader.name, c.table, c.sizes, cut, **look)
 
     def _check_cards(self):
         """Warn once if a card shader failed, and draw meshes from then on."""

@@ -141,13 +141,13 @@ def forced_limits(ranges, mesh_levels) -> Limits:
     return Limits(cards, least, (float('inf'), *lighter), level)
 
 
-def _spans(errors, programs, max_error):
+def _spans(errors, shaders, max_error):
     """Return the sizes at which each shader is used, in the order of cost."""
     reached, spans = 0.0, []
-    for program in programs:
-        good = min(_good_up_to(errors, program.name, max_error, _BETTER), program.largest)
-        good = max(good, program.least, reached)
-        spans.append((program.name, reached, good))
+    for shader in shaders:
+        good = min(_good_up_to(errors, shader.name, max_error, _BETTER), shader.largest)
+        good = max(good, shader.least, reached)
+        spans.append((shader.name, reached, good))
         reached = good
     return tuple(spans)
 

@@ -65,7 +65,7 @@ def measure(model) -> dict[str, np.ndarray]:
     return table
 
 
-def _measured(model, views, programs, *, meshes):
+def _measured(model, views, shaders, *, meshes):
     """Return the rows of card shaders and lighter meshes, in some views or all."""
     sheet = _Sheet(model, views)
     try:
@@ -83,11 +83,11 @@ def _measured(model, views, programs, *, meshes):
                 if size >= min(_MESH_SIZE, SIZES[-1]):
                     row = _row(_first(_once(picture, size), size), _first(truth, size), base, size)
                     rows.setdefault(f'mesh{i}', []).insert(0, row)
-            for program in programs:
+            for shader in shaders:
                 row = _FAR_OFF
-                if size <= _COARSE.get(program.name, size):
-                    row = _row(sheet.draw_cards(program.name, size), truth, base, size)
-                rows.setdefault(program.name, []).insert(0, row)
+                if size <= _COARSE.get(shader.name, size):
+                    row = _row(sheet.draw_cards(shader.name, size), truth, base, size)
+                rows.setdefault(shader.name, []).insert(0, row)
         table: dict[str, np.ndarray] = {}
         for i, picture in enumerate(pictures, 1):
             # At smaller sizes lighter meshes are no worse than at the first that was measured.
@@ -204,7 +204,7 @@ class _Sheet:
             actor.ReleaseGraphicsResources(self.window)
         return picture
 
-    def draw_cards(self, program, size):
+    def draw_cards(self, shader, size):
         """Return the image of a shader's cards, premultiplied RGBA from 0 to 1."""
         self._resize(size)
         cards = self.group.cards
@@ -213,10 +213,10 @@ class _Sheet:
         cards.view(frame)
         index, origins, _, _ = self.group.blocks.seen(frame)
         blocks = np.column_stack([origins, index]).astype(np.float32)
-        cards.show(program, blocks, (0.0, 0.0, 1e9, 1e9), np.array([0, len(blocks)]))
+        cards.show(shader, blocks, (0.0, 0.0, 1e9, 1e9), np.array([0, len(blocks)]))
         picture = self._picture()
-        if not cards.layers[program].checked:
-            msg = f'the cards of program {program!r} are not drawn by this driver'
+        if not cards.layers[shader].checked:
+            msg = f'the cards of shader {shader!r} are not drawn by this driver'
             raise ShaderError(msg)
         return picture
 
