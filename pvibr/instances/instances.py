@@ -90,6 +90,18 @@ class Instances(ItemSet):
     >>> pl.close()
     """
 
+    FOR_USERS: tuple[str, ...] = (
+        'n_instances',
+        'poses',
+        'bounds',
+        'atlases',
+        'force_level',
+        'update',
+        'pick',
+        'instance_of',
+        'actors',
+        'report',
+    )
     web = 'baked', 'meshes, far ones billboard clouds'
     presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
     _title = 'Instances'

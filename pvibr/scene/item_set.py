@@ -18,6 +18,7 @@ class ItemSet(Painted, Thing):
     Parameters are those of :class:`pvibr.Effect`.
     """
 
+    FOR_USERS: tuple[str, ...] = ()
     visibility = Param(True, 'Draw the items.')
     #: Frames that are drawn to pick need them too.
     picks = True
@@ -64,6 +65,7 @@ class CardSet(ItemSet):
     Parameters are those of :class:`pvibr.Effect`.
     """
 
+    FOR_USERS: tuple[str, ...] = ('property', 'blends')
     property: pv.Property  # of a subclass, as are _choose and _upload
 
     def _begin_drawing(self, *stale):

@@ -16,6 +16,7 @@ class Substitute(Thing):
     Parameters are those of :class:`pvibr.Effect`.
     """
 
+    FOR_USERS: tuple[str, ...] = ('bounds',)
     web = 'shown', 'its actors, as meshes'
     max_error = Param(1.0, 'Maximum screen-space displacement.', range='(0, inf)', unit='px')
     budget_ms = Param(
