@@ -56,7 +56,7 @@ class Thing(Effect):
         Values of the class's settings.
     """
 
-    FOR_USERS = ('actors', 'bounds', 'center', 'actor', 'pick')
+    FOR_USERS: tuple[str, ...] = ('actors', 'bounds', 'center', 'actor', 'pick')
 
     _anchor: Any = None
     _title = ''  # what plotters call it where it has no name of its own
