@@ -19,7 +19,7 @@ from pvibr.bench.common.whole_frames import real_plotter, turning
 from pvibr.billboard_clouds.cloud import billboard_cloud
 from pvibr.capture.offscreen import SAMPLES, Stage, mesh_actors
 from pvibr.maths.image_error import flip, psnr
-from pvibr.meshes.parts import Part, as_parts, dressed
+from pvibr.meshes.parts import as_parts
 from pvibr.scenes.trees import tree_parts
 
 #: Pixels that a mesh is high: where a cloud of 2 % is meant to be seen.
@@ -187,9 +187,7 @@ def _quadrics(part, share):
     if share < 1:
         with pv.vtk_verbosity('off'):  # it says of each edge that has no best point
             mesh = mesh.decimate(1 - share, enable_all_attribute_error=True)
-    mapper = part.polydata_mapper()
-    mapper.SetInputDataObject(mesh)
-    return Part(dressed(part, mapper), mesh, part.alpha_cutoff)
+    return part.with_mesh(mesh)
 
 
 def _file(name, **looks):

@@ -15,7 +15,6 @@ from pvibr.maths.image_error import box_reduce
 from pvibr.maths.packing import largest_scale
 from pvibr.maths.views import orthographic
 from pvibr.meshes.decimate import take_arrays
-from pvibr.meshes.parts import Part, dressed
 
 _MARGIN = 2  # texels around each picture that take its colours
 _TURNS = 45  # rectangles are tried at every second degree
@@ -121,9 +120,7 @@ def _laid_out(part, origin, planes, owner, sheet, reach):
     new.regular_faces = np.arange(len(ids)).reshape(-1, 3).astype(int)
     take_arrays(mesh, new, ids, face)
     _turn_normals(new, sheet.axes[plane], flat=part.actor.GetProperty().GetInterpolation() == 0)
-    mapper = part.polydata_mapper()
-    mapper.SetInputDataObject(new)
-    return Part(dressed(part, mapper), new, part.alpha_cutoff)
+    return part.with_mesh(new)
 
 
 def _turn_normals(mesh, axes, *, flat):

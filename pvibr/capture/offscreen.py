@@ -11,7 +11,6 @@ from pvibr.core import _vtk
 from pvibr.core.frame import Frame
 from pvibr.instances.atlas import bounding_sphere
 from pvibr.maths.image_error import box_reduce
-from pvibr.meshes.parts import dressed
 
 #: Samples of a reference along a side of a pixel: 16 in each.
 SAMPLES = 4
@@ -169,7 +168,7 @@ def mesh_actors(meshes, poses, index) -> list:
 def _mesh_actor(part, pose):
     matrix = _vtk.vtkMatrix4x4()
     matrix.DeepCopy(pose.ravel().tolist())
-    actor = dressed(part, part.actor.GetMapper())
+    actor = part.new_actor(part.actor.GetMapper())
     actor.SetUserMatrix(matrix)
     return actor
 

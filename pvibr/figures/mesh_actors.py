@@ -13,7 +13,7 @@ from pvibr.figures.shapes import MeshShapes
 from pvibr.gl.doubles import is_cut_out
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.maths.vectors import unit_vectors
-from pvibr.meshes.parts import Part, as_parts, dressed
+from pvibr.meshes.parts import Part, as_parts
 
 #: Relative margin of a box, so that it changes rarely.
 _ROOM = 0.25
@@ -83,7 +83,7 @@ class PosedMeshActor:
         mapper.SetInputDataObject(self.mesh)
         # The shader's positions are neither shifted nor scaled.
         mapper.SetVBOShiftScaleMethod(mapper.DISABLE_SHIFT_SCALE)
-        actor = dressed(part, mapper)
+        actor = part.new_actor(mapper)
         actor.PickableOff()  # a stand-in is picked
         actor.UseBoundsOff()
         posed_feature().attach(actor)

@@ -22,7 +22,7 @@ from pvibr.instances.measure import measure
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.maths import octahedral
 from pvibr.maths.transforms import transform_normals, transform_points
-from pvibr.meshes.parts import Part, dressed
+from pvibr.meshes.parts import Part
 
 #: Views along a side of each pose's grid, and tile sizes in texels: the first that fits.
 VIEWS = 12
@@ -176,10 +176,7 @@ class PoseSampler:
 
 def _own(part) -> Part:
     """Return a part with its own copy of the mesh."""
-    mesh = part.mesh.copy()  # deep: a shallow copy shares its points
-    mapper = part.polydata_mapper()
-    mapper.SetInputDataObject(mesh)
-    return Part(dressed(part, mapper), mesh, part.alpha_cutoff)
+    return part.with_mesh(part.mesh.copy())  # deep: a shallow copy shares its points
 
 
 def put(parts, shapes):

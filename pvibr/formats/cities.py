@@ -1,4 +1,4 @@
-"""Cities: the objects of a CityJSON file as meshes and their places."""
+"""CityJSON files as meshes and the matrices of their instances."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import pyvista as pv
 from pvibr.core.errors import require
 
 ENDINGS = ('.json', '.city.json', '.cityjson')
-#: The version that older files are brought to.
+#: Supported version; older files are upgraded.
 VERSION = '2.0'
-#: Nested lists around the surfaces of a geometry, by its type.
+#: Nesting depth of the surfaces of a geometry, by its type.
 _DEPTHS = {'MultiSurface': 0, 'CompositeSurface': 0, 'Solid': 1, 'MultiSolid': 2}
 _DEPTHS |= {'CompositeSolid': 2}
 
 
 def is_city(path) -> bool:
-    """Tell whether a file says of itself that it is CityJSON."""
+    """Return True if a file declares itself to be CityJSON."""
     path = Path(path).expanduser()
     if path.suffix.lower() not in ('.json', '.cityjson') or not path.is_file():
         return False
@@ -68,7 +68,7 @@ def read_city(path, lod=None):
     if not path.is_file():
         msg = f'city file {str(path)!r} does not exist.'
         raise FileNotFoundError(msg)
-    # Whatever is wrong in it, the file is to blame; the libraries say it in many ways.
+    # Broken files make the libraries raise many kinds of errors.
     try:
         city = _City(_upgraded(path), lod)
         return city.instances()
@@ -78,20 +78,20 @@ def read_city(path, lod=None):
 
 
 def _upgraded(path) -> dict:
-    """Return the file's JSON, in the version that is read here."""
+    """Return the file's JSON, upgraded to the supported version."""
     cityjson = require('cjio.cityjson', 'city', 'CityJSON files')
     with path.open('rb') as file:
         model = cityjson.reader(file)
     if model.get_version() != VERSION:
-        model.upgrade_version(VERSION, 3)  # it says of unknown versions that all went well
+        model.upgrade_version(VERSION, 3)  # silently ignores unknown versions
     if model.get_version() != VERSION:
-        msg = f'version is {model.get_version()!r}; known are those up to {VERSION}'
+        msg = f'version is {model.get_version()!r}; supported are versions up to {VERSION}'
         raise ValueError(msg)
     return model.j
 
 
 class _City:
-    """The file's objects, and its vertices as numbers."""
+    """The objects of a file, and its vertices."""
 
     def __init__(self, tree, lod):
         self._triangulate = require('cjio.geom_help', 'city', 'CityJSON files').triangulate_face
@@ -147,18 +147,18 @@ class _City:
         return str(geometry.get('lod', ''))
 
     def _matrix(self, geometry):
-        """Return the place of an instance, shape (4, 4)."""
+        """Return the matrix of an instance, shape (4, 4)."""
         matrix = np.array(geometry['transformationMatrix'], float).reshape(4, 4)
         anchor = np.eye(4)
         anchor[:3, 3] = self._points[geometry['boundaries'][0]]
         return anchor @ matrix
 
     def _triangles(self, geometry, points):
-        """Return the corners of all surfaces, shape (n, 3)."""
+        """Return the vertex indices of all surfaces as triangles, shape (n, 3)."""
         surfaces = geometry['boundaries']
         for _ in range(_DEPTHS[geometry['type']]):
             surfaces = [surface for shell in surfaces for surface in shell]
-        # Near its own origin: the normal of a small face would drown in large coordinates.
+        # Relative to its centre: large coordinates would ruin the normals of small faces.
         corners = np.array([corner for surface in surfaces for corner in surface[0]])
         middle = points[corners].mean(0) if len(corners) else 0.0
         near = points - middle
@@ -173,15 +173,15 @@ class _City:
         return np.concatenate(found)
 
     def _copied(self, template, copies):
-        """Return a template's mesh and the places of it."""
+        """Return the mesh of a template and the matrices of its instances."""
         faces = self._triangles(self._templates[template], self._template_points)
         mesh = _mesh(self._template_points, faces)
-        # The attributes of single objects are lost: the mesh is the same for all of them.
+        # Instances share the mesh, so attributes of single objects are lost.
         self._mark(mesh, self._objects[copies[0][0]]['type'], np.full(len(faces), -1))
         return mesh, np.stack([matrix for _, matrix in copies])
 
     def _merged(self, kind, group):
-        """Return one mesh of the objects of a type, and its place."""
+        """Return one mesh of all objects of a type, and its matrix."""
         rows = np.concatenate([np.full(len(faces), row) for row, faces in group])
         faces = np.concatenate([faces for _, faces in group])
         place = np.eye(4)

@@ -1,12 +1,12 @@
-"""Files of columns: delimited text, Parquet, and clouds of points."""
+"""Tables: delimited text, Parquet, and point clouds."""
 
 from __future__ import annotations
 
 import csv
 import gzip
 import zlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,24 +16,23 @@ MISSING = frozenset({'', 'na', 'n/a', 'null', 'none'})
 
 
 def table_of(path):
-    """Return what reads a file, by its ending."""
-    reader: Any = _READERS.get(path.suffix.lower(), _TextTable)
-    return reader(path)
+    """Return the reader of a file, by its suffix."""
+    return _READERS.get(path.suffix.lower(), _TextTable)(path)
 
 
 class Table:
-    """A file with named columns, which are read when they are asked for."""
+    """A file with named columns, read on demand."""
 
     path: Path
     names: list[str]
 
     def find(self, name):
-        """Return the index of a column."""
+        """Return the index of a column, or None."""
         lower = [known.lower() for known in self.names]
         return lower.index(name.lower()) if name.lower() in lower else None
 
     def kind(self, index):
-        """Return what a column holds."""
+        """Return 'number', 'text' or 'other'."""
         raise NotImplementedError
 
     def numbers(self, indices, needed):
@@ -45,7 +44,7 @@ class Table:
         raise NotImplementedError
 
     def extras(self) -> dict:
-        """Return arrays that are made of several columns."""
+        """Return arrays made of several columns."""
         return {}
 
     def _check_finite(self, values, indices, needed):
@@ -60,7 +59,7 @@ class Table:
 
 
 class _TextTable(Table):
-    """A delimited text file: its header at once, its columns on demand."""
+    """A delimited text file."""
 
     def __init__(self, path):
         self.path = path
@@ -83,7 +82,7 @@ class _TextTable(Table):
         return next(csv.reader([line.rstrip('\r\n')], delimiter=self.delimiter))
 
     def kind(self, index):
-        """Return 'text' where the first value is neither a number nor missing, else 'number'."""
+        """Return 'text' if the first value is neither a number nor missing, else 'number'."""
         value = self._first[index] if index < len(self._first) else ''
         return 'number' if value.strip().lower() in MISSING or _is_number(value) else 'text'
 
@@ -94,8 +93,7 @@ class _TextTable(Table):
         try:
             values = self._load_fast(indices)
         except ValueError:
-            # Something that the fast reader does not like: a broken line, or only an empty
-            # scalar. The slow reader knows the difference and the place.
+            # A broken line, or only an empty value: the slow reader tells which and where.
             return self._load_slow(indices, needed)
         must = [position for position, index in enumerate(indices) if index in needed]
         if not np.isfinite(values[:, must]).all():
@@ -141,7 +139,7 @@ class _TextTable(Table):
         return f'{self.path}, line {line}, column {index + 1} ({self.names[index]!r})'
 
     def _rows(self):
-        """Yield (line number, fields) of the data, each with as many fields as the header."""
+        """Yield (line number, fields) of the data; field counts are checked."""
         with _open(self.path) as file:
             reader = csv.reader(file, delimiter=self.delimiter)
             rows = ((reader.line_num, row) for row in reader if any(map(str.strip, row)))
@@ -176,7 +174,7 @@ def _is_number(text):
 
 
 class _ParquetTable(Table):
-    """A Parquet file, by pyarrow."""
+    """A Parquet file, read by pyarrow."""
 
     def __init__(self, path):
         self._parquet = require('pyarrow.parquet', 'parquet', 'Parquet files')
@@ -203,7 +201,7 @@ class _ParquetTable(Table):
         return 'number' if any(is_it(kind) for is_it in numeric) else 'other'
 
     def _columns(self, indices):
-        # One by one: a name may be there twice, and a column may be wanted twice.
+        # A name may occur twice, and a column may be requested twice.
         names = [self.names[index] for index in indices]
         return self._read(self._parquet.read_table, columns=list(dict.fromkeys(names))), names
 
@@ -220,7 +218,7 @@ class _ParquetTable(Table):
         return values
 
     def texts(self, indices):
-        """Return columns as a list of arrays of str; what is missing is empty."""
+        """Return columns as arrays of str; missing values are empty."""
         table, names = self._columns(indices)
         return [
             np.array([text or '' for text in table.column(name).to_pylist()], dtype=str)
@@ -229,12 +227,12 @@ class _ParquetTable(Table):
 
 
 class _PointCloud(Table):
-    """A LAS or LAZ file, by laspy; its colours are also together, as ``rgb``."""
+    """A LAS or LAZ file, read by laspy; its colours are also available as ``rgb``."""
 
     def __init__(self, path):
         laspy = require('laspy', 'las', 'LAS and LAZ files')
         self.path = path
-        # Whatever a reader of somebody else's format throws only means that it cannot.
+        # Any exception of a third-party reader means an unreadable file.
         try:
             self._points = laspy.read(path)
         except Exception as error:
@@ -255,16 +253,16 @@ class _PointCloud(Table):
         return values
 
     def extras(self):
-        """Return the colours, (n, 3) uint8, where there are some."""
+        """Return the colours, (n, 3) uint8, if there are any."""
         if self.find('red') is None:
             return {}
         colors = np.stack([self._points[name] for name in ('red', 'green', 'blue')], axis=1)
-        # Colours of LAS are 16-bit; many files hold bytes all the same.
+        # LAS colours are 16-bit, but many files hold 8-bit values.
         deep = colors.size and colors.max() > 255
         return {'rgb': (colors >> 8 if deep else colors).astype(np.uint8)}
 
 
-_READERS: dict[str, type[Table]] = {
+_READERS: dict[str, Callable[[Path], Table]] = {
     '.parquet': _ParquetTable,
     '.pq': _ParquetTable,
     '.las': _PointCloud,

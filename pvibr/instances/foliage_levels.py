@@ -7,14 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pyvista as pv
 
-from pvibr.core import _vtk
 from pvibr.instances.bake import copy_texture
 from pvibr.instances.foliage_quads import Groups, clusters, components, dilated, quads
 from pvibr.instances.mesh_pool import lendable
 from pvibr.maths.facing import CLOSE, as_units
 from pvibr.maths.image_error import box_reduce, flip, psnr, silhouette_iou
 from pvibr.meshes.decimate import lighter
-from pvibr.meshes.parts import Part, as_parts, dressed
+from pvibr.meshes.parts import Part, as_parts
 from pvibr.meshes.turntable import Turns
 
 _SAMPLES = 4  # along a side of a texel of a turntable, and of a pixel of the reference
@@ -238,10 +237,7 @@ def _only(part, chosen) -> Part:
     info = part.mesh.active_scalars_info
     if info.name in cells and info.association.name == 'CELL':
         mesh.set_active_scalars(info.name, preference='cell')
-    mapper = _vtk.vtkPolyDataMapper()
-    mapper.ShallowCopy(part.actor.mapper)
-    mapper.SetInputDataObject(mesh)
-    return Part(dressed(part, mapper), mesh, part.alpha_cutoff)
+    return part.with_mesh(mesh)
 
 
 def _clustered(groups, count):

@@ -9,7 +9,6 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.gl.feature import Feature
 from pvibr.instances.cards import DITHER, DULL, PBR
-from pvibr.meshes.parts import dressed
 
 # The colour of an instance replaces what scalars and texture give, or multiplies it; a cut-out
 # keeps its holes. Lit colour is what VTK has before it multiplies by the texture.
@@ -149,7 +148,7 @@ class MeshPool:
 
 def lendable(part, mapper):
     """Return a new actor that draws a part at instances, with per-instance looks."""
-    actor = dressed(part, mapper)
+    actor = part.new_actor(mapper)
     actor.SetUserMatrix(_vtk.vtkMatrix4x4())
     shader = actor.GetShaderProperty()
     texts = {'//VTK::TCoord::Impl': DITHER + _LOOK, '//VTK::Color::Impl': _COLOR}

@@ -1,4 +1,4 @@
-"""Lighter stand-ins of a part, with its look."""
+"""Simplification of parts."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pvibr.meshes.parts import Part, copy_property, dressed
+from pvibr.meshes.parts import Part, copy_property
 
-_SMALL_PIECE = 20  # triangles: a mesh of pieces with fewer on average may be scattered matter
-_SMALL_SIZE = 0.1  # of the mesh's: scattered matter has no larger piece
-_MISSED = 1.1  # times the triangles wanted: more were not collapsed in good order
+_SMALL_PIECE = 20  # mean triangles per component below which a mesh may be aggregate detail
+_SMALL_SIZE = 0.1  # largest component of aggregate detail, relative to the mesh
+_MISSED = 1.1  # times the triangles wanted: with more left, simplification has failed
 
 
 def lighter(part, share) -> Part | None:
-    """Return a part with a share of the triangles, or None where there is no good way.
+    """Return a simplified part with a share of the triangles, or None if it cannot be simplified.
 
     Cook et al., "Stochastic Simplification of Aggregate Detail", SIGGRAPH 2007; Garland and
     Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997, by fast-
@@ -35,7 +35,7 @@ def lighter(part, share) -> Part | None:
 
 
 def _pieces(faces, n_points):
-    """Return how many pieces hang together, and the piece of each triangle."""
+    """Return the number of connected components, and the component of each triangle."""
     rows, columns = faces[:, [0, 1]].T
     more, others = faces[:, [1, 2]].T
     i, j = np.concatenate([rows, more]), np.concatenate([columns, others])
@@ -77,11 +77,11 @@ def _thinned(mesh, faces, labels, pieces, share):
 def _simplified(mesh, faces, share, *, flat):
     import fast_simplification
 
-    # In units of its own size: the library works in single precision.
+    # Relative to the mesh's size: the library works in float32.
     points = np.asarray(mesh.points, float)
     low, size = points.min(0), float(np.ptp(points, axis=0).max()) or 1.0
     local = np.ascontiguousarray((points - low) / size, np.float32)
-    # Points in one place are one: edges along a seam would collapse apart.
+    # Merge coincident points: edges along a seam would collapse apart.
     local, same = np.unique(local, axis=0, return_inverse=True)
     faces = same.reshape(-1)[faces]
     whole = (faces != np.roll(faces, 1, axis=1)).all(1)
@@ -92,7 +92,7 @@ def _simplified(mesh, faces, share, *, flat):
     new.points = (local.astype(float) * size + low).astype(mesh.points.dtype)
     new.regular_faces = np.asarray(collapsed, int).reshape(-1, 3)
     if not 0 < new.n_cells < _MISSED * share * mesh.n_cells:
-        return pv.PolyData()  # it got stuck: what it did collapse would be wrong
+        return pv.PolyData()  # simplification got stuck, with a bad result
     _, nearest = cKDTree(points).query(np.asarray(new.points, float))
     cells = None
     if mesh.cell_data.keys():
@@ -117,7 +117,7 @@ def _upright(mesh):
 
 
 def _normals(points, faces, same):
-    """Return normals of points by the area of the triangles around; points in one place share."""
+    """Return area-weighted normals of points; coincident points share one."""
     a, b, c = (points[same_first] for same_first in _corners(faces, same))
     area = np.cross(b - a, c - a)
     sums = np.stack(
@@ -134,7 +134,7 @@ def _corners(faces, same):
 
 
 def take_arrays(old, new, points, cells):
-    """Give a mesh the arrays of another at some of its points and cells."""
+    """Copy the arrays of a mesh at some points and cells."""
     for source, target, ids in (
         (old.point_data, new.point_data, points),
         (old.cell_data, new.cell_data, cells),
@@ -151,13 +151,11 @@ def take_arrays(old, new, points, cells):
 
 
 def _with_mesh(part, mesh):
-    mapper = part.polydata_mapper()
-    mapper.SetInputDataObject(mesh)
-    actor = dressed(part, mapper)
+    new = part.with_mesh(mesh)
     prop = part.actor.GetProperty()
     if prop.GetInterpolation() == 0 and mesh.point_data.active_normals is not None:
         smooth = pv.Property()
         copy_property(smooth, prop)
         smooth.SetInterpolationToGouraud()
-        actor.SetProperty(smooth)
-    return Part(actor, mesh, part.alpha_cutoff)
+        new.actor.SetProperty(smooth)
+    return new

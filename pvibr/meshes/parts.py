@@ -1,10 +1,9 @@
-"""What is drawn at each pose: meshes of any kind as parts with the looks of ``add_mesh``."""
+"""Parts: meshes of any kind as triangles with the looks of ``add_mesh``."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -15,13 +14,13 @@ from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.trimesh_meshes import as_dataset, is_trimesh, read_mesh, scene_instances
 from pvibr.meshes.turntable import Turns
 
-#: Names under which arrays given by value travel through the surface filters.
+#: Names of arrays given by value, to pass through surface filters.
 SCALARS, OPACITY = 'pvibr_scalars', 'pvibr_opacity'
 
-#: What add_mesh would make of a mesh beside its own actor; an instance has only the mesh.
+#: Arguments of add_mesh that add more actors, which instances do not support.
 EXTRAS = ('silhouette', 'show_vertices', 'multi_colors')
 
-#: Where VTK keeps the textures of physically based shading; it has no call that lists them.
+#: Names of VTK's textures of physically based shading; VTK has no call that lists them.
 PROPERTY_TEXTURES = (
     'albedoTex',
     'materialTex',
@@ -31,7 +30,7 @@ PROPERTY_TEXTURES = (
     'coatNormalTex',
 )
 
-#: What the plotter that shows the parts decides, not the hidden one that makes them.
+#: Arguments of add_mesh that do not apply to the hidden plotter that makes parts.
 FIXED = {
     'name': None,
     'reset_camera': False,
@@ -43,7 +42,7 @@ FIXED = {
 
 @dataclass
 class Part:
-    """One surface with one look."""
+    """A triangle mesh with one look."""
 
     actor: pv.Actor
     mesh: pv.PolyData
@@ -58,18 +57,23 @@ class Part:
         mapper.SetInputDataObject(self.mesh)
         return mapper
 
+    def new_actor(self, mapper):
+        """Return a new actor with this look."""
+        actor, source = pv.Actor(), self.actor
+        actor.SetMapper(mapper)
+        actor.SetProperty(source.GetProperty())
+        actor.SetBackfaceProperty(source.GetBackfaceProperty())
+        actor.SetTexture(source.GetTexture())
+        actor.SetForceOpaque(source.GetForceOpaque())
+        actor.SetForceTranslucent(source.GetForceTranslucent())
+        actor.GetShaderProperty().DeepCopy(source.GetShaderProperty())
+        return actor
 
-def dressed(part, mapper):
-    """Return a new actor with the look of a part."""
-    actor, source = pv.Actor(), part.actor
-    actor.SetMapper(mapper)
-    actor.SetProperty(source.GetProperty())
-    actor.SetBackfaceProperty(source.GetBackfaceProperty())
-    actor.SetTexture(source.GetTexture())
-    actor.SetForceOpaque(source.GetForceOpaque())
-    actor.SetForceTranslucent(source.GetForceTranslucent())
-    actor.GetShaderProperty().DeepCopy(source.GetShaderProperty())
-    return actor
+    def with_mesh(self, mesh) -> Part:
+        """Return a part with this look and another mesh."""
+        mapper = self.polydata_mapper()
+        mapper.SetInputDataObject(mesh)
+        return Part(self.new_actor(mapper), mesh, self.alpha_cutoff)
 
 
 @takes(add_mesh_kwargs=pv.Plotter.add_mesh, without=(*EXTRAS, *FIXED, 'scalar_bar_args'))
@@ -80,9 +84,9 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
         raise ValueError(msg)
     if isinstance(mesh, Part):
         return [mesh]
-    found: Any = mesh if isinstance(mesh, list | tuple) else getattr(mesh, 'parts', None)
-    if are_parts(found):
-        return list(found)
+    parts = getattr(mesh, 'parts', mesh)
+    if are_parts(parts):
+        return list(parts)
     for name in EXTRAS:
         if add_mesh_kwargs.pop(name, None):
             msg = f'{name} is not drawn for instances; add it as an actor of its own.'
@@ -98,7 +102,7 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
 
 
 def as_meshes(meshes, **kwargs):
-    """Return the parts of one mesh or of several."""
+    """Return the parts of one or several meshes."""
     if not isinstance(meshes, list | tuple) or are_parts(meshes):
         return [as_parts(meshes, **kwargs)]
     if not meshes:
@@ -116,13 +120,13 @@ def _numbered(place, mesh, kwargs):
 
 
 def are_parts(mesh) -> bool:
-    """Return whether something is a list of parts: one mesh."""
+    """Return True for a list of parts, which is one mesh."""
     is_list = isinstance(mesh, list | tuple)
     return is_list and bool(mesh) and all(isinstance(part, Part) for part in mesh)
 
 
 class _Maker(pv.BasePlotter):
-    """A plotter without a window: its add_mesh gives looks, and no GL is touched."""
+    """A plotter without a window, whose add_mesh makes looks without OpenGL."""
 
     def __init__(self, theme):
         super().__init__(theme=theme, lighting='none')
@@ -191,7 +195,7 @@ def _check_points(dataset):
 
 
 def _with_arrays(dataset, look):
-    """Put arrays given by value on a shallow copy, so that they follow points and cells."""
+    """Store arrays given by value on a shallow copy, so that filters pass them on."""
     dataset, look = dataset.copy(deep=False), dict(look)
     for keyword, name in (('scalars', SCALARS), ('opacity', OPACITY)):
         values = look.get(keyword)
@@ -199,7 +203,7 @@ def _with_arrays(dataset, look):
             continue
         values = np.asarray(values)
         on_points = len(values) == dataset.n_points
-        # Another length: a transfer function of opacity, or a mistake that add_mesh names.
+        # Another length: an opacity transfer function, or an error that add_mesh reports.
         if not on_points and len(values) != dataset.n_cells:
             continue
         (dataset.point_data if on_points else dataset.cell_data)[name] = values
@@ -209,19 +213,19 @@ def _with_arrays(dataset, look):
 
 
 def _triangles(dataset):
-    """Return the triangles of a dataset's surface, with its active arrays still active."""
+    """Return the surface of a dataset as triangles, with its active arrays."""
     active = dataset.active_scalars_info
     if isinstance(dataset, pv.PointSet):
         dataset = dataset.cast_to_polydata(deep=False)
     if not isinstance(dataset, pv.PolyData):
-        # The filter that add_mesh's mapper has inside.
+        # The filter within add_mesh's mapper.
         dataset = dataset.extract_surface(
             algorithm='dataset_surface', pass_pointid=False, pass_cellid=False
         )
     surface = dataset if _is_triangulated(dataset) else dataset.triangulate()
     if not surface.n_cells:
         msg = (
-            'mesh has no triangles (only points or lines). '
+            'mesh has no triangles, only points or lines. '
             'Make a surface of it first, with .tube() or .glyph().'
         )
         raise ValueError(msg)
@@ -252,7 +256,7 @@ def _from_blocks(blocks, look, maker):
 
 
 def _for_block(block, look):
-    """Return the look without what this block cannot follow."""
+    """Return the look without arguments that the block does not support."""
     look = dict(look)
     scalars = look.get('scalars')
     if isinstance(scalars, str) and scalars not in block.array_names:
@@ -266,7 +270,7 @@ def _for_block(block, look):
 
 
 def _share_range(blocks, looks):
-    """Give blocks that show the same array one range of colours, as add_mesh does."""
+    """Give blocks that show the same array the same colour range, as add_mesh does."""
     ranges: dict = {}
     for block, look in zip(blocks, looks, strict=True):
         name = look.get('scalars') or block.active_scalars_name
@@ -290,7 +294,7 @@ def _from_scene(scene, look, maker):
     known = [as_dataset(mesh, look.get('pbr'), textures) for mesh in meshes]
     for which, matrix in zip(index, matrices, strict=True):
         dataset, own = known[which]
-        # Every part costs a draw: what looks alike is drawn as one.
+        # Every part costs a draw call: equal looks are merged.
         key = tuple(map(_comparable, own.items())) + tuple(dataset.array_names)
         alike.setdefault(key, (own, []))[1].append(_moved(dataset, matrix))
     return [
@@ -308,7 +312,7 @@ def _joined(pieces):
 
 
 def _merged(own, look):
-    """Let what the user says win over the material: a colour also over texture and colours."""
+    """Let the user's arguments override the material; a colour also replaces textures."""
     if any(look.get(name) is not None for name in ('color', 'scalars', 'texture')):
         own = {
             key: own[key] for key in own if key not in ('color', 'scalars', 'rgb', 'preference')
@@ -322,11 +326,11 @@ def _merged(own, look):
 def _from_actor(actor, look):
     given = [key for key in look if key not in FIXED and look[key] is not None]
     if set(given) - {'alpha_cutoff'}:
-        msg = f'mesh is an actor, which has its own look: set {given} on it, or give its mesh.'
+        msg = f'mesh is an actor with its own look: set {given} on it, or give its mesh.'
         raise ValueError(msg)
     mapper = actor.GetMapper()
     if mapper is None or mapper.GetInputDataObject(0, 0) is None:
-        msg = 'mesh is an actor that shows nothing: its mapper has no input.'
+        msg = 'mesh is an actor without a mesh: its mapper has no input.'
         raise ValueError(msg)
     mapper.Update()
     shown = pv.wrap(mapper.GetInputDataObject(0, 0))
@@ -341,16 +345,16 @@ def _from_composite(actor, mapper, blocks):
     for block in blocks.recursive_iterator(skip_none=True, skip_empty=True):
         if attributes.GetBlockVisibility(block) or not attributes.HasBlockVisibility(block):
             part = _copied(actor, mapper, block)
-            _dress(part, attributes, block)
+            _set_block_look(part, attributes, block)
             parts.append(part)
     if not parts:
-        msg = 'mesh is an actor that shows nothing: no block of it is visible and has points.'
+        msg = 'mesh is an actor without a visible mesh: no visible block has points.'
         raise ValueError(msg)
     return parts
 
 
-def _dress(part, attributes, block):
-    """Give a part the colour and opacity that a composite mapper has for its block."""
+def _set_block_look(part, attributes, block):
+    """Apply the colour and opacity of a block of a composite mapper."""
     if attributes.HasBlockColor(block):
         color = [0.0, 0.0, 0.0]
         attributes.GetBlockColor(block, color)
@@ -380,7 +384,7 @@ def _copied_mapper(mapper):
     copy = pv.DataSetMapper()
     copy.ShallowCopy(mapper)
     copy.SetStatic(False)
-    # A table of its own: recolouring the user's actor must not recolour the instances.
+    # Its own lookup table: recolouring the user's actor must not recolour the instances.
     table = mapper.GetLookupTable()
     if table is not None:
         own = table.NewInstance()
@@ -396,22 +400,22 @@ def _copied_property(prop):
 
 
 def copy_property(copy, prop):
-    """Make a property a copy of another one, textures shared."""
+    """Copy a property, sharing its textures."""
     copy.DeepCopy(prop)
     for name in PROPERTY_TEXTURES:
         texture = copy.GetTexture(name)
         if texture is not None:
-            texture.Register(copy)  # which VTK 9.7 forgets, and gives back when the copy goes
+            texture.Register(copy)  # VTK 9.7 forgets this, but unregisters with the copy
 
 
 def _finished(actor, cutoff):
-    """Return the part of an actor: matrix applied, other arrays dropped, cut-outs cut."""
+    """Return the part of an actor: matrix applied, unused arrays dropped, cut-outs cut."""
     actor.mapper.Update()
     mesh = pv.wrap(actor.mapper.GetInputDataObject(0, 0)).copy(deep=False)
     mesh = _moved(mesh, pv.array_from_vtkmatrix(actor.GetMatrix()))
     actor.user_matrix = np.eye(4)
     _drop_unseen(mesh, actor.mapper)
-    # No filter is left between mesh and mapper: smooth shading is done.
+    # Bypass the mapper's filters: smooth shading is applied already.
     actor.mapper.dataset = mesh
     if cutoff is not None:
         _cut_out(actor, cutoff)
@@ -422,13 +426,13 @@ def _moved(mesh, matrix):
     if np.array_equal(matrix, np.eye(4)):
         return mesh
     moved = mesh.copy(deep=False)
-    # A shallow copy shares its vtkPoints; its points setter would move the original too.
+    # A shallow copy shares its vtkPoints: the points setter would change the original.
     moved.SetPoints(pv.vtk_points(transform_points(matrix, mesh.points)))
     for old, new in ((mesh.point_data, moved.point_data), (mesh.cell_data, moved.cell_data)):
         if old.active_normals is not None:
             new.active_normals = transform_normals(matrix, old.active_normals)
     if np.linalg.det(matrix[:3, :3]) < 0:
-        # A mirror turns triangles inside out; turn them back.
+        # A mirroring matrix reverses the winding; restore it.
         faces = moved.regular_faces if _is_triangulated(moved) else None
         moved = moved.flip_faces() if faces is None else _with_faces(moved, faces[:, ::-1])
     return moved
@@ -441,7 +445,7 @@ def _with_faces(mesh, faces):
 
 def _drop_unseen(mesh, mapper):
     if mapper.GetArrayAccessMode() == 0 and mapper.GetScalarMode() in (3, 4):
-        return  # The array shown has a number, which dropping others would change.
+        return  # the array is selected by index, which dropping others would change
     shown = {mapper.GetArrayName()} if mapper.GetScalarVisibility() else set()
     for mode, data in ((1, mesh.point_data), (2, mesh.cell_data)):
         keep = shown | {data.active_normals_name, data.active_texture_coordinates_name}
@@ -458,8 +462,8 @@ def _cut_out(actor, cutoff):
     opacity = actor.prop.opacity
     if opacity == 1:
         actor.ForceOpaqueOn()
-    # After the texture is multiplied in; the fragment's alpha has the opacity in it. What stays
-    # is solid: VTK blends in its opaque pass too, and a soft edge would show what lies behind.
+    # After texturing; alpha includes the opacity. What remains is opaque: VTK blends in its opaque
+    # pass too, so a soft edge would show what lies behind.
     text = f"""//VTK::TCoord::Impl
   if (gl_FragData[0].a < {cutoff * opacity:.6f}) discard;
   gl_FragData[0].a = {opacity:.6f};

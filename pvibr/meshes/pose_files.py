@@ -1,4 +1,4 @@
-"""Where instances stand: poses, and what is known of each, read from files."""
+"""Reading of instance poses and their scalars from files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pvibr.meshes.poses import as_poses
 AXES = ('x', 'y', 'z')
 QUATERNION = ('qw', 'qx', 'qy', 'qz')
 AXIS_SCALES = ('sx', 'sy', 'sz')
-#: Columns that a message names.
+#: Columns that a message lists.
 _MOST_NAMES = 20
 
 
@@ -69,7 +69,7 @@ def read_poses(path, columns=None, *, others=None):
 
 
 def read_poses_and(path, name):
-    """Read poses and one other column, if the file has it."""
+    """Read poses and one other column, or None if the file lacks it."""
     path = _existing(path)
     if path.suffix.lower() == '.npy':
         return _read_npy(path), None
@@ -125,7 +125,7 @@ def _poses_of(table, columns, others):
 
 
 def _others(table, used, names):
-    """Return the indices of the other columns that are wanted."""
+    """Return the indices of the other columns to read."""
     if names is None:
         return [index for index in range(len(table.names)) if index not in used]
     known = [*table.names, *table.extras()]
@@ -138,7 +138,7 @@ def _others(table, used, names):
 
 
 def _listed(names):
-    """Return names as a message has them: not all, where there are a thousand."""
+    """Return names for a message, abbreviated if many."""
     more = len(names) - _MOST_NAMES
     return f'{names}' if more <= 0 else f'{names[:_MOST_NAMES]} and {more} more'
 
@@ -160,7 +160,7 @@ def _axis_columns(table, columns):
 
 
 def _group(table, names):
-    """Return the indices of columns that come together, or an empty list."""
+    """Return the indices of columns that belong together, or an empty list."""
     indices = [table.find(name) for name in names]
     if any(i is None for i in indices) and any(i is not None for i in indices):
         missing = names[indices.index(None)]

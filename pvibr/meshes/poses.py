@@ -1,16 +1,16 @@
-"""Where instances stand: poses as arrays, checked."""
+"""Poses of instances as checked arrays."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: Smallest |det| / (product of the column lengths) of a matrix that counts as invertible. It is
-#: relative, so that a scale of 1e-9 passes and only axes that collapse onto each other fail.
+#: Smallest |det| / (product of the column lengths) of an invertible matrix: tiny scales pass,
+#: collapsed axes fail.
 SINGULAR = 1e-12
 
 
 def as_poses(poses):
-    """Return poses as a checked float64 array."""
+    """Return poses as a checked float64 array, (n, 3) or (n, 4, 4)."""
     array = _as_array(getattr(poses, 'points', poses))
     _check_finite(array)
     if array.ndim == 3:
@@ -35,8 +35,8 @@ def _as_array(poses):
 
 
 def _check_finite(array):
-    # The sum over everything is NaN or infinite when any value is: one cheap pass, no copy. It
-    # may also overflow, and then the thorough test decides.
+    # The sum is not finite if any value is not: one fast pass without a copy. It may also
+    # overflow; then the full test decides.
     with np.errstate(over='ignore', invalid='ignore'):
         if np.isfinite(array.sum()):
             return
@@ -50,7 +50,7 @@ def _check_matrices(array):
     )
     linear = array[:, :3, :3]
     lengths = np.linalg.norm(linear, axis=1)
-    # Columns of length one first: the determinant of tiny or huge scales stays in range.
+    # Normalise columns, so that the determinant of tiny or huge scales stays in range.
     unit = linear / np.where(lengths > 0, lengths, 1)[:, None, :]
     singular = ~(np.abs(np.linalg.det(unit)) > SINGULAR)
     _complain(array, singular, 'it must have an inverse (no axis scaled to zero)')

@@ -1,4 +1,4 @@
-"""Meshes of trimesh as PyVista meshes with the looks that their materials ask for."""
+"""Meshes and scenes of trimesh as PyVista meshes with the looks of their materials."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ GLTF = ('.gltf', '.glb')
 
 
 def is_trimesh(thing, kind):
-    """Return whether something is of a class of trimesh, without importing trimesh."""
+    """Return True if a thing is of a class of trimesh, without importing trimesh."""
     module = sys.modules.get('trimesh')
     return module is not None and isinstance(thing, getattr(module, kind))
 
@@ -42,7 +42,7 @@ def read_mesh(path):
         readers.reverse()
     reasons = []
     for reader in readers:
-        # Whatever a reader of somebody else's format throws only means: try the other one.
+        # Any exception of a third-party reader only means: try the next one.
         try:
             return reader(path)
         except Exception as error:
@@ -52,7 +52,7 @@ def read_mesh(path):
 
 
 def scene_instances(scene):
-    """Return the meshes of a scene and where its graph puts them."""
+    """Return the meshes of a scene, and index and matrices of their instances."""
     if isinstance(scene, str | Path):
         path = Path(scene).expanduser()
         if is_city(path):
@@ -78,9 +78,9 @@ def scene_instances(scene):
 
 
 def as_dataset(mesh, pbr=False, textures=None):
-    """Return a trimesh as PolyData and the add_mesh keywords of its material."""
+    """Return a trimesh as PolyData, and the add_mesh keywords of its material."""
     dataset = pv.PolyData.from_regular_faces(np.array(mesh.vertices), np.array(mesh.faces))
-    # Only normals that came with the file: trimesh would compute others on demand.
+    # Only normals from the file: the public property computes missing ones.
     normals = mesh._cache.cache.get('vertex_normals')
     if normals is not None and len(normals) == dataset.n_points:
         dataset.point_data.active_normals = np.array(normals)
@@ -154,8 +154,8 @@ def _node_copies(scene, node):
     copies = metadata.get('pvibr_copies')
     if copies is None and GPU_INSTANCING in metadata.get('gltf_extensions', {}):
         msg = (
-            f'node {node!r} has {GPU_INSTANCING}, whose poses trimesh does not keep: one instance '
-            'is drawn. Give the path of the file instead of the trimesh scene.'
+            f'node {node!r} has {GPU_INSTANCING}, which trimesh drops: one instance is drawn. '
+            'Give the path of the file instead of the trimesh scene.'
         )
         warnings.warn(msg, PvibrWarning, stacklevel=4)
     return np.eye(4)[None] if copies is None else copies
@@ -168,7 +168,7 @@ def _warn_skipped(name, geometry):
 
 def _colored(data, colors):
     colors = np.asarray(colors, dtype=np.uint8)
-    # An alpha that is full everywhere would only make VTK sort the mesh as translucent.
+    # With an alpha channel VTK would sort the mesh as translucent.
     data[COLORS] = colors if (colors[:, 3] < 255).any() else np.ascontiguousarray(colors[:, :3])
     data.active_scalars_name = COLORS
     preference = 'point' if data.association == pv.FieldAssociation.POINT else 'cell'
@@ -213,7 +213,7 @@ def _metalness(material):
 
 
 def _as_bytes(colors):
-    """Return (n, 4) uint8 colours from bytes, shorts or fractions with or without alpha."""
+    """Return (n, 4) uint8 colours from uint8, uint16 or floats, with or without alpha."""
     colors = np.asarray(colors)
     if colors.dtype.kind == 'f':
         colors = np.clip(colors, 0, 1) * 255 + 0.5
@@ -227,7 +227,7 @@ def _as_bytes(colors):
 def _texture(image, mode, textures):
     key = (hash(image.tobytes()), image.size, mode == 'OPAQUE')
     if key not in textures:
-        # OPAQUE means that alpha is to be ignored; VTK would blend it.
+        # OPAQUE means that alpha is ignored; VTK would blend it.
         pixels = np.asarray(image.convert('RGB' if mode == 'OPAQUE' else 'RGBA'))
         textures[key] = pv.Texture(pixels)
         textures[key].interpolate = True

@@ -1,4 +1,4 @@
-"""Turntables: pictures of an object from around an axis, for eyes that are level with it."""
+"""Turntables: views from around an axis, for viewers at its level."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 
 from pvibr.maths.facing import CLOSE
 
-#: Sine of the angle, up or down from level, within which pictures from the side are shown.
+#: Sine of the largest elevation, up or down, at which side views are used.
 LEVEL = 0.34
 
 
 class Turns(NamedTuple):
-    """Which pictures a turntable has."""
+    """Axis and number of views of a turntable."""
 
     axis: tuple[float, float, float]
     views: int
 
     @property
     def columns(self) -> int:
-        """Pictures along a side of the square that they lie in."""
+        """Views along a side of the square image."""
         return int(np.ceil(np.sqrt(self.views)))
 
     def sides(self) -> np.ndarray:
-        """Return the axes in which azimuths are told, shape (3, 3)."""
+        """Return the reference axes of azimuths, shape (3, 3)."""
         axis = np.array(self.axis)
         side = np.array([1.0, 0, 0] if abs(axis[0]) < CLOSE else [0, 1.0, 0])
         first = side - axis * (axis @ side)
@@ -33,7 +33,7 @@ class Turns(NamedTuple):
         return np.stack([first, np.cross(axis, first), axis])
 
     def frames(self) -> np.ndarray:
-        """Return right, up and toward the eye of each picture, shape (columns, columns, 3, 3)."""
+        """Return right, up and toward-the-eye of each view, shape (columns, columns, 3, 3)."""
         first, second, axis = self.sides()
         angle = 2 * np.pi * np.arange(self.columns**2)[:, None] / self.views
         toward = np.cos(angle) * first + np.sin(angle) * second
@@ -44,7 +44,7 @@ class Turns(NamedTuple):
 
 @dataclass
 class Turntable:
-    """Pictures from around an axis."""
+    """Views from around an axis."""
 
     turns: Turns
     geometry: np.ndarray
@@ -52,17 +52,17 @@ class Turntable:
 
     @property
     def tile(self) -> int:
-        """Texels along a side of a picture."""
+        """Texels along a side of a view."""
         return len(self.geometry) // self.turns.columns
 
     def to_arrays(self) -> dict:
-        """Return everything as named arrays, for a file."""
+        """Return named arrays, for a file."""
         turns = np.array([*self.turns.axis, self.turns.views], float)
         return {'turns': turns, 'turns.geometry': self.geometry, 'turns.albedo': self.albedo}
 
     @classmethod
     def from_arrays(cls, arrays) -> Turntable | None:
-        """Make one from named arrays, or None where there is none among them."""
+        """Make a turntable from named arrays, or None if they hold none."""
         if 'turns' not in arrays:
             return None
         numbers = np.asarray(arrays['turns'], float)
@@ -74,6 +74,6 @@ class Turntable:
         side = len(pictures[0]) if pictures[0].ndim else 0
         good = side and side % turns.columns == 0
         if not good or any(p.shape != (side, side, 4) or p.dtype != np.uint8 for p in pictures):
-            msg = f'not a turntable of {turns.views} views: pictures must be square, uint8'
+            msg = f'not a turntable of {turns.views} views: images must be square, uint8'
             raise ValueError(msg)
         return cls(turns, *pictures)

@@ -1,4 +1,4 @@
-"""Balls and tubes of size 1 as meshes, in levels of ever fewer triangles."""
+"""Unit spheres and cylinders as meshes, in levels of detail."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import pyvista as pv
 
 from pvibr.meshes.parts import as_parts, copy_property
 
-#: Sides around of each level.
+#: Number of sides of each level.
 _SIDES = (48, 24, 12, 6)
-_CLOSE = 0.5  # px by which an outline may be off
+_CLOSE = 0.5  # largest error of an outline in pixels
 
 
 def balls(prop) -> tuple[list, tuple]:
-    """Return spheres of radius 1."""
+    """Return the levels of a sphere of radius 1, and their size limits."""
     meshes = [pv.Sphere(radius=1.0, theta_resolution=n, phi_resolution=n // 2) for n in _SIDES]
     return [_level(mesh, prop, True) for mesh in meshes], _largest()
 
 
 def tubes(prop, capped) -> tuple[list, tuple]:
-    """Return cylinders of radius 1 along z from -1 to 1."""
+    """Return the levels of a cylinder of radius 1 along z from -1 to 1, and their size limits."""
     sizes = {'direction': (0, 0, 1), 'radius': 1.0, 'height': 2.0, 'capping': capped}
     made = [pv.Cylinder(resolution=n, **sizes).triangulate() for n in _SIDES]
     return [_level(mesh, prop, capped) for mesh in made], _largest()
@@ -37,7 +37,7 @@ def _largest():
 
 
 def along(middles, halves, radii) -> np.ndarray:
-    """Return what brings the cylinder of size 1 to some places, (n, 4, 4)."""
+    """Return the matrices of cylinders, (n, 4, 4)."""
     units = halves / np.linalg.norm(halves, axis=1, keepdims=True)
     aside = np.eye(3)[np.abs(units).argmin(1)]
     right = np.cross(units, aside)
@@ -51,7 +51,7 @@ def along(middles, halves, radii) -> np.ndarray:
 
 
 def linear(middles, axes) -> np.ndarray:
-    """Return matrices of linear parts and places, (n, 4, 4)."""
+    """Return matrices of linear parts and translations, (n, 4, 4)."""
     matrices = np.tile(np.eye(4), (len(middles), 1, 1))
     matrices[:, :3, :3], matrices[:, :3, 3] = axes, middles
     return matrices

@@ -1,4 +1,4 @@
-"""A wooded valley with a trail through it: thousands of heavy trees and a camera path."""
+"""A wooded valley: thousands of detailed trees, a trail and a camera path."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from pvibr.maths.transforms import trs
-from pvibr.scenes.trees import COLORS, KINDS, dress, tree
+from pvibr.scenes.trees import COLORS, KINDS, tree, with_looks
 
-#: Metres along each side of the ground that a tree has on average.
+#: Mean distance of trees in metres.
 SPACING = 30.0
-#: Metres on both sides of the trail without trees: the widest crown, and room to breathe.
+#: Metres without trees on both sides of the trail.
 CLEARING = 20.0
-#: Cells along each side of the ground.
+#: Grid cells along each side of the terrain.
 CELLS = 128
 SCALES = (0.7, 1.3)
-#: Where the sun stands, over the shoulder of who walks, and how its light and the sky's are
-#: coloured and how strong they are.
+#: Direction of the sun; colours and intensities of sun and sky.
 SUN = (-0.6, 0.3, 1.3)
 SUNLIGHT, SKYLIGHT = ((1.0, 0.95, 0.85), 0.9), ((0.85, 0.93, 1.0), 0.6)
 GRASS, DRY, ROCK = np.array([[128, 150, 78], [178, 172, 108], [158, 150, 136]])
@@ -29,7 +28,7 @@ GRASS, DRY, ROCK = np.array([[128, 150, 78], [178, 172, 108], [158, 150, 136]])
 
 @dataclass(frozen=True)
 class Landscape:
-    """Ground, trees and a way through."""
+    """Terrain, trees and a trail."""
 
     terrain: pv.PolyData
     kinds: tuple[str, ...]
@@ -42,11 +41,11 @@ class Landscape:
     view_angle: float = 50.0
 
     def parts(self):
-        """Return the trees with their looks."""
-        return [dress(mesh, kind) for mesh, kind in zip(self.meshes, self.kinds, strict=True)]
+        """Return the trees as parts with their looks."""
+        return [with_looks(mesh, kind) for mesh, kind in zip(self.meshes, self.kinds, strict=True)]
 
     def lights(self):
-        """Return new lights for one plotter: the sun, and the sky."""
+        """Return new lights for one plotter: sun and sky."""
         (sun, bright), (sky, dim) = SUNLIGHT, SKYLIGHT
         return [
             pv.Light(position=SUN, color=sun, intensity=bright, light_type='scene light'),
@@ -54,11 +53,11 @@ class Landscape:
         ]
 
     def height_at(self, places):
-        """Return the height of the ground."""
+        """Return terrain heights."""
         return _height(self.heights, self.size, np.asarray(places, dtype=np.float64))
 
     def path(self, frames, start=0.0, stop=1.0):
-        """Return the cameras of a walk along the trail."""
+        """Return camera positions along the trail."""
         if frames < 1 or not 0 <= start <= stop <= 1:
             msg = (
                 f'frames is {frames}, start {start}, stop {stop}; '
@@ -78,11 +77,11 @@ class Landscape:
 
 
 def landscape(n=10_000, seed=0, size=None, triangles=50_000):
-    """Make a landscape."""
+    """Return a landscape with n trees."""
     if n < 1:
         msg = f'n is {n}; it must be at least 1 tree.'
         raise ValueError(msg)
-    # Below some 300 m the trail's clearing would take all the ground.
+    # Below 300 m the trail's clearing would cover the terrain.
     size = max(SPACING * np.sqrt(n), 300.0) if size is None else float(size)
     rng = np.random.default_rng(seed)
     heights = _ground(size, rng)
@@ -102,7 +101,7 @@ def landscape(n=10_000, seed=0, size=None, triangles=50_000):
 
 
 def _noise(places, wavelength, size, rng):
-    """Return smooth noise of mean zero and about unit height at places (..., 2)."""
+    """Return smooth noise of mean 0 and height about 1 at positions (..., 2)."""
     knots = int(np.ceil(size / wavelength)) + 3
     values = rng.standard_normal((knots, knots))
     where = np.moveaxis(places / wavelength + knots / 2, -1, 0)
@@ -116,7 +115,7 @@ def _grid(size):
 
 def _ground(size, rng):
     places = _grid(size)
-    # A valley: hills all around hide the world's edge and show the forest on their slopes.
+    # A valley: hills hide the edge of the terrain and show the forest on their slopes.
     rim = np.linalg.norm(places, axis=-1) / (size / 2)
     hills = sum(
         size * share * _noise(places, size * wave, size, rng)
@@ -126,7 +125,7 @@ def _ground(size, rng):
 
 
 def _height(heights, size, places):
-    """Return the height of the ground's triangles, so that feet stand on what is drawn."""
+    """Return heights on the terrain's triangles."""
     x, y = np.clip((places.reshape(-1, 2).T / size + 0.5) * CELLS, 0, CELLS)
     column, row = (np.minimum(v.astype(int), CELLS - 1) for v in (x, y))
     u, v = x - column, y - row
@@ -161,12 +160,12 @@ def _trail(size, rng):
 
 
 def _places(n, size, heights, trail, rng):
-    """Return where trees stand: one at most in each cell of a fine grid, in clumps."""
+    """Return tree positions: clumps, at most one per cell of a fine grid."""
     cells = int(size / min(7.0, size / np.sqrt(3.0 * n)))
     cell = size / cells
     line = (np.arange(cells) + 0.5) * cell - size / 2
     places = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-    # Off the middle of the cell by so little that neighbours keep half a cell apart.
+    # Jittered so that neighbours stay half a cell apart.
     places += rng.uniform(-0.25, 0.25, places.shape) * cell
     away = cKDTree(trail(np.linspace(0, 1.1, 2000))).query(places)[0] > CLEARING
     clump = _noise(places, size / 14, size, rng) + 0.7 * _noise(places, size / 40, size, rng)
@@ -179,7 +178,7 @@ def _places(n, size, heights, trail, rng):
 
 
 def _kinds_at(places, z, size, rng):
-    """Return spruces on the slopes, poplars low in the valley, broadleaves between."""
+    """Return species: spruces on the slopes, poplars low in the valley, broadleaves between."""
     level = z / (0.14 * size) + 0.35 * _noise(places, size / 10, size, rng)
     level += rng.normal(0, 0.15, len(z))
     names = list(KINDS)
@@ -194,5 +193,5 @@ def _matrices(places, z, rng):
     none = np.zeros_like(yaw)
     turns = np.column_stack([np.cos(yaw), none, none, np.sin(yaw)])
     scales = rng.uniform(*SCALES, len(z))
-    # A little into the ground, so that no foot hangs in the air on a slope.
+    # Slightly sunk into the ground, for slopes.
     return trs(np.column_stack([places, z - 0.25 * scales]), turns, scales)

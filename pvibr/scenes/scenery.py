@@ -1,4 +1,4 @@
-"""The landscape of trees in a plotter, as the demo shows it."""
+"""The landscape of trees in a plotter, as in the demo."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pvibr.capture.offscreen import SKY, add_ground
 
 
 def scenery(scene, max_error, size, *, off_screen):
-    """Return a plotter with a landscape, as the window of the demo shows it."""
+    """Return a plotter with a landscape."""
     plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), lighting='none')
     for light in scene.lights():
         plotter.add_light(light)

@@ -1,4 +1,4 @@
-"""Trees grown from a seed: tubes for bark, cut-out cards for leaves."""
+"""Procedural trees: tubes for bark, cut-out cards for leaves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEAF_PIXELS = 64
 
 @dataclass(frozen=True)
 class Level:
-    """How the branches of one level grow; lengths are fractions of the parent's length."""
+    """Growth of one level of branches; lengths are relative to the parent's."""
 
     count: int
     span: tuple[float, float]
@@ -32,7 +32,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Kind:
-    """What makes a kind of tree."""
+    """Parameters of a species."""
 
     height: float
     trunk: float
@@ -86,7 +86,7 @@ KINDS = {
 
 
 def tree(kind='broadleaf', seed=0, triangles=50_000, height=None):
-    """Grow a tree."""
+    """Return a tree as a MultiBlock of bark and leaves."""
     form = _kind(kind)
     height = form.height if height is None else height
     if not (np.isfinite(height) and height > 0):
@@ -106,15 +106,15 @@ def tree(kind='broadleaf', seed=0, triangles=50_000, height=None):
 
 
 def leaf_texture(kind='broadleaf'):
-    """Return the picture of a spray of leaves, cut out by its alpha."""
+    """Return the texture of a spray of leaves, with an alpha channel."""
     _kind(kind)
     draw = _needles if kind == 'conifer' else _blades
     alpha, light = draw(round_leaves=kind == 'poplar')
     image = np.empty((LEAF_PIXELS, LEAF_PIXELS, 4), dtype=np.uint8)
     image[..., :3] = np.clip(light * 255, 0, 255)[..., None]
     image[..., 3] = np.clip(alpha * 255, 0, 255)
-    # A cut-out is not mipmapped: the mean alpha of a spray is below any useful cut-off, so that
-    # far leaves would vanish.
+    # No mipmaps: the mean alpha of a spray is below any useful cutoff, so far leaves would
+    # vanish.
     texture = pv.Texture(image)
     texture.interpolate = True
     texture.repeat = False
@@ -122,12 +122,12 @@ def leaf_texture(kind='broadleaf'):
 
 
 def tree_parts(kind='broadleaf', seed=0, triangles=50_000, height=None):
-    """Grow a tree and give it its looks."""
-    return dress(tree(kind, seed, triangles, height), kind)
+    """Return a tree as parts with their looks."""
+    return with_looks(tree(kind, seed, triangles, height), kind)
 
 
-def dress(blocks, kind):
-    """Give a grown tree its looks."""
+def with_looks(blocks, kind):
+    """Return the parts of a tree with their looks."""
     look = {'scalars': COLORS, 'rgb': True}
     parts = as_parts(blocks['bark'], **look)
     parts += as_parts(blocks['leaves'], texture=leaf_texture(kind), alpha_cutoff=0.5, **look)
@@ -206,7 +206,7 @@ def _turns(level, shape, rng):
 
 
 def _sample(below, place):
-    """Return points, tangents and radii at fractional places (n, k) along n branches."""
+    """Return points, tangents and radii at fractional positions (n, k) along n branches."""
     low = np.minimum(place.astype(int), below.lines.shape[1] - 2)
     share = place - low
     row = np.arange(len(low))[:, None]
@@ -216,7 +216,7 @@ def _sample(below, place):
 
 
 def _across(tangent):
-    """Return two directions across a tangent, the first of them level where it can be."""
+    """Return two directions across a tangent, the first horizontal if possible."""
     level = np.cross(UP, tangent)
     steep = np.linalg.norm(level, axis=-1, keepdims=True) < 0.1
     side = _unit(np.where(steep, np.cross([1.0, 0.0, 0.0], tangent), level))
@@ -233,7 +233,7 @@ def _tilted(tangent, tilt, turn, flat):
 
 
 def _curves(start, direction, lengths, points, lift, wander, rng):
-    """Return crooked lines (n, points, 3) that bend towards the light or droop."""
+    """Return crooked lines (n, points, 3) that bend upwards or droop."""
     step = (lengths / (points - 1))[:, None]
     line = [start]
     for _ in range(points - 1):
@@ -287,7 +287,7 @@ def _tubes(level):
 
 
 def _leaves(form, twigs, count, rng):
-    """Return `count` cards around the last two levels of branches."""
+    """Return `count` leaf cards around the last two levels of branches."""
     anchor, along, size = _anchors(form, twigs, count, rng)
     center, reach = anchor.mean(axis=0), np.ptp(anchor, axis=0) / 2
     out = (anchor - center) / reach
@@ -306,7 +306,7 @@ def _leaves(form, twigs, count, rng):
 
 
 def _anchors(form, twigs, count, rng):
-    """Return where cards are fixed, along what and how large: (n, 3), (n, 3), (n, 2)."""
+    """Return positions, directions and sizes of cards: (n, 3), (n, 3), (n, 2)."""
     weights = np.concatenate([twigs[0].lengths * 0.35, twigs[1].lengths])
     chosen = rng.choice(len(weights), count, p=weights / weights.sum())
     split = len(twigs[0].lengths)
@@ -349,14 +349,14 @@ def _leaf_colors(form, out, rng):
 
 
 def _grid():
-    """Return u to the right and v upwards at the pixels, row 0 at the top."""
+    """Return pixel coordinates: u to the right, v upwards, row 0 at the top."""
     center = (np.arange(LEAF_PIXELS) + 0.5) / LEAF_PIXELS
     u, v = np.meshgrid(center, center[::-1])
     return u, v
 
 
 def _blades(round_leaves):
-    """Return alpha and light of seven leaves on a stem."""
+    """Return alpha and brightness of seven leaves on a stem."""
     u, v = _grid()
     alpha, light = _stroke(u, v, (0.5, 0.0), (0.5, 0.75), 0.018), np.full_like(u, 0.8)
     width = 0.17 if round_leaves else 0.115
@@ -378,7 +378,7 @@ def _blades(round_leaves):
 
 
 def _needles(round_leaves):
-    """Return alpha and light of a twig with needles to both sides; they are never round."""
+    """Return alpha and brightness of a twig with needles on both sides."""
     del round_leaves
     u, v = _grid()
     alpha, light = _stroke(u, v, (0.5, 0.0), (0.5, 0.93), 0.02), np.full_like(u, 0.75)
@@ -393,7 +393,7 @@ def _needles(round_leaves):
 
 
 def _stroke(u, v, start, end, radius):
-    """Return how much of each pixel a thick line covers."""
+    """Return the pixel coverage of a thick line."""
     start, line = np.array(start), np.subtract(end, start)
     share = np.clip(((u - start[0]) * line[0] + (v - start[1]) * line[1]) / (line @ line), 0, 1)
     distance = np.hypot(u - start[0] - share * line[0], v - start[1] - share * line[1])

@@ -1,4 +1,4 @@
-"""A person who walks or waves, made of capsules on a skeleton: a figure for crowds."""
+"""A walking or waving person made of capsules on a skeleton, for crowds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pvibr.animation.clip import Clip, Track
 from pvibr.animation.figure import Figure
 from pvibr.maths.quaternions import from_axis_angle
 
-# Joint: parent, where it is, in metres; x is to the left, y to the front, z up.
+# Joint: parent, position in metres; x is left, y front, z up.
 _JOINTS = {
     'pelvis': (None, (0.0, 0.0, 0.95)),
     'chest': ('pelvis', (0.0, 0.0, 1.15)),
@@ -41,25 +41,22 @@ _NAMES = list(_JOINTS)
 
 
 def walker(triangles=5000) -> Figure:
-    """Return a person 1.8 m tall, who looks along y, with the clips 'Walk' and 'Wave'.
-
-    Examples -------- >>> from pvibr.scenes.walker import walker >>> walker(2000) Figure(1 bodies,
-    11 joints, clips: 'Walk', 'Wave')
-    """
+    """Return a person 1.8 m tall, facing y, with the clips 'Walk' and 'Wave'."""
     if triangles < 300:
         msg = f'triangles = {triangles}: must be 300 or more'
         raise ValueError(msg)
-    # A capsule has a ring of quads, and two half balls of as many rings as they have quarters.
+    # Sides around a capsule, from its share of the triangles.
     around = max(4, int((triangles / len(_LIMBS)) ** 0.5))
     meshes = [_capsule(*limb[:3], around) for limb in _LIMBS.values()]
-    joints = [np.full(m.n_points, _NAMES.index(name)) for name, m in zip(_LIMBS, meshes)]  # noqa: B905
-    colors = [np.tile(limb[3], (m.n_points, 1)) for limb, m in zip(_LIMBS.values(), meshes)]  # noqa: B905
+    sizes = [m.n_points for m in meshes]
+    joints = np.repeat([_NAMES.index(name) for name in _LIMBS], sizes)
+    colors = np.repeat([limb[3] for limb in _LIMBS.values()], sizes, axis=0)
     mesh = pv.merge(meshes, merge_points=False)
     mesh = mesh.extract_surface(algorithm=None) if not isinstance(mesh, pv.PolyData) else mesh
     figure = Figure.from_arrays(
         mesh.points,
         mesh.regular_faces,
-        np.concatenate(joints)[:, None],
+        joints[:, None],
         np.ones((mesh.n_points, 1)),
         *_rest(),
         names=_NAMES,
@@ -68,7 +65,7 @@ def walker(triangles=5000) -> Figure:
         name='walker',
         look={'scalars': 'paint', 'rgb': True, 'smooth_shading': True},
     )
-    figure.meshes[0].mesh['paint'] = np.concatenate(colors).astype(np.uint8)
+    figure.meshes[0].mesh['paint'] = colors.astype(np.uint8)
     return figure
 
 
@@ -83,7 +80,7 @@ def _rest():
 
 
 def _capsule(start, end, radius, around):
-    """Return a closed tube with round ends, with normals."""
+    """Return a closed capsule with normals."""
     start, end = np.array(start, float), np.array(end, float)
     axis = (end - start) / np.linalg.norm(end - start)
     ball = pv.Sphere(radius=1.0, theta_resolution=around, phi_resolution=around // 2 + 2)
@@ -99,7 +96,7 @@ def _capsule(start, end, radius, around):
 
 
 def _turns(name, seconds, degrees, axis=(1.0, 0.0, 0.0)):
-    """Return a track of a joint's angles at equal steps of time."""
+    """Return a track of a joint's angles in degrees at equal time steps."""
     times = np.linspace(0.0, seconds, len(degrees))
     values = from_axis_angle([axis] * len(degrees), np.radians(degrees))
     return Track(_NAMES.index(name), 'rotation', times, values)

@@ -269,7 +269,7 @@ def _with_nan():
         (None, {}, TypeError, 'not NoneType'),
         ('no/such/file.obj', {}, FileNotFoundError, 'no/such/file.obj'),
         (__file__, {}, ValueError, 'test_parts.py'),
-        (pv.Actor(), {}, ValueError, 'shows nothing'),
+        (pv.Actor(), {}, ValueError, 'without a mesh'),
         (pv.Actor(pv.DataSetMapper(pv.Cube())), {'color': 'r'}, ValueError, 'own look'),
         (trimesh.Scene(), {}, ValueError, 'no triangle'),
         (pv.Cube(), {'colour': 'r'}, TypeError, 'colour'),

@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 import pvibr
-from pvibr.scenes.trees import dress, tree
+from pvibr.scenes.trees import tree, with_looks
 
 #: The project's data, where they are.
 DATA = Path(pvibr.__file__).parents[2] / 'shared' / 'data'
@@ -96,7 +96,7 @@ MESHES = {
     'knot and rod': _knot,
     'torus': lambda: pv.ParametricTorus(u_res=150, v_res=100),
     'airplane': _airplane,
-    'tree': lambda: dress(tree('broadleaf'), 'broadleaf'),
+    'tree': lambda: with_looks(tree('broadleaf'), 'broadleaf'),
     'statue': _statue,
     'flat plate': _flat,
     'wires': _wires,

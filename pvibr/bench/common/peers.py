@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from pvibr.capture.offscreen import Stage
 from pvibr.core import _vtk
-from pvibr.meshes.parts import dressed
 
 #: Instances that the peers are measured with; their time is extrapolated to all of them.
 PART = 500
@@ -49,7 +48,7 @@ def _glyphs(part, points, lod):
         mapper.SetCullingAndLOD(True)
         mapper.SetNumberOfLOD(1)
         mapper.SetLODDistanceAndTargetReduction(0, LOD_DISTANCE, LOD_REDUCTION)
-    actor = dressed(part, mapper)
+    actor = part.new_actor(mapper)
     colors = part.mesh.active_scalars
     if colors is not None and colors.ndim == 2:
         actor.SetProperty(pv.Property())
