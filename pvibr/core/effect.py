@@ -70,7 +70,8 @@ class Effect:
     web: tuple[str, str] = ('lost', 'works on frames, and a browser draws its own')
 
     _pipeline = None
-    _revision = 0
+    #: How many times a setting was changed.
+    revision = 0
     _name: str | None = None
     __signature__: ClassVar[Signature]
 

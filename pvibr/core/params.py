@@ -110,7 +110,7 @@ class Param:
         if value != self.__get__(owner):
             owner.__dict__[self.name] = value
             # What is baked from settings compares this number with the one that it was baked at.
-            owner.__dict__['_revision'] = owner.__dict__.get('_revision', 0) + 1
+            owner.__dict__['revision'] = owner.__dict__.get('revision', 0) + 1
 
     def allowed(self) -> str:
         """Return what may be given, in words.

@@ -101,7 +101,7 @@ class LightSpread(Effect):
 
     def _marks(self):
         """Return a key of the settings and of what things draw."""
-        return self._revision, [thing.content_key() for thing in self._things]
+        return self.revision, [thing.content_key() for thing in self._things]
 
     def _spread_light(self, frame, picture):
         """Return the light of a picture, None if there is none."""

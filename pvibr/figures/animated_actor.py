@@ -169,7 +169,7 @@ class AnimatedActor(FigurePlayer, Placed):
 
     def content_key(self) -> tuple:
         """Return a key that changes when the content changes, whatever the camera."""
-        return self._changes, self._revision, self._is_shown()
+        return self._changes, self.revision, self._is_shown()
 
     def _is_shown(self) -> bool:
         return bool(self.visibility and self._anchor.GetVisibility())

@@ -276,7 +276,7 @@ class ImageLayers(Substitute):
         ]
         if not effects:
             return [], ()
-        key = tuple((id(e), e._revision, _draws(e.lives)) for e in effects)
+        key = tuple((id(e), e.revision, _draws(e.lives)) for e in effects)
         others = [t for t in self.pipeline.things if t is not self and t.enabled]
         self._surfaces.update([t for t in self.pipeline.things if t is not self])
         actors, _ = self._surfaces.chosen(None)

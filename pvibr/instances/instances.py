@@ -394,7 +394,7 @@ class Instances(ItemSet):
             self._content_key = None
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         how = frame.picking, frame.casting, frame.quality
-        content_key = (*camera, frame.size, self._revision, *how)
+        content_key = (*camera, frame.size, self.revision, *how)
         self._check_cards()
         if content_key == self._content_key:
             return

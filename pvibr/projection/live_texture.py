@@ -1,4 +1,4 @@
-"""A camera's view of the scene as a texture: monitors, mirrors, insets."""
+"""The view of another camera as a texture: monitors, mirrors, insets."""
 
 from __future__ import annotations
 
@@ -34,38 +34,37 @@ void main()
 
 
 class LiveTexture(Effect):
-    """What another camera sees, as a texture that any mesh can wear, drawn when it changes.
+    """Render the view of another camera to a texture, again whenever the view changes.
 
-    ``actor.texture = live.texture`` has a mesh wear it; the mesh needs texture coordinates. It is
-    also an image for whatever takes one: `Projector`, `ImageOverlay`, `Backdrop`,
-    `ShaderEffect`. In its picture other live textures are seen, and itself too, each as it
-    is without any. Points and lines are as wide there, in pixels, as in the window. Seen small it
-    is smooth: it has mip levels. Volumes and annotations are left out. Effects on pixels are not
-    in it. Lights that go with the subplot's camera go with this one instead. Where the
-    background's alpha is below 1, whatever wears it is translucent.
+    ``actor.texture = live.texture`` shows it on a mesh with texture coordinates. It is also an
+    image for `Projector`, `ImageOverlay`, `Backdrop` and `ShaderEffect`. Live textures within its
+    view, itself included, are drawn there without further recursion. Points and lines have the
+    same width in pixels as in the window. The texture has mip levels. Volumes, annotations and
+    effects on pixels are left out. Camera lights follow this camera. If the alpha of the
+    background is below 1, meshes with the texture are translucent.
 
     Parameters
     ----------
     camera : pyvista.Camera, Pinhole or Orthographic
-        Where from; a ``pyvista.Camera`` may move.
+        The view; a ``pyvista.Camera`` may move.
     actors : None, callable or sequence, optional
-        Which actors and things are seen: all; those for which it returns true; those in it.
+        Actors and things to render, or a function that returns True for them; by default all.
     size : tuple of 2 int, optional
         Width and height in texels.
     **settings
-        See the class's Params.
+        Values of the settings.
 
     Attributes
     ----------
     texture : vtkTexture
         For ``actor.texture``.
     draws : int
-        How many times it was drawn.
+        Number of times that it was rendered.
 
     Raises
     ------
     ValueError
-        If the camera is none, or the size is not of two positive integers.
+        If the camera is invalid, or the size is not two positive integers.
 
     Examples
     --------
@@ -85,11 +84,13 @@ class LiveTexture(Effect):
     >>> pl.close()
     """
 
-    web = 'lost', 'is drawn anew with each frame; what wears it shows its last picture'
-    what = Param('color', 'Colours, or depth: white near, black far.', choices=('color', 'depth'))
+    web = 'lost', 'is rendered in each frame; a browser shows the last one'
+    what = Param(
+        'color', 'Colours, or depth: near is white, far is black.', choices=('color', 'depth')
+    )
     background = Param(
         None,
-        "Red, green, blue and alpha of its background; by default the subplot's colour.",
+        'Background colour, RGBA; by default the background of the subplot.',
         range='[0, 1]',
         kind=tuple,
     )
@@ -106,20 +107,22 @@ class LiveTexture(Effect):
         self._drawer: Any = None
         self._surfaces: Any = None
         self._targets: dict[str, Target] = {}
-        self._worn: Any = None
+        self._texture: Any = None
         self._gray: Quad | None = None
-        self._keys: dict[str, Any] = {}
-        self._worn_format = ''
+        self._keys: dict[str, tuple] = {}
+        self._format = ''
 
     _flipped = False
 
+    FOR_USERS = ('image',)
+
     @property
     def shown(self) -> Texture | None:
-        """What is worn, for whatever takes an image; None where it is in no subplot."""
-        return self._worn
+        """The texture of its picture; None if it is in no subplot."""
+        return self._texture
 
     def image(self) -> np.ndarray:
-        """Return what it shows now, as data.
+        """Return its current picture.
 
         Returns
         -------
@@ -129,7 +132,7 @@ class LiveTexture(Effect):
         Raises
         ------
         RuntimeError
-            Where it is in no subplot, or not drawn yet.
+            If it is in no subplot, or not rendered yet.
         """
         if not self._targets:
             msg = f'{self.name} shows nothing: add it to a subplot and draw a frame'
@@ -141,40 +144,42 @@ class LiveTexture(Effect):
     # -- the life of an effect ----------------------------------------------------------------
 
     def prepare(self, frame):
-        """Draw it where it is stale."""
-        self._allocate(frame)
-        seen = self._worn_in(frame)
-        key = self._base_key(frame), tuple(live._base_key(frame) for live in seen)
+        """Draw it if it is stale."""
+        self.allocate(frame)
+        seen = self._seen_lives(frame)
+        key = self.scene_key(frame), [live.scene_key(frame) for live in seen]
         if self._keys.get('whole') == key:
             return
         for live in seen:
-            live._draw_plain(frame)
+            live.draw_plain(frame)
         for live in seen:
-            live._wear('plain')
+            live.show('plain')
         self._draw(frame)
         self._copy('drawn', 'whole')
         for live in {self, *seen}:
-            live._wear('whole')
+            live.show('whole')
         # Taken again: things may have made actors for this view.
-        key = self._base_key(frame), tuple(live._base_key(frame) for live in seen)
-        self._keys['whole'] = key
+        self._keys['whole'] = self.scene_key(frame), [live.scene_key(frame) for live in seen]
         self.draws += 1
 
-    def _draw_plain(self, frame):
-        """Draw it with no live texture in it, where that is stale."""
-        key = self._base_key(frame)
-        if self._keys.get('plain') == key:
+    def draw_plain(self, frame):
+        """Draw it without any live texture in it, if that is stale."""
+        if self._keys.get('plain') == self.scene_key(frame):
             return
-        worn = self._worn_in(frame)
-        for live in worn:
-            with live._targets['drawn'].drawing(clear=live._clear_color(frame)):
-                pass
-            live._wear('drawn')
+        seen = self._seen_lives(frame)
+        for live in seen:
+            live.blank(frame)
         self._draw(frame)
         self._copy('drawn', 'plain')
-        for live in worn:
-            live._wear('whole')
-        self._keys['plain'] = self._base_key(frame)
+        for live in seen:
+            live.show('whole')
+        self._keys['plain'] = self.scene_key(frame)
+
+    def blank(self, frame):
+        """Show the background alone."""
+        with self._targets['drawn'].drawing(clear=self._clear_color(frame)):
+            pass
+        self.show('drawn')
 
     # -- what is drawn ------------------------------------------------------------------------
 
@@ -184,31 +189,32 @@ class LiveTexture(Effect):
         actors, things = self._surfaces.chosen(self.actors, things)
         return Casters([a for a in actors.values() if a.GetVisibility()], things)
 
-    def _worn_in(self, frame) -> list[LiveTexture]:
-        """Return the live textures on what it sees, worn or projected, itself too."""
-        worn = [a.GetTexture() for a in self._casters().actors]
-        thrown = [live for e in self._scene_effects() for live in e.lives]
+    def _seen_lives(self, frame) -> list[LiveTexture]:
+        """Return the live textures on the actors that it sees, projected ones and itself too."""
+        textures = [a.GetTexture() for a in self._casters().actors]
+        projected = [live for e in self._scene_effects() for live in e.lives]
         found = [e for e in self.pipeline.effects if isinstance(e, LiveTexture) and e.enabled]
-        found = [e for e in found if e in thrown or any(t is e.texture for t in worn)]
+        found = [e for e in found if e in projected or any(t is e.texture for t in textures)]
         for live in found:
-            live._allocate(frame)
+            live.allocate(frame)
         return found
 
     def _view(self, frame, bounds) -> View | None:
-        """Return where it is seen from, None where nothing is in front of it."""
+        """Return its view, None if nothing is in front of it."""
         # So many texels that there is no margin: the picture ends where the camera's does.
         return view_of(as_camera(self.camera, self.size), bounds, 1e12)
 
-    def _base_key(self, frame) -> tuple:
+    def scene_key(self, frame) -> tuple:
+        """Return a value that changes whenever its view of the scene does."""
         casters = self._casters()
         view = self._view(frame, casters.bounds())
         lights = tuple(map(_light_key, frame.renderer.GetLights()))
-        others = tuple((id(e), e._revision) for e in self._scene_effects())
+        others = tuple((id(e), e.revision) for e in self._scene_effects())
         seen_from = None if view is None else view.key()
         return casters.key(), seen_from, lights, others, self.what, self._clear_color(frame)
 
     def _scene_effects(self):
-        """Return what is drawn otherwise for each view: shadows, projectors, things."""
+        """Return the effects that depend on the view: shadows, projectors, things."""
         return [
             e
             for e in self.pipeline.effects
@@ -249,7 +255,7 @@ class LiveTexture(Effect):
             self._show_depth(frame, view)
 
     def _light(self, frame):
-        """Have lights that go with a camera go with this one."""
+        """Let camera lights follow this camera."""
         inner = self._drawer.inner
         inner.UpdateLightsGeometryToFollowCamera()
         inner.UpdateLights()
@@ -265,13 +271,14 @@ class LiveTexture(Effect):
 
     # -- memory ---------------------------------------------------------------------------------
 
-    def _allocate(self, frame):
+    def allocate(self, frame):
+        """Allocate its textures, if there are none of the right format."""
         # VTK takes whatever has an alpha channel for translucent, and draws it in another order.
-        worn = 'rgba8' if self._clear_color(frame)[3] < 1 else 'rgb8'
-        if self._targets and self._worn_format == worn:
+        format = 'rgba8' if self._clear_color(frame)[3] < 1 else 'rgb8'
+        if self._targets and self._format == format:
             return
         self.release()
-        self._worn_format = worn
+        self._format = format
         window, (width, height) = frame.window, self.size
         fine = _FINE * width, _FINE * height
         self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
@@ -279,51 +286,51 @@ class LiveTexture(Effect):
             'drawn': Target(window, fine[0], fine[1], ('rgba8',), depth=True),
             'gray': Target(window, fine[0], fine[1], ('rgba8',)),
         } | {n: Target(window, width, height, ('rgba8',)) for n in ('plain', 'whole')}
-        texels = np.zeros((height, width, 4 if worn == 'rgba8' else 3), np.uint8)
-        self._worn = MipTexture(window).upload(texels)
-        self.texture.SetTextureObject(self._worn.object)
+        texels = np.zeros((height, width, 4 if format == 'rgba8' else 3), np.uint8)
+        self._texture = MipTexture(window).upload(texels)
+        self.texture.SetTextureObject(self._texture.object)
 
     def _copy(self, source, target):
         turned = self._flipped and source == 'drawn'
         copy(self._targets[source], self._targets[target], turned=turned)
 
-    def _wear(self, source):
-        """Show one of its pictures on whatever wears it."""
-        self._worn.take(self._targets[source])
+    def show(self, source):
+        """Copy one of its pictures to the texture that actors have."""
+        self._texture.take(self._targets[source])
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
         self.texture.SetTextureObject(None)
         for target in self._targets.values():
             target.release()
-        if self._worn is not None:
-            self._worn.release()
+        if self._texture is not None:
+            self._texture.release()
         if self._gray is not None:
             self._gray.release()
         if self._drawer is not None:
             self._drawer.release()
         self._targets, self._keys = {}, {}
-        self._gray = self._drawer = self._surfaces = self._worn = None
+        self._gray = self._drawer = self._surfaces = self._texture = None
 
     def report(self) -> dict:
-        """Return bytes, and how many times it was drawn."""
-        owners = [*self._targets.values(), self._worn]
+        """Return bytes, and the number of times that it was rendered."""
+        owners = [*self._targets.values(), self._texture]
         held = sum(owner.nbytes for owner in owners if owner is not None)
         return {'bytes': held, 'draws': self.draws}
 
 
 class Mirror(LiveTexture):
-    """What a flat mirror shows to the camera of its subplot, which may go anywhere before it.
+    """Render the reflection in a flat mirror, for the camera of its subplot.
 
-    Its rectangle is ``corner + u * right + v * up``; a mesh that wears ``mirror.texture`` there
-    has the texture coordinates (u, v). What lies behind it is not seen.
+    The mirror is the rectangle ``corner + u * right + v * up``; show ``mirror.texture`` on a mesh
+    there with texture coordinates (u, v). Actors behind the mirror are not reflected.
 
     Parameters
     ----------
     corner, right, up : array_like, shape (3,)
-        World units; right and up at a right angle, as seen by who looks into it.
+        World units; right and up are perpendicular, as seen by a viewer in front of it.
     actors : None, callable or sequence, optional
-        Which actors and things are seen: all; those for which it returns true; those in it.
+        Actors and things to render, or a function that returns True for them; by default all.
     size : tuple of 2 int, optional
         Width and height in texels.
     **settings
@@ -332,14 +339,14 @@ class Mirror(LiveTexture):
     Raises
     ------
     ValueError
-        If right and up are not at a right angle, or of no length.
+        If right and up are not perpendicular, or one has no length.
     """
 
     def __init__(self, corner, right, up, actors=None, size=(512, 512), **settings):
         self.corner, self.right, self.up = (np.array(x, float) for x in (corner, right, up))
         lengths = np.linalg.norm(self.right), np.linalg.norm(self.up)
         if min(lengths) == 0 or abs(self.right @ self.up) > 1e-6 * lengths[0] * lengths[1]:
-            msg = f'right = {right!r}, up = {up!r}: must be of some length and at a right angle'
+            msg = f'right = {right!r}, up = {up!r}: must be perpendicular and not zero'
             raise ValueError(msg)
         super().__init__(None, actors, size, **settings)
 
@@ -347,7 +354,7 @@ class Mirror(LiveTexture):
     _flipped = True
 
     def needed(self, frame) -> bool | str:
-        """Tell whether the camera is before it."""
+        """Return True if the camera is in front of it."""
         if frame.parallel:
             return 'the projection is parallel'
         normal = np.cross(self.right, self.up)
@@ -355,7 +362,7 @@ class Mirror(LiveTexture):
         return bool(before) or 'the camera is behind it'
 
     def _light(self, frame):
-        """Have lights that go with a camera go with that of the subplot."""
+        """Let camera lights follow the camera of the subplot."""
         frame.renderer.UpdateLightsGeometryToFollowCamera()
         self._drawer.inner.UpdateLights()
 
@@ -411,7 +418,7 @@ def _frustum(low, high, near, far) -> np.ndarray:
 
 @contextmanager
 def _blended(window):
-    """Mix translucent props with what is there, in the order in which they were added."""
+    """Blend translucent props in the order in which they were added."""
     state = window.GetState()
     state.vtkglDepthMask(False)
     state.SetEnumState(gl.BLEND, True)

@@ -35,7 +35,7 @@ class ItemSet(Painted, Thing):
 
     def content_key(self) -> tuple:
         """Return a value that changes with the content, camera excluded."""
-        return self._changes, self._revision, self._is_visible()
+        return self._changes, self.revision, self._is_visible()
 
     def needed(self, frame) -> bool | str:
         """Return True if there is anything to draw, else why not."""
@@ -100,7 +100,7 @@ class CardSet(ItemSet):
 
     def _choice_key(self) -> tuple:
         """Return what changes with the choice of items, camera excluded."""
-        return self.blends, self._changes, self._revision
+        return self.blends, self._changes, self.revision
 
     def _choose(self, frame, others):
         raise NotImplementedError

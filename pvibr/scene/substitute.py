@@ -68,7 +68,7 @@ class Substitute(Thing):
         """Return a value that changes whenever the drawn content does, the camera left out."""
         if self._frame is None:
             self._update()
-        return self._version, self._revision
+        return self._version, self.revision
 
     def _boxes(self) -> list:
         """Return the bounds of what it stands for."""

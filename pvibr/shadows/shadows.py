@@ -220,7 +220,7 @@ class Shadows(Effect):
     def _match_lights(self):
         """Keep what was drawn for a light as long as the light is there."""
         casting = [] if self.method == 'volume' else self._casting()
-        settings = self._revision
+        settings = self.revision
         old = {maps.light.number: maps for maps in self._lights if maps.settings == settings}
         kept = [old.pop(light.number, None) for light in casting]
         for maps in self._lights:

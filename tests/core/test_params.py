@@ -59,7 +59,7 @@ def test_wrong_types_raise_and_change_nothing(name, value):
     with pytest.raises(TypeError, match=rf'Lamp\.{name} = .*must be'):
         setattr(lamp, name, value)
     assert lamp.state() == before
-    assert lamp._revision == 0
+    assert lamp.revision == 0
 
 
 @pytest.mark.parametrize(('name', 'value'), WRONG_VALUE)
@@ -78,10 +78,10 @@ def test_message_names_range_and_unit():
 def test_revision_counts_changes_only():
     lamp = Lamp()
     lamp.amount = 0.5
-    assert lamp._revision == 0
+    assert lamp.revision == 0
     lamp.amount = 0.25
     lamp.power = 3
-    assert lamp._revision == 2
+    assert lamp.revision == 2
     assert Lamp().amount == 0.5
 
 

@@ -188,7 +188,7 @@ def test_bad_sizes(size):
 def test_bad_arguments():
     with pytest.raises((TypeError, ValueError), match='camera'):
         pvibr.LiveTexture('left')
-    with pytest.raises(ValueError, match='right angle'):
+    with pytest.raises(ValueError, match='perpendicular'):
         pvibr.Mirror((0, 0, 0), (1, 0, 0), (1, 1, 0))
     with pytest.raises(ValueError, match='what'):
         pvibr.LiveTexture(camera(), what='heat')

@@ -107,12 +107,12 @@ def test_settings_of_the_plotter_itself(dock, pl):
 
 def test_leaving_a_field_changes_nothing(dock, pl):
     pl.ibr.effects[0].threshold = 1 / 3
-    revision = pl.ibr.effects[0]._revision
+    revision = pl.ibr.effects[0].revision
     field = controls(dock, 'threshold')['text']
     dock.model.refresh()
     field.setFocus()
     QTest.keyClick(field, KEY.Key_Tab)
-    assert pl.ibr.effects[0]._revision == revision
+    assert pl.ibr.effects[0].revision == revision
 
 
 def test_switches_choices_and_ticks(dock, pl):

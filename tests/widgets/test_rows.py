@@ -93,7 +93,7 @@ def test_bad_texts_are_said_and_change_nothing(lamp, name, text):
     assert mine.error.startswith(f'Lamp.{name} = ')
     assert 'must be' in mine.error
     assert lamp.state() == before
-    assert lamp._revision == 0
+    assert lamp.revision == 0
 
 
 def test_an_error_goes_with_the_next_good_value_whoever_gives_it(lamp):

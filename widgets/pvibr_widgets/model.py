@@ -306,7 +306,7 @@ class Model:
 
 def _look_of(owner, rows) -> tuple:
     """Return what changes when anything that is shown of settings does."""
-    return id(owner), getattr(owner, '_revision', 0), *(row.error for row in rows)
+    return id(owner), getattr(owner, 'revision', 0), *(row.error for row in rows)
 
 
 def _size_of(renderer) -> float:
