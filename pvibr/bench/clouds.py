@@ -219,7 +219,6 @@ def plot(points):
         size.set(xscale='log', xlabel='kB', ylim=(0, None))
         for one in (planes, size):
             one.set_ylabel('mean FLIP against the mesh')
-            one.legend(fontsize='x-small')
     return figure
 
 
@@ -238,20 +237,12 @@ BENCH = Bench(
     parts={'time': _timed, 'error': _errors},
     plot=plot,
     outside={'a billboard cloud': _airplane},
-    full={
-        'meshes': None,
-        'epsilons': (0.02, 0.01, 0.04, 0.08),
-        'counts': (0.6, 1.0, 1.5, 2.5),
-        'views': 8,
-        'triangles': 100_000,
-        'size': 1024,
-    },
-    quick={
-        'meshes': 1,
-        'epsilons': (0.04,),
-        'counts': (1.0,),
-        'views': 2,
-        'triangles': 5_000,
-        'size': 256,
+    settings={
+        'meshes': (None, 1),
+        'epsilons': ((0.02, 0.01, 0.04, 0.08), (0.04,)),
+        'counts': ((0.6, 1.0, 1.5, 2.5), (1.0,)),
+        'views': (8, 2),
+        'triangles': (100_000, 5_000),
+        'size': (1024, 256),
     },
 )

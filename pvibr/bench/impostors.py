@@ -204,8 +204,6 @@ def plot(points):
     error.plot(list(outline), list(outline.values()), 'o-', label='measured')
     error.plot(list(outline), [e + 0.5 for e in outline], '--', color='0.5', label='bar')
     error.set(xlabel='max_error, px', ylabel='px', title='largest displacement of an outline')
-    for axes in (cost, error):
-        axes.legend(fontsize='small')
     return figure
 
 
@@ -230,24 +228,14 @@ BENCH = Bench(
     },
     plot=plot,
     outside={'impostors': _scattered},
-    full={
-        'size': (1280, 720),
-        'actors': 200,
-        'many': 5000,
-        'cells': 40_000,
-        'few_cells': 10_000,
-        'crowd_cells': 8000,
-        'frames': 40,
-        'errors': (0.5, 1.0, 2.0, 4.0),
-    },
-    quick={
-        'size': (160, 90),
-        'actors': 8,
-        'many': 40,
-        'cells': 2000,
-        'few_cells': 500,
-        'crowd_cells': 500,
-        'frames': 10,
-        'errors': (1.0,),
+    settings={
+        'size': ((1280, 720), (160, 90)),
+        'actors': (200, 8),
+        'many': (5000, 40),
+        'cells': (40_000, 2000),
+        'few_cells': (10_000, 500),
+        'crowd_cells': (8000, 500),
+        'frames': (40, 10),
+        'errors': ((0.5, 1.0, 2.0, 4.0), (1.0,)),
     },
 )

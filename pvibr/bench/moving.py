@@ -131,7 +131,6 @@ def plot(points):
         plots.bar(one, 100, label=None)
         one.set(xlabel='frame of the drag', yscale='log', title=f'at {place:.0%} of the trail')
     axes[0][0].set_ylabel('ms a frame')
-    axes[0][0].legend(fontsize='x-small')
     return figure
 
 
@@ -157,12 +156,11 @@ BENCH = Bench(
     parts={'drags': _drags},
     plot=plot,
     outside={'a drag at 100 ms a frame': _drag},
-    full={
-        'size': (1280, 720),
-        'trees': 10_000,
-        'places': 5,
-        'frames': 30,
-        'limits': (0.0, 100.0),
+    settings={
+        'size': ((1280, 720), (320, 180)),
+        'trees': (10_000, 200),
+        'places': (5, 2),
+        'frames': (30, 6),
+        'limits': ((0.0, 100.0), (0.0, 100.0)),
     },
-    quick={'size': (320, 180), 'trees': 200, 'places': 2, 'frames': 6},
 )

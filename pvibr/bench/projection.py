@@ -5,12 +5,11 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-import pyvista as pv
 
 import pvibr
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench, Row
-from pvibr.bench.common.light_scenes import SCENES, VIEW_ANGLE, WINDOWS, place
+from pvibr.bench.common.light_scenes import SCENES, VIEW_ANGLE, WINDOWS, light_at, place
 from pvibr.bench.common.rays import Rays, edge_band
 from pvibr.bench.common.timing import least
 from pvibr.bench.common.whole_frames import turning
@@ -43,9 +42,7 @@ def _looking(eye, at, focus, lens=()):
 
 
 def _lamp(camera):
-    light = pv.Light(position=tuple(camera.position), light_type='scene light')
-    light.positional, light.cone_angle = True, 90
-    return light
+    return light_at(camera.position, cone=90)
 
 
 def _inside(camera, points):
@@ -179,7 +176,6 @@ def plot(points):
         axes.set_xscale('log', base=2)
         axes.set_yscale('symlog', linthresh=0.01)
         axes.set(xlabel='texels along a side of the depth view', ylabel=f'{kind}s, % of pixels')
-        axes.legend(fontsize='small')
     return figure
 
 
@@ -201,16 +197,10 @@ BENCH = Bench(
     },
     plot=plot,
     outside={'a projected picture': _projected},
-    full={
-        'scenes': ('spheres', 'terrain', 'tree', 'airplane', 'statue'),
-        'windows': WINDOWS,
-        'offsets': (0.0, 1e6, 1e9),
-        'resolutions': (512, 1024, 2048, 4096),
-    },
-    quick={
-        'scenes': ('spheres',),
-        'windows': ((400, 225),),
-        'offsets': (0.0,),
-        'resolutions': (512, 1024),
+    settings={
+        'scenes': (('spheres', 'terrain', 'tree', 'airplane', 'statue'), ('spheres',)),
+        'windows': (WINDOWS, ((400, 225),)),
+        'offsets': ((0.0, 1e6, 1e9), (0.0,)),
+        'resolutions': ((512, 1024, 2048, 4096), (512, 1024)),
     },
 )

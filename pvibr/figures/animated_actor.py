@@ -11,6 +11,7 @@ from pvibr.figures.mesh_actors import PosedMeshActor, as_mesh_actors, moved_boun
 from pvibr.figures.picking import nearest_hit, stand_in
 from pvibr.figures.player import FigurePlayer
 from pvibr.figures.posing import Posing
+from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import as_parts
 from pvibr.scene.picking import pixel_ray
 from pvibr.scene.placing import Placed
@@ -294,6 +295,18 @@ class AnimatedActor(FigurePlayer, Placed):
         held = 0 if self._posing is None else self._posing.nbytes
         vertices = sum(len(a.figure_mesh.points) for a in self._posed)
         return {'bytes': held, 'vertices': vertices, 'poses': self.posed}
+
+    def download_posed(self):
+        """Yield each posed mesh's index, points and normals as the GPU has them, for tests."""
+        if self._posing is None:
+            return
+        for number, mesh_actor in enumerate(self._posed):
+            count = len(mesh_actor.figure_mesh.points)
+            points, normals = (v[:count].astype(float) for v in self._posing.download(number))
+            # What VTK adds to them, here in float64: the middle of the figure, or its node.
+            matrix = np.asarray(mesh_actor.actor.user_matrix)
+            placed = transform_points(matrix, points), transform_normals(matrix, normals)
+            yield mesh_actor.index, *placed
 
     def bake_into(self, scene):
         """Hand the posed meshes to a scene without pvibr."""

@@ -38,7 +38,7 @@ def test_results_are_json_and_a_plot(tmp_path):
 @pytest.mark.parametrize('name', BENCHES)
 def test_every_bench_is_declared(name):
     bench = import_module(f'pvibr.bench.{name}').BENCH
-    assert set(bench.quick) <= set(bench.full)
+    assert {len(pair) for pair in bench.settings.values()} == {2}
     assert bench.outside
     assert BENCHES[name].startswith('Measure ')
 

@@ -81,5 +81,5 @@ def test_quick_bench_runs(tmp_path):
     rows = main('figures', out=tmp_path, quick=True)
     assert len(rows) > 30
     found = json.loads((tmp_path / 'bench_figures.json').read_text())
-    assert len(found['points']['poses']) == len(figures.BENCH.settings(quick=True).figures)
+    assert len(found['points']['poses']) == len(figures.BENCH.extent(quick=True).figures)
     assert (tmp_path / 'bench_figures.png').is_file()

@@ -8,6 +8,7 @@ from pvibr.bench.common.light_scenes import (
     WINDOWS,
     LightScene,
     VtkShadows,
+    light_at,
     measured_lit,
     place,
     view_angle,
@@ -16,13 +17,6 @@ from pvibr.bench.common.rays import Rays, edge_band, strengths, wrong
 from pvibr.capture.offscreen import Stage
 
 FAR = [(0, 1), (1e6, 1), (1e9, 1), (0, 1e-9), (0, 1e9)]
-
-
-def light_at(position, cone=None, focus=(0, 0, 0)):
-    light = pv.Light(position=position, focal_point=focus, light_type='scene light')
-    if cone is not None:
-        light.positional, light.cone_angle = True, cone
-    return light
 
 
 def ball_and_floor():

@@ -26,7 +26,7 @@ def scene():
 
 @pytest.mark.parametrize('quick', [False, True])
 def test_settings_name_scenes_and_lights(quick):
-    settings = shadows.BENCH.settings(quick=quick)
+    settings = shadows.BENCH.extent(quick=quick)
     named = {*settings.scenes, *settings.soft, settings.extreme, settings.timed, settings.plotted}
     assert named <= set(SCENES)
     assert set(settings.lights) <= {'directional', 'spot', 'point'}

@@ -25,7 +25,6 @@ def plot(points):
     plant.set(xscale='log', xlabel='ms a tree', ylabel='mean FLIP against 16 samples per pixel')
     for one in axes:
         one.set_ylim(None if one in (times, balls) else 0, None)
-        one.legend(fontsize='x-small')
     return figure
 
 
@@ -38,26 +37,15 @@ BENCH = Bench(
     },
     plot=plot,
     outside={'cut-outs': sprites.cut_outs, 'spheres': spheres.balls},
-    full={
-        'size': (1280, 720),
-        'counts': (1_000, 10_000, 100_000, 1_000_000),
-        'slow': 100_000,
-        'quadrics': 10_000,
-        'sprite_sizes': (256, 200, 150, 100, 75, 50, 37, 25),
-        'plant_pixels': 128,
-        'plant_views': 6,
-        'plants': 20,
-        'copies': 50,
-    },
-    quick={
-        'size': (320, 180),
-        'counts': (1_000,),
-        'slow': 1_000,
-        'quadrics': 500,
-        'sprite_sizes': (75,),
-        'plant_pixels': 32,
-        'plant_views': 1,
-        'plants': 2,
-        'copies': 2,
+    settings={
+        'size': ((1280, 720), (320, 180)),
+        'counts': ((1_000, 10_000, 100_000, 1_000_000), (1_000,)),
+        'slow': (100_000, 1_000),
+        'quadrics': (10_000, 500),
+        'sprite_sizes': ((256, 200, 150, 100, 75, 50, 37, 25), (75,)),
+        'plant_pixels': (128, 32),
+        'plant_views': (6, 1),
+        'plants': (20, 2),
+        'copies': (50, 2),
     },
 )

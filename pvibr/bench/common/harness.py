@@ -81,22 +81,19 @@ class Bench:
 
     parts: dict[str, Part]
     plot: Callable  # of the points, returns a figure of matplotlib
-    full: dict
-    quick: dict  # the settings that differ
-    outside: dict[str, whole_frames.Maker] = field(default_factory=dict)
+    outside: dict[str, whole_frames.Maker]
+    settings: dict[str, tuple]  # by name, how much is measured in full and by --quick
 
-    def settings(self, *, quick=False) -> SimpleNamespace:
+    def extent(self, *, quick=False) -> SimpleNamespace:
         """Return how much is measured."""
-        return SimpleNamespace(**self.full | (self.quick if quick else {}))
+        return SimpleNamespace(**{name: pair[quick] for name, pair in self.settings.items()})
 
     def run(self, name, out, *, quick=False) -> list[Row]:
         """Measure every part, then whole frames; write and print everything."""
-        settings = self.settings(quick=quick)
+        settings = self.extent(quick=quick)
         with Stage((64, 64)) as stage:
             results = Results(stage.driver(), {'quick': quick, **vars(settings)})
-        parts = dict(self.parts)
-        if self.outside:
-            parts['whole frames'] = self._whole_frames
+        parts = {**self.parts, 'whole frames': self._whole_frames}
         console = Console(stderr=True)
         for part, measure in parts.items():
             start = time.perf_counter()
@@ -112,7 +109,7 @@ class Bench:
         for name, make in self.outside.items():
             by_samples = results.whole_frames[name] = whole_frames.measured(make, settings, extent)
             for samples, times in by_samples.items():
-                title = f'whole frame, {name}, {samples} samples a pixel'
+                title = f'whole frame, {name}, {samples} samples per pixel'
                 for what, value, unit in whole_frames.told(times):
                     yield Row(f'{title}: {what}', value, unit)
 
@@ -121,5 +118,8 @@ class Bench:
         out.mkdir(parents=True, exist_ok=True)
         (out / f'bench_{name}.json').write_text(results.to_json() + '\n', encoding='utf-8')
         figure = self.plot(results.points)
+        for axes in figure.axes:
+            if axes.get_legend_handles_labels()[0]:
+                axes.legend(fontsize='x-small')
         figure.suptitle(f'pvibr bench {name}: {results.driver}')
         figure.savefig(out / f'bench_{name}.png', dpi=110)

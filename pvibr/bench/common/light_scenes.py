@@ -106,7 +106,7 @@ def place(scene, offset=0.0, scale=1.0) -> LightScene:
     def moved(points):
         return np.asarray(points, np.float64) * scale + shift
 
-    meshes = [_bare(moved(mesh.points), mesh.regular_faces) for mesh in scene.meshes]
+    meshes = [bare(mesh, moved(mesh.points)) for mesh in scene.meshes]
     lights = {}
     for name, light in scene.lights.items():
         lights[name] = light.copy()
@@ -136,7 +136,7 @@ def _spheres():
             theta_resolution=100,
             phi_resolution=102,
         )
-        meshes.append(_bare(ball.points, ball.regular_faces))
+        meshes.append(bare(ball))
     return LightScene(
         'spheres', meshes, _lights((0, 0, 0), 12.0), ((6.0, -17.0, 11.0), (0, 0, 0.3), (0, 0, 1))
     )
@@ -148,24 +148,22 @@ def _terrain():
     low, high = np.array(mesh.bounds).reshape(3, 2).T
     mesh.points = (mesh.points - (low + high) / 2) / (high - low)[:2].max() * 12.0
     lights = _lights((0, 0, 0), 12.0)
-    lights['directional'] = _light((-9.0, 4.0, 3.5), (0, 0, 0))  # low sun: long shadows
-    lights['spot'] = _light((-8.0, -3.0, 4.0), (0, 0, 0.5), cone=30.0)
-    lights['point'] = _light((-3.5, 1.5, 3.0), (0, 0, 0), cone=90.0)
+    lights['directional'] = light_at((-9.0, 4.0, 3.5), (0, 0, 0))  # low sun: long shadows
+    lights['spot'] = light_at((-8.0, -3.0, 4.0), (0, 0, 0.5), cone=30.0)
+    lights['point'] = light_at((-3.5, 1.5, 3.0), (0, 0, 0), cone=90.0)
     return LightScene('terrain', [mesh], lights, ((4.0, -15.0, 10.0), (0, 0, 0), (0, 0, 1)))
 
 
 def _mountain():
     path = DATA / 'projection' / 'SainteHelens.dem'
     if path.is_file():
-        ground = pv.read(path).warp_by_scalar(factor=2.0).extract_surface(algorithm=None)
-        ground = ground.triangulate()
-        return _bare(ground.points, ground.regular_faces)
+        return bare(pv.read(path).warp_by_scalar(factor=2.0).extract_surface(algorithm=None))
     ground = pv.Plane(i_size=12.0, j_size=12.0, i_resolution=400, j_resolution=400).triangulate()
     points = np.array(ground.points, np.float64)
     x, y = points[:, 0], points[:, 1]
     heights = [np.sin(k * x + k) * np.cos(1.3 * k * y) / k for k in (1.0, 2.0, 5.0, 11.0)]
     points[:, 2] = 0.9 * np.sum(heights, axis=0)
-    return _bare(points, ground.regular_faces)
+    return bare(ground, points)
 
 
 def _standing(name, make):
@@ -176,7 +174,7 @@ def _standing(name, make):
         low, high = np.array(mesh.bounds).reshape(3, 2).T
         foot = [*(low + high)[:2] / 2, low[2]]
         points = (np.asarray(mesh.points, float) - foot) / (high - low).max() * 4.0
-        meshes = [_floor(9.0), _bare(points, mesh.regular_faces)]
+        meshes = [_floor(9.0), bare(mesh, points)]
         focus = (0.5, 0.3, 0.4 * points[:, 2].max())
         return LightScene(
             name, meshes, _lights((0, 0, 0), 10.0), ((4.0, -10.5, 6.0), focus, (0, 0, 1))
@@ -196,19 +194,16 @@ def _lights(middle, size):
     """Return one light of each kind for what stands on a floor."""
     middle = np.array(middle, float)
     return {
-        'directional': _light(middle + np.array([-0.5, -0.3, 0.7]) * size, middle),
-        'spot': _light(middle + np.array([-0.45, -0.35, 0.55]) * size, middle, cone=20.0),
-        'point': _light(middle + np.array([-0.08, -0.06, 0.42]) * size, middle, cone=90.0),
+        'directional': light_at(middle + np.array([-0.5, -0.3, 0.7]) * size, middle),
+        'spot': light_at(middle + np.array([-0.45, -0.35, 0.55]) * size, middle, cone=20.0),
+        'point': light_at(middle + np.array([-0.08, -0.06, 0.42]) * size, middle, cone=90.0),
     }
 
 
-def _light(position, focus, cone=None):
+def light_at(position, focus=(0, 0, 0), cone=None) -> pv.Light:
+    """Return a white light of a scene: directional, or of a cone."""
     light = pv.Light(
-        position=tuple(position),
-        focal_point=tuple(focus),
-        color='white',
-        intensity=1.0,
-        light_type='scene light',
+        position=tuple(position), focal_point=tuple(focus), color='white', light_type='scene light'
     )
     if cone is not None:
         light.positional, light.cone_angle = True, cone
@@ -216,13 +211,14 @@ def _light(position, focus, cone=None):
 
 
 def _floor(size):
-    floor = pv.Plane(i_size=size, j_size=size, i_resolution=1, j_resolution=1).triangulate()
-    return _bare(floor.points, floor.regular_faces)
+    return bare(pv.Plane(i_size=size, j_size=size, i_resolution=1, j_resolution=1))
 
 
-def _bare(points, faces):
-    """Return triangles alone, with points in float64."""
-    return pv.PolyData.from_regular_faces(np.asarray(points, np.float64), np.asarray(faces))
+def bare(mesh, points=None) -> pv.PolyData:
+    """Return the triangles of a mesh alone, with points in float64."""
+    mesh = mesh.triangulate()
+    points = mesh.points if points is None else points
+    return pv.PolyData.from_regular_faces(np.asarray(points, np.float64), mesh.regular_faces)
 
 
 #: What makes each scene.

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from pvibr.maths.kernels import vogel_disk
+from pvibr.maths.vectors import unit_vectors
+
 #: A shadow ray starts so far above its surface, in sizes of the scene: some 16 units in the last
 #: place of embree's float32.
 LIFT = 1e-6
@@ -55,7 +58,7 @@ class Rays:
         triangles /= self.size
         self._corner = triangles[:, 0].copy()
         across = np.cross(triangles[:, 1] - self._corner, triangles[:, 2] - self._corner)
-        self._normals = _unit(across)
+        self._normals = unit_vectors(across)
         # Far from the origin points are known no better than numbers there are spaced.
         spacing = np.spacing(np.abs(self.center).max()) / self.size
         self._lift = LIFT + 4 * spacing
@@ -94,7 +97,7 @@ class Rays:
         shape, found = points.shape[:-1], np.zeros(points.shape[:-1]).ravel()
         toward, reach = _toward(light, points)
         points, normals, toward = (a.reshape(-1, 3) for a in (points, normals, toward))
-        disc = _sunflower(samples) * _relative(light, extent) if extent else np.zeros((1, 2))
+        disc = vogel_disk(samples) * _relative(light, extent) if extent else np.zeros((1, 2))
         rows = np.flatnonzero(np.einsum('ni,ni->n', normals, toward) > 0)
         for part in np.array_split(rows, max(1, -(-len(rows) * len(disc) // CHUNK))):
             seen = self._seen(points[part], normals[part], toward[part], reach.flat[part], disc)
@@ -211,7 +214,7 @@ def _pixel_rays(frame):
         origins = frame.eye + plane @ axes[:2]
         return origins, np.broadcast_to(-axes[2], origins.shape)
     plane = (plane + clip[:2, 2]) / clip[[0, 1], [0, 1]]
-    ways = _unit(plane @ axes[:2] - axes[2])
+    ways = unit_vectors(plane @ axes[:2] - axes[2])
     return np.broadcast_to(frame.eye, ways.shape), ways
 
 
@@ -220,8 +223,8 @@ def _toward(light, points):
     place = np.array(light.GetTransformedPosition())
     if light.GetPositional():
         way = place - points
-        return _unit(way), np.linalg.norm(way, axis=-1)
-    way = _unit(place - np.array(light.GetTransformedFocalPoint()))
+        return unit_vectors(way), np.linalg.norm(way, axis=-1)
+    way = unit_vectors(place - np.array(light.GetTransformedFocalPoint()))
     return np.broadcast_to(way, points.shape), np.full(points.shape[:-1], np.inf)
 
 
@@ -230,23 +233,11 @@ def _relative(light, extent):
     return extent if light.GetPositional() else np.tan(np.radians(extent / 2))
 
 
-def _sunflower(count):
-    """Return points spread evenly over the unit disc, (count, 2)."""
-    number = np.arange(count)
-    angle, radius = number * np.pi * (3 - np.sqrt(5)), np.sqrt((number + 0.5) / count)
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
-
-
 def _across(ways):
     """Return two unit vectors at right angles to each of some unit vectors."""
     helper = np.where(np.abs(ways[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-    aside = _unit(np.cross(helper, ways))
+    aside = unit_vectors(np.cross(helper, ways))
     return aside, np.cross(ways, aside)
-
-
-def _unit(vectors):
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(length > 0, length, 1.0)
 
 
 def _float32(array):

@@ -29,7 +29,6 @@ def plot(points):
         plots.curve(lens, same, 'ms', 'psnr', label=f'lens of radius {radius:g}')
     plots.bar(lens, 32)
     lens.set(xlabel='ms', ylabel='PSNR, dB', title='depth of field, against 256 pinholes')
-    lens.legend(fontsize='x-small')
     return figure
 
 
@@ -50,20 +49,12 @@ BENCH = Bench(
     },
     plot=plot,
     outside={'five effects': _five},
-    full={
-        'screen': (1280, 720),
-        'rounds': 9,
-        'lens': (640, 480),
-        'radii': (0.1, 0.2),
-        'samples': (16, 48, 128),
-        'lenses': 256,
-    },
-    quick={
-        'screen': (320, 180),
-        'rounds': 1,
-        'lens': (160, 120),
-        'radii': (0.1,),
-        'samples': (16,),
-        'lenses': 16,
+    settings={
+        'screen': ((1280, 720), (320, 180)),
+        'rounds': (9, 1),
+        'lens': ((640, 480), (160, 120)),
+        'radii': ((0.1, 0.2), (0.1,)),
+        'samples': ((16, 48, 128), (16,)),
+        'lenses': (256, 16),
     },
 )

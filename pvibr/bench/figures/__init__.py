@@ -20,8 +20,6 @@ def plot(points):
     reaching.axvline(2, color='0.5', ls='--')
     reaching.set(xscale='log', yscale='log', xlabel='ms', ylabel='error over reach')
     reaching.set_title('chains of 30 joints with limits')
-    for axes in (poses, reaching):
-        axes.legend(fontsize='x-small')
     return figure
 
 
@@ -38,34 +36,19 @@ BENCH = Bench(
     },
     plot=plot,
     outside={'a figure that moves': times.moving},
-    full={
-        'screen': (1280, 720),
-        'rounds': 20,
-        'small': (60, 40),
-        'offsets': (0.0, 1e6),
-        'times': 10,
-        'models': None,
-        'figures': ((25, 40), (80, 125), (250, 400)),
-        'joints': 64,
-        'face': (200, 250),
-        'targets': 256,
-        'chains': 100,
-        'crowd': 10_000,
-        'crowd_part': 200,
-    },
-    quick={
-        'screen': (320, 180),
-        'rounds': 1,
-        'small': (20, 12),
-        'offsets': (1e6,),
-        'times': 2,
-        'models': 2,
-        'figures': ((20, 30), (40, 50)),
-        'joints': 8,
-        'face': (20, 30),
-        'targets': 16,
-        'chains': 3,
-        'crowd': 300,
-        'crowd_part': 20,
+    settings={
+        'screen': ((1280, 720), (320, 180)),
+        'rounds': (20, 1),
+        'small': ((60, 40), (20, 12)),
+        'offsets': ((0.0, 1e6), (1e6,)),
+        'times': (10, 2),
+        'models': (None, 2),
+        'figures': (((25, 40), (80, 125), (250, 400)), ((20, 30), (40, 50))),
+        'joints': (64, 8),
+        'face': ((200, 250), (20, 30)),
+        'targets': (256, 16),
+        'chains': (100, 3),
+        'crowd': (10_000, 300),
+        'crowd_part': (200, 20),
     },
 )

@@ -16,7 +16,6 @@ from pvibr.bench.figures import models as tubes
 from pvibr.bench.figures.peers import reader_error, size_of
 from pvibr.core.errors import PvibrWarning
 from pvibr.maths.quaternions import from_axis_angle
-from pvibr.maths.transforms import transform_normals, transform_points
 
 #: Clips of one model that are compared.
 CLIPS = 3
@@ -40,22 +39,11 @@ def gpu_errors(actor) -> tuple:
     truth = [figure.posed(i, pose, actor.skinning, actor.bulge) for i in range(len(figure.meshes))]
     size = size_of([points for points, _ in truth])
     worst = np.zeros(2)
-    for number, body in enumerate(actor._posed):
-        points, normals = _read_back(actor, number)
-        expected, upright = truth[body.index]
+    for index, points, normals in actor.download_posed():
+        expected, upright = truth[index]
         away = np.linalg.norm(points - expected, axis=1).max() / size
         worst = np.maximum(worst, [away, _degrees(normals, upright)])
     return tuple(worst.tolist())
-
-
-def _read_back(actor, number):
-    """Return points and normals of a posed body as the GPU has them, in the figure's space."""
-    body = actor._posed[number]
-    count = len(body.figure_mesh.points)
-    positions, normals = (v[:count].astype(float) for v in actor._posing.download(number))
-    # What VTK adds to them, here in float64: the middle of the figure, or its node.
-    matrix = np.asarray(body.actor.user_matrix)
-    return transform_points(matrix, positions), transform_normals(matrix, normals)
 
 
 def _degrees(normals, expected):

@@ -30,7 +30,6 @@ def _walk(axes, points):
     axes.axvline(lod['ms'], ls='--', color='0.5', label='VTK glyphs, culling + LOD')
     axes.set(xscale='log', xlabel='ms a frame', title='walk')
     axes.set(ylabel='mean FLIP against 16 samples per pixel', ylim=(0, 1.2 * axes.dataLim.ymax))
-    axes.legend(fontsize='small')
 
 
 def _single(axes, meshes):
@@ -42,7 +41,6 @@ def _single(axes, meshes):
     axes.set_xscale('log', base=2)
     axes.set(xlabel='diameter on the screen, px', ylim=(0, None), title='single meshes')
     axes.set_ylabel('FLIP over that of the mesh at one sample')
-    axes.legend(fontsize='small')
 
 
 def _forest(settings, size, on):
@@ -65,30 +63,17 @@ BENCH = Bench(
     },
     plot=plot,
     outside={'trees as instances': _forest},
-    full={
-        'size': (1280, 720),
-        'trees': 10_000,
-        'cameras': 4,
-        'part': 400,
-        'steps': 16,
-        'meshes': None,
-        'sizes': (16, 32, 64, 128),
-        'errors': (0.5, 1.0, 2.0, 4.0),
-        'directions': 6,
-        'crowd': 1_000_000,
-        'extremes': 2,
-    },
-    quick={
-        'size': (320, 180),
-        'trees': 300,
-        'cameras': 1,
-        'part': 30,
-        'steps': 3,
-        'meshes': 2,
-        'sizes': (32,),
-        'errors': (1.0,),
-        'directions': 2,
-        'crowd': 20_000,
-        'extremes': 1,
+    settings={
+        'size': ((1280, 720), (320, 180)),
+        'trees': (10_000, 300),
+        'cameras': (4, 1),
+        'part': (400, 30),
+        'steps': (16, 3),
+        'meshes': (None, 2),
+        'sizes': ((16, 32, 64, 128), (32,)),
+        'errors': ((0.5, 1.0, 2.0, 4.0), (1.0,)),
+        'directions': (6, 2),
+        'crowd': (1_000_000, 20_000),
+        'extremes': (2, 1),
     },
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.bench.common.harness import Row
-from pvibr.bench.common.light_scenes import LightScene, measured_lit
+from pvibr.bench.common.light_scenes import LightScene, bare, light_at, measured_lit
 from pvibr.bench.common.rays import Rays
 from pvibr.bench.shadows.errors import drawn, shown, sight
 from pvibr.scene.lights import light_views, lights_of
@@ -41,21 +41,8 @@ def measure(settings, results):
         yield Row(f'gap: {name}', width, 'texels', 1)
 
 
-def _lamp(kind, toward, distance, cone=30.0):
-    lamp = pv.Light(
-        position=tuple(np.array(toward) * distance),
-        focal_point=(0, 0, 0),
-        color='white',
-        light_type='scene light',
-    )
-    if kind == 'spot':
-        lamp.positional, lamp.cone_angle = True, cone
-    return lamp
-
-
-def _triangles(mesh):
-    mesh = mesh.triangulate()
-    return pv.PolyData.from_regular_faces(np.asarray(mesh.points, float), mesh.regular_faces)
+def _lamp(kind, toward, distance):
+    return light_at(np.array(toward) * distance, cone=30.0 if kind == 'spot' else None)
 
 
 def _grazing(angle) -> np.ndarray:
@@ -68,7 +55,7 @@ def _grazing(angle) -> np.ndarray:
 
 def acne(kind, setting, angle) -> int:
     """Return the dark pixels on a plane that is wholly lit."""
-    plane = _triangles(pv.Plane(i_size=10, j_size=10, i_resolution=60, j_resolution=60))
+    plane = bare(pv.Plane(i_size=10, j_size=10, i_resolution=60, j_resolution=60))
     toward = _grazing(angle)
     lamp = _lamp(kind, toward, 20.0)
     lamp.intensity = 0.8 / toward[2]  # as bright at any angle
@@ -80,7 +67,7 @@ def acne(kind, setting, angle) -> int:
 
 def acne_on_ball(kind, setting) -> int:
     """Return the dark pixels on a ball's triangles that light grazes, and that rays find lit."""
-    ball = _triangles(pv.Sphere(radius=2.0, theta_resolution=100, phi_resolution=102))
+    ball = bare(pv.Sphere(radius=2.0, theta_resolution=100, phi_resolution=102))
     lamp = _lamp(kind, _grazing(60.0), 12.0)
     lamp.intensity = 5.0
     scene = LightScene('ball', [ball], {kind: lamp}, ((-3, -10, 4), (0, 0, 0), (0, 0, 1)))
@@ -94,7 +81,7 @@ def acne_on_ball(kind, setting) -> int:
 
 def gap(thick, kind, setting) -> float:
     """Return the widest light between a wall's foot and its shadow, in texels."""
-    floor = _triangles(pv.Plane(i_size=12, j_size=12))
+    floor = bare(pv.Plane(i_size=12, j_size=12))
     wall = (
         pv.Box((-2, 2, -thick, 0, 0, 2))
         if thick
@@ -104,7 +91,7 @@ def gap(thick, kind, setting) -> float:
     toward = np.array([np.sin(around), -np.cos(around), 1.0]) / np.sqrt(2)
     lamp = _lamp(kind, toward, 9.0)
     scene = LightScene(
-        'wall', [floor, _triangles(wall)], {kind: lamp}, ((0, 0, 20), (0, 0, 0), (0, 1, 0))
+        'wall', [floor, bare(wall)], {kind: lamp}, ((0, 0, 20), (0, 0, 0), (0, 1, 0))
     )
     window = (16 * _PIXELS, 2 * int(_ROOM + 2) * _PIXELS)
     with scene.stage(kind, window) as stage, shown(stage, setting) as effect:

@@ -14,7 +14,7 @@ from scipy import ndimage
 
 import pvibr
 from pvibr.bench.common.harness import Row
-from pvibr.bench.common.light_scenes import SCENES, VtkShadows, measured_lit, place
+from pvibr.bench.common.light_scenes import SCENES, VtkShadows, light_at, measured_lit, place
 from pvibr.bench.common.rays import Rays, Surface, edge_band, strengths, wrong
 from pvibr.capture.offscreen import Stage
 
@@ -177,16 +177,8 @@ def _odd_lights(scene):
         'straight above': floor + np.array([0, 0, size]),
         'in the plane of the floor': floor - np.array([size, 0, 0]),
     }
-    lights = {}
-    for where, position in places.items():
-        for kind in ('directional', 'spot'):
-            lamp = pv.Light(
-                position=tuple(position),
-                focal_point=tuple(floor),
-                light_type='scene light',
-                color='white',
-            )
-            if kind == 'spot':
-                lamp.positional, lamp.cone_angle = True, 30.0
-            lights[f'{kind} light {where}'] = lamp
-    return lights
+    return {
+        f'{kind} light {where}': light_at(position, floor, cone)
+        for where, position in places.items()
+        for kind, cone in (('directional', None), ('spot', 30.0))
+    }
