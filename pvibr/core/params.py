@@ -1,4 +1,4 @@
-"""One setting of an effect, declared once: default, range, unit, meaning."""
+"""A setting of an effect, declared once: default, range, unit, meaning."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _KINDS = {
 
 
 class Interval:
-    """A range of numbers in the notation of mathematics."""
+    """A range of numbers in interval notation."""
 
     def __init__(self, text):
         self.text = text
@@ -42,36 +42,36 @@ class Interval:
 
 
 class Param:
-    """A setting that checks what it is given and tells its owner that it changed.
+    """A setting that validates assigned values and counts changes in its owner.
 
     Its type is that of the default: bool, int, float, str, or a tuple of floats.
 
     Parameters
     ----------
     default : bool, int, float, str, tuple of float or None
-        The value where none is given; None needs `kind`.
+        Default value; None requires `kind`.
     doc : str
-        What it means, and when not to use it.
+        Meaning, as a short noun phrase: the help text of control panels.
     range : str, optional
-        Where numbers must lie, such as ``'[0, 1]'`` or ``'(0, inf)'``.
+        Range of numbers, such as ``'[0, 1]'`` or ``'(0, inf)'``.
     choices : sequence, optional
-        The values that are allowed.
+        Allowed values.
     unit : str, optional
-        What a number counts, such as ``'px'``, ``'world'`` or ``'s'``.
+        Unit, such as ``'px'``, ``'world'`` or ``'s'``.
     optional : bool, optional
-        Whether None, "derived from the scene", is allowed; default where it is the default.
+        Whether None, "derived from the scene", is allowed; True if it is the default.
     kind : type, optional
-        The type where the default is None.
+        Type of the value, if the default is None.
 
     Raises
     ------
     TypeError, ValueError
-        On set, where the value is of another type, not finite, or out of range.
+        On assignment, if a value has another type, is not finite, or is out of range.
 
     Examples
     --------
     >>> class Lamp:
-    ...     power = Param(1.0, 'How bright it is.', range='[0, inf)', unit='W')
+    ...     power = Param(1.0, 'Radiant power.', range='[0, inf)', unit='W')
     >>> lamp = Lamp()
     >>> lamp.power = 3
     >>> lamp.power
@@ -109,11 +109,11 @@ class Param:
         value = self.check(value, type(owner).__name__)
         if value != self.__get__(owner):
             owner.__dict__[self.name] = value
-            # What is baked from settings compares this number with the one that it was baked at.
+            # Results of settings compare this number with the one that they were made at.
             owner.__dict__['revision'] = owner.__dict__.get('revision', 0) + 1
 
     def allowed(self) -> str:
-        """Return what may be given, in words.
+        """Return the allowed values in words.
 
         Returns
         -------
@@ -131,18 +131,18 @@ class Param:
         return words + (' or None (derived from the scene)' if self.optional else '')
 
     def describe(self) -> str:
-        """Return the meaning, what is allowed and the default, in one line."""
+        """Return meaning, default and allowed values in one line."""
         return f'{self.doc} Default {self.default!r}; {self.allowed()}.'
 
     def check(self, value, owner=''):
-        """Return a value as it is kept.
+        """Return a value, validated and converted.
 
         Parameters
         ----------
         value : object
-            What was given.
+            Value to check.
         owner : str, optional
-            What errors call the owner.
+            Name of the owner in errors.
 
         Returns
         -------
@@ -152,7 +152,7 @@ class Param:
         Raises
         ------
         TypeError, ValueError
-            Where it is not allowed.
+            If the value is not allowed.
         """
         if value is None and self.optional:
             return None
@@ -187,7 +187,7 @@ class Param:
 
 
 def _is_number(value, kind) -> bool:
-    """Tell whether a value is of a kind; True is no number, though Python takes it for one."""
+    """Return True if a value is of a kind; booleans are no numbers here."""
     if kind is not bool and isinstance(value, (bool, np.bool_)):
         return False
     return isinstance(value, _KINDS[kind])

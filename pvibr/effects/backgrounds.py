@@ -15,13 +15,13 @@ _BLACK = (0.0, 0.0, 0.0)
 class _Behind(FullScreen):
     """A background that replaces the renderer's own while a frame is drawn."""
 
-    _hidden: tuple | None = None
+    hidden_background: tuple | None = None
 
     def needed(self, frame) -> bool | str:
         """Return True if the effect must run."""
         others = self.pipeline.effects if self.pipeline is not None else ()
         for other in others:
-            if other is not self and isinstance(other, _Behind) and other._hidden:
+            if other is not self and isinstance(other, _Behind) and other.hidden_background:
                 return f'{other.name} is behind the scene already'
         if frame.renderer.GetLayer() > 0 or frame.renderer.GetPreserveColorBuffer():
             return 'another renderer, such as a background image, is behind this one'
@@ -33,7 +33,7 @@ class _Behind(FullScreen):
         renderer = frame.renderer
         gradient, textured = renderer.GetGradientBackground(), renderer.GetTexturedBackground()
         low = renderer.GetBackground()
-        self._hidden = (low, bool(gradient), bool(textured))
+        self.hidden_background = (low, bool(gradient), bool(textured))
         self._ground = (low, renderer.GetBackground2() if gradient else low)
         renderer.SetBackground(_BLACK)
         renderer.SetGradientBackground(False)
@@ -41,9 +41,9 @@ class _Behind(FullScreen):
 
     def finish(self, frame):
         """Restore the renderer's background."""
-        if self._hidden is not None:
-            low, gradient, textured = self._hidden
-            self._hidden = None
+        if self.hidden_background is not None:
+            low, gradient, textured = self.hidden_background
+            self.hidden_background = None
             frame.renderer.SetBackground(low)
             frame.renderer.SetGradientBackground(gradient)
             frame.renderer.SetTexturedBackground(textured)

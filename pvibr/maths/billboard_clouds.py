@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pvibr.maths.slabs import Cover, hemisphere, turned
+from pvibr.maths.vectors import unit_vectors
 
 _CHUNK = 1 << 20  # numbers in an array of a block: what stays in the cache is fastest
 _MISSING = 1.0  # votes against a plane by what it just misses, over votes for it
@@ -25,7 +26,7 @@ _ROUNDS = 3  # of finding the best plane for each triangle and the best fit of e
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """Planes, and the one that each triangle is projected onto.
+    """Planes, and the assignment of triangles to them.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ class Planes:
         return len(self.offsets)
 
     def distances(self, points) -> np.ndarray:
-        """Return how far points are from each plane, with the sign of the side.
+        """Return the signed distances of points from each plane.
 
         Parameters
         ----------
@@ -60,7 +61,7 @@ class Planes:
         return np.asarray(points, float) @ self.normals.T - self.offsets
 
     def displacements(self, points, faces) -> np.ndarray:
-        """Return how far each corner moves when its triangle is projected.
+        """Return the displacement of each corner when its triangle is projected.
 
         Parameters
         ----------
@@ -88,7 +89,7 @@ class Planes:
 
 
 def greedy_planes(points, faces, epsilon) -> Planes:
-    """Return few planes such that each corner of each triangle is within a distance of its own.
+    """Return few planes such that each triangle has one within a distance of its corners.
 
     Parameters
     ----------
@@ -107,8 +108,8 @@ def greedy_planes(points, faces, epsilon) -> Planes:
     Raises
     ------
     ValueError
-        Where epsilon is not positive or below 1/10 000 of half the diagonal of the bounding box,
-        or there is no triangle.
+        If epsilon is not positive, or below 1/10 000 of half the diagonal of the bounding box, or
+        there is no triangle.
 
     Examples
     --------
@@ -118,27 +119,24 @@ def greedy_planes(points, faces, epsilon) -> Planes:
     >>> len(greedy_planes(points, [[0, 1, 2], [1, 3, 2]], 0.02))
     1
     """
-    points, faces = _checked(points, faces)
     if not (np.isfinite(epsilon) and epsilon > 0):
         msg = f'epsilon is {epsilon!r}; it must be a finite length above 0.'
         raise ValueError(msg)
-    low, high = points.min(0), points.max(0)
-    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 or float(epsilon)
-    if epsilon < _FINEST * radius:
-        msg = f'epsilon is {epsilon!r}; for this mesh it must be {_FINEST * radius:.3g} at least.'
+    surface = _Surface(points, faces, float(epsilon))
+    finest = _FINEST * surface.radius
+    if epsilon < finest:
+        msg = f'epsilon is {epsilon!r}; for this mesh it must be at least {finest:.3g}.'
         raise ValueError(msg)
-    surface = _Surface((points - center) / radius, faces)
-    bound = float(epsilon) / radius * (1 - _SMALL)
+    bound = float(epsilon) / surface.radius * (1 - _SMALL)
     normals, offsets = _Greedy(surface, bound).planes()
-    normals, offsets, owner = _polished(surface, normals, offsets, bound)
-    return Planes(normals, offsets * radius + normals @ center, owner)
+    return surface.in_world(*_polished(surface, normals, offsets, bound))
 
 
 def kmeans_planes(points, faces, count, *, rounds=15, seed=0) -> Planes:
-    """Return a number of planes that are near to all triangles on average.
+    """Return a number of planes by Lloyd's algorithm (k-means).
 
-    Lloyd's algorithm: triangles go to the plane that is nearest in place and direction, planes to
-    the best fit of their triangles.
+    Triangles are assigned to the nearest plane, by distance and direction, and planes are fitted
+    to their triangles.
 
     Parameters
     ----------
@@ -147,21 +145,21 @@ def kmeans_planes(points, faces, count, *, rounds=15, seed=0) -> Planes:
     faces : array_like of int, shape (m, 3)
         Triangles.
     count : int
-        How many planes at most.
+        Maximum number of planes.
     rounds : int, optional
-        Of the algorithm.
+        Number of iterations.
     seed : int, optional
-        Of the choice of the first planes.
+        Seed of the initial planes.
 
     Returns
     -------
     Planes
-        Those that have triangles.
+        Planes without triangles are left out.
 
     Raises
     ------
     ValueError
-        Where count is below 1, or there is no triangle.
+        If count is below 1, or there is no triangle.
 
     Examples
     --------
@@ -171,43 +169,37 @@ def kmeans_planes(points, faces, count, *, rounds=15, seed=0) -> Planes:
     >>> len(kmeans_planes(points, [[0, 1, 2], [0, 1, 3]], 2))
     2
     """
-    points, faces = _checked(points, faces)
     if not (int(count) == count and count >= 1):
-        msg = f'planes is {count!r}; it must be a whole number from 1.'
+        msg = f'planes is {count!r}; it must be an integer of at least 1.'
         raise ValueError(msg)
-    low, high = points.min(0), points.max(0)
-    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 or 1.0
-    surface = _Surface((points - center) / radius, faces)
+    surface = _Surface(points, faces)
     # As thick as the slabs that so many planes could cut a ball into.
     scale = 1.0 / np.sqrt(count)
     normals, offsets = _scattered(surface, int(count), scale, np.random.default_rng(seed))
     for _ in range(rounds):
         owner, _ = _assigned(surface, normals, offsets, scale, np.inf)
         normals, offsets = _fitted(surface, normals, offsets, owner, np.inf)
-    normals, offsets, owner = _used(normals, offsets, owner)
-    return Planes(normals, offsets * radius + normals @ center, owner)
-
-
-def _checked(points, faces):
-    points, faces = np.asarray(points, float), np.asarray(faces, int)
-    if not len(faces):
-        msg = 'the mesh has no triangle.'
-        raise ValueError(msg)
-    return points, faces
+    return surface.in_world(*_used(normals, offsets, owner))
 
 
 class _Surface:
-    """Triangles in units of the mesh's radius, its middle at the origin."""
+    """Triangles in units of the mesh's radius, its centre at the origin."""
 
-    def __init__(self, points, faces):
+    def __init__(self, points, faces, smallest=1.0):
+        points, faces = np.asarray(points, float), np.asarray(faces, int)
+        if not len(faces):
+            msg = 'the mesh has no triangle.'
+            raise ValueError(msg)
+        low, high = points.min(0), points.max(0)
+        self.center = (low + high) / 2
+        self.radius = float(np.linalg.norm(high - low)) / 2 or smallest
         self.faces = faces
-        self.points = points
-        self.corners = points[faces]
+        self.points = (points - self.center) / self.radius
+        self.corners = self.points[faces]
         a, b, c = self.corners.transpose(1, 0, 2)
         across = np.cross(b - a, c - a)
         length = np.linalg.norm(across, axis=1)
-        self.normals = across / np.where(length > 0, length, 1)[:, None]
-        # What has no area is projected as everything else is, but never worth much.
+        self.normals = unit_vectors(across)
         total = length.sum() or 1.0
         self.areas = length / total + 1e-9 / len(faces)
         self.middles = self.corners.mean(1)
@@ -215,8 +207,12 @@ class _Surface:
     def __len__(self):
         return len(self.faces)
 
+    def in_world(self, normals, offsets, owner):
+        """Return planes in world units."""
+        return Planes(normals, offsets * self.radius + normals @ self.center, owner)
+
     def groups(self, size):
-        """Return the group of each triangle and one of each: small ones, close and alike."""
+        """Return the group of each triangle, of small, close and similar ones; and one of each."""
         cell = np.floor(self.middles / size)
         looks = np.rint(2 * self.normals)
         small = np.ptp(self.corners, axis=1).max(1) < size
@@ -258,22 +254,16 @@ class _Votes:
 
     def _add(self, high, low, weight):
         """Add votes for planes between the lowest and the highest corner, a bound around them."""
-        first, last = self._bin(high - self.bound, 1), self._bin(low + self.bound, 0) + 1
+        first, last = self._around(high, low, 1)
         row, column = np.nonzero(last > first)
         high, low, weight = high[row, column], low[row, column], weight[row, column]
         first, last, start = first[row, column], last[row, column], column * (self.count + 1)
         ranges = [(first, last, weight)]
-        # A plane in the midst of much moves it less than one that is near to all of it.
-        middle = (
-            self._bin(high - _CORE * self.bound, 1),
-            self._bin(low + _CORE * self.bound, 0) + 1,
-        )
-        ranges.append((middle[0], np.maximum(*middle), _CENTRED * weight))
+        # A central plane displaces less.
+        begin, end = self._around(high, low, _CORE)
+        ranges.append((begin, np.maximum(begin, end), _CENTRED * weight))
         # A plane that leaves something just outside of it, where nothing else will come, is bad.
-        before, beyond = (
-            self._bin(high - 2 * self.bound, 1),
-            self._bin(low + 2 * self.bound, 0) + 1,
-        )
+        before, beyond = self._around(high, low, 2)
         out = np.maximum(before, self._zero), np.maximum(first, self._zero)
         ranges.append((*out, -_MISSING * weight))
         out = np.minimum(last, self._zero), np.minimum(beyond, self._zero)
@@ -281,6 +271,11 @@ class _Votes:
         for begin, end, amount in ranges:
             for at, step in ((begin, amount), (end, -amount)):
                 self._steps += np.bincount(start + at, step, len(self._steps))
+
+    def _around(self, high, low, bounds):
+        """Return the bins, first and last + 1, of planes within some bounds of all corners."""
+        away = bounds * self.bound
+        return self._bin(high - away, 1), self._bin(low + away, 0) + 1
 
     def _bin(self, value, up):
         """Return the bin at or below a value, or the one at or above it."""
@@ -303,7 +298,7 @@ class _Greedy:
 
     def __init__(self, surface, bound):
         self.surface, self.bound = surface, bound
-        # Refining finds what lies between; a patch that is curved is as thick as it is wide.
+        # Refinement finds directions between these.
         self.step = float(np.clip(3.5 * bound, 0.1, 0.25))
         directions = np.concatenate([hemisphere(self.step), _main_normals(surface)])
         width = bound / 2
@@ -381,7 +376,9 @@ class _Greedy:
 
 def _main_normals(surface, count=64):
     """Return the directions in which most of the area looks: those of walls, exactly."""
-    normals = surface.normals * np.where(_first_sign(surface.normals) < 0, -1, 1)[:, None]
+    largest = np.abs(surface.normals).argmax(1)[:, None]
+    sign = np.take_along_axis(surface.normals, largest, 1)  # the same for similar normals
+    normals = surface.normals * np.where(sign < 0, -1, 1)
     _, which = np.unique(np.rint(normals * 50).astype(int), axis=0, return_inverse=True)
     which = which.reshape(-1)
     sums = np.stack([np.bincount(which, surface.areas * normals[:, k]) for k in range(3)], 1)
@@ -389,12 +386,6 @@ def _main_normals(surface, count=64):
     most = np.argsort(-lengths)[:count]
     most = most[lengths[most] > 0]
     return sums[most] / lengths[most, None]
-
-
-def _first_sign(vectors):
-    """Return the sign of the largest component, the same for all near a vector."""
-    largest = np.abs(vectors).argmax(1)
-    return np.take_along_axis(vectors, largest[:, None], 1)[:, 0]
 
 
 def _polished(surface, normals, offsets, bound):
@@ -466,9 +457,8 @@ def _fitted(surface, normals, offsets, owner, bound):
     _, axes = np.linalg.eigh(spread / total[:, None, None])
     best = axes[..., 0]
     best = best * np.where((best * normals).sum(1) < 0, -1, 1)[:, None]
-    used = np.bincount(owner, minlength=count) > 0
     found, where = normals.copy(), offsets.copy()
-    todo = used.copy()
+    todo = np.bincount(owner, minlength=count) > 0
     for share in (1.0, 0.5, 0.25, 0.0):
         trial = share * best + (1 - share) * normals
         trial /= np.maximum(np.linalg.norm(trial, axis=1, keepdims=True), 1e-300)

@@ -1,4 +1,4 @@
-"""The CPU half of shadow volumes: the edges that a light sees as outline, and what they extrude.
+"""Shadow volumes on the CPU: the silhouette edges that a light sees, and their extrusion.
 
 Every triangle shadows a prism of its own that reaches from it to infinity, away from the light.
 Turned toward the light, the prisms add up to the shadow: what lies within k of them is hidden
@@ -175,20 +175,15 @@ def _placed(points, triangles, welded):
     }
 
 
-def facing(edges, light):
-    """Tell which triangles turn their counterclockwise side to a light.
+class LitMesh:
+    """A mesh as a light sees it: its front faces, its silhouette, and its shadow volume.
 
     Parameters
     ----------
     edges : Edges
-        The table of the mesh.
+        Table of the mesh, with n points and m triangles.
     light : array_like, shape (4,)
-        Place (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
-
-    Returns
-    -------
-    numpy.ndarray, shape (m,), bool
-        False for what is seen edge-on.
+        Position (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
 
     Raises
     ------
@@ -197,188 +192,163 @@ def facing(edges, light):
 
     Examples
     --------
-    >>> from pvibr.maths.silhouettes import edge_table, facing
-    >>> sheet = edge_table([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    >>> [facing(sheet, (0, 0, z, 0)).item() for z in (1, -1)]
-    [True, False]
-    """
-    return _facing(edges, _relative(edges, light))
-
-
-def weights(edges, light):
-    """Return how often the prism of each triangle counts, and which way it is turned.
-
-    Parameters
-    ----------
-    edges : Edges
-        The table of the mesh.
-    light : array_like, shape (4,)
-        Place (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
-
-    Returns
-    -------
-    numpy.ndarray, shape (m,), int8
-        1 as it is wound, -1 turned over, 0 left out: the backs of closed bodies lit from outside,
-        and what has the light for a corner.
-
-    Raises
-    ------
-    ValueError
-        If the light is not finite, has a negative last number or is zero.
-
-    Examples
-    --------
-    >>> from pvibr.maths.silhouettes import edge_table, weights
-    >>> sheet = edge_table([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    >>> [weights(sheet, (0, 0, z, 0)).item() for z in (1, -1)]
-    [1, -1]
-    """
-    light = _relative(edges, light)
-    front = _facing(edges, light).view(np.int8)
-    outside = (np.abs(light[:3]) > light[3] * edges.half_box).any()
-    if outside:
-        return front if edges.closed else 2 * front - 1
-    turns = 2 * front - 1
-    # What a light touches with a corner hides nothing, and the corner has no way to infinity.
-    corners = np.flatnonzero(light[3] * edges.points[:, 0] == light[0])
-    corners = corners[(light[3] * edges.points[corners] == light[:3]).all(axis=1)]
-    if len(corners):
-        turns[np.isin(edges.triangles, corners).any(axis=1)] = 0
-    return turns
-
-
-def silhouettes(edges, light):
-    """Find the edges that bound the shadow.
-
-    Parameters
-    ----------
-    edges : Edges
-        The table of the mesh.
-    light : array_like, shape (4,)
-        Place (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
-
-    Returns
-    -------
-    ends : numpy.ndarray, shape (k, 2), int
-        Indices into the table's points. The side (first, second, second at infinity, first at
-        infinity) is counterclockwise seen from outside the shadow.
-    multiplicities : numpy.ndarray, shape (k,), int
-        How often each side counts; positive.
-
-    Raises
-    ------
-    ValueError
-        If the light is not finite, has a negative last number or is zero.
-
-    Examples
-    --------
-    >>> from pvibr.maths.silhouettes import edge_table, silhouettes
-    >>> square = edge_table([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
-    >>> ends, multiplicities = silhouettes(square, (0, 0, 1, 0))
-    >>> len(ends), multiplicities.tolist()
-    (4, [1, 1, 1, 1])
-    """
-    return _silhouettes(edges, weights(edges, light))
-
-
-def volume_triangles(edges, light, caps=True):
-    """Return the surface of the shadow as indices alone, for points that stay on the GPU.
-
-    Parameters
-    ----------
-    edges : Edges
-        The table of the mesh, with n points.
-    light : array_like, shape (4,)
-        Place (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
-    caps : bool
-        Close the volume: at the mesh, and at infinity (a direction needs nothing there).
-
-    Returns
-    -------
-    numpy.ndarray, shape (q, 3), int
-        Triangles, counterclockwise seen from outside. Index i < n is point i; n + i is point i
-        moved to infinity, away from the light, and n alone for a direction. A side of
-        multiplicity k is there k times.
-
-    Raises
-    ------
-    ValueError
-        If the light is not finite, has a negative last number or is zero.
-
-    Examples
-    --------
-    >>> from pvibr.maths.silhouettes import edge_table, volume_triangles
-    >>> sheet = edge_table([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    >>> volume_triangles(sheet, (0, 0, 1, 0)).tolist()
-    [[1, 0, 3], [0, 2, 3], [2, 1, 3], [0, 1, 2]]
-    """
-    prisms = weights(edges, light)
-    ends, multiplicities = _silhouettes(edges, prisms)
-    first, second = np.repeat(ends, multiplicities, axis=0).T
-    n, positional = len(edges.points), light[3] > 0
-    if positional:
-        sides = [[first, second, n + second], [first, n + second, n + first]]
-    else:
-        sides = [[first, second, np.full_like(first, n)]]
-    parts = [np.transpose(side) for side in sides]
-    if caps:
-        near = edges.triangles[prisms > 0], edges.triangles[prisms < 0, ::-1]
-        parts += [*near, *(n + cap[:, ::-1] for cap in near if positional)]
-    return np.concatenate(parts)
-
-
-def volume(edges, light, caps=True):
-    """Return the surface of the shadow.
-
-    A point is in shadow if the surface is crossed more often inward than outward on the way from
-    a point that is lit.
-
-    Parameters
-    ----------
-    edges : Edges
-        The table of the mesh.
-    light : array_like, shape (4,)
-        Place (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
-    caps : bool
-        Close the volume: at the mesh, and at infinity (a direction needs nothing there).
-
-    Returns
-    -------
-    vertices : numpy.ndarray, shape (v, 4), float64
-        Homogeneous points, relative to `Edges.origin` in world units; the last number is 1, or 0
-        at infinity, where the others are a unit vector.
-    triangles : numpy.ndarray, shape (q, 3), int
-        Corners, counterclockwise seen from outside. A side of multiplicity k is there k times.
-
-    Raises
-    ------
-    ValueError
-        If the light is not finite, has a negative last number or is zero.
-
-    Examples
-    --------
-    >>> from pvibr.maths.silhouettes import edge_table, volume
+    >>> from pvibr.maths.silhouettes import LitMesh, edge_table
     >>> sheet = edge_table([[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[0, 1, 2]])
-    >>> vertices, triangles = volume(sheet, (0, 0, 1, 0), caps=False)
+    >>> above, below = LitMesh(sheet, (0, 0, 1, 0)), LitMesh(sheet, (0, 0, -1, 0))
+    >>> above.facing.tolist(), below.facing.tolist()
+    ([True], [False])
+    >>> above.weights.tolist(), below.weights.tolist()
+    ([1], [-1])
+    >>> above.volume_triangles().tolist()
+    [[1, 0, 3], [0, 2, 3], [2, 1, 3], [0, 1, 2]]
+    >>> vertices, triangles = above.volume(caps=False)
     >>> vertices.tolist()[2:]
     [[-1.0, 1.0, 0.0, 1.0], [-0.0, -0.0, -1.0, 0.0]]
     >>> triangles.shape
     (3, 3)
+    >>> square = edge_table([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> ends, multiplicities = LitMesh(square, (0, 0, 1, 0)).silhouette
+    >>> len(ends), multiplicities.tolist()
+    (4, [1, 1, 1, 1])
     """
-    triangles = volume_triangles(edges, light, caps)
-    n, relative = len(edges.points), _relative(edges, light)
-    used = np.zeros(2 * n + 1, bool)
-    used[triangles] = True
-    near, far = np.flatnonzero(used[:n]), np.flatnonzero(used[n:])
-    # For a direction the only far vertex is no point: its weight is zero.
-    away = relative[3] * edges.points[far % max(n, 1)] - relative[:3]
-    away /= np.abs(away).max(axis=1, keepdims=True)  # squares stay in range
-    length = np.linalg.norm(away, axis=1, keepdims=True)
-    vertices = np.zeros((len(near) + len(far), 4))
-    vertices[: len(near), :3] = edges.points[near]
-    vertices[: len(near), 3] = 1
-    vertices[len(near) :, :3] = away / length
-    return vertices, (np.cumsum(used) - 1)[triangles]
+
+    def __init__(self, edges, light):
+        light = np.asarray(light, np.float64)
+        good = light.shape == (4,) and np.isfinite(light).all() and light[3] >= 0 and light.any()
+        if not good:
+            msg = (
+                f'light is {light.tolist()}; it must be a finite (x, y, z, 1) for a position or '
+                '(x, y, z, 0) for a direction that is not zero.'
+            )
+            raise ValueError(msg)
+        self._edges = edges
+        self._light = np.append(light[:3] - light[3] * edges.origin, light[3])
+
+    @cached_property
+    def facing(self):
+        """Whether each triangle turns its counterclockwise side to the light; edge-on is False.
+
+        Returns
+        -------
+        numpy.ndarray, shape (m,), bool
+            One per triangle.
+        """
+        return self._edges.planes @ (self._light * [1, 1, 1, self._edges.unit]) > 0
+
+    @cached_property
+    def weights(self):
+        """How often the prism of each triangle counts, and with which orientation.
+
+        Returns
+        -------
+        numpy.ndarray, shape (m,), int8
+            1 as wound, -1 reversed, 0 omitted: back faces of closed bodies lit from outside, and
+            triangles with the light at a corner.
+        """
+        edges, light = self._edges, self._light
+        front = self.facing.view(np.int8)
+        outside = (np.abs(light[:3]) > light[3] * edges.half_box).any()
+        if outside:
+            return front if edges.closed else 2 * front - 1
+        turns = 2 * front - 1
+        # A triangle with the light at a corner hides nothing; its corner has no way to infinity.
+        corners = np.flatnonzero(light[3] * edges.points[:, 0] == light[0])
+        corners = corners[(light[3] * edges.points[corners] == light[:3]).all(axis=1)]
+        if len(corners):
+            turns[np.isin(edges.triangles, corners).any(axis=1)] = 0
+        return turns
+
+    @cached_property
+    def silhouette(self):
+        """The edges that bound the shadow.
+
+        Returns
+        -------
+        ends : numpy.ndarray, shape (k, 2), int
+            Indices into the table's points. The side (first, second, second at infinity, first
+            at infinity) is counterclockwise seen from outside the shadow.
+        multiplicities : numpy.ndarray, shape (k,), int
+            How often each side counts; positive.
+        """
+        # Reversed, a triangle runs along its edges the other way: look up m + i for that.
+        table = np.concatenate([self.weights, -self.weights])
+        ends, multiplicities = [np.zeros((0, 2), np.intp)], [np.zeros(0, np.intp)]
+        for pairs, halves in self._edges.groups:
+            small = np.int8 if len(halves) < 128 else np.intp
+            total = table.take(halves[0]).astype(small, copy=False)
+            for half in halves[1:]:
+                total += table.take(half)
+            found = np.flatnonzero(total != 0)
+            total = total[found].astype(np.intp)
+            pairs = pairs[found]
+            # A prism's side runs along its edge against its triangle.
+            ends.append(np.where(total[:, None] > 0, pairs[:, ::-1], pairs))
+            multiplicities.append(np.abs(total))
+        return np.concatenate(ends), np.concatenate(multiplicities)
+
+    def volume_triangles(self, caps=True):
+        """Return the shadow volume as indices alone, for points that stay on the GPU.
+
+        Parameters
+        ----------
+        caps : bool
+            Close the volume at the mesh and at infinity (there only for a position).
+
+        Returns
+        -------
+        numpy.ndarray, shape (q, 3), int
+            Triangles, counterclockwise seen from outside. Index i < n is point i; n + i is point
+            i moved to infinity, away from the light, and n alone for a direction. A side of
+            multiplicity k occurs k times.
+        """
+        triangles, prisms = self._edges.triangles, self.weights
+        ends, multiplicities = self.silhouette
+        first, second = np.repeat(ends, multiplicities, axis=0).T
+        n, positional = len(self._edges.points), self._light[3] > 0
+        if positional:
+            sides = [[first, second, n + second], [first, n + second, n + first]]
+        else:
+            sides = [[first, second, np.full_like(first, n)]]
+        parts = [np.transpose(side) for side in sides]
+        if caps:
+            near = triangles[prisms > 0], triangles[prisms < 0, ::-1]
+            parts += [*near, *(n + cap[:, ::-1] for cap in near if positional)]
+        return np.concatenate(parts)
+
+    def volume(self, caps=True):
+        """Return the surface of the shadow volume.
+
+        A point is in shadow if the way from a lit point to it crosses the surface more often
+        inward than outward.
+
+        Parameters
+        ----------
+        caps : bool
+            Close the volume at the mesh and at infinity (there only for a position).
+
+        Returns
+        -------
+        vertices : numpy.ndarray, shape (v, 4), float64
+            Homogeneous points, relative to `Edges.origin` in world units; the last number is 1,
+            or 0 at infinity, where the others are a unit vector.
+        triangles : numpy.ndarray, shape (q, 3), int
+            As of :meth:`volume_triangles`, indices into these vertices.
+        """
+        triangles = self.volume_triangles(caps)
+        points, light = self._edges.points, self._light
+        n = len(points)
+        used = np.zeros(2 * n + 1, bool)
+        used[triangles] = True
+        near, far = np.flatnonzero(used[:n]), np.flatnonzero(used[n:])
+        # For a direction the only far vertex is no point: its weight is zero.
+        away = light[3] * points[far % max(n, 1)] - light[:3]
+        away /= np.abs(away).max(axis=1, keepdims=True)  # squares stay in range
+        length = np.linalg.norm(away, axis=1, keepdims=True)
+        vertices = np.zeros((len(near) + len(far), 4))
+        vertices[: len(near), :3] = points[near]
+        vertices[: len(near), 3] = 1
+        vertices[len(near) :, :3] = away / length
+        return vertices, (np.cumsum(used) - 1)[triangles]
 
 
 def _checked(points, triangles):
@@ -445,36 +415,3 @@ def _groups(triangles, n):
         ends = np.stack([low[halves[0]], keys[chosen[by_triangle]] % n], axis=1)
         groups.append((ends, halves % m + m * backward[halves]))
     return tuple(groups)
-
-
-def _relative(edges, light):
-    light = np.asarray(light, np.float64)
-    good = light.shape == (4,) and np.isfinite(light).all() and light[3] >= 0 and light.any()
-    if not good:
-        msg = (
-            f'light is {light.tolist()}; it must be a finite (x, y, z, 1) for a place or '
-            '(x, y, z, 0) for a direction that is not zero.'
-        )
-        raise ValueError(msg)
-    return np.append(light[:3] - light[3] * edges.origin, light[3])
-
-
-def _facing(edges, relative):
-    return edges.planes @ (relative * [1, 1, 1, edges.unit]) > 0
-
-
-def _silhouettes(edges, prisms):
-    # Turned over, a triangle runs along its edges the other way: look up m + i for that.
-    table = np.concatenate([prisms, -prisms])
-    ends, multiplicities = [np.zeros((0, 2), np.intp)], [np.zeros(0, np.intp)]
-    for pairs, halves in edges.groups:
-        total = table.take(halves[0]).astype(np.int8 if len(halves) < 128 else np.intp, copy=False)
-        for half in halves[1:]:
-            total += table.take(half)
-        found = np.flatnonzero(total != 0)
-        total = total[found].astype(np.intp)
-        pairs = pairs[found]
-        # A prism's side runs along its edge against its triangle.
-        ends.append(np.where(total[:, None] > 0, pairs[:, ::-1], pairs))
-        multiplicities.append(np.abs(total))
-    return np.concatenate(ends), np.concatenate(multiplicities)

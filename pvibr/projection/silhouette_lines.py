@@ -6,7 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.maths.cameras import as_camera
-from pvibr.maths.silhouettes import edge_table, silhouettes
+from pvibr.maths.silhouettes import LitMesh, edge_table
 from pvibr.projection.depth_maps import depth_maps, view_of
 from pvibr.projection.samples import bounds_of, surface_of
 
@@ -68,7 +68,7 @@ def silhouette_lines(
         return pv.PolyData()
     edges = edge_table(np.asarray(surface.points), surface.regular_faces)
     light = np.append(view.view_from_world[2, :3], 0.0) if view.parallel else [*view.eye, 1.0]
-    pairs, _ = silhouettes(edges, light)
+    pairs, _ = LitMesh(edges, light).silhouette
     ends = (edges.points + edges.origin)[pairs]
     if not hidden:
         away = _away(view, ends, _inner(edges, pairs) + edges.origin)

@@ -14,7 +14,7 @@ from pvibr.gl import shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.gl.stencil import StencilTarget
-from pvibr.maths.silhouettes import edge_table, moved_table, volume, volume_triangles
+from pvibr.maths.silhouettes import LitMesh, edge_table, moved_table
 from pvibr.maths.views import View, corners
 from pvibr.scene.casters import depths_of, sized
 
@@ -225,10 +225,11 @@ class _Volume:
         return fresh
 
     def _fill(self, caps):
-        vertices, triangles = volume(self._edges, self._light, caps=caps)
+        lit = LitMesh(self._edges, self._light)
+        vertices, triangles = lit.volume(caps=caps)
         sides = len(triangles)
         if caps:
-            sides = len(volume_triangles(self._edges, self._light, caps=False))
+            sides = len(lit.volume_triangles(caps=False))
         if self._mirrored:  # what is turned outward winds the other way there
             triangles = triangles[:, ::-1]
         self.sides.fill(vertices, triangles[:sides])

@@ -9,15 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pvibr.maths.silhouettes import (
-    edge_table,
-    facing,
-    moved_table,
-    silhouettes,
-    volume,
-    volume_triangles,
-    weights,
-)
+from pvibr.maths.silhouettes import LitMesh, edge_table, moved_table
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float), [[0, 1, 2], [0, 2, 3]]
 LIGHTS = {
@@ -143,7 +135,7 @@ def check(mesh, light, *, offset=0.0, scale=1.0, seed=0):
     # What the rounding at the offset left of mesh and light, exactly.
     near = (points - table.origin) / scale
     light[:3] = (world[:3] - light[3] * table.origin) / (scale if light[3] else 1)
-    vertices, triangles = volume(table, world)
+    vertices, triangles = LitMesh(table, world).volume()
     vertices[:, :3] /= np.where(vertices[:, 3:] > 0, scale, 1)
     rng = np.random.default_rng(seed)
     targets = rng.uniform(-2, 2, (150, 3))
@@ -152,7 +144,7 @@ def check(mesh, light, *, offset=0.0, scale=1.0, seed=0):
     eyes, ends = homogeneous(np.repeat(eye, 150, axis=0)), homogeneous(targets)
 
     # A closed body may leave out what it hides with its back.
-    exact = not table.closed or (weights(table, world) < 0).any()
+    exact = not table.closed or (LitMesh(table, world).weights < 0).any()
 
     def agrees(count, rows=slice(None)):
         if exact:
@@ -166,7 +158,7 @@ def check(mesh, light, *, offset=0.0, scale=1.0, seed=0):
     beyond = np.column_stack([targets - eye, np.full(150, -1e-10)])
     agrees(-crossings(vertices, triangles, ends, beyond))
     # Depth-pass: no caps, for what the eye can see.
-    vertices, triangles = volume(table, world, caps=False)
+    vertices, triangles = LitMesh(table, world).volume(caps=False)
     vertices[:, :3] /= np.where(vertices[:, 3:] > 0, scale, 1)
     seen = hits(near, faces, targets, eyes) == 0
     agrees(crossings(vertices, triangles, eyes, ends), seen)
@@ -231,13 +223,14 @@ def test_no_size_leaves_the_range(power):
     assert large.closed
     for light in ((3, 2, 1, 1), (0.1, 0, 0.2, 1)):
         place = np.array(light) * [factor, factor, factor, 1]
-        np.testing.assert_array_equal(silhouettes(large, place)[0], silhouettes(table, light)[0])
-    assert np.isfinite(volume(large, place)[0]).all()
+        found, expected = LitMesh(large, place).silhouette, LitMesh(table, light).silhouette
+        np.testing.assert_array_equal(found[0], expected[0])
+    assert np.isfinite(LitMesh(large, place).volume()[0]).all()
 
 
 @pytest.mark.parametrize('light', [(1, 2, 3, 0), (10, 20, 30, 1)])
 def test_the_outline_of_a_cube_is_a_hexagon(light):
-    ends, multiplicities = silhouettes(edge_table(*CUBE), light)
+    ends, multiplicities = LitMesh(edge_table(*CUBE), light).silhouette
     assert multiplicities.tolist() == [1] * 6
     assert np.unique(ends).size == 6
     # One loop: each corner is once a first and once a second end.
@@ -246,19 +239,19 @@ def test_the_outline_of_a_cube_is_a_hexagon(light):
 
 def test_inside_a_closed_body_nothing_is_an_outline():
     table = edge_table(*CUBE)
-    assert not len(silhouettes(table, (0, 0, 0, 1))[0])
-    assert len(volume(table, (0, 0, 0, 1))[1]) == 2 * len(CUBE[1])
+    assert not len(LitMesh(table, (0, 0, 0, 1)).silhouette[0])
+    assert len(LitMesh(table, (0, 0, 0, 1)).volume()[1]) == 2 * len(CUBE[1])
 
 
 def test_multiplicities_add_what_meets():
     for copies in (1, 2, 5, 130):
         table = edge_table(*joined(*[SQUARE] * copies))
-        ends, multiplicities = silhouettes(table, (0, 0, 1, 0))
+        ends, multiplicities = LitMesh(table, (0, 0, 1, 0)).silhouette
         assert (len(ends), set(multiplicities.tolist())) == (4, {copies})
-        assert len(volume_triangles(table, (0, 0, 1, 0), caps=False)) == 4 * copies
+        assert len(LitMesh(table, (0, 0, 1, 0)).volume_triangles(caps=False)) == 4 * copies
     # Bodies that are wound inward count their backs too: the outline twice.
     inward = edge_table(CUBE[0], CUBE[1][:, ::-1])
-    assert silhouettes(inward, (1, 2, 3, 0))[1].tolist() == [2] * 6
+    assert LitMesh(inward, (1, 2, 3, 0)).silhouette[1].tolist() == [2] * 6
 
 
 @given(st.integers(0, 9999), st.sampled_from([*CLOSED, *OPEN]), st.sampled_from([*LIGHTS]))
@@ -271,7 +264,7 @@ def test_winding_changes_no_shadow(seed, name, light):
     flat = np.abs(straight.planes @ [*LIGHTS[light][:3], LIGHTS[light][3]]) < 1e-9
     if flat.any():
         return
-    one, other = (silhouettes(table, LIGHTS[light]) for table in (straight, turned))
+    one, other = (LitMesh(table, LIGHTS[light]).silhouette for table in (straight, turned))
     assert dict(zip(map(tuple, one[0]), one[1], strict=True)) == dict(
         zip(map(tuple, other[0]), other[1], strict=True)
     )
@@ -281,7 +274,7 @@ def test_winding_changes_no_shadow(seed, name, light):
 @pytest.mark.parametrize('name', [*CLOSED, *OPEN])
 def test_volumes_close(name, light):
     """Each side of a triangle of the volume is there once the other way, or is not a side."""
-    triangles = volume_triangles(edge_table(*(CLOSED | OPEN)[name]), LIGHTS[light])
+    triangles = LitMesh(edge_table(*(CLOSED | OPEN)[name]), LIGHTS[light]).volume_triangles()
     ways = np.concatenate([triangles[:, [k, (k + 1) % 3]] for k in range(3)])
     sums = {}
     for a, b in ways.tolist():
@@ -299,7 +292,7 @@ def test_seams_are_welded_and_flat_triangles_dropped():
     assert len(signed.points) == 3
     folded = edge_table(SQUARE[0], [[0, 1, 2], [1, 1, 2], [0, 2, 3], [3, 0, 3]])
     assert folded.sources.tolist() == [0, 2]
-    assert len(silhouettes(folded, (0, 0, 1, 0))[0]) == 4
+    assert len(LitMesh(folded, (0, 0, 1, 0)).silhouette[0]) == 4
 
 
 def test_a_moved_mesh_keeps_its_topology():
@@ -331,23 +324,23 @@ def test_points_that_nothing_uses_do_not_matter():
 def test_edge_on_faces_away():
     table = edge_table(*SQUARE)
     for light in ((1, 0, 0, 0), (5, 3, 0, 1), (0.5, 0.5, 0, 1), (0, 0, 0, 1)):
-        assert not facing(table, light).any()
-        assert np.isfinite(volume(table, light)[0]).all()
+        assert not LitMesh(table, light).facing.any()
+        assert np.isfinite(LitMesh(table, light).volume()[0]).all()
 
 
 def test_a_light_at_a_corner_skips_what_it_touches():
     table = edge_table(*CUBE)
     corner = np.append(CUBE[0][0], 1)
     touched = (CUBE[1] == 0).any(axis=1)
-    np.testing.assert_array_equal(weights(table, corner) == 0, touched)
-    assert np.isfinite(volume(table, corner)[0]).all()
+    np.testing.assert_array_equal(LitMesh(table, corner).weights == 0, touched)
+    assert np.isfinite(LitMesh(table, corner).volume()[0]).all()
 
 
 def test_no_triangles():
     table = edge_table(np.zeros((0, 3)), np.zeros((0, 3), int))
     assert not table.closed
     for light in ((1, 0, 0, 0), (0, 0, 0, 1)):
-        vertices, triangles = volume(table, light)
+        vertices, triangles = LitMesh(table, light).volume()
         assert vertices.shape[1:] == (4,)
         assert triangles.shape == (0, 3)
 
@@ -368,4 +361,4 @@ def test_bad_input_is_named():
     table = edge_table(points, faces)
     for light in ((0, 0, 0, 0), (0, 0, 1), (0, 0, np.nan, 1), (0, 0, 1, -1), (0, np.inf, 0, 0)):
         with pytest.raises(ValueError, match='light is'):
-            facing(table, light)
+            LitMesh(table, light).facing

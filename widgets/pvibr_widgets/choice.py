@@ -1,4 +1,4 @@
-"""The panel that fits where a plotter is looked at."""
+"""The control panel for the current environment."""
 
 from __future__ import annotations
 
@@ -6,29 +6,29 @@ import sys
 
 
 def panel(plotter, **settings):
-    """Return a control panel that fits where this runs.
+    """Return a control panel for the current environment.
 
-    Where a trame page is being laid out it is put there, a plotter in a Qt window gets a dock, and
-    in a notebook it is what the cell shows.
+    Within the layout of a trame page, the panel becomes part of the page; a plotter in a Qt window
+    gets a dock; in a notebook, the panel is the output of the cell.
 
     Parameters
     ----------
     plotter : pyvista.BasePlotter
-        What is controlled.
+        Plotter to control.
     **settings
-        Of :func:`trame_panel`, :func:`qt_dock` or :func:`notebook_panel`.
+        Arguments of :func:`trame_panel`, :func:`qt_dock` or :func:`notebook_panel`.
 
     Returns
     -------
     object
-        What that function returns.
+        Result of that function.
 
     Raises
     ------
     RuntimeError
-        Where there is none of these.
+        If there is no page, Qt window or notebook.
     TypeError
-        Where a setting is unknown there.
+        If an argument is unknown.
 
     Examples
     --------
@@ -58,7 +58,7 @@ def panel(plotter, **settings):
 
 
 def _is_laid_out() -> bool:
-    """Tell whether a page of trame is being laid out: only then elements are open."""
+    """Return True while a trame page is laid out: elements are open only then."""
     core = sys.modules.get('trame_client.widgets.core')
     return core is not None and bool(core.HTML_CTX.element_stack)
 
@@ -68,7 +68,7 @@ def _is_qt_widget(plotter) -> bool:
 
 
 def _is_notebook() -> bool:
-    """Tell whether a kernel runs this."""
+    """Return True in a kernel."""
     ipython = sys.modules.get('IPython')
     shell = None if ipython is None else ipython.get_ipython()
     return shell is not None and hasattr(shell, 'kernel')

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -161,9 +160,9 @@ class _ProjectorHandles(Handles):
 class _Aimed:
     """Where a camera is and what it looks at; world units, unit vectors."""
 
-    position: Any
-    aim: Any
-    up: Any
+    position: np.ndarray
+    aim: np.ndarray
+    up: np.ndarray
 
     @classmethod
     def of(cls, given, camera, reach):

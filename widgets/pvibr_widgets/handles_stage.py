@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import weakref
-from typing import Any
 
 import numpy as np
 
@@ -31,10 +30,11 @@ class Stage:
         pipeline = self.ibr.pipeline  # says so where the plotter is closed
         self.renderer = pipeline.renderer if renderer is None else renderer
         window = self.renderer.GetRenderWindow()
-        self.interactor: Any = None if window is None else window.GetInteractor()
-        if self.interactor is None:
+        interactor = None if window is None else window.GetInteractor()
+        if interactor is None:
             msg = 'pl has no interactor, which tells of the mouse and keys: give its window one'
             raise ValueError(msg)
+        self.interactor = interactor
         if self.ibr not in _rings:
             _rings[self.ibr] = Ring(self.interactor)
         self.ring: Ring = _rings[self.ibr]

@@ -1,4 +1,4 @@
-"""What a control panel shows and does, whatever it is drawn with."""
+"""The model of a control panel, whatever toolkit draws it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pvibr_widgets.presets import Presets
 from pvibr_widgets.python_code import code_of
 from pvibr_widgets.rows import Row
 
-_MOST_OPEN = 3  # groups that show their rows at once
+_MOST_OPEN = 3  # groups that are expanded at first
 
 
 class Group:
@@ -29,12 +29,12 @@ class Group:
 
     @property
     def enabled(self) -> bool:
-        """Whether it is on."""
+        """Whether the effect is enabled."""
         return self.thing.enabled
 
     @property
     def why(self) -> str:
-        """Why it is off, where the pipeline put it off; empty where it is on."""
+        """Error for which the pipeline disabled the effect; empty if none."""
         pipeline = self.thing.pipeline
         if self.enabled or pipeline is None:
             return ''
@@ -43,53 +43,53 @@ class Group:
         return '' if said == 'enabled is False' else said
 
     def switch(self, on):
-        """Put it on or off."""
+        """Enable or disable the effect."""
         self.thing.enabled = bool(on)
 
     def remove(self):
-        """Take it out of its subplot."""
+        """Remove the effect from its subplot."""
         if self.thing.pipeline is not None:
             self.thing.pipeline.remove(self.thing)
 
     @property
     def presets(self) -> list[str]:
-        """Names of sets of settings, the defaults first."""
+        """Names of presets, the defaults first."""
         return self._presets.names(self.thing)
 
     def apply(self, preset):
-        """Give it a set of settings."""
+        """Apply a preset."""
         self._presets.apply(self.thing, preset)
 
     def keep(self, preset):
-        """Keep its settings as a set of the user's own."""
+        """Save the settings as a user preset."""
         self._presets.keep(self.thing, preset)
 
     def forget(self, preset):
-        """Remove a set that the user kept."""
+        """Delete a user preset."""
         self._presets.forget(self.thing, preset)
 
 
 class Model:
-    """What is in a plotter, as groups of rows, and what can be done with all of it.
+    """The contents of a plotter as groups of rows, and the actions of a panel.
 
-    It follows the plotter: whatever code adds, removes or changes is here with the next frame, or
-    after `refresh`.
+    The model follows the plotter: effects that code adds, removes or changes are updated with the
+    next frame, or by `refresh`.
 
     Parameters
     ----------
     plotter : pyvista.BasePlotter or vtkRenderer
-        With a ``plotter.ibr``, or a renderer for :func:`pvibr.attach`.
+        Plotter with ``plotter.ibr``, or renderer for :func:`pvibr.attach`.
     presets : Presets, optional
-        By default those in the user's own file.
+        Presets; those of the user's file by default.
 
     Attributes
     ----------
     groups : list of Group
-        What there is.
+        Effects and things.
     own : list of Row
         Settings of the plotter itself.
     message : str
-        What became of the last thing that was done.
+        Result of the last action.
 
     Examples
     --------

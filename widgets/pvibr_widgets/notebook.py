@@ -71,7 +71,7 @@ class Panel(W.VBox):
         self._home = _Home(model)
         self.rows = [RowView(self._home, row) for row in model.own]
         self.groups: list[GroupBox] = []
-        self._shell: Any = None
+        self._shell = None
         self.path = W.Text('pvibr.json', description='File', layout=_WIDE)
         self.code = W.Textarea(
             description='Python', disabled=False, layout={'width': 'auto', 'display': 'none'}
@@ -166,7 +166,7 @@ class _Home:
         self._model, self._thread = model, threading.get_ident()
         self._waiting: deque = deque()
         try:
-            self._loop: Any = asyncio.get_running_loop()
+            self._loop: asyncio.AbstractEventLoop | None = asyncio.get_running_loop()
         except RuntimeError:
             self._loop = None
 

@@ -142,8 +142,8 @@ class PagePanel:
         self.model, self._server, self._update = model, server, update
         self.name = f'pvibr_panel_{next(_numbers)}'
         self._helps, self._code = False, ''
-        self._draw: Any = None
-        self._push: Any = None
+        self._draw = None
+        self._push = None
         self.element = self._laid_out()
         model.listen(self._changed)
         self._show()

@@ -1,4 +1,4 @@
-"""Named sets of settings: a few for each effect, and those that users keep in a file."""
+"""Named sets of settings: those of the classes, and those that users save in a file."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Presets:
     Parameters
     ----------
     path : str or os.PathLike, optional
-        The file of those that users keep; by default ``presets.json`` in the folder that
-        ``PVIBR_CONFIG`` names, else in the platform's own for settings.
+        File of user presets; by default ``presets.json`` in the folder ``PVIBR_CONFIG``, or in
+        the platform's folder for settings.
 
     Examples
     --------
@@ -43,12 +43,12 @@ class Presets:
         self.path = _default_path() if path is None else Path(path)
 
     def names(self, thing) -> list[str]:
-        """Return the names for a thing, its users' last.
+        """Return the names of presets of an effect, user presets last.
 
         Parameters
         ----------
         thing : pvibr.Effect
-            Whose class decides.
+            Effect; its class matters.
 
         Returns
         -------
@@ -58,30 +58,30 @@ class Presets:
         Raises
         ------
         OSError, ValueError
-            Where there is a file, but it cannot be read.
+            If the file exists but cannot be read.
         """
         kind = type(thing).__name__
         return [DEFAULTS, *(thing.presets | self._kept().get(kind, {}))]
 
     def apply(self, thing, name) -> list[str]:
-        """Give a thing all settings of a set, its default to each that is not in it.
+        """Apply a preset; settings that it leaves out get their defaults.
 
         Parameters
         ----------
         thing : pvibr.Effect
-            What is changed.
+            Effect to change.
         name : str
-            One of `names`.
+            One of :meth:`names`.
 
         Returns
         -------
         list of str
-            Names of settings that the thing does not have, left out.
+            Names of settings that the effect does not have; they are ignored.
 
         Raises
         ------
         TypeError, ValueError
-            Where there is no such set, or a value is not allowed; nothing is changed.
+            If the preset does not exist, or a value is invalid; nothing is changed.
         """
         kind = type(thing).__name__
         sets = {DEFAULTS: {}} | thing.presets | self._kept().get(kind, {})
@@ -92,21 +92,21 @@ class Presets:
         return thing.restore(defaults | sets[name])
 
     def keep(self, thing, name):
-        """Keep the settings of a thing under a name, for every thing of its class.
+        """Save the settings of an effect as a preset of its class.
 
         Parameters
         ----------
         thing : pvibr.Effect
-            Whose settings.
+            Effect with the settings.
         name : str
-            What they are called; a set that a user kept under that name is replaced.
+            Name of the preset; a user preset of that name is replaced.
 
         Raises
         ------
         ValueError
-            Where the name is empty or that of a supplied set.
+            If the name is empty or that of a built-in preset.
         OSError
-            Where the file cannot be written; it is as it was.
+            If the file cannot be written; it is unchanged.
         """
         kind, name = type(thing).__name__, name.strip()
         if not name or name == DEFAULTS or name in thing.presets:
@@ -118,21 +118,21 @@ class Presets:
         self._write(kept)
 
     def forget(self, thing, name):
-        """Remove a set that a user kept.
+        """Delete a user preset.
 
         Parameters
         ----------
         thing : pvibr.Effect
-            Whose class decides.
+            Effect; its class matters.
         name : str
-            Which.
+            Name of the preset.
 
         Raises
         ------
         ValueError
-            Where no user kept it.
+            If there is no such user preset.
         OSError
-            Where the file cannot be written; it is as it was.
+            If the file cannot be written; it is unchanged.
         """
         kept, kind = self._kept(), type(thing).__name__
         if name not in kept.get(kind, {}):
@@ -147,7 +147,7 @@ class Presets:
         values, _ = state_files.from_text('presets', state_files.read(self.path), str(self.path))
         sets = values.get('presets')
         if not isinstance(sets, dict) or not _is_nested(sets):
-            msg = f'{self.path} is not a file of presets: mend or remove it'
+            msg = f'{self.path} is not a file of presets: fix or remove it'
             raise ValueError(msg)
         return sets
 
@@ -157,7 +157,7 @@ class Presets:
 
 
 def _is_nested(sets) -> bool:
-    """Tell whether it is settings by name by class."""
+    """Return True for settings by name by class."""
     return all(
         isinstance(named, dict) and all(isinstance(s, dict) for s in named.values())
         for named in sets.values()

@@ -1,8 +1,6 @@
-"""One setting as a control shows it: texts, stops of a slider, and what happens to bad input."""
+"""One setting as a control shows it: text, slider stops, and errors of invalid input."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from pvibr_widgets.scales import scale_of
 
@@ -14,13 +12,14 @@ class Row:
         self.thing, self.param, self.name = thing, param, param.name
         self._refused: tuple = ('', None)
         self.kind = _kind_of(param)
-        self._scale: Any = scale_of(param, size) if self.kind == 'number' else None
+        if self.kind == 'number':
+            self._scale = scale_of(param, size)
 
     # -- what is shown --------------------------------------------------------------------------
 
     @property
     def value(self):
-        """The setting as it is now."""
+        """Current value of the setting."""
         return getattr(self.thing, self.name)
 
     @property
@@ -32,12 +31,12 @@ class Row:
 
     @property
     def help(self) -> str:
-        """What it means, what is allowed, and the default, in one line."""
+        """Meaning, allowed values and default, in one line."""
         return self.param.describe()
 
     @property
     def optional(self) -> bool:
-        """Whether it may be None, derived from the scene."""
+        """Whether it may be None, which is derived from the scene."""
         return self.param.optional
 
     @property
@@ -47,47 +46,47 @@ class Row:
 
     @property
     def text(self) -> str:
-        """The value as text, empty where it is derived."""
+        """The value as text; empty if derived."""
         return '' if self.derived else text_of(self.value)
 
     @property
     def scale(self):
-        """What the stops of a slider stand for; it grows with values beyond its ends."""
+        """Scale of the slider; values beyond its ends extend it."""
         if not self.derived:
             self._scale = self._scale.holding(self.value)
         return self._scale
 
     @property
     def stop(self) -> int:
-        """Where a slider stands; in the middle where the value is derived."""
+        """Position of the slider; the middle if the value is derived."""
         scale = self.scale
         return scale.last // 2 if self.derived else scale.stop(self.value)
 
     @property
     def choices(self) -> list[str]:
-        """What can be chosen, in words."""
+        """Labels of the choices."""
         return [text_of(c) or 'none' for c in self.param.choices or ()]
 
     @property
     def choice(self) -> int:
-        """Which of the choices it is."""
+        """Index of the current choice."""
         return 0 if self.derived else self.param.choices.index(self.value)
 
     @property
     def color(self) -> str:
-        """A colour as ``#rrggbb``."""
+        """The colour as ``#rrggbb``."""
         return to_hex(self.value or (0.0, 0.0, 0.0))
 
     @property
     def error(self) -> str:
-        """Why what was given last is not allowed; empty where it is, or was set since."""
+        """Error of the last input; empty if it was valid or the value changed since."""
         why, value = self._refused
         return why if value == self.value else ''
 
     # -- what users do --------------------------------------------------------------------------
 
     def set(self, value) -> bool:
-        """Set it."""
+        """Set the value; return False if it is invalid."""
         try:
             setattr(self.thing, self.name, value)
         except (TypeError, ValueError) as error:
@@ -97,7 +96,7 @@ class Row:
         return True
 
     def write(self, text) -> bool:
-        """Set it to what a text says."""
+        """Set the value from text."""
         return self.set(self._parsed(text.strip()))
 
     def _parsed(self, text):
@@ -106,35 +105,35 @@ class Row:
                 return tuple(float(part) for part in text.strip('()[]').split(','))
             return text if self.param.kind is str else self.param.kind(text)
         except ValueError:
-            return text  # which the setting refuses, with its own words
+            return text  # the setting raises its own error
 
     def move(self, stop) -> bool:
-        """Set it to what a stop of its slider stands for."""
-        # Where the slider stands already nothing was moved: a finer value stays what it is.
+        """Set the value at a slider stop."""
+        # A slider that was not moved keeps a value between two stops.
         if not self.derived and stop == self.stop:
             return self.set(self.value)
         return self.set(self.scale.at(stop))
 
     def choose(self, index) -> bool:
-        """Set it to one of its choices."""
+        """Set the value to a choice by index."""
         if not 0 <= index < len(self.choices):
-            return self.set(index)  # which is none of them
+            return self.set(index)  # an error
         return self.set(self.param.choices[index])
 
     def paint(self, color) -> bool:
-        """Set it to a colour."""
+        """Set the colour from ``#rrggbb``."""
         if not self.derived and color == self.color:
             return self.set(self.value)
         return self.set(from_hex(color))
 
     def derive(self, derived) -> bool:
-        """Let it be derived from the scene, or not."""
+        """Derive the value from the scene, or set the value shown."""
         if derived == self.derived:
             return True
         return self.set(None if derived else self._shown())
 
     def _shown(self):
-        """Return what a control stands at while the value is derived."""
+        """Return the value that the control shows while it is derived."""
         if self.kind == 'number':
             return self.scale.at(self.stop)
         if self.kind == 'choice':
@@ -143,12 +142,12 @@ class Row:
         return self.param.default or empty.get(self.kind, (0.0, 0.0, 0.0, 1.0))
 
     def reset(self) -> bool:
-        """Set it to its default."""
+        """Restore the default."""
         return self.set(self.param.default)
 
 
 def _kind_of(param) -> str:
-    """Return which control a setting has."""
+    """Return the kind of control of a setting."""
     if param.choices is not None:
         return 'choice'
     if param.kind is tuple:
@@ -159,7 +158,7 @@ def _kind_of(param) -> str:
 
 
 def text_of(value) -> str:
-    """Return a value as people write it."""
+    """Return a value as text for people."""
     if isinstance(value, tuple):
         return ', '.join(map(text_of, value))
     if isinstance(value, float):
@@ -173,7 +172,7 @@ def to_hex(color) -> str:
 
 
 def from_hex(text) -> tuple[float, float, float] | str:
-    """Return the colour that ``#rrggbb`` means."""
+    """Return the colour of ``#rrggbb``, or the text if it is none."""
     digits = text.removeprefix('#')
     try:
         red, green, blue = bytes.fromhex(digits)

@@ -14,7 +14,7 @@ from pvibr.bench.common.rays import Rays
 from pvibr.bench.common.timing import spent
 from pvibr.bench.shadows.errors import VTK, drawn, shown, sight, wrong_share
 from pvibr.bench.shadows.soft import EXTENTS, error, sized
-from pvibr.maths.silhouettes import edge_table, silhouettes
+from pvibr.maths.silhouettes import LitMesh, edge_table
 
 #: What is allowed over what VTK adds.
 BARS = {'camera': 0.5, 'light': 0.7}
@@ -130,7 +130,7 @@ def _outlines(settings):
     seconds = []
     for x in np.linspace(-1, 1, 7):
         start = time.perf_counter()
-        silhouettes(edges, (x, 0.3, 2.0, 1.0))
+        _ = LitMesh(edges, (x, 0.3, 2.0, 1.0)).silhouette
         seconds.append(time.perf_counter() - start)
     what = f'outline of {mesh.n_cells:,} triangles'
     yield Row(what, 1e3 * np.median(seconds), 'ms', 50)
