@@ -456,18 +456,7 @@ class Billboards(CardSet):
     # -- picking ------------------------------------------------------------------------------
 
     def pick(self, x, y) -> Hit | None:
-        """Return the nearest billboard whose image is not transparent under a pixel.
-
-        Parameters
-        ----------
-        x, y : float
-            Pixels from the lower left corner of the window.
-
-        Returns
-        -------
-        pvibr.scene.picking.Hit or None
-            ``index`` of the billboard and ``point`` on its card, world units.
-        """
+        """Return the nearest billboard whose image is not transparent under a pixel."""
         if not self._can_pick():
             return None
         renderer = self.pipeline.renderer

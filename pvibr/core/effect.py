@@ -151,7 +151,18 @@ class Effect:
         return 0.0
 
     def pick(self, x, y) -> object | None:
-        """Return what of it is under a pixel, counted from the window's lower left corner."""
+        """Return the nearest item of it under a pixel, or None.
+
+        Parameters
+        ----------
+        x, y : float
+            Pixels from the lower left corner of the window.
+
+        Returns
+        -------
+        pvibr.scene.picking.Hit or None
+            ``index`` of the item and ``point`` on it, world units.
+        """
         return None
 
     def report(self) -> dict:

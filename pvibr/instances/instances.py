@@ -468,18 +468,7 @@ class Instances(ItemSet):
         return out
 
     def pick(self, x, y):
-        """Return the nearest instance under a pixel.
-
-        Parameters
-        ----------
-        x, y : float
-            Pixels from the lower left corner of the window.
-
-        Returns
-        -------
-        pvibr.scene.picking.Hit or None
-            ``index`` of the instance and ``point`` on its mesh, world units.
-        """
+        """Return the nearest instance under a pixel."""
         if not self._can_pick():
             return None
         return nearest_hit(self.groups, self.pipeline.renderer, x, y, self.visible)

@@ -308,18 +308,7 @@ class Quadrics(CardSet):
     # -- picking ------------------------------------------------------------------------------
 
     def pick(self, x, y) -> Hit | None:
-        """Return the nearest item under a pixel.
-
-        Parameters
-        ----------
-        x, y : float
-            Pixels from the lower left corner of the window.
-
-        Returns
-        -------
-        pvibr.scene.picking.Hit or None
-            ``index`` of the item and ``point`` on its surface, world units.
-        """
+        """Return the nearest item under a pixel."""
         if not self._can_pick():
             return None
         start, direction = pixel_ray(self.pipeline.renderer, x, y)
