@@ -10,7 +10,7 @@ import pytest
 import pyvista as pv
 from hypothesis import settings
 
-from tests.instance_scenes import atlases, bean, scenes, see  # noqa: F401
+from tests.instances.scenes import atlases, bean, scenes, see  # noqa: F401
 
 pv.OFF_SCREEN = True
 # Speed is measured by the bench; a machine that is busy fails no test.

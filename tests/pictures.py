@@ -28,21 +28,30 @@ def place(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), angle=30.0, parallel=None):
     return pl
 
 
+def shown(pl):
+    """Show a plotter, and return the screenshot."""
+    pl.show(auto_close=False)
+    return shot(pl)
+
+
 def shot(pl, **how):
     """Return a screenshot of a new frame, whole numbers from 0 to 255, top row first."""
     pl.render()
     return pl.screenshot(None, return_img=True, **how).astype(int)
 
 
-def grab(pl):
-    """Return the colours of a new frame, (h, w, 3) 0 to 1, top row first."""
-    window = pl.render_window
-    window.Render()
+def read(window):
+    """Return the colours that a window holds, (h, w, 3), whole numbers to 255, top row first."""
     width, height = window.GetSize()
     pixels = _vtk.vtkUnsignedCharArray()
     window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
-    rgb = _vtk.vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
-    return rgb / 255.0
+    return _vtk.vtk_to_numpy(pixels).reshape(height, width, 3)[::-1].astype(int)
+
+
+def grab(pl):
+    """Return the colours of a new frame, (h, w, 3) 0 to 1, top row first."""
+    pl.render_window.Render()
+    return read(pl.render_window) / 255.0
 
 
 def depth_buffer(pl):

@@ -14,7 +14,9 @@ from pvibr.core.effect import Effect
 from pvibr.core.errors import ClosedError, PvibrWarning
 from pvibr.core.params import Param
 from pvibr.gl import Quad
+from pvibr.gl.offscreen import read_rgba
 from pvibr.pipeline import Pipeline
+from tests.pictures import depth_buffer
 
 SIZE = (160, 90)
 WHITE = np.array([255, 255, 255, 255], np.uint8)
@@ -109,21 +111,9 @@ def pl():
 
 
 def grab(pl):
-    """Return what one new frame holds: (height, width, 4) uint8, and depth float32."""
-    window = pl.render_window
-    window.Render()
-    reader = _vtk.vtkWindowToImageFilter()
-    reader.SetInput(window)
-    reader.SetInputBufferTypeToRGBA()
-    reader.ReadFrontBufferOff()
-    reader.ShouldRerenderOff()
-    reader.Update()
-    width, height = window.GetSize()
-    scalars = reader.GetOutput().GetPointData().GetScalars()
-    depth = _vtk.vtkFloatArray()
-    window.GetZbufferData(0, 0, width - 1, height - 1, depth)
-    color = _vtk.vtk_to_numpy(scalars).reshape(height, width, -1).copy()
-    return color, _vtk.vtk_to_numpy(depth).reshape(height, width).copy()
+    """Return what one new frame holds: (height, width, 4) uint8, and depth; row 0 below."""
+    pl.render_window.Render()
+    return read_rgba(pl.render_window), depth_buffer(pl)[::-1]
 
 
 def show(pl):

@@ -10,6 +10,7 @@ import pvibr
 from pvibr.bench.effects import depth_of_field as bench
 from pvibr.core.frame import Frame
 from pvibr.maths.image_error import psnr
+from tests.pictures import shot
 
 SIZE = (200, 160)
 
@@ -36,11 +37,6 @@ def half_plane():
         return pl
 
     return make
-
-
-def shot(pl, **kwargs):
-    pl.render_window.Render()
-    return np.asarray(pl.screenshot(return_img=True, **kwargs)).astype(int)
 
 
 def disk_edge(radius, x):

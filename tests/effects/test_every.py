@@ -12,6 +12,7 @@ from pvibr.core.errors import ClosedError
 from pvibr.effects import ORDER
 from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad
+from tests.pictures import off, shot
 
 SIZE = (96, 64)
 SMOOTH = np.dstack([*np.meshgrid(np.linspace(0, 1, 96), np.linspace(1, 0, 64)), np.ones((64, 96))])
@@ -51,15 +52,6 @@ def plotter(size=SIZE, **settings):
 @pytest.fixture
 def pl():
     return plotter()
-
-
-def shot(pl, **how):
-    pl.render()
-    return pl.screenshot(return_img=True, **how).astype(int)
-
-
-def off(one, other):
-    return np.abs(one - other).max(axis=2)
 
 
 def sample(pl, name):

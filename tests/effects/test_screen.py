@@ -7,6 +7,7 @@ import pytest
 import pyvista as pv
 
 from pvibr import Backdrop, Flash, ImageOverlay, Iris, LiveTexture, NightVision, Sky, Vignette
+from tests.pictures import shot
 
 SIZE = (120, 80)
 IMAGE = np.random.default_rng(3).integers(0, 256, (80, 120, 4), np.uint8)
@@ -24,11 +25,6 @@ def pl():
     pl.add_mesh(pv.Sphere(), color='tan')
     pl.show(auto_close=False)
     return pl
-
-
-def shot(pl, **how):
-    pl.render()
-    return pl.screenshot(return_img=True, **how).astype(float)
 
 
 def places(size=SIZE):

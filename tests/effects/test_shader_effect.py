@@ -9,6 +9,7 @@ import pyvista as pv
 import pvibr
 from pvibr import Param, ShaderEffect
 from pvibr.core.errors import PvibrWarning
+from tests.pictures import shot
 
 SIZE = (96, 64)
 
@@ -23,11 +24,6 @@ def pl():
     pl.camera_position = [(0, -3, 1), (0.2, 0, 0), (0, 0, 1)]
     pl.show(auto_close=False)
     return pl
-
-
-def shot(pl, **how):
-    pl.render()
-    return pl.screenshot(return_img=True, **how).astype(float)
 
 
 def body(text):

@@ -10,6 +10,7 @@ from pvibr import Bloom, ToneMapping
 from pvibr.core.effect import Effect
 from pvibr.gl import Quad
 from pvibr.maths.tones import CURVES, to_display, to_light, tone_map
+from tests.pictures import shot
 
 SIZE = (96, 64)
 
@@ -53,11 +54,6 @@ def pl():
     pl.add_mesh(pv.Sphere(), color='tan')
     pl.show(auto_close=False)
     return pl
-
-
-def shot(pl):
-    pl.render()
-    return pl.screenshot()
 
 
 @pytest.mark.parametrize('stops', [0.0, -2.5, 1.0])

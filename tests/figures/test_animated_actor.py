@@ -9,24 +9,20 @@ import pyvista as pv
 import pvibr
 from pvibr import Figure
 from pvibr.animation import FigureMesh, Pose, Skeleton
+from tests import pictures
 from tests.figures.makers import bend, bending, growing, worm
 
 VIEW = [(6.0, 5.0, 3.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
 
 
 def plotter(size=(160, 120), **kwargs):
-    pl = pv.Plotter(off_screen=True, window_size=size, **kwargs)
-    pl.disable_anti_aliasing()
-    pl.render_window.SetMultiSamples(0)
-    return pl
+    return pictures.plotter(size, **kwargs)
 
 
 def shot(pl, view=VIEW):
     pl.camera_position = view
     pl.camera.clipping_range = (1.0, 30.0)
-    pl.show(auto_close=False)
-    pl.render()
-    return pl.screenshot(None).astype(int)
+    return pictures.shown(pl)
 
 
 def scene(figure, pose, look, effect=None, *, as_mesh=False):

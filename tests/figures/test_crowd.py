@@ -14,7 +14,7 @@ from pvibr.figures import pose_atlas as phases
 from pvibr.figures.crowd_group import Playback
 from pvibr.figures.pose_atlas import PoseAtlas, phase_counts
 from tests.figures.makers import bending, growing, worm
-from tests.instance_scenes import grab, place
+from tests.pictures import grab, place
 
 CAMERA = {'eye': (110, 0, 0), 'focus': (0, 0, 0), 'angle': 20.0}
 NEAR = {'eye': (12, 0, 0), 'focus': (0, 0, 0), 'angle': 40.0}

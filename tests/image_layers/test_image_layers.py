@@ -9,6 +9,7 @@ from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
 
 import pvibr
 from pvibr.core import _vtk
+from tests.pictures import depth_buffer, read
 
 TORUS = pv.ParametricTorus(u_res=60, v_res=30)
 BALL = pv.Sphere(theta_resolution=60, phi_resolution=30)
@@ -84,19 +85,8 @@ class Scene:
 
 
 def grab(pl):
-    """Return the colours of one new frame, top row first."""
-    pl.ren_win.Render()
-    width, height = pl.ren_win.GetSize()
-    data = _vtk.vtkUnsignedCharArray()
-    pl.ren_win.GetPixelData(0, 0, width - 1, height - 1, 0, data, 0)
-    return _vtk.vtk_to_numpy(data).reshape(height, width, 3)[::-1].astype(int)
-
-
-def depth(pl):
-    width, height = pl.ren_win.GetSize()
-    data = _vtk.vtkFloatArray()
-    pl.ren_win.GetZbufferData(0, 0, width - 1, height - 1, data)
-    return _vtk.vtk_to_numpy(data).reshape(height, width)[::-1].astype(float)
+    pl.render_window.Render()
+    return read(pl.render_window)
 
 
 def kinds(picture):
@@ -125,7 +115,7 @@ def test_a_picture_that_was_just_taken_is_the_scene_itself(offset, parallel):
     plain, drawn = scene.pictures()
     assert np.abs(plain - drawn).max() <= 8
     assert np.abs(plain - drawn).mean() < 0.05
-    deep = [depth(pl) for pl in scene.plotters]
+    deep = [depth_buffer(pl) for pl in scene.plotters]
     assert np.abs(deep[0] - deep[1]).max() < 1e-4
     assert scene.told('state') == ['taken'] * 3
 

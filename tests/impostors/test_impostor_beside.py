@@ -9,6 +9,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.core import _vtk
+from tests.pictures import shown
 
 TORUS = pv.ParametricTorus(u_res=120, v_res=60).compute_normals()
 BALL = pv.Sphere(theta_resolution=120, phi_resolution=60)
@@ -28,19 +29,13 @@ def make(*, images, size=(240, 180), **settings):
     return pl, actors, impostor
 
 
-def picture(pl):
-    pl.show(auto_close=False)
-    pl.render()
-    return pl.screenshot(None, return_img=True).astype(int)
-
-
 def pictures(change=lambda pl, actors: None, **settings):
     """Return pictures of the meshes and of impostors, and the latter's report."""
     found = []
     for images in (False, True):
         pl, actors, impostor = make(images=images, **settings)
         change(pl, actors)
-        found.append(picture(pl))
+        found.append(shown(pl))
     return *found, impostor.report()
 
 
@@ -74,7 +69,7 @@ def test_windows_of_any_shape(size):
 
 def test_a_window_that_shrinks_to_nothing_and_comes_back():
     pl, actors, impostor = make(images=True)
-    before = picture(pl)
+    before = shown(pl)
     pl.window_size = (1, 1)
     pl.render()
     pl.renderer.SetViewport(0, 0, 0, 0)
@@ -82,7 +77,7 @@ def test_a_window_that_shrinks_to_nothing_and_comes_back():
     assert [a.visibility for a in actors] == [True, True]
     pl.renderer.SetViewport(0, 0, 1, 1)
     pl.window_size = (240, 180)
-    assert alike(before, picture(pl))
+    assert alike(before, shown(pl))
     assert impostor.enabled
 
 
@@ -96,14 +91,14 @@ def test_points_and_places_that_are_not_finite():
         actors[1].SetUserMatrix(broken)
 
     pl, actors, impostor = make(images=True)
-    picture(pl)
+    shown(pl)
     change(pl, actors)
-    picture(pl)
+    shown(pl)
     assert impostor.enabled
     assert impostor.report()['meshes'].get('bounds that are not finite')
     actors[1].SetUserMatrix(_vtk.vtkMatrix4x4())
     actors[0].mapper.dataset.copy_from(BALL)
-    assert alike(picture(pl), picture(make(images=False)[0]))
+    assert alike(shown(pl), shown(make(images=False)[0]))
     assert impostor.report()['meshes'] == {}
 
 
@@ -114,17 +109,17 @@ def test_a_group_of_one_that_is_emptied_filled_and_removed(hierarchical):
     blank = pl.add_mesh(pv.Plane(center=(0, 3, 0), direction=(0, 1, 0), i_size=9, j_size=9))
     pl.camera_position = 'xz'
     impostor = pl.ibr.add_impostor([actor], hierarchical=hierarchical, only_if_faster=False)
-    full = picture(pl)
+    full = shown(pl)
     actor.mapper.dataset.copy_from(pv.PolyData())
-    empty = picture(pl)
+    empty = shown(pl)
     assert impostor.report()['shown'] == 0
     assert impostor.report()['meshes'] == {'empty': 1}
     assert full[50, 50, 0] > full[50, 50, 2]
     assert empty[50, 50, 0] <= empty[50, 50, 2]  # what is behind
     actor.mapper.dataset.copy_from(BALL)
-    assert alike(full, picture(pl))
+    assert alike(full, shown(pl))
     pl.remove_actor(actor)
-    assert np.array_equal(picture(pl), empty)
+    assert np.array_equal(shown(pl), empty)
     assert pl.ibr.effects == ()
     assert blank.visibility
 
@@ -143,12 +138,12 @@ def test_an_actor_of_another_subplot_is_refused():
 
 def test_an_actor_that_comes_again_is_a_mesh():
     pl, actors, impostor = make(images=True)
-    before = picture(pl)
+    before = shown(pl)
     pl.remove_actor(actors[0])
-    picture(pl)
+    shown(pl)
     assert len(impostor.props) == 1
     pl.add_actor(actors[0], reset_camera=False)
-    assert alike(before, picture(pl))
+    assert alike(before, shown(pl))
     assert impostor.report()['shown'] == 1
     assert actors[0].visibility
 
@@ -156,14 +151,14 @@ def test_an_actor_that_comes_again_is_a_mesh():
 def test_closing_in_any_state():
     for act in (lambda pl, i: None, lambda pl, i: i.remove(), lambda pl, i: pl.clear()):
         pl, _, impostor = make(images=True)
-        picture(pl)
+        shown(pl)
         act(pl, impostor)
         pl.close()
 
 
 def test_a_frame_that_may_be_coarser_keeps_images_for_longer():
     pl, _, impostor = make(images=True)
-    picture(pl)
+    shown(pl)
     drawn = impostor.rendered
     pace = SimpleNamespace(quality=lambda _: 0.1)
     pl.ibr.pipeline._adaptive_quality = pace

@@ -8,6 +8,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.impostors import instance_sets as impostor_instances
+from tests.pictures import shown
 
 MESH = pv.ParametricTorus(u_res=60, v_res=30).compute_normals()
 TURN = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
@@ -41,12 +42,6 @@ def make(*, images, extra=True, **settings):
     return pl, rings, pl.ibr.add_impostor(things, **settings) if images else None
 
 
-def picture(pl):
-    pl.show(auto_close=False)
-    pl.render()
-    return pl.screenshot(None, return_img=True).astype(int)
-
-
 def alike(first, second):
     away = np.abs(first - second)
     return away.mean() < 1.5 and (away.max(-1) > 40).mean() < 0.02
@@ -59,9 +54,9 @@ def pair():
 
 def test_they_look_as_their_meshes_do(pair):
     (plain, *_), (pl, rings, impostor) = pair
-    before = picture(plain)
+    before = shown(plain)
     assert (before < 200).any(-1).mean() > 0.05
-    assert alike(before, picture(pl))
+    assert alike(before, shown(pl))
     told = impostor.report()
     assert told['meshes'] == {}
     assert 0 < told['shown'] <= 13
@@ -70,7 +65,7 @@ def test_they_look_as_their_meshes_do(pair):
     assert sum(drawn) == 0
     for plotter in (plain, pl):
         plotter.camera.azimuth = 20
-    assert alike(picture(plain), picture(pl))
+    assert alike(shown(plain), shown(pl))
 
 
 @pytest.mark.parametrize(
@@ -84,12 +79,12 @@ def test_they_look_as_their_meshes_do(pair):
 )
 def test_changes_are_seen_to(pair, change):
     (plain, other, _), (pl, rings, _) = pair
-    before = picture(pl)
-    picture(plain)
+    before = shown(pl)
+    shown(plain)
     for one in (other, rings):
         change(one)
-    after = picture(pl)
-    assert alike(picture(plain), after)
+    after = shown(pl)
+    assert alike(shown(plain), after)
     assert np.abs(before - after).mean() > 0.1
 
 
@@ -99,8 +94,8 @@ def test_single_ones_are_picked_and_other_cameras_see_them_all(pair):
     for one in (plain, pl):
         lives.append(one.ibr.add(pvibr.LiveTexture(one.camera.copy(), size=(64, 48))))
         lives[-1].camera.position = (3, 25, 12)
-        picture(one)
-        picture(one)
+        shown(one)
+        shown(one)
     assert np.array_equal(lives[0].image(), lives[1].image())
     for x, y in ((160, 120), (100, 140), (215, 90)):
         first, second = other.pick(x, y), rings.pick(x, y)
@@ -111,27 +106,27 @@ def test_single_ones_are_picked_and_other_cameras_see_them_all(pair):
 
 def test_it_goes_and_they_are_drawn_as_before(pair):
     (plain, *_), (pl, rings, impostor) = pair
-    before = picture(plain)
-    images = picture(pl)
+    before = shown(plain)
+    images = shown(pl)
     impostor.enabled = False
-    assert np.array_equal(picture(pl), before)
+    assert np.array_equal(shown(pl), before)
     impostor.enabled = True
-    assert np.array_equal(picture(pl), images)
+    assert np.array_equal(shown(pl), images)
     impostor.remove()
-    assert np.array_equal(picture(pl), before)
+    assert np.array_equal(shown(pl), before)
     pl.ibr.add(impostor)
-    assert np.array_equal(picture(pl), images)
+    assert np.array_equal(shown(pl), images)
     rings.remove()
-    picture(pl)
+    shown(pl)
     assert len(impostor.props) == 1
     assert impostor.report()['shown'] == 1
 
 
 def test_instances_that_go_take_the_impostor_along():
     pl, rings, _ = make(images=True, extra=False)
-    picture(pl)
+    shown(pl)
     pl.remove_actor(rings.actor)
-    empty = picture(pl)
+    empty = shown(pl)
     assert (empty == empty[0, 0]).all()
     assert pl.ibr.effects == ()
 
@@ -141,7 +136,7 @@ def test_thousands_are_blocks_of_several(monkeypatch):
     plain, pl = (make(images=images)[0] for images in (False, True))
     pl, _, impostor = make(images=True)
     assert len(impostor._leaves) == 1 + 3
-    assert alike(picture(plain), picture(pl))
+    assert alike(shown(plain), shown(pl))
 
 
 def test_shadows_fall_from_all_of_them(pair):
@@ -150,7 +145,7 @@ def test_shadows_fall_from_all_of_them(pair):
         pl.add_mesh(pv.Plane(center=(3, 5, -1.5), i_size=30, j_size=30), color='white')
         pl.camera_position = [(3, -22, 14), (3, 5, 0), (0, 0, 1)]
         pl.ibr.add(pvibr.Shadows())
-        found.append(picture(pl))
+        found.append(shown(pl))
     assert alike(*found)
 
 
@@ -168,4 +163,4 @@ def test_bad_input_changes_nothing():
     assert pl.ibr.effects == (rings,)
     none = pl.ibr.add_instances(MESH, np.zeros((0, 3)), progress=False)
     pl.ibr.add_impostor(none, hierarchical=True)
-    picture(pl)
+    shown(pl)

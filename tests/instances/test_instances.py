@@ -15,6 +15,7 @@ import pvibr
 from pvibr.core import _vtk
 from pvibr.gl import Texture
 from pvibr.instances.cards import CARD_SHADERS
+from tests.pictures import read
 
 SIZE = (160, 120)
 CAMERA = {'eye': (9, -7, 5), 'focus': (-1, 0, 0.2), 'angle': 30}
@@ -222,9 +223,7 @@ def test_a_plain_renderer(scenes, see, bean):
         camera.SetViewUp(0, 0, 1)
         renderer.ResetCameraClippingRange()
         window.Render()
-        pixels = _vtk.vtkUnsignedCharArray()
-        window.GetPixelData(0, 0, SIZE[0] - 1, SIZE[1] - 1, 0, pixels, 0)
-        drawn = _vtk.vtk_to_numpy(pixels).reshape(SIZE[1], SIZE[0], 3)[::-1] / 255.0
+        drawn = read(window) / 255.0
         pl, _ = beans(scenes, bean, lighting=False)
         pl.set_background('black')
         assert off(drawn, see.grab(pl)) < 0.005

@@ -7,6 +7,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
+from tests.pictures import shot
 
 SIZE = (128, 96)
 
@@ -44,11 +45,6 @@ def look_down(pl, height, side=2.0):
     pl.camera.up, pl.camera.parallel_projection = (0, 1, 0), True
     pl.camera.parallel_scale = side / 2 * SIZE[1] / SIZE[0]
     pl.camera.clipping_range = (0.5, 30)
-
-
-def shot(pl):
-    pl.render_window.Render()
-    return np.asarray(pl.screenshot(return_img=True)).astype(int)
 
 
 def worn(**settings):

@@ -7,6 +7,7 @@ from pvibr.bench.common.light_scenes import LightScene, measured_lit, place
 from pvibr.bench.common.rays import Rays, edge_band
 from pvibr.maths.views import perspective
 from pvibr.shadows.volume import safe_before, shadow_rects
+from tests.pictures import shot
 
 EYE = ((1, -7, 5), (0, 0, 0.5), (0, 0, 1))
 
@@ -55,11 +56,6 @@ def wrong_pixels(scene, window=(150, 110), near=None):
     assert counts.sum() > 500
     assert (true[counts] == 0).sum() > 5
     return int((np.abs(lit - true)[counts] > 0.5).sum()), report
-
-
-def shot(plotter):
-    plotter.render()
-    return plotter.screenshot(return_img=True)
 
 
 def sheet():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.core import _vtk
+from tests.pictures import centroid, depths, grab, place, plotter, reduce, rgba
 
 
 @pytest.fixture(scope='session')
@@ -30,54 +30,6 @@ def bean():
     return mesh
 
 
-def place(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), angle=30.0, parallel=None):
-    """Put the camera somewhere, with a half height of the view where it is parallel."""
-    camera = pl.camera
-    camera.position, camera.focal_point, camera.up = eye, focus, up
-    camera.view_angle = angle
-    if parallel is not None:
-        camera.parallel_projection = True
-        camera.parallel_scale = parallel
-    pl.renderer.ResetCameraClippingRange()
-    return pl
-
-
-def grab(pl):
-    """Return the colours of a new frame, (h, w, 3) 0 to 1, top row first."""
-    window = pl.render_window
-    window.Render()
-    width, height = window.GetSize()
-    pixels = _vtk.vtkUnsignedCharArray()
-    window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
-    rgb = _vtk.vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
-    return rgb / 255.0
-
-
-def depths(pl):
-    """Return distances along the view's axis of what was drawn last, NaN where nothing was."""
-    window = pl.render_window
-    width, height = window.GetSize()
-    values = _vtk.vtkFloatArray()
-    window.GetZbufferData(0, 0, width - 1, height - 1, values)
-    z = _vtk.vtk_to_numpy(values).reshape(height, width)[::-1].astype(float)
-    near, far = pl.camera.clipping_range
-    if pl.camera.parallel_projection:
-        away = near + z * (far - near)
-    else:
-        away = near * far / (far - z * (far - near))
-    return np.where(z < 1, away, np.nan)
-
-
-def rgba(pl):
-    """Return colours times coverage, and coverage: from a frame on black and one on white."""
-    pl.set_background('black')
-    dark = grab(pl)
-    pl.set_background('white')
-    light = grab(pl)
-    coverage = 1 - (light - dark).mean(2, keepdims=True)
-    return np.concatenate([dark, coverage], 2)
-
-
 def matrices(poses):
     """Return poses as matrices."""
     poses = np.asarray(poses, float)
@@ -86,18 +38,6 @@ def matrices(poses):
     out = np.tile(np.eye(4), (len(poses), 1, 1))
     out[:, :3, 3] = poses
     return out
-
-
-def reduce(picture, factor):
-    """Average squares of pixels."""
-    h, w = (n // factor for n in picture.shape[:2])
-    return picture.reshape(h, factor, w, factor, -1).mean((1, 3))
-
-
-def centroid(coverage):
-    """Return the middle of what is covered, in pixels: x, y."""
-    y, x = np.indices(coverage.shape)
-    return np.array([(coverage * x).sum(), (coverage * y).sum()]) / coverage.sum()
 
 
 class Scenes:
@@ -123,9 +63,7 @@ class Scenes:
 
     def empty(self, size=(120, 90)):
         """Return a plotter without anything that smooths edges."""
-        pl = pv.Plotter(window_size=size)
-        pl.disable_anti_aliasing()
-        return pl
+        return plotter(size)
 
     def pair(self, mesh, poses, *, level, size=(120, 90), camera, **looks):
         """Return RGBA of the instances and of the supersampled actors."""
