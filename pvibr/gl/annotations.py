@@ -27,7 +27,7 @@ class Annotations:
             props.AddItem(prop)
 
     def draw(self, origin, size):
-        """Draw them over what the window holds."""
+        """Draw them over the pixels of the window."""
         renderer = self.renderer
         state = renderer.GetRenderWindow().GetState()
         state.Push()

@@ -11,7 +11,7 @@ _bound: weakref.WeakKeyDictionary[Any, weakref.ref[Binder]] = weakref.WeakKeyDic
 
 
 class Binder:
-    """Keeps one set of textures bound: those of what was drawn last in their window."""
+    """Keeps one set of textures bound: that of the last draw in their window."""
 
     def __init__(self):
         self.owner, self.textures, self.units = None, {}, {}

@@ -39,7 +39,7 @@ def halves(size, times=1) -> tuple[int, int]:
 
 @contextmanager
 def filtered(texture):
-    """Have a texture, whoever made it, sampled linearly within."""
+    """Sample a texture linearly within."""
     to = texture.object
     if to.GetMagnificationFilter() == to.GetMinificationFilter() == to.Linear:
         yield

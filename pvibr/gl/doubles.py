@@ -1,4 +1,4 @@
-"""Doubles of actors that draw the same depth by a shader that does nothing else."""
+"""Doubles of actors that draw the same depth with a minimal shader."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _ASSIGNED = re.compile(r'\bgl_Position\b[.\w]*\s*[-+*/]?=(?!=)|#define vertexMC\
 
 
 class Doubles:
-    """Actors in place of others where only depth is wanted."""
+    """Actors that draw the depth of others."""
 
     def __init__(self):
         self._made: dict = {}
 
     def of(self, actor, faces='both'):
-        """Return what draws an actor's depth: its double, or itself where none draws the same."""
+        """Return the double of an actor, or the actor if no double draws the same depth."""
         data = _plain_surface(actor)
         if data is None:
             return actor
@@ -73,14 +73,14 @@ def _plain_surface(actor):
 
 
 def is_cut_out(actor) -> bool:
-    """Tell whether a texture may leave out parts: VTK draws those with holes as if opaque."""
+    """Return whether a texture may cut out parts, which VTK draws as opaque geometry."""
     textures = [actor.GetTexture(), actor.GetProperty().GetTexture('albedoTex')]
     images = [t.GetInput() for t in textures if t is not None]
     return any(i is not None and i.GetNumberOfScalarComponents() in (2, 4) for i in images)
 
 
 def _moves_vertices(actor) -> bool:
-    """Tell whether a shader text may put vertices elsewhere than VTK does."""
+    """Return whether a shader replacement may move vertices."""
     shader = actor.GetShaderProperty()
     if shader.HasVertexShaderCode():
         return True

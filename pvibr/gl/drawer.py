@@ -1,4 +1,4 @@
-"""The scene's props drawn by hand, from another view than the camera's."""
+"""Props drawn without VTK's render loop, from any view."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _BLENDS = {'multiply': (gl.FUNC_ADD, gl.ZERO, gl.SRC_COLOR), 'least': (gl.MIN, g
 
 
 class Drawer:
-    """Draws chosen props of a renderer from any view into whatever target is bound."""
+    """Draws props of a renderer from any view into the bound target."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -25,7 +25,7 @@ class Drawer:
         self._lights = -1  # when the renderer's were taken over
 
     def look(self, view, rect, *, clear=True, within=None):
-        """Take a view, and a part of the target to draw it in."""
+        """Set the view, and the rectangle of the target to draw in."""
         state = self.window.GetState()
         state.vtkglViewport(*rect)
         state.vtkglScissor(*(within or rect))
@@ -63,7 +63,7 @@ class Drawer:
         self.inner.UpdateLights()
 
     def draw_depth(self, actors, *, faces='both'):
-        """Draw the depth of the opaque actors that are visible, and nothing else for certain."""
+        """Draw the depth of visible opaque actors."""
         self.draw([self.doubles.of(actor, faces) for actor in actors])
 
     def draw(self, actors, *, translucent=False):
@@ -75,7 +75,7 @@ class Drawer:
                 actor.RenderOpaqueGeometry(self.inner)
 
     def fill(self, color):
-        """Clear colours of the part that :meth:`look` took."""
+        """Clear the colours of the rectangle of :meth:`look`."""
         state = self.window.GetState()
         state.vtkglColorMask(True, True, True, True)
         state.vtkglClearColor(*color)
@@ -83,7 +83,7 @@ class Drawer:
 
     @contextmanager
     def blending(self, mode):
-        """Have what is drawn multiply what is there, or leave the least of both."""
+        """Blend draws: multiply the target, or keep the minimum."""
         state = self.window.GetState()
         state.vtkglDepthMask(False)
         state.SetEnumState(gl.BLEND, True)
@@ -96,14 +96,14 @@ class Drawer:
         state.vtkglDepthMask(True)
 
     def done(self):
-        """Leave the view, before the renderer itself draws."""
+        """Undo what the view changed, before the renderer itself draws."""
         # A program keeps the lights as the last camera saw them until a camera is newer, and
         # subplots share programs.
         for renderer in self.window.GetRenderers():
             renderer.GetActiveCamera().Modified()
 
     def release(self):
-        """Let the window go, whose context must be alive."""
+        """Free the GPU's memory; the context must be alive."""
         self.doubles.release(self.window)
         self.inner.RemoveAllLights()
         self.inner.SetRenderWindow(None)

@@ -1,4 +1,4 @@
-"""OpenGL's numbers that VTK's state is set by, under their names without ``GL_``."""
+"""OpenGL enums for VTK's state, under their names without ``GL_``."""
 
 BLEND, CULL_FACE, DEPTH_TEST, SCISSOR_TEST, STENCIL_TEST = 0x0BE2, 0x0B44, 0x0B71, 0x0C11, 0x0B90
 DEPTH_CLAMP, PROGRAM_POINT_SIZE = 0x864F, 0x8642

@@ -97,7 +97,7 @@ class FeatureSet:
         return changed
 
     def attach(self, actors, features_of, version_of=None, before=None) -> list:
-        """Attach ``features_of(actor)`` to actors; return those of another version than before."""
+        """Attach ``features_of(actor)`` to actors; return those whose version changed."""
         before = self._attached if before is None else before
         changed = []
         for actor in actors:

@@ -1,4 +1,4 @@
-"""Programs that change every pixel by itself, drawn as one."""
+"""Pointwise programs, fused into one."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _STEPS = {
 
 
 class Pointwise(NamedTuple):
-    """A program that changes every pixel by itself."""
+    """A program whose output at a pixel depends on that pixel alone."""
 
     name: str
     text: str
@@ -46,14 +46,14 @@ class Pointwise(NamedTuple):
 
 
 class Fused:
-    """Draws such programs, one after the other, in as few passes as there can be."""
+    """Draws pointwise programs in as few passes as possible."""
 
     def __init__(self, window):
         self.window = window
         self._programs: dict[Any, Quad] = {}
 
     def draw(self, picture, points):
-        """Draw programs on a picture."""
+        """Draw programs on a picture, in order."""
         most: list[Pointwise] = []
         for point in points:
             if sum(len(p.textures) for p in [*most, point]) > _MOST_TEXTURES and most:
@@ -78,7 +78,7 @@ class Fused:
             self._program(key, points).draw_alone(uniforms, textures)
 
     def _draw_in_place(self, picture, point) -> bool:
-        """Blend with what is there, where that can be, and tell whether it could."""
+        """Blend with the picture in place; return False if that is not possible."""
         ground = picture.ground(point.blend) if point.blend else None
         if ground is None:
             return False
@@ -105,7 +105,7 @@ class Fused:
 
 
 def _cut(picture, box):
-    """Draw nothing outside a box, within a target's drawing."""
+    """Clip to a box."""
     left, bottom = (max(b, 0) for b in box[:2])
     right, top = (min(b, n) for b, n in zip(box[2:], picture.size, strict=True))
     state = picture.window.GetState()
@@ -114,7 +114,7 @@ def _cut(picture, box):
 
 
 def fuse(points) -> str:
-    """Return the text of one program that does what several do one after the other."""
+    """Return the source of one program equal to several in order."""
     texts, steps = [], []
     for k, point in enumerate(points):
         text = _COLOR.sub('', _COMMENT.sub('', point.text))

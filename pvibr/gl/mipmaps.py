@@ -1,4 +1,4 @@
-"""A texture with all its smaller levels, uploaded or copied from what was drawn."""
+"""A texture with mip levels, uploaded or copied from a target."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pvibr.gl.texture import Texture
 
 
 class MipTexture(Texture):
-    """A texture of 8 bits that is sampled smoothly however small it is seen."""
+    """An 8-bit texture with mip levels."""
 
     def __init__(self, window, *, repeat=False):
         super().__init__(window, filter='linear')
@@ -26,7 +26,7 @@ class MipTexture(Texture):
         self._levels: list = []
 
     def upload(self, array) -> MipTexture:
-        """Put an array on the GPU, and its levels."""
+        """Upload an array and generate its levels."""
         height, width, channels = array.shape
         self._forget_levels()
         image = _vtk.vtkImageData()
@@ -42,14 +42,14 @@ class MipTexture(Texture):
         return self
 
     def take(self, source, *, turned=False):
-        """Copy what was drawn, scaled to this size, and make the levels of it."""
+        """Copy a target, scaled to this size, and generate the levels."""
         self._levels = self._levels or self._made_levels()
         copy(source, self._levels[0], turned=turned)
         for large, small in zip(self._levels, self._levels[1:], strict=False):
             copy(large, small)
 
     def put_level(self, k, array):
-        """Put an array in the place of a smaller level."""
+        """Replace a smaller level by an array."""
         self._levels = self._levels or self._made_levels()
         height, width = array.shape[:2]
         texture = Texture(self.window).upload(array)
@@ -93,7 +93,7 @@ class _Level:
 
 
 def copy(source: Target | _Level, target: Target | _Level, *, turned=False):
-    """Copy colours; of a larger picture as many pixels are mixed as make a texel."""
+    """Copy colours; pixels of a larger picture are averaged."""
     state = source.window.GetState()
     state.Push()
     state.PushFramebufferBindings()

@@ -1,4 +1,4 @@
-"""Windows without a screen, and what actors show in a view of one."""
+"""Off-screen windows, and actors rasterized in one."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def hidden_window(width=64, height=64):
 
 
 def rasterize(actors, view, size, formats=('rgba8',), *, samples=1, blend=False) -> list:
-    """Return arrays of what actors show in a view, bottom row first, in a window of their own.
+    """Draw actors in a view off screen; return an array per format, bottom row first.
 
-    Each side has `samples` times as many pixels as `size`, or fewer where the driver has a limit.
+    Each side has `samples` times as many pixels as `size`, or fewer at the limit of the driver.
     """
     with hidden_window() as (window, renderer):
         while max(size) * samples > texture_limit(window) and samples > 1:

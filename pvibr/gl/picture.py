@@ -1,4 +1,4 @@
-"""The pixels of one subplot: taken off the window, changed by effects, put back."""
+"""The pixels of one subplot: read from the window, changed by effects, written back."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Picture:
         self._fused = fused
         self._pending: list[Pointwise] = []
         self._ends = False
-        #: Whether no effect comes after the one that draws now.
+        #: Whether the last effect is drawing.
         self.last = False
 
     @property
@@ -44,7 +44,7 @@ class Picture:
         return sum(t.nbytes for t in [*self._targets, self._source])
 
     def take(self, framebuffer=None):
-        """Take colours and depth off a framebuffer; several samples become one."""
+        """Copy colours and depth from a framebuffer; samples are resolved."""
         self._drawn, self._pending, self._ends = None, [], False
         framebuffer = framebuffer or self.window.GetRenderFramebuffer()
         # Two blits: where the driver refuses one of depth, colours come all the same.
@@ -52,7 +52,7 @@ class Picture:
             self._blit(framebuffer, self._source.object, bits, self._place(), (0, 0, *self.size))
 
     def apply(self, point):
-        """Change every pixel by itself; programs that follow each other are drawn as one."""
+        """Apply a pointwise program; consecutive programs are fused."""
         self._pending.append(point)
         self._ends = self.last
 
@@ -63,7 +63,7 @@ class Picture:
 
     @contextmanager
     def drawing(self):
-        """Draw the new picture; it becomes `color` afterwards, unless an error ends it."""
+        """Draw the new picture; it becomes `color` unless an error is raised."""
         self._draw_pending()
         free = [t for t in self._targets if t is not self._drawn]
         if not free:
@@ -76,7 +76,7 @@ class Picture:
 
     @contextmanager
     def drawing_over(self):
-        """Draw onto the picture so far, which is not to be read meanwhile."""
+        """Draw onto the picture so far, which must not be sampled meanwhile."""
         self._draw_pending()
         with self.ground('over').drawing():
             yield self
@@ -92,7 +92,7 @@ class Picture:
         return found
 
     def present(self):
-        """Put the picture into the window; nothing where it has it already."""
+        """Copy the picture to the window if it changed."""
         self._draw_pending()
         window = self.window.GetRenderFramebuffer()
         place, whole = self._place(), (0, 0, *self.size)

@@ -32,13 +32,13 @@ _MOST_LINES = 8  # of a driver's log in a message
 
 
 def shader_source(module_file, stem=None) -> str:
-    """Return the text of the shader that lies beside a module."""
+    """Return the source of the shader beside a module."""
     path = Path(module_file)
     return path.with_name(f'{stem or path.stem}.glsl').read_text(encoding='utf-8')
 
 
 def _log(fragment):
-    """Return what the driver says of a text, compiled alone since VTK keeps no log of failures."""
+    """Return the driver's log of a fragment shader, compiled alone since VTK keeps none."""
     outputs = sorted(set(re.findall(r'gl_FragData\[(\d+)\]', fragment)))
     head = ''.join(f'out vec4 fragOutput{n};\n' for n in outputs)
     text = re.sub(r'gl_FragData\[(\d+)\]', r'fragOutput\1', fragment)
@@ -52,7 +52,7 @@ def _log(fragment):
 
 
 class Quad:
-    """A fragment shader drawn over the whole of whatever target is bound."""
+    """A fragment shader drawn over the whole bound target."""
 
     def __init__(self, window, fragment, name='quad', geometry=''):
         self.window, self.name = window, name
@@ -83,7 +83,7 @@ class Quad:
             self._state.Pop()
 
     def draw_alone(self, uniforms, textures, blend=None):
-        """Draw, and leave the states that it needs behind: the caller puts them back."""
+        """Draw without restoring GL state: the caller does."""
         state = self._state
         for flag in (gl.DEPTH_TEST, gl.CULL_FACE, gl.STENCIL_TEST):
             state.SetEnumState(flag, False)

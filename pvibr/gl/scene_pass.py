@@ -1,4 +1,4 @@
-"""What a renderer draws its scene into: the window's pixels, or floats; surfaces beside."""
+"""The framebuffer of a renderer's scene: the window's, or one of floats; with surfaces."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DEPTH_FORMATS = {0x81A5: 'Fixed16', 0x81A6: 'Fixed24', 0x81A7: 'Fixed32', 0x8CA
 
 
 class ScenePass:
-    """Where one frame's scene goes: asked for before VTK draws it, taken back afterwards."""
+    """The framebuffer of one frame's scene, set before VTK draws and reset afterwards."""
 
     def __init__(self, window):
         self.window = window
@@ -29,7 +29,7 @@ class ScenePass:
 
     @property
     def framebuffer(self):
-        """What has the colours and the depth of the frame."""
+        """The framebuffer with colours and depth of the frame."""
         if self.needs_hdr and self._floats is not None:
             return self._floats.object
         return self.window.GetRenderFramebuffer()
@@ -54,7 +54,7 @@ class ScenePass:
             self._floats.object.ActivateDrawBuffer(0)
 
     def attach_surfaces(self, frame) -> Texture:
-        """Have opaque props write a second colour, until the last of them is drawn."""
+        """Attach a second colour for opaque props, detached after the last of them."""
         if self._surfaces is None or self._surfaces.size != _extent(frame):
             if self._surfaces is not None:
                 self._surfaces.release()
@@ -70,7 +70,7 @@ class ScenePass:
         return self._surfaces
 
     def _clear(self, framebuffer, frame):
-        """Clear what a renderer does not, that draws over another's pixels."""
+        """Clear what a renderer with a preserved colour buffer does not."""
         state = self.window.GetState()
         state.Push()
         framebuffer.DeactivateDrawBuffers()
@@ -93,7 +93,7 @@ class ScenePass:
             framebuffer.RemoveColorAttachment(1)
 
     def end(self):
-        """Leave the frame, which VTK has drawn; bindings are what they were before."""
+        """Restore the bindings after VTK has drawn."""
         self._detach()
         if self.needs_hdr:
             self.window.GetState().PopFramebufferBindings()
@@ -144,7 +144,7 @@ def hidden_name(name) -> str:
 
 
 def is_marker(prop) -> bool:
-    """Tell whether a prop of a renderer is no part of its scene: what calls back, and marks."""
+    """Return whether a prop is no part of the scene: callbacks and markers."""
     return prop.GetObjectName().startswith(_MARK)
 
 

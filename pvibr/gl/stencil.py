@@ -1,4 +1,4 @@
-"""A target that counts surfaces, and keeps where the count is not zero."""
+"""A stencil target that counts surfaces, and masks of non-zero counts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _DARK = 'void main() { gl_FragData[0] = vec4(min(uv.x, 0.0)); }\n'
 
 
 class StencilTarget:
-    """Depth, a stencil of 8 bits and masks, four to a texture, that are made of counts."""
+    """Depth, an 8-bit stencil, and masks of its counts, four per texture."""
 
     def __init__(self, window, width, height, masks):
         self.window, self.masks = window, masks
@@ -41,7 +41,7 @@ class StencilTarget:
 
     @contextmanager
     def drawing(self):
-        """Draw depth, after all masks are set to 1; GL's state comes back afterwards."""
+        """Draw depth with all masks set to 1; GL state is restored."""
         state = self.window.GetState()
         for target in self._targets:
             with target.drawing(clear=(1.0, 1.0, 1.0, 1.0)):
@@ -61,7 +61,7 @@ class StencilTarget:
 
     @contextmanager
     def counting(self, mask):
-        """Count what is drawn within, then darken a mask where the count is not zero."""
+        """Count draws within, then darken a mask where the count is not zero."""
         state = self.window.GetState()
         with self._targets[mask // 4].drawing():
             state.vtkglStencilMask(0xFF)
@@ -86,7 +86,7 @@ class StencilTarget:
         self._dark.helper.Render()
 
     def count(self, *, behind):
-        """Say which surfaces count from now on: those turned to the eye as 1, others as -1."""
+        """Count front faces as 1 and back faces as -1, on depth pass or behind."""
         state = self.window.GetState()
         state.SetEnumState(gl.DEPTH_CLAMP, behind)
         for face, change in (

@@ -1,4 +1,4 @@
-"""A texture on the GPU that knows its array."""
+"""Textures on the GPU."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Texture:
         return self
 
     def allocate(self, width, height, format='rgba8') -> Texture:
-        """Make an empty texture to draw into."""
+        """Allocate an empty texture to draw into."""
         if format == 'depth32f':
             made = self.object.AllocateDepth(width, height, self.object.Float32)
         else:
@@ -101,11 +101,11 @@ class Texture:
 
     @property
     def is_float(self) -> bool:
-        """Whether it holds floats, which may be above 1 or no numbers."""
+        """Whether it holds floats, which may be above 1 or NaN."""
         return self.object.GetVTKDataType() == _vtk.VTK_FLOAT
 
     def compare(self) -> Texture:
-        """Have a depth texture compared by the sampler, filtered: a ``sampler2DShadow``."""
+        """Let the sampler compare and filter: a ``sampler2DShadow``."""
         to = self.object
         to.SetDepthTextureCompare(True)
         to.SetDepthTextureCompareFunction(to.Lequal)
@@ -120,7 +120,7 @@ class Texture:
         return self.object.GetTextureUnit()
 
     def deactivate(self):
-        """Give the unit back."""
+        """Release the texture unit."""
         self.object.Deactivate()
 
     def download(self) -> np.ndarray:

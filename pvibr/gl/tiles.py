@@ -1,4 +1,4 @@
-"""Programs drawn only where there is something to draw."""
+"""Programs drawn only over tiles that need them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _TEXTS = sections(shader_source(__file__))
 
 
 class Tiles:
-    """Which tiles of a target programs are drawn over, told by another texture."""
+    """The tiles of a target over which programs are drawn, chosen by a texture."""
 
     def __init__(self, window):
         self.window = window

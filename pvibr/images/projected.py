@@ -1,4 +1,4 @@
-"""Pictures that are projected: files, arrays, textures, films."""
+"""Images from files, arrays, textures, films and live textures."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Pictures:
         return number % len(self) if loop else min(max(number, 0), len(self) - 1)
 
     def read(self, k) -> np.ndarray:
-        """Return a picture; decoded only where it is not the one that was read last."""
+        """Return a picture; the last one is cached."""
         if self._last[0] != k:
             self._last = (k, self._decoded(k))
         picture = self._last[1]
@@ -55,7 +55,7 @@ class Pictures:
         return picture
 
     def weighted(self, k, alpha=True) -> np.ndarray:
-        """Return a picture whose alpha says how much each pixel counts."""
+        """Return a picture with the weight of each pixel as alpha."""
         picture = self.read(k)
         if alpha and self.mask is None:
             return picture
@@ -86,14 +86,14 @@ class Pictures:
         self._frames = [None] * int(count)
 
     def close(self):
-        """Close the film; it is opened again when it is needed."""
+        """Close the film; it is reopened on demand."""
         if self._reader is not None:
             self._reader.close()
             self._reader = None
 
 
 class LivePictures:
-    """What a live texture shows, where pictures are taken."""
+    """A live texture as pictures."""
 
     def __init__(self, live, mask=None):
         if mask is not None:
@@ -102,18 +102,18 @@ class LivePictures:
         self.live, self.size = live, live.size
 
     def at(self, time, fps=None, loop=True) -> int:
-        """Return 0: it is one picture, which changes by itself."""
+        """Return 0: it is one picture that changes."""
         return 0
 
     def weighted(self, k, alpha=True) -> np.ndarray:
-        """Return what it shows now."""
+        """Return its current picture."""
         picture = self.live.image()
         if not alpha:
             picture[..., 3] = 255
         return picture
 
     def close(self):
-        """Do nothing: the live texture goes on."""
+        """Do nothing: the live texture is not owned."""
 
 
 class Shown:
@@ -133,7 +133,7 @@ class Shown:
 
     @property
     def missing(self) -> str:
-        """Why it cannot be shown now; nothing where it can."""
+        """Why it cannot be shown now, else empty."""
         if self.live is None or self.live.shown is not None:
             return ''
         return 'its live texture is in no subplot, or not drawn yet: add it'
@@ -144,7 +144,7 @@ class Shown:
         return self._texture.nbytes if self._texture else 0
 
     def texture(self, window, time=0.0, fps=None, loop=True) -> Texture:
-        """Return the texture of a time; uploaded where it is another picture than before."""
+        """Return the texture of a time, uploaded if the picture changed."""
         if self.live is not None:
             return self.live.shown
         k = self.pictures.at(time, fps, loop)
@@ -172,7 +172,7 @@ class Shown:
 
 
 def is_live(image) -> bool:
-    """Tell whether an image is a live texture, which has its own on the GPU."""
+    """Return whether an image is a live texture."""
     return hasattr(type(image), 'shown') and hasattr(image, 'size')
 
 

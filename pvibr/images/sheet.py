@@ -1,4 +1,4 @@
-"""Images packed into one texture, with smaller levels in which cut-outs keep what they cover."""
+"""Texture atlases whose mip levels preserve alpha coverage."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Sheet:
             self.levels.append(np.rint(level).astype(np.uint8))
 
     def _kept(self, full, k, cut):
-        """Return a level whose images have as many texels above the cut as in the largest."""
+        """Return a level with the alpha coverage of the largest."""
         out = full.copy()
         for rect in self.rects.astype(int):
             here, there = _window(rect, 0), _window(rect, k)
@@ -63,7 +63,7 @@ class Sheet:
         return sum(level.nbytes for level in self.levels)
 
     def upload(self, window) -> tuple[MipTexture, int]:
-        """Put the levels on the GPU."""
+        """Upload the levels."""
         limit = texture_limit(window)
         fits = [k for k, level in enumerate(self.levels) if max(level.shape[:2]) <= limit]
         if not fits:
@@ -87,7 +87,7 @@ def _step(sizes) -> int:
 
 
 def shelves(sizes, limit):
-    """Place boxes in rows, the tallest first."""
+    """Pack boxes in shelves, the tallest first."""
     wanted = int(np.ceil(np.sqrt(sizes.prod(1).sum())))
     width = min(max(wanted, int(sizes[:, 0].max())), limit)
     corners = np.zeros((len(sizes), 2), int)
@@ -110,7 +110,7 @@ def shelves(sizes, limit):
 
 
 def _between(a):
-    """Return what a filter reads between texels: twice as many along each side."""
+    """Return linearly filtered values between texels, twice as many per side."""
     for axis in (0, 1):
         wide = np.concatenate([np.take(a, [0], axis), a, np.take(a, [-1], axis)], axis)
         count = a.shape[axis]

@@ -24,7 +24,7 @@ _NEAREST = 1e-3
 
 
 def view_of(camera, bounds, resolution) -> View | None:
-    """Return the view of a calibrated camera, deep enough for the whole scene."""
+    """Return the view of a calibrated camera with planes around all bounds, None if behind it."""
     matrix = camera.view_from_world
     away = -(corners(bounds) @ matrix[2, :3] + matrix[2, 3])
     if not away.size:
@@ -49,14 +49,14 @@ def view_of(camera, bounds, resolution) -> View | None:
 
 
 def depth_maps(views, surfaces, resolution) -> list:
-    """Return what some views see of meshes, drawn in a hidden window."""
+    """Return the depth of meshes in views, drawn off screen."""
     with depth_scene(surfaces) as scene:
         return [scene.depth(view, resolution) for view in views]
 
 
 @contextmanager
 def depth_scene(surfaces):
-    """Yield meshes in a hidden window, to draw their depth in views."""
+    """Yield meshes in a hidden window, whose depth can be drawn."""
     with hidden_window() as (_, renderer):
         scene = _Scene(renderer, surfaces)
         try:
@@ -66,7 +66,7 @@ def depth_scene(surfaces):
 
 
 class _Scene:
-    """Meshes in a hidden window, around the origin so that no place is too far for floats."""
+    """Meshes in a hidden window, centred on the origin for float precision."""
 
     def __init__(self, renderer, surfaces):
         self.renderer = renderer
@@ -80,7 +80,7 @@ class _Scene:
         self._map = None
 
     def depth(self, view, resolution):
-        """Return what a view in world units sees, (n, n)."""
+        """Return the depth in a view in world units, (n, n)."""
         if self._map is None:
             self._map = DepthView(self.drawer, 1, resolution)
         shift = np.eye(4)

@@ -1,4 +1,4 @@
-"""What pictures show of points and cells, as data."""
+"""Colours of images at points and cells, as data."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def solved_gains(slides, settings, meshes, casters) -> np.ndarray:
 
 
 class _Look:
-    """What one picture shows of points or cells: cover, cosine, width of a pixel, colours."""
+    """One image at points or cells: coverage, cosine, pixel size, colours."""
 
     def __init__(self, slide, settings, samples, surfaces, time, side):
         camera, points = slide.camera(), samples.points

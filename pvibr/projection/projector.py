@@ -1,4 +1,4 @@
-"""Pictures thrown onto surfaces from calibrated cameras, which know what they cannot see."""
+"""Photographs projected on surfaces from calibrated cameras, with occlusion."""
 
 from __future__ import annotations
 
@@ -155,58 +155,58 @@ class Projector(Effect):
 
     # -- the life of an effect ----------------------------------------------------------------
 
-    #: Tells its names in shaders from those of other projectors.
+    #: Distinguishes its names in shaders from those of other projectors.
     number = 0
 
     def attach(self, pipeline):
-        """Take a place in a pipeline."""
+        """Add it to a pipeline."""
         taken = {e.number for e in pipeline.effects if isinstance(e, Projector)}
         self.number = next(n for n in range(len(taken) + 1) if n not in taken)
         super().attach(pipeline)
 
     @property
     def lives(self) -> list:
-        """The live textures among its pictures."""
+        """The live textures among its images."""
         return [slide.live for slide in self._slides if slide.live is not None]
 
     @property
     def cameras(self) -> tuple:
-        """The camera of each picture, as it was given."""
+        """The camera of each image, as given."""
         return tuple(slide.given for slide in self._slides)
 
     def set_camera(self, camera, view=0):
-        """Show a picture from another camera.
+        """Set the camera of an image.
 
         Parameters
         ----------
         camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
             See :func:`pvibr.maths.cameras.as_camera`.
         view : int, optional
-            Which picture's.
+            Index of the image.
 
         Raises
         ------
         IndexError
-            Where there is no such picture.
+            If there is no such image.
         ValueError
-            Where it is no camera, or for another size of picture; then nothing is changed.
+            If it is no camera, or for another image size; nothing is changed.
         """
         slide = self._slides[view]
         as_camera(camera, slide.pictures.size)
         slide.given = camera
 
     def size_of(self, view=0) -> tuple[int, int]:
-        """Return width and height of a picture.
+        """Return width and height of an image.
 
         Parameters
         ----------
         view : int, optional
-            Which picture's.
+            Index of the image.
         """
         return self._slides[view].pictures.size
 
     def needed(self, frame) -> bool | str:
-        """Tell whether anything of the pictures is to be seen."""
+        """Return True if any image is visible."""
         if self.opacity == 0 and self.outside_brightness == 1:
             return 'opacity is 0'
         if any(live.shown is None for live in self.lives):
@@ -214,7 +214,7 @@ class Projector(Effect):
         return True
 
     def prepare(self, frame):
-        """Draw depth where it is stale, show the pictures of this time, tell the receivers."""
+        """Redraw stale depth maps, upload the current images, and bind them for receivers."""
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
             self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
         things = [t for t in self.pipeline.things if t.enabled]
@@ -288,7 +288,7 @@ class Projector(Effect):
         return uniforms
 
     def finish(self, frame):
-        """Give the texture units back."""
+        """Release the texture units."""
         for slide in self._slides:
             for texture in slide.textures().values():
                 texture.deactivate()
@@ -296,11 +296,11 @@ class Projector(Effect):
         self._attached.leave_shared()
 
     def deactivate(self):
-        """Take the shader text off all receivers."""
+        """Detach the shader text from all receivers."""
         self._attached.clear()
 
     def detach(self):
-        """Leave the pipeline."""
+        """Remove it from the pipeline."""
         self.deactivate()
         super().detach()
 
@@ -314,7 +314,7 @@ class Projector(Effect):
         self._drawer = None
 
     def report(self) -> dict:
-        """Return bytes, pictures, depth views drawn so far, and how much pictures are reduced."""
+        """Return bytes, images, depth maps drawn so far, and the reduction of large images."""
         return {
             'bytes': sum(s.nbytes for s in self._slides),
             'pictures': len(self._slides),
@@ -326,7 +326,7 @@ class Projector(Effect):
     # -- exposure -----------------------------------------------------------------------------
 
     def _gains(self, casters) -> np.ndarray:
-        """Return the gains of each picture, (v, 3), solved anew where what is seen changed."""
+        """Return the gains of each picture, (v, 3), solved again when the view changed."""
         if self.gains == 'none' or len(self._slides) == 1:
             return np.ones((len(self._slides), 3))
         key = (casters.key(), [s.camera() for s in self._slides])
@@ -341,36 +341,36 @@ class Projector(Effect):
     # -- as data ------------------------------------------------------------------------------
 
     def bake(self, mesh, to='points', *, size=2048, casters=(), time=0.0):
-        """Return a mesh with the pictures on it as data, by the same rules.
+        """Return a mesh with the projected colours as data.
 
         Parameters
         ----------
         mesh : pyvista.DataSet
-            World units; it hides parts of itself.
+            World units; it occludes itself.
         to : {'points', 'cells', 'texture'}
-            Where the colours are put. A texture needs texture coordinates; of a mesh without them
-            they are made by xatlas (``pip install pvibr[uv]``).
+            Location of the colours. A texture needs texture coordinates; without them, xatlas
+            generates them (``pip install pvibr[uv]``).
         size : int or tuple of 2 int, optional
             Width and height of the texture in pixels.
         casters : sequence of pyvista.DataSet or actors, optional
-            What else may hide it.
+            Other occluders.
         time : float, optional
             Seconds, for sequences.
 
         Returns
         -------
         pyvista.DataSet
-            A copy with the arrays ``'projected'`` (n, 4) uint8, transparent where no picture
-            shows, ``'covered'`` (n,) bool and ``'views'`` (n,) int, how many pictures show each.
+            A copy with the arrays ``'projected'`` (n, 4) uint8, transparent outside the images,
+            ``'covered'`` (n,) bool and ``'views'`` (n,) int, the number of images that see it.
         numpy.ndarray, shape (h, w, 4), uint8
             The texture, row 0 at the top; only for ``to='texture'``, whose mesh has no arrays.
 
         Raises
         ------
         ValueError
-            Where `to` is another.
+            If `to` is invalid.
         ImportError
-            Where xatlas is needed and not there.
+            If xatlas is needed and not installed.
 
         Examples
         --------
@@ -403,7 +403,7 @@ class Projector(Effect):
         return found
 
     def bake_into(self, scene):
-        """Hand its pictures to a scene without pvibr."""
+        """Add its images to a scene without pvibr."""
 
         def draped(samples, surfaces, side):
             side = 0 if self.max_angle > 90 else side
@@ -437,7 +437,7 @@ def _checked_slides(image, camera, mask) -> list[tuple]:
 
 
 def _size(bounds) -> float:
-    """Return a length that the scene is measured in, so that no unit is too large for floats."""
+    """Return the diagonal of the scene, the unit of lengths in shaders."""
     if not len(bounds):
         return 1.0
     low, high = bounds[:, ::2].min(0), bounds[:, 1::2].max(0)

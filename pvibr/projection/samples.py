@@ -1,4 +1,4 @@
-"""Places on the surface of a mesh that tell about its points or cells."""
+"""Samples on the surface of a mesh that stand for its points or cells."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _INWARD = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Places on the faces of a mesh that tell about its points or cells."""
+    """Samples on the faces of a mesh that stand for its points or cells."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -49,7 +49,7 @@ class Samples:
 
     @classmethod
     def at(cls, points, normals, corner=None, area=None) -> Samples:
-        """Return samples that tell about themselves."""
+        """Return samples that stand for themselves."""
         n = len(points)
         corner = np.zeros((n, 3), int) if corner is None else corner
         return cls(points, normals, np.arange(n), n, corner, np.zeros(n) if area is None else area)
@@ -61,7 +61,7 @@ class Samples:
         return np.where(self.normals.any(1), cosine, 1.0)
 
     def turned(self, toward) -> np.ndarray:
-        """Return normals on the side of some directions, (m, 3); those where there is none."""
+        """Return normals flipped to the side of directions, (m, 3)."""
         back = np.einsum('ij,ij->i', self.normals, toward) < 0
         normals = np.where(back[:, None], -self.normals, self.normals)
         return np.where(self.normals.any(axis=1, keepdims=True), normals, toward)
@@ -119,7 +119,7 @@ def surface_of(thing) -> pv.PolyData:
 
 
 def with_points(surface, points):
-    """Return a surface with other points and no data; the given one stays as it is."""
+    """Return a copy of a surface with other points and no data."""
     found = surface.copy(deep=False)
     found.clear_data()
     found.SetPoints(pv.vtk_points(points))  # setting `points` would write into the given one's
@@ -127,7 +127,7 @@ def with_points(surface, points):
 
 
 def bounds_of(surfaces) -> np.ndarray:
-    """Return the bounds of those that are not empty, (n, 6)."""
+    """Return the bounds of non-empty surfaces, (n, 6)."""
     return np.array([s.bounds for s in surfaces if s.n_points], float).reshape(-1, 6)
 
 

@@ -1,4 +1,4 @@
-"""The outline of a mesh as lines: data, without a picture."""
+"""Silhouettes of meshes as lines."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ _PIECE = 4.0  # texels that are visible or hidden as one
 def silhouette_lines(
     mesh, camera, *, casters=(), hidden=False, size=None, resolution=4096
 ) -> pv.PolyData:
-    """Return the silhouette of a mesh and its open borders as lines in world space.
+    """Return the silhouette and the boundary edges of a mesh as lines in world space.
 
     Parameters
     ----------
     mesh : pyvista.DataSet or actor
-        World units; of volumes the surface counts.
+        World units; the surface of volumes.
     camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
         See :func:`pvibr.maths.cameras.as_camera`.
     casters : sequence of pyvista.DataSet or actors, optional
-        What else may hide it.
+        Other occluders.
     hidden : bool, optional
-        Whether lines are kept that are hidden or outside of the picture.
+        Whether to keep lines that are occluded or outside the image.
     size : tuple of 2 int, optional
-        Width and height of the picture in pixels, where the camera does not know; by default that
-        of PyVista's windows.
+        Width and height of the image in pixels, if the camera has none; by default PyVista's
+        window size.
     resolution : int, optional
-        Texels along a side of the depth view that tells what is hidden.
+        Texels along a side of the depth map for occlusion.
 
     Returns
     -------
     pyvista.PolyData
-        Polylines in float64: edges between triangles that face the camera and triangles that do
-        not, whole or the parts of them that are seen.
+        Polylines in float64: edges between front-facing and back-facing triangles, whole or their
+        visible parts.
 
     Raises
     ------
     TypeError
-        Where something is no mesh.
+        If an argument is no mesh.
     ValueError
-        Where the camera is none.
+        If the camera is invalid.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def _away(view, ends, inner):
 
 
 def _seen(view, ends, away, surfaces, resolution):
-    """Return the parts of edges that nothing hides, as edges."""
+    """Return the visible parts of edges, as edges."""
     (depth,) = depth_maps([view], surfaces, resolution)
     side = len(depth)
     places, w = _texels(view, ends)

@@ -1,4 +1,4 @@
-"""A picture and its calibrated camera, with what they need on the GPU."""
+"""An image and its calibrated camera, with texture and depth map."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SIDES = (2048, 4096)
 
 
 class Slide:
-    """A picture and its camera, with what they need on the GPU."""
+    """An image and its camera, with texture and depth map."""
 
     def __init__(self, image, camera, mask=None):
         self.live: Any = image if is_live(image) else None
@@ -126,7 +126,7 @@ class Slide:
         return [plane, self.view.texture_from_world() @ world_from_view]
 
     def numbers(self, view_from_world, size, gain) -> list:
-        """Return what the shader's NUMBER is."""
+        """Return the numbers of NUMBER in projector.glsl."""
         camera = self.camera()
         if isinstance(camera, Orthographic):
             lens, radius, uv = np.zeros(8), 0.0, np.eye(2, 3)
@@ -143,7 +143,7 @@ class Slide:
 
 
 def _plane_from_world(camera, size):
-    """Return what takes world space to x, y and depth on the plane, times w."""
+    """Return the matrix from world space to x, y and depth on the image plane, times w."""
     if isinstance(camera, Orthographic):
         view = camera.view_from_world
         matrix = np.zeros((4, 4))
@@ -172,7 +172,7 @@ def _density(camera, size) -> float:
 
 
 def _reduced(picture, factor):
-    """Return a picture with boxes of pixels averaged; what is left over is cropped by padding."""
+    """Return a picture reduced by averaging boxes of pixels."""
     if factor == 1:
         return picture
     high, wide = picture.shape[:2]

@@ -1,4 +1,4 @@
-"""Meshes laid out flat: texture coordinates, and the place on the mesh of each texel."""
+"""Texture coordinates of meshes, and the surface point of each texel."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ def unwrapped(mesh) -> pv.PolyData:
 
 @dataclass(frozen=True, eq=False)
 class TexelImage:
-    """Where the texels of :func:`texels_of` are in the texture."""
+    """The texels of :func:`texels_of` in the texture."""
 
     inside: np.ndarray
 
     def filled(self, colors, covered) -> np.ndarray:
-        """Return the texture; texels beside the mesh's parts take the nearest colour."""
+        """Return the texture; texels around charts take the nearest colour."""
         image = np.zeros((*self.inside.shape, 4), np.uint8)
         image[self.inside] = colors
         known = self.inside.copy()
@@ -65,7 +65,7 @@ class TexelImage:
 
 
 def texels_of(mesh, size) -> tuple[Samples, TexelImage]:
-    """Return the places on a mesh that the texels of its texture stand for."""
+    """Return the surface points of the texels of a texture."""
     width, height = np.broadcast_to(np.asarray(size), 2).tolist()
     if not (int(width) == width > 0 and int(height) == height > 0):
         msg = f'size is {size!r}; it must be whole numbers of pixels above 0.'
@@ -94,7 +94,7 @@ def texels_of(mesh, size) -> tuple[Samples, TexelImage]:
 
 
 def _barycentric(corners, at):
-    """Return how much of each corner a place is made, (n, 3); inside, whatever the rounding."""
+    """Return barycentric coordinates, (n, 3), clipped to the triangle."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     p = at - corners[:, 0]
     det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

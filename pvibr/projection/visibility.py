@@ -1,4 +1,4 @@
-"""What a camera sees of a mesh and what light reaches it, as data: no plotter is needed."""
+"""Visibility from a camera and light on a mesh, as data: no plotter is needed."""
 
 from __future__ import annotations
 
@@ -24,35 +24,35 @@ _SUN = 0.53
 
 
 def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=4096, two_sided=None):
-    """Tell what of a mesh a camera sees.
+    """Return which points or cells of a mesh a camera sees.
 
     Parameters
     ----------
     mesh : pyvista.DataSet
-        World units; of volumes the surface counts.
+        World units; the surface of volumes.
     camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
         See :func:`pvibr.maths.cameras.as_camera`.
     casters : sequence of pyvista.DataSet or actors, optional
-        What else may hide it.
+        Other occluders.
     to : {'points', 'cells'}
-        What is told about. A point is seen if a face at it is.
+        Result per point or per cell. A point is visible if an adjacent face is.
     size : tuple of 2 int, optional
-        Width and height of the picture in pixels, where the camera does not know; by default that
-        of PyVista's windows.
+        Width and height of the image in pixels, if the camera has none; by default PyVista's
+        window size.
     resolution : int, optional
-        Texels along a side of the depth view.
+        Texels along a side of the depth map.
     two_sided : bool, optional
-        Whether faces are seen from behind, too; by default where the mesh is not closed.
+        Whether back faces are visible; by default if the mesh is not closed.
 
     Returns
     -------
     numpy.ndarray, shape (n,), bool
-        False outside of the picture, behind the camera, turned away and hidden.
+        False outside the image, behind the camera, on back faces and where occluded.
 
     Raises
     ------
     ValueError
-        Where an argument is not as above.
+        If an argument is invalid.
 
     Examples
     --------
@@ -96,38 +96,38 @@ def shadow_mask(
     extent=None,
     two_sided=None,
 ):
-    """Return how much of a light reaches a mesh.
+    """Return the lit fraction of a mesh.
 
     Parameters
     ----------
     mesh : pyvista.DataSet
         World units; it shadows itself.
     light : pyvista.Light
-        Directional, or positional; outside the cone of a spot there is no light.
+        Directional or positional; nothing is lit outside the cone of a spot.
     casters : sequence of pyvista.DataSet or actors, optional
-        What else throws shadows.
+        Other casters.
     to : {'points', 'cells'}
-        What is told about.
+        Result per point or per cell.
     resolution : int, optional
-        Texels along a side of a depth view.
+        Texels along a side of a depth map.
     samples : int, optional
-        Places on the light from which it is looked; more than 1 gives soft shadows.
+        Samples on the light; more than 1 gives soft shadows.
     extent : float, optional
-        How large the light is, for more than one sample: apparent diameter of a directional light
-        in degrees, by default the sun's 0.53; radius of a positional one in world units.
+        Size of the light for more than one sample: angular diameter of a directional light in
+        degrees, by default 0.53 as the sun; radius of a positional light in world units.
     two_sided : bool, optional
-        Whether faces are lit from behind, too. By default they are not: closed meshes are lit
-        from outside, others on the side that is turned to the light on the whole.
+        Whether back faces are lit. By default they are not: closed meshes are lit from outside,
+        others on the side that mostly faces the light.
 
     Returns
     -------
     numpy.ndarray, shape (n,), float64
-        Lit fraction, 0 to 1; 0 where the surface is turned away.
+        Lit fraction, 0 to 1; 0 on faces turned away.
 
     Raises
     ------
     ValueError
-        Where an argument is not as above, the light has no direction, or is a headlight.
+        If an argument is invalid, or the light has no direction or is a headlight.
 
     Examples
     --------
@@ -150,12 +150,12 @@ def shadow_mask(
 
 
 def shadowed_area(mesh, lit) -> float:
-    """Return the area of a mesh that light does not reach.
+    """Return the shadowed area of a mesh.
 
     Parameters
     ----------
     mesh : pyvista.DataSet
-        What :func:`shadow_mask` was asked about.
+        The mesh of :func:`shadow_mask`.
     lit : array_like, shape (n,)
         Lit fraction per point or cell.
 
@@ -167,7 +167,7 @@ def shadowed_area(mesh, lit) -> float:
     Raises
     ------
     ValueError
-        Where there are neither as many numbers as points nor as cells.
+        If `lit` has neither a value per point nor per cell.
 
     Examples
     --------
@@ -212,7 +212,7 @@ def _scene_light(light):
 
 
 def _spread(found, samples, extent):
-    """Yield lights without extent that stand for one that has it."""
+    """Yield point-like lights that sample an extended one."""
     if samples == 1:
         yield found
         return
@@ -231,7 +231,7 @@ def _spread(found, samples, extent):
 
 
 def _lit_side(light, samples) -> int:
-    """Return which side of a sheet is turned to a light on the whole, 1 or -1."""
+    """Return the side of an open mesh that mostly faces a light, 1 or -1."""
     toward = toward_light(_scene_light(light), samples.points)
     return 1 if (np.einsum('ij,ij->i', samples.normals, toward) @ samples.area) >= 0 else -1
 
@@ -244,13 +244,13 @@ def toward_light(light, points) -> np.ndarray:
 
 
 def _views(scene, light, resolution) -> list:
-    """Return what a light without extent sees: views and their depth."""
+    """Return the views of a point-like light, and their depth."""
     views = light_views(light, scene.bounds, Frame.of(scene.renderer), resolution, 1)
     return [(view, scene.depth(view, resolution)) for view in views]
 
 
 def _lit(light, views, samples, sides):
-    """Return how much of a light without extent reaches each sample."""
+    """Return the visibility of a point-like light from each sample."""
     toward = toward_light(light, samples.points)
     reached = samples.facing(toward, sides) > 0
     if light.kind == 'spot':

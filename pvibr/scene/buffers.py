@@ -1,4 +1,4 @@
-"""What a frame offers beside its colours: depth, normals, and which object is where."""
+"""Buffers of a frame beside colour: depth, normals, object ids."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Geometry(NamedTuple):
 
 
 class _Numbers:
-    """Numbers on actors, which their programs write beside their colours."""
+    """Object ids, which programs of actors write as a second colour."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -64,7 +64,7 @@ class _Numbers:
         self._numbered: list = []
 
     def put(self, numbers):
-        """Give actors numbers, pairs of both, until `clear`."""
+        """Set ids of actors, pairs of both, until `clear`."""
         lights = [light.GetSwitch() for light in self.renderer.GetLights()]
         before = []
 
@@ -91,7 +91,7 @@ class _Numbers:
         self._numbered += [actor for actor, _ in numbers]
 
     def clear(self):
-        """Take the numbers away: VTK's own passes have second colours of their own."""
+        """Reset the ids: VTK's own passes have second colours of their own."""
         set_fragment_uniforms(self._numbered, {'ibr_id': 0.0})
         self._numbered = []
 
@@ -107,7 +107,7 @@ def _data_time(mapper):
 
 
 def _is_lit(actor, lights) -> bool:
-    """Tell whether VTK has a normal in every program that draws an actor."""
+    """Return whether all programs of an actor have a normal."""
     prop, data = actor.GetProperty(), actor.GetMapper().GetInput()
     if not prop.GetLighting() or not lights:
         return False
@@ -121,7 +121,7 @@ def _is_lit(actor, lights) -> bool:
 
 
 class Drawn:
-    """Geometry of chosen actors, drawn for itself."""
+    """Geometry of chosen actors, in a pass of its own."""
 
     def __init__(self, renderer):
         self._numbers = _Numbers(renderer)
@@ -135,7 +135,7 @@ class Drawn:
         return self._target.nbytes if self._target else 0
 
     def draw(self, frame, things=(), choice=None) -> Geometry:
-        """Draw what a frame shows."""
+        """Draw a frame."""
         self._surfaces.update(things)
         actors, chosen = self._surfaces.chosen(choice, things)
         seen = replace(frame, casting=True, own=False)
@@ -175,7 +175,7 @@ class Drawn:
 
 
 class _Shared:
-    """Geometry that the scene's own drawing writes, where nothing is in the way."""
+    """Geometry written in the scene's own pass, if nothing prevents it."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -185,7 +185,7 @@ class _Shared:
         self._numbered: list = []
 
     def attach(self, frame, scene, things):
-        """Have the scene's drawing write it."""
+        """Attach it to the scene's pass."""
         self._texture = None
         self._surfaces.update(things)
         actors, things = self._surfaces.chosen(None, things)
@@ -203,7 +203,7 @@ class _Shared:
         self._texture = scene.attach_surfaces(frame)
 
     def _is_free(self, scene, actors, things) -> bool:
-        """Tell whether whatever draws before the last opaque prop writes both colours or one."""
+        """Return whether every opaque draw writes either both colours or one."""
         renderer = self.renderer
         busy = (
             renderer.GetPass() is not None,
@@ -222,11 +222,11 @@ class _Shared:
                 yield address(prop) not in actors and address(prop) not in known
 
     def detach(self):
-        """Take the numbers off: the scene is drawn."""
+        """Reset the ids after the scene is drawn."""
         self._numbers.clear()
 
     def geometry(self, frame, picture) -> Geometry | None:
-        """Return what was written, None where something was in the way."""
+        """Return the geometry, None if something prevented it."""
         if self._texture is None:
             return None
         return Geometry(self._texture, picture.depth, self._numbered, frame.origin)
@@ -258,12 +258,12 @@ class Buffers:
         return list(self._geometry.numbered) if self._geometry else []
 
     def attach(self, frame, scene, things):
-        """Have normals and numbers written while the scene is drawn, where that can be."""
+        """Write normals and ids in the scene's pass, if possible."""
         self._shared = self._shared or _Shared(self.renderer)
         self._shared.attach(frame, scene, things)
 
     def detach(self):
-        """Leave the actors as they were: the frame is drawn."""
+        """Reset the actors after the frame is drawn."""
         if self._shared is not None:
             self._shared.detach()
 
@@ -316,7 +316,7 @@ class Buffers:
 
 
 def _normals(texels):
-    """Return the normals in texels of `Geometry.surface`, 0 where there is none."""
+    """Return the normals in texels of `Geometry.surface`, 0 without surface."""
     x, y = texels[..., 0], texels[..., 1]
     z = np.copysign(np.sqrt(np.maximum(1 - x * x - y * y, 0)), texels[..., 2])
     normal = np.stack([x, y, z], -1)
@@ -337,7 +337,7 @@ class Tap(Effect):
 
     @property
     def surfaces(self) -> bool:
-        """Whether it reads what surfaces write."""
+        """Whether it reads normals or ids."""
         return self.buffer in ('normal', 'id')
 
     def render(self, frame, picture):

@@ -1,4 +1,4 @@
-"""What is in a renderer: the props that light falls on, and those that throw shadows."""
+"""The surfaces of a renderer, and those that cast shadows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
 
 
 class Surfaces:
-    """The actors of a renderer that are surfaces, listed anew only when props come or go."""
+    """The actors of a renderer that are surfaces, cached until props change."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -31,7 +31,7 @@ class Surfaces:
         self._free: dict = {}
 
     def update(self, things):
-        """Look again, where props came or went."""
+        """Refresh the list if props were added or removed."""
         content_key = self.renderer.GetViewProps().GetMTime(), *map(id, things)
         if content_key != self._content_key:
             self._content_key = content_key
@@ -45,7 +45,7 @@ class Surfaces:
             self._free = {k: a for k, a in self._all.items() if k not in owned}
 
     def chosen(self, choice, things=()) -> tuple[dict, list]:
-        """Return the actors that are no thing's, and the things, that are chosen."""
+        """Return the chosen actors that belong to no thing, and the chosen things."""
         if choice is None:
             return self._free, list(things)
         if not callable(choice):
@@ -108,7 +108,7 @@ vec3 ibr_kept(vec3 n)
 
 
 def is_smooth(actor) -> bool:
-    """Tell whether an actor draws facets with normals that vary over them."""
+    """Return whether an actor has interpolated normals."""
     data = actor.GetMapper().GetInput()
     has_points = data is not None and data.IsA('vtkDataSet')
     if not has_points or data.GetPointData().GetNormals() is None:
@@ -118,7 +118,7 @@ def is_smooth(actor) -> bool:
 
 
 def _tells_bulge(actor, point_data) -> bool:
-    """Tell whether normals are shorter within facets than at their corners for one reason only."""
+    """Return whether normals have unit length at points and equal scale in all directions."""
     matrix = actor.GetMatrix()
     axes = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
     square = axes.T @ axes
@@ -130,7 +130,7 @@ def _tells_bulge(actor, point_data) -> bool:
 
 
 def surface_features(actor) -> list[Feature]:
-    """Return what tells shaders where an actor's surface is, if that is not on its triangles."""
+    """Return the features that locate a surface which is not on its triangles."""
     features = {SPHERES: draws_spheres(actor), SMOOTH: is_smooth(actor)}
     return [feature for feature, wanted in features.items() if wanted]
 
@@ -146,7 +146,7 @@ def set_surface_uniforms(actor, *, casts=True):
 
 
 def is_thin(actor) -> bool:
-    """Tell whether an actor draws points or lines, as wide as its material says in pixels."""
+    """Return whether an actor draws points or lines, with a width in pixels."""
     if actor.GetMapper().IsA('vtkPointGaussianMapper'):
         return False  # its points are as large as the world says
     if actor.GetProperty().GetRepresentation() != _SURFACE:
@@ -160,14 +160,14 @@ def is_thin(actor) -> bool:
 
 
 def draws_spheres(actor) -> bool:
-    """Tell whether an actor draws points as spheres, and nothing else."""
+    """Return whether an actor draws points as spheres, and nothing else."""
     prop = actor.GetProperty()
     return bool(prop.GetRenderPointsAsSpheres() or prop.GetRenderLinesAsTubes()) and is_thin(actor)
 
 
 @contextmanager
 def sized(actors, frame, seen, bulge):
-    """Draw points and lines as large as they are in the camera's picture."""
+    """Scale points and lines to their size in the camera's view."""
     kept = []
     for actor in actors:
         if is_thin(actor):
@@ -198,20 +198,20 @@ def _set_bulge(actor, bulge):
 
 
 def depths_of(thing) -> list:
-    """Return the actors that draw the depth of what a thing shows."""
+    """Return the actors that draw the depth of a thing."""
     return thing.depths()
 
 
 @dataclass
 class Casters:
-    """What is drawn in a view from somewhere else."""
+    """Actors and things drawn in views from elsewhere."""
 
     actors: list = field(default_factory=list)
     things: list = field(default_factory=list)
     frame: Any = None
 
     def key(self, *, again=False) -> tuple:
-        """Return what changes whenever anything drawn does."""
+        """Return a key that changes with anything drawn."""
         if again:
             vars(self).pop('_key', None)
         return self._key
@@ -222,7 +222,7 @@ class Casters:
         return actors, tuple((id(t), t.content_key()) for t in self.things)
 
     def inherit(self, before):
-        """Take over what is known of the casters of another frame, where nothing changed."""
+        """Reuse cached properties of an earlier frame if nothing changed."""
         if before is not None and before.key() == self.key():
             vars(self)['thin'] = before.thin
             if not before.thin:
@@ -234,11 +234,11 @@ class Casters:
         return {address(a) for a in self.actors if is_thin(a)}
 
     def translucent(self) -> list:
-        """Return the actors that light shines through."""
+        """Return the translucent actors."""
         return [a for a in self.actors if a.HasTranslucentPolygonalGeometry()]
 
     def bounds(self) -> np.ndarray:
-        """Return the world bounds of each, shape (n, 6); of what has none, nothing."""
+        """Return the world bounds of all that have any, shape (n, 6)."""
         reach = [t.cast_bounds for t in self.things]
         things = np.array(reach, float).reshape(-1, 6)
         boxes = np.concatenate([self.boxes, things])
@@ -253,7 +253,7 @@ class Casters:
         return found + np.outer(widths, [-1.0, 1.0] * 3)
 
     def _width(self, actor) -> float:
-        """Return how far an actor may reach out of its bounds, world units."""
+        """Return how far an actor may extend beyond its bounds, world units."""
         mapper = actor.GetMapper()
         if mapper.IsA('vtkPointGaussianMapper'):
             return 3 * mapper.GetScaleFactor()
@@ -265,7 +265,7 @@ class Casters:
         return float(2.0 ** np.ceil(np.log2(width)))  # in steps: the camera moves all the time
 
     def seen(self, view) -> Casters:
-        """Return what may be in a view."""
+        """Return the casters that may be in a view."""
         inside = may_see(view, self.boxes)
         actors = [a for a, i in zip(self.actors, inside, strict=True) if i]
         return Casters(actors, self.things, self.frame)

@@ -1,4 +1,4 @@
-"""Depth seen from elsewhere than the camera: what shadows, projectors and queries share."""
+"""Depth maps: depth in views of lights, projectors and queries."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _VEIL = Feature(
 
 
 class DepthView:
-    """Depth textures of one or more views, side by side in one, drawn again only when stale."""
+    """Depth of one or more views in one texture, redrawn only when stale."""
 
     def __init__(self, drawer, views, resolution, *, compare=False, veiled=False):
         self.drawer = drawer
@@ -64,12 +64,12 @@ class DepthView:
 
     @property
     def tint(self):
-        """What translucent casters leave of the light, red, green, blue; where veiled."""
+        """Transmittance of translucent casters, RGB; if veiled."""
         return self.veils[0].colors[0]
 
     @property
     def veil(self):
-        """The depth of the nearest translucent caster; where veiled."""
+        """Depth of the nearest translucent caster; if veiled."""
         return self.veils[1].colors[0]
 
     def corner(self, k) -> tuple[int, int]:

@@ -26,7 +26,7 @@ _TILE_EDGE = 4.0  # texels around a view, for filters that reach over its edge
 
 @dataclass(frozen=True)
 class SceneLight:
-    """A light of a renderer."""
+    """A light of a renderer, in world space."""
 
     number: int
     kind: str
@@ -36,11 +36,11 @@ class SceneLight:
 
     @property
     def positional(self) -> bool:
-        """Whether it has a place, and is not infinitely far away."""
+        """Whether it is a spot or point light."""
         return self.kind in ('spot', 'point')
 
     def homogeneous(self) -> np.ndarray:
-        """Return its place, (4,): with 1, or the direction toward it, with 0."""
+        """Return its position with w = 1, or the direction toward it with w = 0, (4,)."""
         if self.positional:
             return np.array([*self.position, 1.0])
         return np.array([*(-np.array(self.direction)), 0.0])
@@ -72,7 +72,7 @@ def _scene_light(number, light) -> SceneLight:
 def light_views(
     light, bounds, frame, resolution, cascades, *, least=1, square=False
 ) -> list[View]:
-    """Return the views from a light that hold all casters; the first holds the most."""
+    """Return views from a light that contain all casters; the first is the widest."""
     if light.kind == 'directional':
         return _cascades(light, bounds, frame, resolution, (least, cascades), square)
     aim, tangent = _aim(light, bounds)
@@ -87,7 +87,7 @@ def light_views(
 
 
 def _aim(light, bounds):
-    """Return where a positional light looks, and the tangent of half the angle that holds all."""
+    """Return the axis of a positional light and the tangent of half its angle."""
     points = corners(bounds).reshape(-1, 3)
     middle = (points.min(0) + points.max(0)) / 2
     ways = points - np.array(light.position)
@@ -105,7 +105,7 @@ def _aim(light, bounds):
 
 
 def _reach(light, bounds):
-    """Return the distances between which a positional light has casters."""
+    """Return the nearest and farthest distance of casters from a positional light."""
     away = np.linalg.norm(corners(bounds) - np.array(light.position), axis=-1)
     far = max(float(away.max()), np.finfo(float).tiny) * 1.001
     # What is 60 degrees from the axis is half as far along it.

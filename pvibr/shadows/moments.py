@@ -1,4 +1,4 @@
-"""Depth views as blurred moments of depth, which can be filtered as colours are."""
+"""Blurred moments of depth maps, which can be filtered linearly."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Moments:
         return self.target.nbytes + self._half.nbytes
 
     def update(self, k, sigma):
-        """Blur the depth of a view that was drawn."""
+        """Blur the depth of a view."""
         side = self.view.resolution // 2
         x, y = self.view.corner(k)
         view = self.view.views[k]

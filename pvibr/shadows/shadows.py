@@ -33,24 +33,24 @@ _MATERIAL = 6  # texture units that are left to materials
 
 
 class Shadows(Effect):
-    """Shadows of the scene's lights, on everything that they light.
+    """Cast shadows from the lights of the scene on everything that they light.
 
     Parameters
     ----------
     casts : callable or sequence, optional
-        Which actors and things of pvibr throw shadows: those in it, or those for which it returns
-        true; by default all that are visible.
+        Actors and things of pvibr that cast shadows, or a function that returns True for them; by
+        default all that are visible.
     receives : callable or sequence, optional
-        Which show shadows; by default all that are lit.
+        The same for receivers of shadows; by default all that are lit.
     **settings
         Values of the settings.
 
     Notes
     -----
-    Shadow maps (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978): each light
-    sees the scene's depth, drawn again only when light, casters or fit changed. A light's share
-    of diffuse and specular light is scaled where VTK computes it, so that several lights, any
-    material and any other pass go together. Headlights cast none: the camera does not see them.
+    Shadow maps (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978): depth in
+    the view of each light, redrawn only when the light, the casters or the fit changed. Diffuse
+    and specular light are scaled per light where VTK computes them, so shadows combine with
+    several lights, any material and any other pass. Headlights cast no visible shadows.
 
     Examples
     --------
@@ -178,14 +178,14 @@ class Shadows(Effect):
     # -- the life of an effect ----------------------------------------------------------------
 
     def needed(self, frame) -> bool | str:
-        """Tell whether any light casts shadows."""
+        """Return True if any light casts shadows."""
         self._seen = tuple(lights_of(frame.renderer))
         if any(light.kind != 'headlight' for light in self._seen):
             return True
         return 'no light casts shadows: headlights cast none, add a scene light'
 
     def prepare(self, frame):
-        """Draw the lights' depth where it is stale, and hand it to what receives."""
+        """Redraw stale shadow maps, and bind them for receivers."""
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
             self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
         self._surfaces.update(self._things())
@@ -207,7 +207,7 @@ class Shadows(Effect):
         return casting[: self._most]
 
     def _count(self, frame, casters):
-        """Have the lights' masks drawn by volumes, where that is the method."""
+        """Draw shadow volumes if that is the method."""
         if self.method == 'volume':
             self._volumes = self._volumes or ShadowVolumes(self._drawer)
             actors, things = self._surfaces.chosen(None, self._things())
@@ -218,7 +218,7 @@ class Shadows(Effect):
             self._volumes = None
 
     def _match_lights(self):
-        """Keep what was drawn for a light as long as the light is there."""
+        """Keep the maps of lights that are still on."""
         casting = [] if self.method == 'volume' else self._casting()
         settings = self.revision
         old = {maps.light.number: maps for maps in self._lights if maps.settings == settings}
@@ -234,7 +234,7 @@ class Shadows(Effect):
             self._lights.append(maps)
 
     def views_of(self, light) -> list:
-        """Return what a light sees, as its shadows in the last frame had it.
+        """Return the views of a light's shadow maps in the last frame.
 
         Parameters
         ----------
@@ -244,7 +244,7 @@ class Shadows(Effect):
         Returns
         -------
         list of pvibr.maths.views.View
-            The first holds all casters; none where it casts no shadow, or needs no views for it.
+            The first contains all casters; empty if it casts no shadow or has no maps.
         """
         if self.pipeline is None or not self.enabled:
             return []
@@ -306,7 +306,7 @@ class Shadows(Effect):
         return uniforms
 
     def finish(self, frame):
-        """Give the texture units back."""
+        """Release the texture units."""
         for maps in self._lights:
             for texture in maps.textures().values():
                 texture.deactivate()
@@ -316,18 +316,18 @@ class Shadows(Effect):
         self._attached.leave_shared()
 
     def deactivate(self):
-        """Take the shader text off all receivers."""
+        """Detach the shader text from all receivers."""
         self._attached.clear()
 
     def attach(self, pipeline):
-        """Take a place in a pipeline that has no shadows yet."""
+        """Add it to a pipeline that has no shadows yet."""
         if any(isinstance(effect, Shadows) for effect in pipeline.effects):
             msg = 'Shadows are in this subplot already: change their settings, or remove them'
             raise ValueError(msg)
         super().attach(pipeline)
 
     def detach(self):
-        """Leave the pipeline."""
+        """Remove it from the pipeline."""
         self.deactivate()
         super().detach()
 
@@ -342,7 +342,7 @@ class Shadows(Effect):
         self._lights, self._drawer, self._volumes, self._last = [], None, None, None
 
     def bake_into(self, scene):
-        """Hand shadows to a scene without pvibr."""
+        """Add shadows to a scene without pvibr."""
         scene.shadow(self.casts, self.receives, self._extent if self.method == 'pcss' else None)
 
     def _extent(self, light, reach):
@@ -350,7 +350,7 @@ class Shadows(Effect):
         return (self.radius or reach / 50) if light.positional else self.angle
 
     def _without(self) -> list[str]:
-        """Return what casts no shadow, by kind."""
+        """Return the kinds of what casts no shadow."""
         volumes = self.pipeline.renderer.GetVolumes() if self.pipeline else ()
         heads = [s.kind for s in self._seen if s.kind == 'headlight']
         beyond = len(self._seen) - len(heads) - len(self._casting())

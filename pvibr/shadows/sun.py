@@ -1,4 +1,4 @@
-"""Where the sun stands at a time and place, by PyEphem (the extra ``sun``)."""
+"""Position of the sun by PyEphem (the extra ``sun``)."""
 
 from __future__ import annotations
 
@@ -11,12 +11,7 @@ from pvibr.core.errors import require
 
 
 def sun_position(time, latitude, longitude):
-    """Return where the sun stands in the sky.
-
-    Examples -------- >>> from datetime import datetime, timezone >>> from pvibr.shadows.sun import
-    sun_position >>> azimuth, altitude = sun_position(datetime(2026, 6, 21, 12,
-    tzinfo=timezone.utc), 51.48, 0) >>> round(azimuth), round(altitude) (179, 62)
-    """
+    """Return azimuth and altitude of the sun in degrees; `time` needs a time zone."""
     _check_time(time)
     _check_degrees('latitude', latitude, -90, 90)
     _check_degrees('longitude', longitude, -180, 360)
@@ -31,12 +26,7 @@ def sun_position(time, latitude, longitude):
 
 
 def sun_direction(time, latitude, longitude, *, north=(0, 1, 0), up=(0, 0, 1)):
-    """Return the direction toward the sun.
-
-    Examples -------- >>> from datetime import datetime, timezone >>> from pvibr.shadows.sun import
-    sun_direction >>> sun_direction(datetime(2026, 3, 20, 12, tzinfo=timezone.utc), 0,
-    0).round(1).tolist() [0.0, 0.0, 1.0]
-    """
+    """Return the unit vector toward the sun, (3,), in world space."""
     east, north, up = _axes(north, up)
     azimuth, altitude = np.radians(sun_position(time, latitude, longitude))
     level = np.sin(azimuth) * east + np.cos(azimuth) * north

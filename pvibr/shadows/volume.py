@@ -1,4 +1,4 @@
-"""Shadows to the pixel: volumes of shadow counted in a stencil buffer."""
+"""Shadow volumes counted in a stencil buffer: shadows exact to the pixel."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MARGIN = 1e-6
 
 
 class ShadowVolumes:
-    """The masks of what lights reach, one per light, for the picture of one frame."""
+    """Masks of lit pixels in one frame, one per light."""
 
     def __init__(self, drawer):
         self.drawer, self.window = drawer, drawer.window
@@ -45,7 +45,7 @@ class ShadowVolumes:
         return volumes + (self.target.nbytes if self.target else 0)
 
     def update(self, frame, lights, casters, shown):
-        """Draw the masks anew, unless nothing changed."""
+        """Redraw the masks if anything changed."""
         key = self._content_key(frame, lights, casters, shown)
         if key == self._key:
             return
@@ -75,7 +75,7 @@ class ShadowVolumes:
     # -- what casts -----------------------------------------------------------------------------
 
     def _meshes(self, casters) -> list[tuple]:
-        """Return (actor, table of edges, world from model) of what throws shadows."""
+        """Return (actor, table of edges, world from model) of each caster."""
         old, self._tables = self._tables, {}  # what is gone is forgotten
         shapes = {key[1:]: table for key, table in old.items()}
         found = []
@@ -155,12 +155,12 @@ class ShadowVolumes:
         }
 
     def finish(self):
-        """Give the texture units back."""
+        """Release the texture units."""
         for texture in self.target.textures if self.target else ():
             texture.deactivate()
 
     def report(self) -> dict:
-        """Return volumes by how they were counted, and how many casters have none."""
+        """Return the number of volumes by counting method, and of casters without volume."""
         return self.counts | {
             'masks drawn': self.drawn,
             'outlines found': self.silhouettes,
@@ -178,7 +178,7 @@ class ShadowVolumes:
 
 
 def receiver_text(lights) -> tuple[dict[str, str], str]:
-    """Return what a receiver's shader needs."""
+    """Return samplers and source of the shader of receivers."""
     parts = sections(shader_source(__file__))
     text = parts['declare']
     for k, (number, positional) in enumerate(lights):
@@ -196,7 +196,7 @@ def receiver_text(lights) -> tuple[dict[str, str], str]:
 
 
 class _Volume:
-    """The shadow of one caster in one light, in the caster's own space."""
+    """The shadow volume of one caster and light, in model space."""
 
     def __init__(self):
         self.sides, self.caps = _Part(_feature(False)), _Part(_feature(True))
@@ -211,7 +211,7 @@ class _Volume:
         return self.sides.nbytes + self.caps.nbytes
 
     def update(self, edges, world, place, *, caps) -> bool:
-        """Find the outline where it is another one; tell whether it was."""
+        """Update the silhouette; return whether it changed."""
         light = np.linalg.inv(world) @ place
         light[3] = place[3]
         mirrored = np.linalg.det(world[:3, :3]) < 0
@@ -238,7 +238,7 @@ class _Volume:
         self._filled = caps
 
     def actors(self, view, height, *, caps) -> list:
-        """Return what to draw, ready for a view."""
+        """Return the actors to draw in a view."""
         clip, slack = _clip_from_caster(view, self._world, self._edges, height)
         parts = [p for p in (self.sides, self.caps)[: 1 + caps] if p.filled]
         for part in parts:
@@ -271,7 +271,7 @@ class _Part:
         return self.nbytes > 0
 
     def fill(self, vertices, triangles):
-        """Take homogeneous vertices, those at infinity last, and triangles."""
+        """Set homogeneous vertices, those at infinity last, and triangles."""
         points, polys = _vtk.vtkPoints(), _vtk.vtkCellArray()
         floats, cells = np.float32(vertices[:, :3]), np.int32(triangles)
         points.SetData(_vtk.numpy_to_vtk(floats, deep=True))
@@ -327,7 +327,7 @@ def _source(actor):
 
 
 def _is_part(actor) -> bool:
-    """Tell whether a part alone of an actor's polygons is drawn, which has another outline."""
+    """Return whether only a part of an actor's polygons is drawn."""
     mapper = actor.GetMapper()
     planes = mapper.GetClippingPlanes()
     if is_cut_out(actor) or (planes is not None and planes.GetNumberOfItems()):
@@ -337,7 +337,7 @@ def _is_part(actor) -> bool:
 
 
 def _table(data, matrix, like=None):
-    """Return the table of a mesh, by that of the same triangles between other points."""
+    """Return the edge table of a mesh, from that of the same triangles if only points moved."""
     if like is not None and matrix is None:
         moved = moved_table(like, _vtk.vtk_to_numpy(data.GetPoints().GetData()))
         if moved is not None:
@@ -349,7 +349,7 @@ def _table(data, matrix, like=None):
 
 
 def _triangles(data):
-    """Return points (n, 3) and triangles (m, 3) as VTK's mappers cut polygons: into fans."""
+    """Return points (n, 3) and triangles (m, 3); polygons are fans, as in VTK's mappers."""
     if not data.IsA('vtkPolyData'):
         composite = data.IsA('vtkCompositeDataSet')
         surface = _vtk.vtkCompositeDataGeometryFilter() if composite else _vtk.vtkGeometryFilter()
@@ -372,7 +372,7 @@ def _strip(size):
 
 
 def _cut(cells, pattern):
-    """Yield the triangles of all cells of one size, for each size that there is."""
+    """Yield the triangles of all cells of each size."""
     if cells is None or not cells.GetNumberOfCells():
         return
     ids = _vtk.vtk_to_numpy(cells.GetConnectivityArray())
@@ -393,7 +393,7 @@ def _world_from_model(actor) -> np.ndarray:
 
 
 def _is_whole(actor) -> bool:
-    """Tell whether the picture shows all of an actor, so that it is before none of its inside."""
+    """Return whether an actor is drawn without culling and clipping."""
     prop, planes = actor.GetProperty(), actor.GetMapper().GetClippingPlanes()
     cut = planes is not None and planes.GetNumberOfItems() > 0
     return not (cut or prop.GetBackfaceCulling() or prop.GetFrontfaceCulling())
@@ -403,7 +403,7 @@ def _is_whole(actor) -> bool:
 
 
 def _view(frame, bounds) -> View:
-    """Return the frame's view, near and far as close to what is shown as they may be."""
+    """Return the frame's view with near and far planes fitted to bounds."""
     near, far = frame.near, frame.far
     clip = frame.clip_from_view.copy()
     parallel = bool(clip[3, 3])
@@ -424,7 +424,7 @@ def _depth_row(near, far, parallel):
 
 
 def _clip_from_caster(view, world, edges, height):
-    """Return clip space from a caster's points, and what rounding moves: pixels, depth."""
+    """Return clip from model space, and the rounding error in pixels and depth."""
     axes = view.view_from_world[:3, :3]
     local = np.eye(4)
     local[:3, :3] = axes @ world[:3, :3]
@@ -438,7 +438,7 @@ def _clip_from_caster(view, world, edges, height):
 
 
 def shadow_rects(view, light, bounds, scene, size) -> np.ndarray:
-    """Return the pixels in which boxes may throw their shadow on a scene."""
+    """Return the rectangles of pixels where boxes may cast shadows."""
     near = corners(bounds) - view.eye
     place = light[:3] - light[3] * view.eye
     away = light[3] * near - place
@@ -467,7 +467,7 @@ def shadow_rects(view, light, bounds, scene, size) -> np.ndarray:
 
 
 def safe_before(view, light, bounds) -> np.ndarray:
-    """Tell which boxes hide the light from nothing of the near plane."""
+    """Return which boxes cannot shadow the near plane."""
     axes = view.view_from_world[:3, :3]
     square = np.array([(-1, -1, -1, 1), (1, -1, -1, 1), (1, 1, -1, 1), (-1, 1, -1, 1)])
     near = square @ np.linalg.inv(view.clip_from_view).T
