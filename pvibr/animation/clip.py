@@ -9,6 +9,7 @@ import numpy as np
 
 from pvibr.animation.pose import Pose
 from pvibr.maths import quaternions
+from pvibr.maths.keyframes import checked_keys
 
 #: Components of a value by property; weights have any number.
 WIDTHS = {'translation': 3, 'rotation': 4, 'scale': 3, 'weights': None}
@@ -57,9 +58,8 @@ class Track:
         if self.node < 0:
             msg = f'node is {self.node}; it must be 0 or more.'
             raise ValueError(msg)
-        times = np.asarray(self.times, dtype=np.float64)
+        times = checked_keys(self.times, 'times')
         values = np.asarray(self.values, dtype=np.float64)
-        self._check_times(times)
         self._check_values(values, len(times))
         if self.path == 'rotation':
             values = self._unit(values)
@@ -86,23 +86,6 @@ class Track:
         """
         times = np.asarray(times, dtype=np.float64)
         return _between(self.path, self.interpolation, self.times, self.values, times)
-
-    def _check_times(self, times):
-        if times.ndim != 1 or not len(times):
-            msg = f'times must be (k,) with k > 0, not of shape {times.shape}.'
-            raise ValueError(msg)
-        bad = np.flatnonzero(~np.isfinite(times))
-        if len(bad):
-            msg = f'times[{bad[0]}] is {times[bad[0]]}; it must be finite.'
-            raise ValueError(msg)
-        back = np.flatnonzero(np.diff(times) <= 0)
-        if len(back):
-            i = back[0]
-            msg = (
-                f'times[{i + 1}] is {times[i + 1]} after times[{i}] = {times[i]}: '
-                'keys must be in increasing order.'
-            )
-            raise ValueError(msg)
 
     def _check_values(self, values, k):
         cubic = self.interpolation == 'cubic'

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.animation.rig import as_point, placed
+from pvibr.animation.rig import Step, as_point, placed
 from pvibr.maths import quaternions
 
 
-class Aim:
+class Aim(Step):
     """Turn a joint so that one of its axes points at a target.
 
     Parameters
@@ -52,18 +52,7 @@ class Aim:
         self.asks = (at,) if isinstance(at, str) else ()
 
     def bound(self, rig):
-        """Return this step bound to the joints of a rig.
-
-        Parameters
-        ----------
-        rig : Rig
-            Skeleton and limits.
-
-        Returns
-        -------
-        callable
-            ``(pose, targets) -> Pose``.
-        """
+        """Return this step bound to the joints of a rig."""
         joint = rig.skeleton.index(self.joint)
 
         def apply(pose, targets):
@@ -95,7 +84,7 @@ class Aim:
         return quaternions.multiply(roll, rotation)
 
 
-class CopyTransform:
+class CopyTransform(Step):
     """Copy the rotation, the position or both of another joint.
 
     Parameters
@@ -126,8 +115,6 @@ class CopyTransform:
     [0.0, 0.0, 0.0, 1.0]
     """
 
-    asks = ()
-
     def __init__(
         self, joint, source, *, rotation=True, position=False, space='figure', weight=1.0
     ):
@@ -143,18 +130,7 @@ class CopyTransform:
         self.weight = _share(weight)
 
     def bound(self, rig):
-        """Return this step bound to the joints of a rig.
-
-        Parameters
-        ----------
-        rig : Rig
-            Skeleton and limits.
-
-        Returns
-        -------
-        callable
-            ``(pose, targets) -> Pose``.
-        """
+        """Return this step bound to the joints of a rig."""
         joint, source = rig.skeleton.index(self.joint), rig.skeleton.index(self.source)
         seen = self._in_figure if self.space == 'figure' else self._from_rest
 
@@ -189,7 +165,7 @@ class CopyTransform:
         return rotation, rest.translation[joint] + moved
 
 
-class ClampToLimits:
+class ClampToLimits(Step):
     """Clamp the rotations of all joints to the limits of the rig, for example of a clip's pose.
 
     Examples
@@ -201,21 +177,8 @@ class ClampToLimits:
     [[1.0, 0.0, 0.0, 0.0]]
     """
 
-    asks = ()
-
     def bound(self, rig):
-        """Return this step bound to the joints of a rig.
-
-        Parameters
-        ----------
-        rig : Rig
-            Skeleton and limits.
-
-        Returns
-        -------
-        callable
-            ``(pose, targets) -> Pose``.
-        """
+        """Return this step bound to the joints of a rig."""
         return lambda pose, _: pose.replaced(rotation=rig.limits.clamped(pose.rotation))
 
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from pvibr.animation.chain import Chain
 from pvibr.animation.kinematics import METHODS, solve
-from pvibr.animation.rig import as_point, placed
+from pvibr.animation.rig import Step, as_point, placed
 
 _EVEN = 1e-3  # relative difference between the axes of a scale: files round them
 
 
-class InverseKinematics:
+class InverseKinematics(Step):
     """Turn joints so that end effectors reach their targets.
 
     Parameters
@@ -71,18 +71,7 @@ class InverseKinematics:
         self.asks = self.effectors + named
 
     def bound(self, rig):
-        """Return this step bound to the joints of a rig.
-
-        Parameters
-        ----------
-        rig : Rig
-            Skeleton and limits.
-
-        Returns
-        -------
-        callable
-            ``(pose, targets) -> Pose``.
-        """
+        """Return this step bound to the joints of a rig."""
         skeleton = rig.skeleton
         limbs: dict = {}
         for name, weight in zip(self.effectors, self.weights, strict=True):

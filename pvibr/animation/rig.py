@@ -13,6 +13,28 @@ from pvibr.animation.pose import Pose
 from pvibr.maths.transforms import trs
 
 
+class Step:
+    """Base of the steps of a rig."""
+
+    #: Names of the targets that the step uses.
+    asks: tuple = ()
+
+    def bound(self, rig):
+        """Return this step bound to the joints of a rig.
+
+        Parameters
+        ----------
+        rig : Rig
+            Skeleton and limits.
+
+        Returns
+        -------
+        callable
+            ``(pose, targets) -> Pose``.
+        """
+        raise NotImplementedError
+
+
 class Rig:
     """A skeleton with joint limits, and the constraints that are applied to its poses.
 

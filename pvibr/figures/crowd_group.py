@@ -68,7 +68,7 @@ class CrowdGroup(InstanceGroup):
 
     def at(self, window, time):
         """Animate all members to a time."""
-        if self.atlas.phased:
+        if self.atlas.animated:
             era = _ERA * float(np.floor(time / _ERA))
             if self._era != era:
                 self._era = era
@@ -146,15 +146,13 @@ class CrowdState:
 
     def parts(self, member, time, matrix) -> list:
         """Return the posed meshes of a member with their looks, in world units."""
-        clips, seconds = self.seconds(time, np.array([member]))
-        pose = self.pose(int(clips[0]), float(seconds[0]))
-        return [
-            posed_part(self.figure, i, mesh_actor.part, matrix, pose, self.skinning)
-            for i, mesh_actor in enumerate(self.mesh_actors)
-        ]
+        how = matrix, self._pose_of(member, time), self.skinning
+        return [posed_part(self.figure, i, a.part, *how) for i, a in enumerate(self.mesh_actors)]
 
     def shown(self, member, time):
         """Return the posed mesh of a member, in the figure's space."""
+        return self.figure.mesh(pose=self._pose_of(member, time), skinning=self.skinning)
+
+    def _pose_of(self, member, time):
         clips, seconds = self.seconds(time, np.array([member]))
-        pose = self.pose(int(clips[0]), float(seconds[0]))
-        return self.figure.mesh(pose=pose, skinning=self.skinning)
+        return self.pose(int(clips[0]), float(seconds[0]))

@@ -40,20 +40,20 @@ class PoseAtlas(Atlas):
     """Views of several poses: `geometry` and `albedo` have a leading axis of poses."""
 
     bins: np.ndarray = field(default_factory=lambda: np.zeros((0, BINS), np.float32))
-    phased = True
+    animated = True
 
     @property
-    def phases(self) -> int:
+    def n_poses(self) -> int:
         """Number of poses of all clips."""
         return len(self.geometry)
 
     @property
     def pages(self) -> tuple[int, int]:
         """Columns and rows of pages in the texture, one page per pose."""
-        columns = max(1, round((self.phases / 1.5) ** 0.5))
-        return columns, -(-self.phases // columns)
+        columns = max(1, round((self.n_poses / 1.5) ** 0.5))
+        return columns, -(-self.n_poses // columns)
 
-    def phase(self, number) -> Atlas:
+    def pose(self, number) -> Atlas:
         """Return the atlas of one pose, without an error table."""
         return Atlas(
             self.geometry[number],
@@ -111,9 +111,9 @@ class PoseAtlas(Atlas):
             bins=bins,
         )
 
-    def contact_sheet(self, path=None, background=1.0, phase=0) -> np.ndarray:
+    def contact_sheet(self, path=None, background=1.0, pose=0) -> np.ndarray:
         """Return all views of a pose side by side, optionally saved."""
-        return self.phase(phase).contact_sheet(path, background)
+        return self.pose(pose).contact_sheet(path, background)
 
 
 @dataclass(eq=False)
@@ -135,11 +135,11 @@ class Motion:
         time = np.interp(share * self.way[-1], self.way, self.times)
         return self.figure.sample(time, self.clip, loop=False)
 
-    def bins(self, phases) -> np.ndarray:
+    def bins(self, n_poses) -> np.ndarray:
         """Return which of its poses is shown at equal steps of time."""
         times = (np.arange(BINS) + 0.5) / BINS * self.duration
         share = np.interp(times, self.times, self.way) / max(self.way[-1], 1e-300)
-        return np.minimum((share * phases).astype(int), phases - 1)
+        return np.minimum((share * n_poses).astype(int), n_poses - 1)
 
 
 class PoseSampler:
@@ -214,7 +214,7 @@ def motion_of(sampler, clip):
     return Motion(sampler.figure, clip, times, np.cumsum(steps)), box + np.array([[-room], [room]])
 
 
-def phase_counts(ways, radius, max_error) -> tuple[int, list[int]]:
+def pose_counts(ways, radius, max_error) -> tuple[int, list[int]]:
     """Return the tile size in texels, and the number of poses per clip."""
     for tile in TILES:
         wanted = [max(1, int(np.ceil(w / radius * tile / (4 * max_error)))) for w in ways]
@@ -234,7 +234,7 @@ def bake_pose_atlas(
     box = np.stack([np.min(boxes, 0)[0], np.max(boxes, 0)[1]])
     sampler.center = box.mean(0)
     radius = max(_reach(sampler, motion) for motion in motions) or 1.0
-    tile, counts = phase_counts([m.way[-1] for m in motions], radius, max_error)
+    tile, counts = pose_counts([m.way[-1] for m in motions], radius, max_error)
     poses = [m.pose((k + 0.5) / n) for m, n in zip(motions, counts, strict=True) for k in range(n)]
     levels = [MeshLevel([mesh_actor.part for mesh_actor in mesh_actors])]
     store = None if cache is False else AtlasCache(None if cache is True else cache)
@@ -260,7 +260,7 @@ def bake_pose_atlas(
 
 
 def _key(sampler, poses, tile, counts):
-    values: list = ['phases', VERSION, VIEWS, tile, BINS, counts]
+    values: list = ['poses', VERSION, VIEWS, tile, BINS, counts]
     for mesh_actor in sampler.mesh_actors:
         mesh = mesh_actor.part.mesh
         values += [mesh_actor.part.alpha_cutoff, np.asarray(mesh.regular_faces)]
@@ -315,7 +315,7 @@ def _measured(sampler, motions, counts, atlas):
     for motion, count in list(zip(motions, counts, strict=True))[:_MEASURED]:
         for k in np.unique(np.linspace(0, count - 1, 2 + some).astype(int)[1:-1]):
             between = motion.pose((k + 1) / count)
-            model = LodModel([MeshLevel(sampler.parts(between))], atlas.phase(first + int(k)))
+            model = LodModel([MeshLevel(sampler.parts(between))], atlas.pose(first + int(k)))
             tables.append(measure(model))
         first += count
     return {name: np.max([t[name] for t in tables], 0) for name in tables[0]}

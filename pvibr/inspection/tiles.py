@@ -27,9 +27,9 @@ class Sheet:
         self.texture = group.cards.textures['ibr_albedo']
         width, height = self.texture.size
         # Level 0 fills the left two thirds.
-        self.part = (1.0, 1.0) if group.atlas.phased else (2 / 3, 1.0)
+        self.part = (1.0, 1.0) if group.atlas.animated else (2 / 3, 1.0)
         self.ratio = height / (width * self.part[0])
-        corners = used_views(group, frame) if not group.atlas.phased else np.zeros((0, 2))
+        corners = used_views(group, frame) if not group.atlas.animated else np.zeros((0, 2))
         self.low, self.high = corners / group.atlas.views, (corners + 1) / group.atlas.views
         self.colors = np.tile((255, 255, 255, 255), (len(corners), 1))
 

@@ -61,8 +61,8 @@ class Atlas:
     errors: dict = field(default_factory=dict)
     seconds: float = 0.0
     turntable: Turntable | None = None
-    #: Whether it has pictures of several phases of a movement, see `pose_atlas`.
-    phased = False
+    #: True for views of several poses, see `pose_atlas`.
+    animated = False
 
     @classmethod
     def blank(cls, points) -> Atlas:
@@ -85,8 +85,8 @@ class Atlas:
         return cls(picture, picture.copy(), center, radius, box, views=2, tile=4)
 
     @property
-    def phases(self) -> int:
-        """Number of poses: 1, unless it is phased."""
+    def n_poses(self) -> int:
+        """Number of poses: 1, unless it is animated."""
         return 1
 
     @property

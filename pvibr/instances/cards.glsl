@@ -10,7 +10,7 @@
 // uniforms: VTK declares them.
 // IBR_DITHER is a number from 0 to 1 that depends on the pixel alone.
 // Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 1; WRITE_DEPTH 0 or 1; SPLAT 0 or 1;
-// PHASES 1 where an atlas has a page for each phase of movements, and instances move;
+// ANIMATED 1 where an atlas has a page for each pose of the clips, and instances move;
 // TURNED 1 where it has a turntable, whose pictures serve eyes that are level with it; SIDES 1 or 2
 // for a card that stands upright and shows one of these: the first, or that nearest to the eye.
 
@@ -44,9 +44,9 @@ uniform int ibr_turn_views;       // views around it
 #endif
 uniform mat3 ibr_eye_from_world;
 uniform mat4 ibr_clip_from_eye;
-#if PHASES
+#if ANIMATED
 uniform sampler2D ibr_moves;      // per instance: rounds at time 0 and a second, row, goes round
-uniform sampler2D ibr_bins;       // a row for each movement: the phases of a round
+uniform sampler2D ibr_bins;       // a row for each clip: the poses of a cycle
 uniform vec2 ibr_pages;           // columns and rows of pages in the atlas
 uniform float ibr_time;           // seconds
 #endif
@@ -220,20 +220,20 @@ mat3 ibr_frame(vec3 d)
         ibr_card = vec4(0.5 * exp2(lod) / float(ibr_tile), size,
           (size - range.z) / max(range.w - range.z, 1e-6),
           range.y > 0.0 ? (size - range.x) / max(range.y - range.x, 1e-6) : 1.0);
-#if PHASES
+#if ANIMATED
         vec4 move = texelFetch(ibr_moves, ivec2(i % 1024, i / 1024), 0);
         float rounds = move.x + move.y * ibr_time;
         rounds = move.w > 0.5 ? fract(rounds) : clamp(rounds, 0.0, 1.0);
         int bins = textureSize(ibr_bins, 0).x;
         ivec2 bin = ivec2(min(int(rounds * float(bins)), bins - 1), int(move.z));
-        int phase = int(texelFetch(ibr_bins, bin, 0).r);
-        ivec2 page = ivec2(phase % int(ibr_pages.x), phase / int(ibr_pages.x));
+        int pose = int(texelFetch(ibr_bins, bin, 0).r);
+        ivec2 page = ivec2(pose % int(ibr_pages.x), pose / int(ibr_pages.x));
 #endif
 #if !SPLAT
         // Level 0 fills the left two thirds of the texture, the others are stacked beside it.
         vec2 scale = vec2(2.0 / 3.0, 1.0) * exp2(-lod) / float(ibr_views);
         vec2 origin = lod > 0.0 ? vec2(2.0 / 3.0, 1.0 - exp2(1.0 - lod)) : vec2(0.0);
-#if PHASES
+#if ANIMATED
         origin = (vec2(page) + origin) / ibr_pages;
         scale /= ibr_pages;
 #endif
@@ -259,7 +259,7 @@ mat3 ibr_frame(vec3 d)
         ibr_side = ceil(2.0 * length(ibr_box.xy) + 1.0);
         gl_PointSize = ibr_side;
         ivec2 texel = ivec2(g + 0.5) + ibr_views * ivec2(ibr_tile, ibr_tile - 2);
-#if PHASES
+#if ANIMATED
         texel += page * (ibr_views * ibr_tile) * ivec2(3, 2) / 2;
 #endif
         ibr_mean_geometry = texelFetch(ibr_geometry, texel, 0);

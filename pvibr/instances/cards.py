@@ -47,7 +47,7 @@ class CardShader:
     least: float = 0.0
     largest: float = float('inf')
 
-    def defines(self, phased=False, turned=False) -> str:
+    def defines(self, animated=False, turned=False) -> str:
         """Return the preprocessor lines of the shader."""
         values = {
             'VIEWS_BLENDED': self.views,
@@ -55,16 +55,16 @@ class CardShader:
             'CORNERS': self.corners,
             'WRITE_DEPTH': int(self.depth),
             'SPLAT': int(self.splat),
-            'PHASES': int(phased),
+            'ANIMATED': int(animated),
             'TURNED': int(turned),
             'SIDES': self.sides,
         }
         return DITHER + ''.join(f'#define {k} {v}\n' for k, v in values.items())
 
-    def feature(self, shiny=True, phased=False, turned=False) -> Feature:
+    def feature(self, shiny=True, animated=False, turned=False) -> Feature:
         """Return the shader text by VTK's tags."""
         part = sections(shader_source(__file__))
-        defines = self.defines(phased, turned)
+        defines = self.defines(animated, turned)
         vertex = {
             'VTK::PositionVC::Dec': defines + part['vertex.declare'],
             'VTK::PositionVC::Impl': part['vertex.position'],
@@ -222,7 +222,7 @@ class Cards:
         self.textures['ibr_poses'] = Texture(window).upload(pack(rows, _POSE_WIDTH, 4))
         self.textures['ibr_looks'] = Texture(window).upload(np.zeros((1, 1, 4), np.uint8))
         self.uniforms['ibr_texels'] = 1 if rows.ndim == 2 else 3
-        if self.atlas.phased:
+        if self.atlas.animated:
             self.textures['ibr_bins'] = Texture(window).upload(self.atlas.bins)
             self.textures['ibr_moves'] = Texture(window)
             self.uniforms['ibr_pages'] = self.atlas.pages
@@ -234,7 +234,7 @@ class Cards:
             self.textures['ibr_looks'].upload(pack(looks, _ROW, 4))
 
     def move(self, moves):
-        """Upload the motion of instances of a phased atlas."""
+        """Upload the motion of instances of an animated atlas."""
         self.textures['ibr_moves'].upload(pack(moves, _ROW, 4))
 
     def view(self, frame):
@@ -277,7 +277,7 @@ class _Layer:
         self.cards, self.shader = cards, shader
         shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
         turned = cards.atlas.turntable is not None
-        self.feature = shader.feature(shiny, cards.atlas.phased, turned)
+        self.feature = shader.feature(shiny, cards.atlas.animated, turned)
         self.blocks: Texture | None = None
         self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
         self.dithered, self.unit = False, cards.unit

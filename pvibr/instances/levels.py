@@ -88,8 +88,8 @@ class LodModel:
             if limit > limits.mesh
         ]
         head = f'{a.views} x {a.views} views of {a.tile} texels, baked in {a.seconds:.1f} s'
-        if a.phased:
-            head = f'{a.phases} phases of {head}'
+        if a.animated:
+            head = f'{a.n_poses} poses of {head}'
         return '; '.join([head, *cards, *meshes])
 
 

@@ -10,9 +10,9 @@ import pyvista as pv
 
 from pvibr import Crowd, Figure, Shadows
 from pvibr.animation import Clip, FigureMesh, Skeleton, Track
-from pvibr.figures import pose_atlas as phases
+from pvibr.figures import pose_atlas
 from pvibr.figures.crowd_group import Playback
-from pvibr.figures.pose_atlas import PoseAtlas, phase_counts
+from pvibr.figures.pose_atlas import PoseAtlas, pose_counts
 from tests.figures.makers import bending, growing, worm
 from tests.pictures import grab, place
 
@@ -23,8 +23,8 @@ SIZE = (160, 120)
 
 @pytest.fixture(autouse=True)
 def _small(monkeypatch):
-    monkeypatch.setattr(phases, 'VIEWS', 6)
-    monkeypatch.setattr(phases, 'TILES', (32,))
+    monkeypatch.setattr(pose_atlas, 'VIEWS', 6)
+    monkeypatch.setattr(pose_atlas, 'TILES', (32,))
     monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
 
 
@@ -95,7 +95,7 @@ def test_near_ones_are_the_posed_meshes(figure, show):
     assert (np.abs(picture - truth).max(-1) > 0.02).mean() < 0.005
 
 
-def test_far_ones_show_their_phase(figure, show):
+def test_far_ones_show_their_pose(figure, show):
     times = np.array([0.0, 1.0])
     pl, crowd = show(figure, apart(), times=times, color='tan', max_error=2.0)
     for now in (0.0, 0.4, 3.0):
@@ -147,9 +147,9 @@ def test_each_plays_its_own_clip(figure, show):
 def test_a_clip_that_is_new_is_baked_when_it_is_played(figure, show):
     pl, crowd = show(figure, apart(), clips='still', max_error=2.0)
     grab(pl)
-    before = crowd.atlases[0].phases
+    before = crowd.atlases[0].n_poses
     crowd.play('bend', [0], start=-1.0)
-    assert crowd.atlases[0].phases > before
+    assert crowd.atlases[0].n_poses > before
     assert np.abs(crowd.mesh(0).bounds[2:4]).max() > np.abs(crowd.mesh(1).bounds[2:4]).min()
     assert silhouette(grab(pl)).sum() > 0
 
@@ -193,7 +193,7 @@ def test_picks_the_pose(figure, show):
     assert hit is None or hit.index != 1
 
 
-def test_bounds_hold_every_phase(figure, show):
+def test_bounds_hold_every_pose(figure, show):
     pl, crowd = show(figure, apart())
     low, high = np.reshape(crowd.bounds, (3, 2)).T
     for now in np.linspace(0, 2, 9):
@@ -282,11 +282,11 @@ def test_what_is_wrong_is_said(figure):
             Crowd(figure, apart(), cache=False, **wrong)
 
 
-def test_faster_clips_get_more_phases():
-    tile, counts = phase_counts([0.0, 1.0, 2.0], 1.0, 1.0)
+def test_faster_clips_get_more_poses():
+    tile, counts = pose_counts([0.0, 1.0, 2.0], 1.0, 1.0)
     assert tile == 32
     assert counts == [1, 8, 16]
-    _, many = phase_counts([1e3], 1.0, 1.0)
+    _, many = pose_counts([1e3], 1.0, 1.0)
     assert many[0] < 1e3
 
 
