@@ -7,7 +7,8 @@ import numpy as np
 from pvibr.core.frame import Frame
 from pvibr.instances.cards import BLOCK
 from pvibr.maths.blocks import Blocks, morton_order
-from pvibr.maths.facing import FACINGS, TOWARDS, as_units, azimuths, cards
+from pvibr.maths.facing import FACINGS, TOWARDS, azimuths, cards
+from pvibr.maths.vectors import as_units
 from pvibr.scene.translucent import depths_of
 
 ANCHORS = {'center': (0.5, 0.5), 'bottom': (0.5, 0.0), 'top': (0.5, 1.0)}

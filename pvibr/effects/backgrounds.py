@@ -8,6 +8,7 @@ from pvibr.core.params import Param
 from pvibr.effects.full_screen import FullScreen, FullScreenImage
 from pvibr.images.projected import Shown
 from pvibr.maths.draping import sample
+from pvibr.maths.vectors import unit_vectors
 
 _BLACK = (0.0, 0.0, 0.0)
 
@@ -212,10 +213,9 @@ class Sky(_Behind):
 
 def _axes(up, turn):
     """Return the rotation from world space into the space of the sky."""
-    z = np.array(up) / np.linalg.norm(up)
+    z = unit_vectors(up)
     ahead = np.eye(3)[0] if abs(z[0]) < 0.999 else np.eye(3)[1]
-    x = ahead - (ahead @ z) * z
-    x /= np.linalg.norm(x)
+    x = unit_vectors(ahead - (ahead @ z) * z)
     y = np.cross(z, x)
     angle = np.radians(turn)
     return np.array(

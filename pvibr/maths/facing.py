@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pvibr.maths.quaternions import to_matrices
+from pvibr.maths.vectors import as_units, unit_vectors
 
 #: Whether a card has a place of its own, turns about an axis, turns about its point, or lies in
 #: the view plane.
@@ -183,57 +184,13 @@ def _check(name, value, allowed):
         raise ValueError(msg)
 
 
-def as_units(name, vectors) -> np.ndarray:
-    """Return vectors with length 1.
-
-    Parameters
-    ----------
-    name : str
-        For messages.
-    vectors : array_like, shape (..., k)
-        Of any length but 0.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., k)
-        float64.
-
-    Raises
-    ------
-    TypeError
-        Where these are no numbers.
-    ValueError
-        Where one has no length or is not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.facing import as_units
-    >>> as_units('axis', [0, 0, 1e-200]).tolist()
-    [0.0, 0.0, 1.0]
-    """
-    try:
-        given = np.asarray(vectors, float)
-    except (TypeError, ValueError) as error:
-        msg = f'{name} must be numbers, not {vectors!r}'
-        raise TypeError(msg) from error
-    largest = np.abs(given).max(-1, keepdims=True)
-    bad = ~(np.isfinite(largest) & (largest > 0))
-    if bad.any():
-        row = given.reshape(-1, given.shape[-1])[np.flatnonzero(bad)[0]]
-        msg = f'{name} is {row.tolist()}; it must be finite and have a length'
-        raise ValueError(msg)
-    scaled = given / largest
-    return scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)
-
-
 def _toward(points, eye, plane):
     """Return unit vectors to the eye."""
     ahead = np.tile(-eye.direction, (len(points), 1))
     if plane:
         return ahead
-    away = eye.position - points
-    lengths = np.linalg.norm(away, axis=1, keepdims=True)
-    return np.where(lengths > 0, away / np.where(lengths > 0, lengths, 1), ahead)
+    away = unit_vectors(eye.position - points)
+    return np.where(away.any(axis=1, keepdims=True), away, ahead)
 
 
 def _upright(toward, axis, camera_right, about_axis):
@@ -244,7 +201,7 @@ def _upright(toward, axis, camera_right, about_axis):
     kept = axis if about_axis else toward
     spare = camera_right - kept * (kept @ camera_right)[:, None]
     right = np.where(sine > ALIGNED, right, spare)
-    right = right / np.linalg.norm(right, axis=1, keepdims=True)
+    right = unit_vectors(right)
     up, normal = (axis, np.cross(right, axis)) if about_axis else (np.cross(toward, right), toward)
     return np.stack([right, up, normal], 2)
 

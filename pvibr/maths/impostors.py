@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import HalfspaceIntersection
 
+from pvibr.maths.vectors import unit_vectors
 from pvibr.maths.views import View
 
 # The middle of a card and its corners, as shares of its sides.
@@ -19,7 +20,7 @@ def _icosahedral() -> np.ndarray:
     first: list[tuple[float, ...]] = [(0, 1, gold), (0, 1, -gold), (1, 0, 0)]
     first += [(1, j * gold, k * (gold + 1)) for j in (1, -1) for k in (1, -1)]
     normals = np.array([np.roll(n, shift) for n in first for shift in range(3)])
-    return normals / np.linalg.norm(normals, axis=1)[:, None]
+    return unit_vectors(normals)
 
 
 _NORMALS = _icosahedral()

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.vectors import unit_vectors
+
 _POLE = 0.99  # |z| above which the frame's helper axis is y instead of z
 
 
@@ -72,7 +74,7 @@ def decode(points, half=False):
     z = 1.0 - np.abs(p).sum(-1, keepdims=True)
     folded = (1.0 - np.abs(p[..., ::-1])) * np.where(p >= 0.0, 1.0, -1.0)
     d = np.concatenate([np.where(z < 0.0, folded, p), z], -1)
-    return d / np.linalg.norm(d, axis=-1, keepdims=True)
+    return unit_vectors(d)
 
 
 def view_directions(n, half=False):

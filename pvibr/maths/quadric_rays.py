@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pvibr.maths.vectors import unit_vectors
+
 CAPS = ('flat', 'round', None)
 
 
@@ -118,7 +120,7 @@ def meet_ellipsoids(starts, ways, centers, axes) -> Meeting:
     t = np.stack([along - half, along + half])
     local = start + t[..., None] * way
     normals = (scaled * local[..., None, :]).sum(-1)
-    return Meeting(np.stack([rest > 0] * 2), t + foot, _units(normals))
+    return Meeting(np.stack([rest > 0] * 2), t + foot, unit_vectors(normals))
 
 
 def meet_cylinders(starts, ways, middles, halves, radii, caps='flat') -> Meeting:
@@ -164,7 +166,7 @@ def meet_cylinders(starts, ways, middles, halves, radii, caps='flat') -> Meeting
     half = np.sqrt(np.maximum(rest, 0) / square)
     t = np.stack([along - half, along + half])
     heights = up + t * rise
-    walls = _units(start + t[..., None] * way)
+    walls = unit_vectors(start + t[..., None] * way)
     within = rest >= 0
     if caps == 'flat':
         found = _flat(t, walls, within & some, up, rise, length, units)
@@ -196,7 +198,7 @@ def _round(t, walls, within, heights, off, ways, length, units, radii):
     rest = radii**2 - ((away + along[..., None] * ways) ** 2).sum(-1)
     half = np.sqrt(np.maximum(rest, 0) / square)
     ball = along + np.stack([-half[0], half[1]])
-    normals = _units(away + ball[..., None] * ways)
+    normals = unit_vectors(away + ball[..., None] * ways)
     hits = within & (~beyond | (rest >= 0))
     return Meeting(hits, np.where(beyond, ball, t), np.where(beyond[..., None], normals, walls))
 
@@ -209,11 +211,6 @@ def _foot(ways, off):
 
 def _to_local(columns, vectors):
     return (columns * vectors[..., :, None]).sum(-2)
-
-
-def _units(vectors):
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(length > 0, length, 1)
 
 
 def cast(frame, meet, *things):

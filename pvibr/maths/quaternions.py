@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.vectors import as_units
+
 
 def normalized(quaternions):
     """Return quaternions of length one.
@@ -406,18 +408,9 @@ def _positive(quaternions):
 
 
 def _units(name, vectors, size):
-    """Return vectors of length one; the error names the first that has no direction."""
+    """Return unit vectors of so many components."""
     v = np.asarray(vectors, dtype=np.float64)
     if v.shape[-1:] != (size,):
         msg = f'{name} is of shape {v.shape}; the last axis must be of {size}.'
         raise ValueError(msg)
-    # Two steps, so that the squares of very long or short ones stay in range.
-    largest = np.abs(v).max(axis=-1, keepdims=True)
-    good = (largest > 0) & np.isfinite(largest)
-    if not good.all():
-        place = tuple(int(i) for i in np.argwhere(~good[..., 0])[0])
-        where = f'{name}[{", ".join(map(str, place))}]' if place else name
-        msg = f'{where} is {v[place].tolist()}; it must be finite and not zero.'
-        raise ValueError(msg)
-    v = v / largest
-    return v / _length(v)
+    return as_units(name, v)

@@ -6,6 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
+from pvibr.maths.vectors import unit_vectors
+
 _STEP, _ROUNDS = 0.3, 5  # radians that a slab is turned by at first, and how often that is halved
 _SPREAD = 0.15  # radians between directions in which points lie farthest
 _HOPELESS = 3.0  # times too thick is a slab that turning will not mend
@@ -52,7 +54,7 @@ def turned(normal, step) -> np.ndarray:
     turns = step / 2 * np.arange(-2, 3)
     a, b = np.meshgrid(turns, turns)
     found = normal + a.reshape(-1, 1) * u + b.reshape(-1, 1) * v
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
+    return unit_vectors(found)
 
 
 def thinnest(points, starts, enough):

@@ -27,3 +27,48 @@ def unit_vectors(vectors):
     vectors = np.asarray(vectors, dtype=np.float64)
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+
+
+def as_units(name, vectors) -> np.ndarray:
+    """Return unit vectors; an error names the first vector without a direction.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument in errors.
+    vectors : array_like, shape (..., d)
+        Vectors of any length but 0.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., d), float64
+        Unit vectors.
+
+    Raises
+    ------
+    TypeError
+        If these are no numbers.
+    ValueError
+        If a vector is zero or not finite.
+
+    Examples
+    --------
+    >>> from pvibr.maths.vectors import as_units
+    >>> as_units('axis', [0, 0, 1e-200]).tolist()
+    [0.0, 0.0, 1.0]
+    """
+    try:
+        given = np.asarray(vectors, float)
+    except (TypeError, ValueError) as error:
+        msg = f'{name} must be numbers, not {vectors!r}'
+        raise TypeError(msg) from error
+    # Two steps, so that the squares of very long or short ones stay in range.
+    largest = np.abs(given).max(-1, keepdims=True)
+    good = (largest > 0) & np.isfinite(largest)
+    if not good.all():
+        place = tuple(int(i) for i in np.argwhere(~good[..., 0])[0])
+        where = f'{name}[{", ".join(map(str, place))}]' if place else name
+        msg = f'{where} is {given[place].tolist()}; it must be finite and not zero.'
+        raise ValueError(msg)
+    scaled = given / largest
+    return scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)

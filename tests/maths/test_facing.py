@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pvibr.maths.facing import FACINGS, as_units, cards, eye_of
+from pvibr.maths.facing import FACINGS, cards, eye_of
+from pvibr.maths.vectors import as_units
 from pvibr.maths.views import look_along
 
 number = st.floats(-1e3, 1e3)

@@ -16,7 +16,7 @@ from pvibr.instances.atlas import Atlas
 from pvibr.instances.bake import bake_parts
 from pvibr.instances.levels import limits_of
 from pvibr.instances.measure import SIZES, level_directions
-from pvibr.maths.facing import as_units
+from pvibr.maths.vectors import as_units
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.turntable import LEVEL, Turns
 
