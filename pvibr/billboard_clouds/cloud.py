@@ -27,26 +27,24 @@ class BillboardCloud:
     Attributes
     ----------
     mesh : pyvista.PolyData
-        A quadrilateral for each plane, or one for each of its sides where they differ, with
-        texture coordinates, normals and tangents of its points, and the number of its
-        ``'plane'``.
+        A quadrilateral per plane, or per side if both differ, with texture coordinates, normals,
+        tangents, and the index of its ``'plane'``.
     texture : pyvista.Texture
-        Colours before light; alpha is 0 or 255.
+        Unlit colours; alpha is 0 or 255.
     normal_texture : pyvista.Texture
         Normals in tangent space: red along the tangent, green up, blue out of the plane.
     planes : pvibr.maths.billboard_clouds.Planes
         The planes, and the one that each triangle is on.
     epsilon : float or None
-        How far a vertex might be displaced at most, world units; None where the number of planes
-        was given.
+        Maximum displacement allowed, world units; None if the number of planes was given.
     displacement : float
-        How far the farthest one is.
+        Maximum displacement of a vertex, world units.
     fill : float
-        Share of the rectangles' texels that are drawn.
+        Share of opaque texels in the rectangles.
     packing : float
-        Share of the texture that the rectangles take.
+        Share of the texture covered by rectangles.
     seconds : float
-        That it took.
+        Computing time.
     """
 
     mesh: pv.PolyData
@@ -74,17 +72,16 @@ class BillboardCloud:
         Parameters
         ----------
         plotter : pyvista.Plotter
-            Where to.
+            Plotter to add to.
         lighting : bool, optional
-            Light it; else its colours are shown as they are.
+            Light it by its normals.
         **kwargs
-            As :meth:`pyvista.Plotter.add_mesh`; with ``pbr=True`` it is VTK that reads the
-            normals.
+            As :meth:`pyvista.Plotter.add_mesh`; with ``pbr=True`` VTK applies the normals.
 
         Returns
         -------
         pyvista.Actor
-            What was added.
+            The added actor.
 
         Examples
         --------
@@ -117,20 +114,20 @@ class BillboardCloud:
         Parameters
         ----------
         path : str or pathlib.Path
-            A file that ends in ``.glb``, or in ``.obj``: then ``.mtl``, ``.png`` and
-            ``_normals.png`` are written beside it.
+            A ``.glb`` file, or an ``.obj`` file with ``.mtl``, ``.png`` and ``_normals.png``
+            beside it.
 
         Returns
         -------
         list of pathlib.Path
-            What was written.
+            The written files.
 
         Raises
         ------
         ValueError
-            Where the name ends otherwise.
+            If the suffix is another.
         OSError
-            Where a file cannot be written; each is whole, or as it was.
+            If a file cannot be written; files are replaced atomically.
         """
         from pvibr.billboard_clouds.files import write_glb, write_obj
 
@@ -148,8 +145,8 @@ def billboard_cloud(
     """Return a mesh as few textured rectangles that any viewer shows.
 
     Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification",
-    SIGGRAPH 2003. What lies very near to a plane is drawn onto it even where another plane has it
-    too: that closes gaps between them. More of it would show things twice.
+    SIGGRAPH 2003. Triangles very near a plane are drawn onto it even if another plane has them: that
+    closes gaps between planes.
     """
     _check(epsilon, planes, size, supersample)
     start = time.perf_counter()

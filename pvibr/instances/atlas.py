@@ -29,7 +29,7 @@ class Atlas:
     Attributes
     ----------
     geometry : numpy.ndarray, shape (views * tile, views * tile, 4), uint8
-        Depth (1 nearest to the eye, over the sphere's diameter), coverage, normal x and y.
+        Depth (1 nearest to the camera, over the sphere's diameter), coverage, normal x and y.
     albedo : numpy.ndarray, same shape
         Unlit colour times coverage, normal z.
     center : numpy.ndarray, shape (3,)
@@ -41,13 +41,13 @@ class Atlas:
     views, tile : int
         Views along a side; texels along a side of a tile.
     half : bool
-        Whether the views cover the upper half only.
+        Views cover the upper hemisphere only.
     errors : dict of str to numpy.ndarray
         The measured error table, see :mod:`pvibr.instances.measure`; empty before it is measured.
     seconds : float
-        What the bake took.
+        Duration of the bake.
     turntable : Turntable, optional
-        Pictures from around an axis, where these were asked for.
+        Images from around an axis, if asked for.
     """
 
     geometry: np.ndarray
@@ -103,8 +103,8 @@ class Atlas:
         Returns
         -------
         list of numpy.ndarray, shape (side, 3 * side / 2, 4), uint8
-            Level 0 at the left, half its size and so on stacked at the right: each level's tiles
-            are averages of their own texels alone, which a driver's mip levels do not promise.
+            Level 0 at the left, the others stacked at the right; tiles are averaged separately,
+            which mip levels of a driver do not guarantee.
         """
         return [pyramid(p, self.tile) for p in (self.geometry, self.albedo)]
 
@@ -133,7 +133,7 @@ class Atlas:
         Raises
         ------
         ValueError
-            Where an array is missing or of the wrong shape or type.
+            If an array is missing or of the wrong shape or type.
         """
         try:
             views, tile, half = (int(v) for v in arrays['grid'])
@@ -170,7 +170,7 @@ class Atlas:
         Parameters
         ----------
         path : str or os.PathLike
-            Where to; a file that is there is replaced.
+            File to write; an existing one is replaced.
         """
         with replacing(path) as part, part.open('wb') as file:
             np.savez(file, **self.to_arrays())
@@ -192,7 +192,7 @@ class Atlas:
         Raises
         ------
         ValueError
-            Where the file is not an atlas.
+            If the file is not an atlas.
         """
         import zipfile
 

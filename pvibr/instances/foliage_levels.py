@@ -106,44 +106,44 @@ def foliage_levels(
 ) -> FoliageLevels:
     """Return ever cheaper levels of detail of foliage: many small parts, such as leaves.
 
-    The mesh; a textured quad for each part; for each cluster of parts; views about an axis, one of
-    which a billboard shows by azimuth; one billboard. What is no small part, a trunk, stays a
-    mesh with fewer triangles in the first two of these.
+    The mesh; a textured quad per part; quads per cluster of parts; a turntable of views about an
+    axis on a billboard; one billboard. Large parts, such as a trunk, stay simplified meshes in the
+    levels of quads.
 
     Parameters
     ----------
     mesh : dataset, MultiBlock, actor, trimesh object, path or list of Part
         As :meth:`plotter.ibr.add_instances` takes it.
     labels : array_like of int, shape (m,), optional
-        Which part each triangle of the mesh belongs to, of a mesh with one look; negative ones
-        stay a mesh. By default parts are what is connected.
+        Part of each triangle of a mesh with one look; negative triangles stay a mesh. By default
+        parts are connected components.
     largest : float
-        Size of a small part at most, as a share of the mesh's.
+        Maximum size of a small part, as a share of the mesh's.
     n_clusters : int, optional
-        Clusters; by default twice the root of the number of parts.
+        Number of clusters; by default twice the root of the number of parts.
     crossed : {1, 2, 3}
-        Quads of each cluster: in the plane that fits best, and at right angles to it.
+        Quads per cluster: in the best-fit plane, and perpendicular to it.
     views : int
-        Of the turntable.
+        Number of views of the turntable.
     view_size : int
-        Texels of its longer side.
+        Texels along the longer side of a view.
     texture : int
-        Texels along a side of the quads' textures at most.
+        Maximum texels along a side of the quads' textures.
     axis : array_like, shape (3,)
-        Of the turntable.
+        Axis of the turntable.
     **looks
         As in :meth:`pyvista.Plotter.add_mesh`.
 
     Returns
     -------
     FoliageLevels
-        For instances, which draw each level up to the size at which it keeps their error. Its
-        ``turntable`` and ``billboard`` are for billboards.
+        Levels for instances, chosen by their measured error; ``turntable`` and ``billboard`` are
+        arguments of billboards.
 
     Raises
     ------
     ValueError
-        Where an argument is not allowed, or there are no small parts.
+        If an argument is invalid, or there are no small parts.
 
     Examples
     --------

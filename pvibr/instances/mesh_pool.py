@@ -115,7 +115,7 @@ class MeshPool:
         self.recolor(look_of)
 
     def recolor(self, look_of):
-        """Take over changed looks of the instances shown."""
+        """Update the looks of the shown instances."""
         for i, actors in self.lent.items():
             for actor in actors:
                 self._set_look(actor, look_of(i))

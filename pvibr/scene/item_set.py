@@ -1,4 +1,4 @@
-"""What sets of many items drawn by a few actors have in common."""
+"""Sets of many items that a few actors draw."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class ItemSet(Painted, Thing):
         super()._take_out(renderer)
 
     def _touch(self):
-        """Have the items chosen again for the next frame."""
+        """Choose the items again for the next frame."""
         self._content_key = None
         self._changes += 1
 
@@ -119,6 +119,6 @@ class CardSet(ItemSet):
         self._drop('ibr_looks')
 
     def _drop(self, *names):
-        """Have textures made again for the next frame."""
+        """Upload textures again for the next frame."""
         self._stale |= set(names)
         self._touch()

@@ -1,4 +1,4 @@
-"""What is drawn in place of actors, which are hidden for the frame and given back after it."""
+"""Things drawn in place of actors, which are hidden during the frame."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pvibr.scene.thing import Thing, joined_bounds
 
 
 class Substitute(Thing):
-    """A thing that stands for actors of the scene, which stay what they are to all others.
+    """A thing drawn in place of actors, which other things see unchanged.
 
     Parameters are those of :class:`pvibr.Effect`.
     """
@@ -42,7 +42,7 @@ class Substitute(Thing):
         raise NotImplementedError
 
     def _update(self):
-        """Take over what the actors are now, none of them hidden."""
+        """Update the state of the actors, none of them hidden."""
         raise NotImplementedError
 
     def _give_back(self):
