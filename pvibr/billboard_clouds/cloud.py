@@ -145,8 +145,8 @@ def billboard_cloud(
     """Return a mesh as few textured rectangles that any viewer shows.
 
     Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification",
-    SIGGRAPH 2003. Triangles very near a plane are drawn onto it even if another plane has them: that
-    closes gaps between planes.
+    SIGGRAPH 2003. Triangles very near a plane are drawn onto it even if another plane has them,
+    which closes gaps between planes.
     """
     _check(epsilon, planes, size, supersample)
     start = time.perf_counter()
