@@ -190,12 +190,17 @@ def test_a_read_glb_looks_the_same(cloud, torus, tmp_path):
         ({'planes': 1.5}, 'planes'),
         ({'size': 8}, 'size'),
         ({'supersample': 3}, 'supersample'),
-        ({'epsilon': 0.001, 'size': 16}, 'size is 16'),
     ],
 )
 def test_bad_input_is_named(torus, wrong, name):
     with pytest.raises(ValueError, match=name):
         torus.ibr.billboard_cloud(**wrong)
+
+
+def test_a_texture_too_small_for_its_planes_is_named():
+    ball = pv.Sphere(theta_resolution=8, phi_resolution=8)
+    with pytest.raises(ValueError, match='size is 16'):
+        ball.ibr.billboard_cloud(epsilon=0.01, size=16)
 
 
 def test_a_point_is_no_cloud():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pvibr.cli import demo
+from pvibr.instances.levels import make_model
 from pvibr.scenes.landscape import landscape
 
 pytestmark = pytest.mark.slow
@@ -14,9 +15,12 @@ SIZE = (160, 96)
 
 
 @pytest.fixture(autouse=True)
-def light_trees(monkeypatch):
+def light_trees(monkeypatch, shared_folder):
     """Trees that bake quickly: what the commands do with them is the same."""
     monkeypatch.setattr(demo, 'landscape', lambda n: landscape(n, triangles=29_000))
+    monkeypatch.setenv('PVIBR_CACHE', str(shared_folder / 'demo'))
+    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
+    monkeypatch.setitem(make_model.__kwdefaults__, 'views', 8)
 
 
 def test_demo_writes_pictures_and_numbers(tmp_path, capsys):
