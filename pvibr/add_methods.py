@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from inspect import Parameter
 from typing import Generic, TypeVar
 
-from pvibr.core.signatures import Argument, arguments_of, docstring_of, keywords_of, signature_of
+from pvibr.core.signatures import arguments_of, docstring_of, keywords_of, method_signature
 
 Made = TypeVar('Made')
 _OF_SCALARS = ('show_scalar_bar', 'scalar_bar_args')
@@ -41,6 +40,5 @@ class AddMethod(Generic[Made]):
         method.__doc__ = docstring_of(make, arguments, returns if isinstance(make, type) else '')
         method.__name__, method.__module__ = self._name, self._owner.__module__
         method.__qualname__ = f'{self._owner.__qualname__}.{self._name}'
-        itself = {'self': Argument(Parameter('self', Parameter.POSITIONAL_OR_KEYWORD), '')}
-        vars(method)['__signature__'] = signature_of(itself | arguments)
+        vars(method)['__signature__'] = method_signature(arguments)
         return method

@@ -1,4 +1,4 @@
-"""Frames in time: full quality at rest, and while a view moves what a budget allows."""
+"""Adaptive quality: full at rest, and while the view moves what the frame time allows."""
 
 from __future__ import annotations
 
@@ -6,32 +6,32 @@ import functools
 import math
 from contextlib import contextmanager
 from time import perf_counter
-from typing import Any
 
-from pvibr.capture.clock import draw, filming, is_dragged, ticks
+from pvibr.capture.clock import Loop, Timer, draw, filming, is_dragged, ticks
+from pvibr.core import _vtk
 from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
 
-#: What quality may be: three dB a step.
+#: Levels of quality, 3 dB apart.
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
-#: Most levels that one frame costs.
+#: Maximum number of levels that one slow frame lowers.
 _LEAP = 4
-#: Share of the budget below which a frame is easy, and easy frames after which quality rises.
+#: Fraction of the budget below which a frame is easy, and easy frames until quality rises.
 _EASY, _PATIENCE = 0.6, 5
-#: Moving frames for which it is known how long a level took; the double after each mistake.
+#: Moving frames for which the time of a level is remembered; doubled after each mistake.
 _MEMORY = 60
-#: Share of the last frame in how long a level takes: one frame may be slow for another reason.
+#: Weight of the last frame in the running mean of a level.
 _WEIGHT = 0.4
-#: How much faster a level must be to be worth less quality.
+#: Speed-up that justifies lower quality.
 _GAIN = 1.25
-#: Seconds after the last moving frame at which the view is at rest.
+#: Seconds after the last moving frame until the view is at rest.
 SETTLE = 0.2
 _WHEELS = ('Forward', 'Backward', 'Left', 'Right')
 _BUTTONS = ('Left', 'Middle', 'Right')
 
 
 class Budget:
-    """Quality that a time allows, learned from how long frames took."""
+    """Quality within a frame time, from the times of past frames."""
 
     def __init__(self, ms=100.0):
         self.ms = ms
@@ -46,12 +46,12 @@ class Budget:
 
     @property
     def quality(self) -> float:
-        """Of the next moving frame, above 0 to 1."""
+        """Quality of the next moving frame, in (0, 1]."""
         return LEVELS[self._level] if self.ms else 1.0
 
     def rested(self, ms):
-        """Take note of a frame at rest, which is one of full quality."""
-        # The faster one of two: what is baked in a frame is no part of the next.
+        """Record a frame at rest, drawn at full quality."""
+        # The faster of two: a frame may include a bake.
         self._rests = [*self._rests[-1:], ms]
         full = min(self._rests)
         if full <= _EASY * self.ms:
@@ -61,7 +61,7 @@ class Budget:
             self._level = _steps(full / self.ms)
 
     def moved(self, ms):
-        """Take note of a moving frame, drawn at `quality`."""
+        """Record a moving frame, drawn at `quality`."""
         if not self.ms:
             return
         self._frame += 1
@@ -97,18 +97,18 @@ class Budget:
             self._level, self._easy, self._raised = self._level - 1, 0, True
 
     def _known(self, level):
-        """Return the milliseconds of a level, None where that is unknown or long ago."""
+        """Return the milliseconds of a level, None if unknown or outdated."""
         ms, frame = self._took.get(level, (0.0, -math.inf))
         return ms if self._frame - frame < self._memory else None
 
 
 def _steps(ratio) -> int:
-    """Return the levels that are so many times faster, if time goes with quality."""
+    """Return how many levels lower are so many times faster, if time is linear in quality."""
     return min(_LEAP, max(1, math.ceil(2 * math.log2(ratio))))
 
 
 class AdaptiveQuality:
-    """Tells moving frames of a window from others, times them, and says how good they must be."""
+    """Detects and times moving frames of a window, and sets their quality."""
 
     def __init__(self, plotter, budget, playing=lambda: False):
         self._plotter, self._asked_ms, self._playing = plotter, budget, playing
@@ -117,18 +117,18 @@ class AdaptiveQuality:
         self.why = ''
         self._quality = 1.0
         self._moves = self._full = False
-        self._window: Any = None
+        self._window: _vtk.vtkRenderWindow | None = None
         self._tags: list = []
         self._asked = self._takes = False
         self._began: float | None = None
         self._moved = -math.inf
         self._wheels = False
         self._samples = 0
-        self._ticks: Any = None
+        self._ticks: Timer | Loop | None = None
 
     @property
     def latest(self) -> float:
-        """Quality of the frame that was drawn last, or is now."""
+        """Quality of the current or last frame."""
         return self._quality
 
     def quality(self, renderer) -> float:
@@ -139,7 +139,7 @@ class AdaptiveQuality:
 
     @contextmanager
     def full(self):
-        """Have frames of full quality, moving or not."""
+        """Draw all frames at full quality."""
         before, self._full = self._full, True
         try:
             yield
@@ -165,7 +165,7 @@ class AdaptiveQuality:
         self._tags = [(owner, owner.AddObserver(*call)) for owner, *call in calls]
 
     def release(self):
-        """Stop watching the window; calling it again is fine."""
+        """Stop watching the window; may be called again."""
         self._stop()
         if self._window is not None:
             self._put_back(self._window)
@@ -177,7 +177,7 @@ class AdaptiveQuality:
         self._quality, self._began, self._moves, self.lowered = 1.0, None, False, False
 
     def _on_start(self, window, _event):
-        if not self._asked:  # in the last frame: nothing of pvibr is in the window any more
+        if not self._asked:  # in the last frame: pvibr is no longer in the window
             self.release()
             return
         self._asked = False
@@ -185,7 +185,7 @@ class AdaptiveQuality:
         self._moves = self._is_moving(window)
         self._quality = self.budget.quality if self._moves else 1.0
         if self._quality < 1:
-            # What costs most on a processor, and is seen least while all moves.
+            # Expensive on a CPU, and least visible in motion.
             self._samples = window.GetMultiSamples()
             window.SetMultiSamples(0)
         self._began = perf_counter()
@@ -218,7 +218,7 @@ class AdaptiveQuality:
             budget = f'interactive_frame_ms is {self.budget.ms:g}'
             self.why = f'{quality:.2g} while moving: {ms:.0f} ms, {budget}'
 
-    # -- what moves ------------------------------------------------------------------------------
+    # -- motion ----------------------------------------------------------------------------------
 
     def _is_moving(self, window) -> bool:
         if self._full or not self.budget.ms or filming(self._plotter) or is_deterministic():
@@ -226,12 +226,12 @@ class AdaptiveQuality:
         if _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
             return False
         if is_dragged(window):
-            # VTK's styles draw a still picture at the end, and take any timer's tick for a move.
+            # VTK's styles render a still at the end, and treat any timer event as a move.
             self._stop()
             return True
         moves = self._wheels or self._playing()
         lowers = moves and self.budget.quality < 1
-        # No style draws a picture at the end: only where there will be one is less shown.
+        # No style renders a still at the end: lower the quality only if a timer will.
         follows = lowers and self._follows()
         self._wheels = self._wheels and follows
         return follows if lowers else moves
@@ -243,7 +243,7 @@ class AdaptiveQuality:
         self._wheels = False
 
     def _follows(self) -> bool:
-        """Have a look at the clock until all is at rest; tell whether there is one to look at."""
+        """Start a timer that waits for rest; return True if there is one."""
         if self._ticks is None:
             self._ticks = ticks(self._plotter, self._tick)
         return self._ticks is not None
@@ -265,14 +265,14 @@ class AdaptiveQuality:
         with self.full():
             draw(self._plotter)
 
-    # -- pictures that users ask for -------------------------------------------------------------
+    # -- screenshots -----------------------------------------------------------------------------
 
     def _watch_screenshots(self):
         take = getattr(self._plotter, 'screenshot', None)
         if take is None or self._takes:
             return
 
-        # They show what was drawn last, and VTK and PyVista have no event for them.
+        # They show the last frame, and VTK and PyVista have no event for them.
         @functools.wraps(take)
         def screenshot(*args, **kwargs):
             if self.lowered:

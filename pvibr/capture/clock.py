@@ -1,4 +1,4 @@
-"""What moves the time: the timer of a window, the loop of a server, or the frames of a movie."""
+"""The animation clock: a window's timer, a server's event loop, or the frames of a movie."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from time import perf_counter
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.plotters import frame_callbacks
 
-#: Milliseconds between two looks at the clock.
+#: Milliseconds between two ticks.
 PERIOD = 16
-#: Modules of PyVista's views of trame, which draw when they are told.
+#: Modules of PyVista's trame views, which render in their callbacks.
 _VIEWS = ('trame_pyvista', 'pyvista.trame')
 
 
 class Clock:
-    """Moves a time while a plotter is looked at or filmed."""
+    """Advances the time while a plotter is shown or recorded."""
 
     def __init__(self, plotter, tell):
         self._plotter, self._tell = plotter, tell
-        self._ticks: _Timer | _Loop | None = None
+        self._ticks: Timer | Loop | None = None
         self._watched: tuple | None = None
         self._films = False
         self.running = False
 
     def start(self, time, *, speed=1.0, loop=None, fps=None):
-        """Let the time go on from some moment."""
+        """Start at a time."""
         speed = float(speed)
         if not math.isfinite(speed):
-            msg = f'speed = {speed}: must be a finite number; 0 stands still'
+            msg = f'speed = {speed}: must be a finite number; 0 stops the animation'
             raise ValueError(msg)
         _check_positive('loop', loop, 'seconds')
         _check_positive('fps', fps, 'frames a second')
@@ -46,8 +46,8 @@ class Clock:
         self._watch_movie()
 
     def _look_for_page(self, *_):
-        """Tick for a page, which is opened long after it was asked to play."""
-        if isinstance(self._ticks, _Loop) or not has_page(self._plotter):
+        """Tick for a page that was opened after the start."""
+        if isinstance(self._ticks, Loop) or not has_page(self._plotter):
             return
         if self._ticks is not None:
             self._ticks.stop()
@@ -55,18 +55,18 @@ class Clock:
 
     @property
     def ticking(self) -> bool:
-        """Whether the wall moves the time."""
+        """Whether the wall clock advances the time."""
         return self._ticks is not None
 
     def set(self, time):
-        """Go on from another moment."""
+        """Continue from another time."""
         self._base = self._shown = float(time)
         self._since: float | None = None
         self._looks = 0
         self._frames = 0
 
     def stop(self):
-        """Stay at this moment; calling it again is fine."""
+        """Stop at the current time; may be called again."""
         self.running = False
         ticks, self._ticks = self._ticks, None
         if ticks is not None:
@@ -80,12 +80,12 @@ class Clock:
             self._plotter.__dict__.pop('write_frame', None)
 
     def write(self, frame):
-        """Write a frame of a movie, after which it is later."""
+        """Write a frame of a movie, and advance the time by one frame."""
         fps = self._fps or _fps_of(getattr(self._plotter, 'mwriter', None))
-        if self._since is not None:  # the wall decided until now
+        if self._since is not None:  # the wall clock was in charge
             self.set(self._shown)
         frame()
-        if not self.running:  # whoever looks on may have stopped it in this frame
+        if not self.running:  # an observer may have stopped it in this frame
             return
         self._frames += 1
         self._go(self._frames / fps)
@@ -104,10 +104,10 @@ class Clock:
         self._films = True
 
     def _tick(self):
-        """Take the time of the wall, which began with the first tick: windows open late."""
+        """Follow the wall clock from the first tick on: windows open late."""
         if filming(self._plotter):
             return
-        if self._frames:  # a movie decided until now
+        if self._frames:  # a movie was in charge
             self.set(self._shown)
         now = perf_counter()
         if self._since is None:
@@ -117,7 +117,7 @@ class Clock:
             draw(self._plotter)
 
     def _go(self, seconds) -> bool:
-        """Take the time that is so many seconds later; tell whether it is another one."""
+        """Set the time so many seconds later; return True if it changed."""
         time = self._base + self._speed * seconds
         if self._loop is not None:
             time = self._origin + (time - self._origin) % self._loop
@@ -128,19 +128,19 @@ class Clock:
         return True
 
 
-class _Timer:
+class Timer:
     """Ticks of a window's interactor."""
 
     def __init__(self, interactor, tick):
         self._interactor, self._tick, self._held = interactor, tick, False
         calls = self._look_on, self._on_timer
         self._observers = [interactor.AddObserver('TimerEvent', call) for call in calls]
-        # While a button is held, VTK tells its style alone, and those that only look on.
+        # While a button is held, VTK calls only its style and passive observers.
         interactor.GetCommand(self._observers[0]).PassiveObserverOn()
         self._timer = interactor.CreateRepeatingTimer(PERIOD)
 
     def _look_on(self, interactor, _event):
-        # The style takes any timer's tick for one more move of the mouse, as far as the last one.
+        # The style treats any timer event as a repetition of the last mouse move.
         interactor.SetLastEventPosition(interactor.GetEventPosition())
         self._held = is_dragged(interactor.GetRenderWindow())
         if self._held:
@@ -151,13 +151,14 @@ class _Timer:
             self._tick()
 
     def stop(self):
+        """Stop ticking."""
         for observer in self._observers:
             self._interactor.RemoveObserver(observer)
         self._interactor.DestroyTimer(self._timer)
 
 
-class _Loop:
-    """Ticks of the loop in which a server of pages runs, a notebook's or an application's."""
+class Loop:
+    """Ticks of the event loop of a page server, a notebook's or an application's."""
 
     def __init__(self, loop, tick):
         self._loop, self._tick = loop, tick
@@ -175,17 +176,18 @@ class _Loop:
             raise
 
     def stop(self):
+        """Stop ticking."""
         self._next.cancel()
 
 
 def filming(plotter) -> bool:
-    """Tell whether a movie is open, for which frames are drawn."""
+    """Return True if a movie is open."""
     writer = getattr(plotter, 'mwriter', None)
     return writer is not None and not getattr(writer, 'closed', False)
 
 
 def draw(plotter):
-    """Draw a frame, in the window or for each page that is open: they draw when they are told."""
+    """Render a frame, in the window or in each open page."""
     told = frame_callbacks(plotter)
     if not told or not all(tell.__module__.startswith(_VIEWS) for tell in told):
         plotter.render()
@@ -195,20 +197,20 @@ def draw(plotter):
 
 
 def ticks(plotter, tick):
-    """Have a function called again and again where a plotter is looked at."""
+    """Call a function periodically while a plotter is shown; None if it is not."""
     if has_page(plotter):
         with contextlib.suppress(RuntimeError):  # nothing runs
-            return _Loop(asyncio.get_running_loop(), tick)
+            return Loop(asyncio.get_running_loop(), tick)
     window = plotter.renderer.GetRenderWindow()
     interactor = None if window is None else window.GetInteractor()
     hidden = window is None or getattr(plotter, 'off_screen', window.GetOffScreenRendering())
     if interactor is None or hidden or getattr(plotter, 'notebook', False):
         return None
-    return _Timer(interactor, tick)
+    return Timer(interactor, tick)
 
 
 def is_dragged(window) -> bool:
-    """Tell whether an interactor's style or a widget asks for frames in time."""
+    """Return True if an interactor style or a widget requests interactive frame rates."""
     interactor = None if window is None else window.GetInteractor()
     if interactor is None:
         return False
@@ -216,21 +218,20 @@ def is_dragged(window) -> bool:
 
 
 def has_page(plotter) -> bool:
-    """Tell whether something that is told of frames, such as a view of trame, shows them."""
-    # Views ask to be told of each ``plotter.render()``. Where rendering is suppressed, the
-    # browser draws by itself.
+    """Return True if callbacks, such as trame views, show the frames."""
+    # If rendering is suppressed, the browser renders by itself.
     return bool(frame_callbacks(plotter)) and not getattr(plotter, 'suppress_rendering', False)
 
 
 def _fps_of(writer):
-    """Return the frames a second that a writer of imageio was opened with."""
+    """Return the frames per second of an imageio writer."""
     given = dict(getattr(getattr(writer, 'request', None), 'kwargs', {}))
     given |= getattr(writer, 'write_args', {})
     if given.get('fps'):
         return float(given['fps'])
     if given.get('duration'):
         return 1e3 / float(given['duration'])
-    msg = 'the movie does not say how many frames a second has: give play(fps=...)'
+    msg = 'the frame rate of the movie is unknown: give play(fps=...)'
     raise ValueError(msg)
 
 

@@ -1,4 +1,4 @@
-"""Pictures side by side with a line of text each, and error maps in colour."""
+"""Images side by side with captions, and error maps in colour."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ import numpy as np
 
 from pvibr.core.files import replacing
 
-_CAPTION, _PER_WIDTH = 26, 32  # height of a caption: at least, and the picture's width over it
+_CAPTION, _PER_WIDTH = 26, 32  # height of a caption: minimum, and image width per height
 
 
 def error_colors(error) -> np.ndarray:
-    """Return an error map as colours: black where there is none, through red to pale yellow."""
+    """Return an error map as colours: 0 black, over red to pale yellow."""
     from matplotlib import colormaps
 
     return colormaps['magma'](np.clip(error, 0, 1))[..., :3]
 
 
 def as_bytes(picture) -> np.ndarray:
-    """Return a picture with values from 0 to 1 as uint8."""
+    """Return an image with values from 0 to 1 as uint8."""
     return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
 
 
 def save(path, picture):
-    """Write a picture as PNG; its folder is made."""
+    """Write an image as PNG, and create its folder."""
     from PIL import Image
 
     picture = picture if picture.dtype == np.uint8 else as_bytes(picture)
@@ -31,7 +31,7 @@ def save(path, picture):
 
 
 def compose(pictures, columns=3) -> np.ndarray:
-    """Return pictures of the same size side by side, each under its caption."""
+    """Return images of the same size side by side, each below its caption."""
     tiles = [_captioned(picture, text) for picture, text in pictures]
     rows = [tiles[k : k + columns] for k in range(0, len(tiles), columns)]
     blank = np.full_like(tiles[0], 255)

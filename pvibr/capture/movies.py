@@ -1,4 +1,4 @@
-"""Movies: frames at given moments, kept until the movie is whole, so that it can be resumed."""
+"""Movies: frames at given times, kept until the movie is complete, so that it can be resumed."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ import numpy as np
 from pvibr.core.errors import require
 from pvibr.core.files import replacing
 
-#: Endings of movies, beside folders of PNG files.
+#: Suffixes of movies; anything else is a folder of PNG files.
 MOVIES = ('.mp4', '.mov', '.mkv', '.webm', '.avi', '.gif')
-#: What the frames in a folder are of.
+#: File that describes the frames in a folder.
 NOTE = 'movie.json'
-#: A disk with fewer bytes than these has no room for what ffmpeg writes at once.
+#: Free bytes of a disk that counts as full: ffmpeg writes more than these at once.
 _FULL = 2**16
 
 
 class Film:
-    """The frames of a movie in a folder, and the movie that is made of them."""
+    """The frames of a movie in a folder, and the movie."""
 
     def __init__(self, path, *, count, fps, marks, resume):
         self.path, self.count, self.fps = Path(path).expanduser(), count, fps
@@ -38,7 +38,7 @@ class Film:
             require('imageio_ffmpeg', 'movie', 'Movies')
         hidden = self.path.with_name(f'.{self.path.name}.frames')
         self.folder = hidden if self.ending else self.path
-        # As JSON would give it back.
+        # As JSON returns it.
         self._note = json.loads(json.dumps({'count': count, 'fps': fps, **marks}))
         self._resume = resume and self._is_same()
 
@@ -52,7 +52,7 @@ class Film:
         return self.folder / f'{k:0{len(str(self.count - 1))}d}.png'
 
     def missing(self) -> list[int]:
-        """Return the frames that are still to be drawn."""
+        """Return the numbers of the frames to draw."""
         self.folder.mkdir(parents=True, exist_ok=True)
         if not self._resume:
             with replacing(self.folder / NOTE) as file:
@@ -80,7 +80,7 @@ class Film:
             Image.fromarray(np.ascontiguousarray(picture)).save(file, compress_level=1)
 
     def finish(self):
-        """Make the movie of its frames, and remove them; a folder of PNG files stays."""
+        """Encode the movie and remove its frames; a folder of PNG files stays."""
         if not self.ending:
             (self.folder / NOTE).unlink()
             return
@@ -96,7 +96,7 @@ class Film:
             pixels = np.asarray(picture.convert('RGB'))
         if self.ending == '.gif':
             return pixels
-        height, width = (n - n % 2 for n in pixels.shape[:2])  # as most codecs want them
+        height, width = (n - n % 2 for n in pixels.shape[:2])  # most codecs require even sizes
         return pixels[:height, :width]
 
 
@@ -108,14 +108,14 @@ def _writer(file, ending, fps):
     if ending == '.gif':
         options = {'duration': 1e3 / fps, 'loop': 0}
     elif ending == '.webm':
-        # The usual codec is not allowed in it.
+        # WebM does not allow the default codec.
         options |= {'codec': 'libvpx-vp9', 'quality': None}
         options['output_params'] = ['-crf', '24', '-b:v', '0', '-fflags', '+bitexact']
     try:
         with imageio.get_writer(file, **options) as writer:
             yield writer.append_data
     except OSError:
-        # ffmpeg is another process: all that is known here is that it went away.
+        # ffmpeg is another process, and only its end is known here.
         if shutil.disk_usage(file.parent).free < _FULL:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from None
         raise
@@ -145,7 +145,7 @@ def record(ibr, screenshots, path, seconds, *, fps, start, speed, each, resume, 
 
 
 def write_movie(film, draw, *, progress=None):
-    """Draw the frames of a movie that are missing, and make it."""
+    """Draw the missing frames of a movie, and encode it."""
     missing = film.missing()
     try:
         with _bar(film, len(missing), progress) as step:
@@ -156,7 +156,7 @@ def write_movie(film, draw, *, progress=None):
     except OSError as error:
         named = str(error) if error.strerror is None or error.filename else error.strerror
         why = named.partition('\n')[0].rstrip('.')
-        msg = f'{why}. Frames are kept in {film.folder}; the same call goes on from there.'
+        msg = f'{why}. Frames are kept in {film.folder}; the same call resumes from there.'
         raise OSError(error.errno, msg) from error
 
 
@@ -179,7 +179,7 @@ def _bar(film, missing, wanted):
 
 
 def frame_times(seconds, fps, start, speed) -> np.ndarray:
-    """Return the moment of each frame of a movie."""
+    """Return the time of each frame of a movie."""
     for name, value, positive in (
         ('seconds', seconds, True),
         ('fps', fps, True),

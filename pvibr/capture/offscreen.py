@@ -1,4 +1,4 @@
-"""A stage without a screen: the same scene drawn by VTK and by pvibr, read and timed."""
+"""An off-screen stage: the same scene drawn by VTK and by pvibr, read back and timed."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pvibr.core.frame import Frame
 from pvibr.instances.atlas import bounding_sphere
 from pvibr.maths.image_error import box_reduce
 
-#: Samples of a reference along a side of a pixel: 16 in each.
+#: Samples of a reference along a side of a pixel.
 SAMPLES = 4
 SKY = '#dfe9f0'
 
 
 class Stage:
-    """An off-screen window with one sample a pixel."""
+    """An off-screen window with one sample per pixel, or `samples` squared."""
 
     def __init__(self, size, ground=None, view_angle=30.0, samples=1, background=SKY, lights=()):
         self.samples = samples
@@ -44,7 +44,7 @@ class Stage:
         self.close()
 
     def close(self):
-        """Free everything."""
+        """Release everything."""
         self.plotter.close()
 
     @property
@@ -54,7 +54,7 @@ class Stage:
 
     @property
     def renderer(self):
-        """The one renderer."""
+        """The only renderer."""
         return self.plotter.renderer
 
     def add(self, actors):
@@ -68,18 +68,18 @@ class Stage:
         if not self._shown:
             self.plotter.show(auto_close=False)
             self._shown = True
-        # The same planes for whatever is in the scene, so that depths can be compared.
+        # Equal clipping planes for all scenes, so that depths can be compared.
         self.renderer.ResetCameraClippingRange(*([self.bounds] if self.bounds else []))
 
     def draw(self) -> float:
-        """Draw, wait until it is done, and return the seconds that it took."""
+        """Draw a frame, wait for completion, and return its seconds."""
         start = time.perf_counter()
         self.window.Render()
         self.window.WaitForCompletion()
         return time.perf_counter() - start
 
     def seconds(self, cameras, limit=np.inf) -> np.ndarray:
-        """Return the seconds of a frame at each of some cameras, after one to warm up."""
+        """Return the seconds of a frame per camera, after a warm-up frame."""
         self.look(cameras[0])
         self.draw()
         found: list[float] = []
@@ -90,7 +90,7 @@ class Stage:
         return np.array(found)
 
     def driver(self) -> str:
-        """Return the name of what draws."""
+        """Return the name of the OpenGL renderer."""
         self.look([(0, 0, 1), (0, 1, 1), (0, 0, 1)])
         self.draw()
         lines = self.window.ReportCapabilities().splitlines()
@@ -98,35 +98,35 @@ class Stage:
         return (names or ['unknown'])[0]
 
     def frame(self) -> Frame:
-        """Return what the next frame is made of."""
+        """Return the next frame's size, camera and clipping range."""
         return Frame.of(self.renderer)
 
     def picture(self) -> np.ndarray:
-        """Draw and return colours, shape (h, w, 3), 0 to 1, top row first."""
+        """Draw a frame and return its colours, (h, w, 3), 0 to 1, top row first."""
         self.draw()
         return self.read()
 
     def read(self) -> np.ndarray:
-        """Return the colours of what was drawn last, shape (h, w, 3), 0 to 1, top row first."""
+        """Return the colours of the last frame, (h, w, 3), 0 to 1, top row first."""
         return box_reduce(self.pixels(), self.samples) / 255
 
     def pixels(self) -> np.ndarray:
-        """Return what was drawn last, shape (h * samples, w * samples, 3), uint8."""
+        """Return the samples of the last frame, (h * samples, w * samples, 3), uint8."""
         data = _vtk.vtkUnsignedCharArray()
         width, height = self.window.GetSize()
-        # The buffer that is drawn to: reading the front one may draw again.
+        # The back buffer: reading the front buffer may render again.
         self.window.GetPixelData(0, 0, width - 1, height - 1, 0, data, 0)
         return _vtk.vtk_to_numpy(data).reshape(height, width, 3)[::-1]
 
     def depth(self) -> np.ndarray:
-        """Return the depth buffer of what was drawn last, shape (h * samples, w * samples)."""
+        """Return the depth buffer of the last frame, (h * samples, w * samples)."""
         data = _vtk.vtkFloatArray()
         width, height = self.window.GetSize()
         self.window.GetZbufferData(0, 0, width - 1, height - 1, data)
         return _vtk.vtk_to_numpy(data).reshape(height, width)[::-1].copy()
 
     def coverage(self) -> np.ndarray:
-        """Return how much of each pixel all but ground and background cover, (h, w), 0 to 1."""
+        """Return the coverage of each pixel by all but ground and background, (h, w), 0 to 1."""
         white, black = (self._before(color) for color in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)))
         return np.clip(1 - (white - black).mean(-1), 0, 1)
 
@@ -154,12 +154,12 @@ def add_ground(plotter, ground):
 
 
 def covered(depth, ground_depth, samples) -> np.ndarray:
-    """Return coverage from two depth buffers: where they differ something stands before."""
+    """Return coverage from depth buffers with and without objects."""
     return box_reduce(depth != ground_depth, samples)
 
 
 def mesh_actors(meshes, poses, index) -> list:
-    """Return VTK actors of the full meshes: one of each part at each pose."""
+    """Return VTK actors of the full meshes, one per part and pose."""
     return [
         _mesh_actor(part, pose) for pose, k in zip(poses, index, strict=True) for part in meshes[k]
     ]
@@ -174,7 +174,7 @@ def _mesh_actor(part, pose):
 
 
 def spheres(meshes, poses, index):
-    """Return bounding spheres of instances."""
+    """Return the bounding spheres of instances: centres (n, 3) and radii (n,)."""
     own = [bounding_sphere(np.concatenate([p.mesh.points for p in parts])) for parts in meshes]
     center, radius = (np.array(a)[index] for a in zip(*own, strict=True))
     stretch = np.linalg.norm(poses[:, :3, :3], axis=1).max(1)
@@ -182,7 +182,7 @@ def spheres(meshes, poses, index):
 
 
 def in_view(frame, centers, radii):
-    """Return the spheres that a perspective camera may see, the nearest first."""
+    """Return the numbers of the spheres in a perspective view, nearest first."""
     view, clip = frame.view_from_world, frame.clip_from_view
     x, y, z = (centers @ view[:3, :3].T + view[:3, 3]).T
     wide, high = 1 / clip[0, 0], 1 / clip[1, 1]

@@ -1,4 +1,4 @@
-"""Pictures larger than a window, or than what the GPU can draw at once: in tiles that overlap."""
+"""Screenshots larger than the window or than the GPU can draw at once, in overlapping tiles."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from pvibr.core import _vtk
 from pvibr.core.frame import Frame
 from pvibr.core.plotters import is_never_shown
 
-#: Pixels around a tile that VTK's own passes look at: edges that are smoothed, EDL.
+#: Reach in pixels of VTK's own passes, such as FXAA and EDL.
 _NEIGHBOURS = 8
-#: Effects that work on squares of pixels have the same ones in all tiles that begin at multiples.
+#: Tiles begin at multiples of it, so that effects in blocks of pixels have the same blocks.
 _GRID = 16
-#: Most of a tile's side that is drawn for its neighbours' sake, at either end.
+#: Maximum overlap as a fraction of a tile's side, at either end.
 _MOST = 0.4
 
 
 def spans(whole, tile, margin) -> list[tuple[int, int, int]]:
-    """Return where tiles along one side of a picture begin, and what is kept of them."""
+    """Return the begin of tiles along one side of an image, and the range kept of each."""
     grid = _GRID if tile - 2 * margin > 2 * _GRID else 1
     found, done = [], 0
     while done < whole:
@@ -33,7 +33,7 @@ def spans(whole, tile, margin) -> list[tuple[int, int, int]]:
 
 
 def picture(window, scale, effects, *, transparent=False) -> np.ndarray:
-    """Draw a window several times as large, in tiles of the window's size."""
+    """Draw a magnified window in tiles of the window's size."""
     size = window.GetActualSize()
     with _own_cameras(window) as cameras:
         window.SetTileScale(scale, scale)
@@ -58,7 +58,7 @@ def _renderers(window):
 
 @contextmanager
 def _own_cameras(window):
-    """Give each renderer a camera of its own, and yield which one it had."""
+    """Give each renderer a copy of its camera; yield the originals, which are restored."""
     cameras = {r: r.GetActiveCamera() for r in _renderers(window) if r.GetDraw()}
     viewport, scale = tuple(window.GetTileViewport()), tuple(window.GetTileScale())
     try:
@@ -76,7 +76,7 @@ def _own_cameras(window):
 
 
 def _look(window, cameras, corner, size, scale):
-    """Aim window and cameras at a tile."""
+    """Set window and cameras to a tile."""
     low = np.array(corner) / (np.array(size) * scale)
     tile = np.concatenate([low, low + 1 / scale])
     window.SetTileViewport(*tile)
@@ -84,8 +84,8 @@ def _look(window, cameras, corner, size, scale):
         whole = np.array(renderer.GetViewport()).reshape(2, 2)
         seen = np.clip(whole, tile[:2], tile[2:])
         share = (seen[1] - seen[0]) / (whole[1] - whole[0])
-        # What has fewer pixels here than a tile has for its neighbours' sake is drawn in another;
-        # passes of VTK would make textures without pixels for it.
+        # A renderer with fewer pixels here than the overlap is drawn in another tile; VTK's passes
+        # would create empty textures for it.
         least = np.minimum(_NEIGHBOURS / np.array(size), _MOST) / scale
         least = 0.99 * np.minimum(least, whole[1] - whole[0])
         renderer.SetDraw(bool((seen[1] - seen[0] > least).all()))
@@ -96,13 +96,13 @@ def _look(window, cameras, corner, size, scale):
         half = math.tan(math.radians(camera.GetViewAngle()) / 2)
         own.SetViewAngle(math.degrees(2 * math.atan(half * of)))
         own.SetParallelScale(camera.GetParallelScale() * share[1])
-        # In halves of what is seen; a center of the user's own is in halves of the whole.
+        # In half sizes of the tile; the user's own window centre is in half sizes of the whole.
         shift = (seen.sum(0) - whole.sum(0)) / (seen[1] - seen[0])
         own.SetWindowCenter(*(np.array(camera.GetWindowCenter()) / share + shift))
 
 
 def _margins(cameras, effects, size):
-    """Return the columns and rows of a tile, at its ends, that are only there for the others."""
+    """Return the overlap of tiles, in columns and rows."""
     frames = {renderer: Frame.of(renderer) for renderer in cameras}
     reaches = [_reach_of_passes(renderer, frame) for renderer, frame in frames.items()]
     for effect in effects:
@@ -113,20 +113,20 @@ def _margins(cameras, effects, size):
 
 
 def _reach_of_passes(renderer, frame):
-    """Return how far, in pixels, the ambient occlusion of VTK looks that a renderer has."""
+    """Return the reach in pixels of VTK's passes, above all of ambient occlusion."""
     reach, found = _NEIGHBOURS, renderer.GetPass()
     while found is not None:
         if found.IsA('vtkSSAOPass'):
-            # Around the nearest of what may be seen.
+            # At the near plane, where it is widest.
             reach += found.GetRadius() * frame.pixel_scale / (1 if frame.parallel else frame.near)
         found = found.GetDelegatePass() if hasattr(found, 'GetDelegatePass') else None
     return reach
 
 
 def _pixels(window, size, transparent):
-    """Return what was drawn, shape (h, w, 3 or 4), the lowest row first."""
+    """Return the pixels of the window, (h, w, 3 or 4), bottom row first."""
     data = _vtk.vtkUnsignedCharArray()
-    # What is shown, as PyVista takes it: VTK averages samples of the other buffer without gamma.
+    # The front buffer, as in PyVista: VTK averages samples of the back buffer without gamma.
     area = (0, 0, size[0] - 1, size[1] - 1, 1, data)
     if transparent:
         window.GetRGBACharPixelData(*area)
@@ -136,7 +136,7 @@ def _pixels(window, size, transparent):
 
 
 class TiledScreenshot:
-    """Pictures of a plotter's window."""
+    """Screenshots of a plotter's window."""
 
     def __init__(self, plotter, effects, full):
         self._plotter, self._effects, self._full = plotter, effects, full
@@ -150,7 +150,7 @@ class TiledScreenshot:
             transparent = bool(getattr(theme, 'transparent_background', False))
         with _resized(window, tile), _transparent(window, transparent), self._full():
             if scale > 1:
-                window.Render()  # light is spread over the whole at the window's own size
+                window.Render()  # effects spread light over the whole image at the window's size
             image = picture(window, scale, self._effects(), transparent=transparent)
         image = np.ascontiguousarray(image[: size[1], : size[0]])
         if filename is not None:
@@ -159,12 +159,12 @@ class TiledScreenshot:
 
     def _window(self):
         if is_never_shown(self._plotter):
-            self._plotter.screenshot(return_img=False)  # it sets the camera and all else
+            self._plotter.screenshot(return_img=False)  # sets up camera and window
         return self._plotter.renderer.GetRenderWindow()
 
     @contextmanager
     def cameras_restored(self):
-        """Put the cameras back; yield what they and the window are, as JSON keeps it."""
+        """Restore the cameras afterwards; yield cameras and window size as JSON values."""
         window = self._window()
         cameras = [renderer.GetActiveCamera() for renderer in _renderers(window)]
         copies = [camera.NewInstance() for camera in cameras]
@@ -190,7 +190,7 @@ class TiledScreenshot:
 
 
 def _checked(window, scale, size):
-    """Return the window's size, the scale and the picture's size."""
+    """Return the size of the window, the scale and the size of the image."""
     if scale is not None and size is not None:
         msg = f'scale = {scale!r} and window_size = {size!r}: give only one of them.'
         raise ValueError(msg)
@@ -225,7 +225,7 @@ def _resized(window, size):
 
 @contextmanager
 def _transparent(window, wanted):
-    """Draw with alpha: VTK keeps it only where a window has planes for it."""
+    """Draw with alpha, which VTK keeps only in windows with alpha planes."""
     before = window.GetAlphaBitPlanes()
     if wanted:
         window.SetAlphaBitPlanes(1)

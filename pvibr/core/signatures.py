@@ -37,7 +37,8 @@ def takes(*, without=(), **sources):
 def arguments_of(taker) -> dict[str, Argument]:
     """Return all arguments of a function or a class by name, without self."""
     function = _constructor(taker) if isinstance(taker, type) else taker
-    entries = _entries(_sections(taker.__doc__)[1])
+    homes = reversed(taker.__mro__) if isinstance(taker, type) else [taker]
+    entries = {n: e for home in homes for n, e in _entries(_sections(home.__doc__)[1]).items()}
     sources: dict[str, object] = {}
     sources, without = getattr(function, 'takes', (sources, ()))
     if isinstance(taker, type):
@@ -103,9 +104,23 @@ def accepts(taker, name) -> bool:
     return name in arguments_of(taker)
 
 
+def explicit(method):
+    """Name what a method `takes` in its signature and docstring."""
+    arguments = arguments_of(method)
+    vars(method)['__signature__'] = method_signature(arguments)
+    method.__doc__ = docstring_of(method, arguments)
+    return method
+
+
 def signature_of(arguments) -> Signature:
     """Return the signature of arguments."""
     return Signature([argument.parameter for argument in arguments.values()])
+
+
+def method_signature(arguments) -> Signature:
+    """Return the signature of a method, with self."""
+    itself = Parameter('self', Parameter.POSITIONAL_OR_KEYWORD)
+    return Signature([itself, *signature_of(arguments).parameters.values()])
 
 
 def docstring_of(taker, arguments, returns='') -> str:

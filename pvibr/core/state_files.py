@@ -1,4 +1,4 @@
-"""Settings of everything in a plotter, as values and as files that people can read."""
+"""Settings of everything in a plotter, as values and as readable files."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 from pvibr.core.errors import PvibrWarning
 from pvibr.core.files import replacing
 
-#: Of the layout of the files; files of other versions are read as far as they are understood.
+#: Version of the file layout; files of other versions are read leniently.
 VERSION = 1
-#: A file of settings has some kilobytes; what is far larger is something else.
+#: Maximum size of a file: settings take some kilobytes.
 MOST_BYTES = 2**24
 
 
 def state_of(contents, own) -> dict:
-    """Return the settings of things as values that JSON keeps."""
+    """Return the settings of things as JSON values."""
     subplots = {
         key: {name: thing.state() | {'enabled': thing.enabled} for name, thing in named.items()}
         for key, named in contents.items()
@@ -25,7 +25,7 @@ def state_of(contents, own) -> dict:
 
 
 def restore(contents, state, *, own=None, lenient=False) -> list[str]:
-    """Set things to settings; all of them or none."""
+    """Apply settings to things, all or none; return the unknown names."""
     known = [] if own is None else [k for k in own.state() if k in _mapping('state', state)]
     unknown = [k for k in _mapping('state', state) if k not in ('subplots', *known)]
     plan = [('plotter', own, {k: state[k] for k in known})] if known else []
@@ -40,7 +40,7 @@ def restore(contents, state, *, own=None, lenient=False) -> list[str]:
 
 
 def load(contents, text, name, *, own=None) -> list[str]:
-    """Set things to the settings in a text; return the names that were left out."""
+    """Apply the settings in a text, all or none; return the unknown names."""
     state, version = from_text('state', text, name)
     return restore(contents, state, own=own, lenient=version != VERSION)
 
@@ -62,7 +62,7 @@ def _mapping(name, value) -> dict:
 
 
 def _carry_out(plan, lenient):
-    """Restore one after the other; where one fails, put back those before it."""
+    """Restore one thing after the other; if one fails, undo all."""
     before = [(thing, thing.state(), thing.enabled) for _, thing, _ in plan]
     unknown = []
     try:
@@ -94,29 +94,29 @@ def _restore_one(name, thing, settings, lenient):
 
 
 def warn_of(unknown):
-    """Say in one warning what was left out, if anything was; it names the caller's caller."""
+    """Warn once of all unknown names, at the caller's caller."""
     if unknown:
-        msg = f'not here, so not restored: {", ".join(unknown)}; add the effects first'
+        msg = f'unknown names are not restored: {", ".join(unknown)}; add the effects first'
         warnings.warn(msg, PvibrWarning, stacklevel=3)
 
 
 def to_text(kind, values) -> str:
-    """Return values as the text of a file."""
+    """Return values as text of a file."""
     return json.dumps({'pvibr': kind, 'version': VERSION} | values, indent=2, allow_nan=False)
 
 
 def from_text(kind, text, name='the text') -> tuple[dict, int]:
-    """Return the values that a text holds, and the version of its layout."""
+    """Return the values in a text, and the version of its layout."""
     try:
         if isinstance(text, bytes):
             text = text.decode('utf-8-sig')
         values = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
-        msg = f'{name} is no JSON that pvibr wrote: {error}'
+        msg = f'{name} is not JSON written by pvibr: {error}'
         raise ValueError(msg) from None
     version = values.pop('version', None) if isinstance(values, dict) else None
     if version is None or values.pop('pvibr', None) != kind or not _is_count(version):
-        msg = f'{name} holds no pvibr {kind}: it must begin with "pvibr": "{kind}" and a "version"'
+        msg = f'{name} is not a pvibr {kind}: it must begin with "pvibr": "{kind}" and a "version"'
         raise ValueError(msg)
     return values, version
 
@@ -126,21 +126,21 @@ def _is_count(version):
 
 
 def _no_number(word):
-    msg = f'{word} is no number in JSON'
+    msg = f'{word} is not a JSON number'
     raise ValueError(msg)
 
 
 def write(path, text):
-    """Write a text to a file, whole or not at all."""
+    """Write a text file, or keep the old one on failure."""
     with replacing(path) as file:
         file.write_text(text, encoding='utf-8')
 
 
 def read(path) -> bytes:
-    """Return what a file of settings holds."""
+    """Return the content of a file of settings."""
     with Path(path).open('rb') as file:
         found = file.read(MOST_BYTES + 1)
     if len(found) > MOST_BYTES:
-        msg = f'{path} is larger than {MOST_BYTES:,} bytes: no file of settings'
+        msg = f'{path} is larger than {MOST_BYTES:,} bytes: not a file of settings'
         raise ValueError(msg)
     return found

@@ -1,29 +1,29 @@
-"""Copies of meshes within a number of triangles: which of their levels each of them is."""
+"""Copies of meshes within a triangle budget: the level of detail of each copy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
+from pvibr.core.effect import Effect
 from pvibr.export.surfaces import Surface, material_of, surface_of_part, tiled
 from pvibr.meshes.parts import Part
 
-#: Planes of a billboard cloud: as many as there are triangles for, within these.
+#: Fewest and most planes of a billboard cloud.
 _PLANES = (4, 32)
 _CLOUD_TEXELS = 512
-#: Share of all triangles that billboard clouds may take at most.
+#: Maximum fraction of the triangle budget for billboard clouds.
 _CLOUDS = 0.5
-#: Triangles of a mesh from which a cloud is worth while.
+#: Fewest triangles of a mesh that is replaced by a cloud.
 _HEAVY = 200
 
 
 @dataclass
 class Copies:
-    """A mesh, and where it stands."""
+    """A mesh with its levels of detail, and the matrices of its copies."""
 
-    owner: Any
+    owner: Effect
     levels: list
     largest: tuple
     matrices: np.ndarray
@@ -38,7 +38,7 @@ class Copies:
         return len(self.matrices)
 
     def pixels(self, frame) -> np.ndarray:
-        """Return how large copies are on the screen wherever the eye looks, diameters, (k,)."""
+        """Return the diameters of copies on the screen for any view direction, (k,), px."""
         points = np.concatenate([np.asarray(p.mesh.points, float) for p in self.levels[0]])
         center = (points.min(0) + points.max(0)) / 2
         radius = np.linalg.norm(points - center, axis=1).max()
@@ -49,13 +49,13 @@ class Copies:
         return 2 * radii * frame.pixel_scale / (1.0 if frame.parallel else away)
 
     def wanted(self, pixels) -> np.ndarray:
-        """Return the lightest level that is good enough for each copy."""
+        """Return the coarsest level that is accurate enough for each copy."""
         good = np.asarray(self.largest, float)[None] >= pixels[:, None]
         good[:, 0] = True
         return len(self.levels) - 1 - good[:, ::-1].argmax(1)
 
     def add_cloud(self, planes):
-        """Add a billboard cloud as the lightest level, where that is lighter."""
+        """Add a billboard cloud as the coarsest level, if it has fewer triangles."""
         from pvibr.billboard_clouds.cloud import billboard_cloud
 
         if self.triangles[-1] < _HEAVY:
@@ -68,7 +68,7 @@ class Copies:
             self.largest = (*self.largest, 0.0)
 
     def surfaces(self, chosen) -> list[Surface]:
-        """Return all copies, a surface for each part of each level."""
+        """Return all copies, as one surface per part and level."""
         found = []
         for k, level in enumerate(self.levels):
             rows = np.flatnonzero(chosen == k)
@@ -103,7 +103,7 @@ def _surface_of_cloud(cloud, copies) -> Surface:
 
 
 def chosen_levels(groups, frame, most) -> list[np.ndarray]:
-    """Return the level of each copy, such that all together have few enough triangles."""
+    """Return the level of each copy, -1 if it is left out, within the triangle budget."""
     if not groups:
         return []
     pixels = [group.pixels(frame) for group in groups]
@@ -127,7 +127,7 @@ def chosen_levels(groups, frame, most) -> list[np.ndarray]:
 
 
 def _first_few(order, saved, too_many):
-    """Return the first ones that together save enough."""
+    """Return the first copies that together save enough triangles."""
     if too_many <= 0:
         return order[:0]
     count = np.searchsorted(np.cumsum(saved[order]), too_many) + 1
@@ -135,7 +135,7 @@ def _first_few(order, saved, too_many):
 
 
 def _triangles(groups, levels):
-    """Return the triangles of each copy."""
+    """Return the number of triangles of each copy."""
     return np.concatenate(
         [np.asarray(g.triangles)[k] for g, k in zip(groups, levels, strict=True)]
     )

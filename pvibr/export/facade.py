@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pvibr.core.facade import Facade
 from pvibr.core.plotters import renderers_of
+from pvibr.core.signatures import explicit, takes
 from pvibr.export.web_report import HandOver, WebReport, web_report
 
 
@@ -103,14 +104,16 @@ class ExportFacade(Facade):
         options = {'triangles': triangles, 'texture': texture, 'detail': detail}
         return to_plain_plotter(self._plotter, self._pipelines, **options)
 
-    def export_glb(self, path, *, triangles=1_000_000, texture=1024, detail=1 / 1024):
+    @explicit
+    @takes(options=to_plain_plotter)
+    def export_glb(self, path, **options):
         """Write the active subplot as binary glTF: meshes, colours, textures and the camera.
 
         Parameters
         ----------
         path : str or pathlib.Path
             A file name that ends in ``.glb``.
-        triangles, texture, detail : int, int and float
+        **options
             See :meth:`to_plain_plotter`.
 
         Raises
@@ -143,27 +146,26 @@ class ExportFacade(Facade):
         from pvibr.export.glb import export_glb
 
         number = renderers_of(self._plotter).index(self._plotter.renderer)
-        options = {'triangles': triangles, 'texture': texture, 'detail': detail}
         export_glb(path, number, lambda: self.to_plain_plotter(**options))
 
-    def export_html(self, path, *, triangles=1_000_000, texture=1024, detail=1 / 1024):
+    @explicit
+    @takes(options=to_plain_plotter)
+    def export_html(self, path, **options):
         """Write all subplots as a self-contained page that renders in the browser.
 
         Parameters
         ----------
         path : str or pathlib.Path
             A file name that ends in ``.html``.
-        triangles, texture, detail : int, int and float
+        **options
             See :meth:`to_plain_plotter`.
 
         Raises
         ------
         TypeError, ValueError
             If a number or the name is not allowed; nothing is written.
-        OSError
-            If the file cannot be written; an existing file is kept.
-        ImportError
-            If trame is not installed.
+        OSError, ImportError
+            If the file cannot be written, or trame is not installed; an existing file is kept.
         ClosedError
             If the plotter is closed.
 
@@ -174,5 +176,4 @@ class ExportFacade(Facade):
         """
         from pvibr.export.html import export_html
 
-        options = {'triangles': triangles, 'texture': texture, 'detail': detail}
         export_html(path, lambda: self.to_plain_plotter(**options))

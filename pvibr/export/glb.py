@@ -1,4 +1,4 @@
-"""A subplot of plain actors as one binary glTF file, as browsers and other programs read it."""
+"""A subplot of plain actors as binary glTF, for browsers and other programs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pvibr.maths.tones import to_light
 from pvibr.meshes.parts import as_parts
 
 _LINES = 1  # GL enum
-#: z up to y up, as glTF has it: a quarter turn about x.
+#: From z up to y up, which glTF requires: a quarter turn about x.
 _UPRIGHT = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 
 
@@ -30,7 +30,7 @@ def export_glb(path, subplot, make_plain):
 
 
 def write_glb(renderer, path) -> list[str]:
-    """Write the actors of a renderer, its camera and nothing else; return the names left out."""
+    """Write the actors of a renderer and its camera; return the names of all other props."""
     surfaces, lines, left_out = _contents(renderer)
     glb = GlbWriter()
     points = [s.points for s in surfaces] + [np.asarray(m.points, float) for m, _ in lines]
@@ -50,7 +50,7 @@ def write_glb(renderer, path) -> list[str]:
 
 
 def _contents(renderer):
-    """Return surfaces, lines with their look, and the names of what is neither."""
+    """Return surfaces, lines with their property, and the names of other props."""
     surfaces, lines, left_out = [], [], []
     names = names_of(renderer)
     for prop in renderer.GetViewProps():

@@ -1,4 +1,4 @@
-"""A plotter of plain actors as a page that needs nothing else."""
+"""A plotter of plain actors as a self-contained page."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core.files import replacing, with_suffix
 
-#: What a page of vtk.js has, whatever the plotter's camera has: degrees.
+#: The view angle of all vtk.js pages, in degrees.
 ANGLE = 30.0
 
 
@@ -23,7 +23,7 @@ def export_html(path, make_plain):
 
 
 def write_html(plotter, path):
-    """Write a page of vtk.js; the plotter's cameras are changed to such as it knows."""
+    """Write a vtk.js page; the plotter's cameras are changed to ones that it supports."""
     component = getattr(plotter, 'trame', None)
     if component is None:
         msg = "pages need trame: pip install 'pvibr[jupyter]'"
@@ -38,7 +38,7 @@ def write_html(plotter, path):
 
 
 def reframe(camera, angle):
-    """Give a camera a view angle; it goes to where what it looks at is as large as before."""
+    """Set a camera's view angle, and move it so that its focal point keeps its size."""
     position, focus = np.array(camera.position), np.array(camera.focal_point)
     away = float(np.linalg.norm(position - focus))
     half = away * np.tan(np.radians(camera.view_angle / 2))

@@ -1,4 +1,4 @@
-"""Light, shadow and projected pictures as colours of surfaces, which are cut up for that."""
+"""Light, shadows and projected images as colours of surfaces, which are subdivided for them."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ import numpy as np
 
 from pvibr.export.surfaces import Surface, albedo_of, material_of
 from pvibr.maths.draping import sample
+from pvibr.maths.vectors import unit_vectors
 from pvibr.projection.samples import Samples
 from pvibr.projection.unwrap import texels_of, unwrapped
 from pvibr.projection.visibility import Reach, toward_light
 from pvibr.scene.lights import lights_of
 
-#: Edges are cut until they are no longer than this share of the scene, then only where colours
-#: change by more than a step.
+#: Edges longer than this fraction of the scene are split, shorter ones only where colours differ
+#: by more than a step.
 _COARSE, _STEP = 1 / 64, 6 / 255
 _PASSES = 16
-_DRAPED = 200_000  # triangles that show pictures by the colours of their points
-_DARK = 1e-4  # light below which it makes no difference what share of it is taken away
-_INWARD = 1e-3  # how far vertices are moved into their triangle, as a share of the way
-_TEXELS = 2048  # along a side of what a light sees
+_DRAPED = 200_000  # triangles that show projected images by point colours
+_DARK = 1e-4  # light below which shadows make no difference
+_INWARD = 1e-3  # fraction by which vertices are moved towards the middle of their triangle
+_TEXELS = 2048  # along a side of a shadow map
 _SOFT_TEXELS, _SOFT_SAMPLES = 1024, 16
 
 
 @dataclass
 class Places:
-    """Where colours are wanted."""
+    """Points to colour."""
 
     samples: Samples
     points: np.ndarray
@@ -35,7 +36,7 @@ class Places:
 
 
 class Lamps:
-    """The lights of a renderer and what they do to a diffuse surface, as VTK computes it."""
+    """The lights of a renderer, and the diffuse light that VTK computes for them."""
 
     def __init__(self, renderer):
         on = [light for light in renderer.GetLights() if light.GetSwitch()]
@@ -44,7 +45,7 @@ class Lamps:
         self._fades = [(np.array(i.GetAttenuationValues()), i.GetExponent()) for i in on]
 
     def on(self, number, points, normals) -> np.ndarray:
-        """Return the light of one of them, (n, 3)."""
+        """Return the diffuse light of one light, (n, 3)."""
         light = self.lights[number]
         toward = toward_light(light, points)
         amount = np.maximum((toward * normals).sum(1), 0.0)
@@ -60,7 +61,7 @@ class Lamps:
 
 
 class Paint:
-    """What colours the surfaces of a subplot."""
+    """Shadows and projected images on the surfaces of a subplot."""
 
     def __init__(self, frame, surfaces, *, detail, texels, most):
         self.frame, self.surfaces = frame, surfaces
@@ -71,10 +72,10 @@ class Paint:
         self._shadows: list = []
         self._pictures: list = []
 
-    # -- what effects ask for ------------------------------------------------------------------
+    # -- requests of effects -------------------------------------------------------------------
 
     def shadow(self, casts, receives, extents=None):
-        """Take light away where surfaces hide lights."""
+        """Add shadows of casters on receivers."""
         casters = [s.solid() for s in self.surfaces if s.opaque and casts(s)]
         numbers = [k for k, i in enumerate(self.lamps.lights) if i.kind != 'headlight']
         lights = [self.lamps.lights[k] for k in numbers]
@@ -88,14 +89,14 @@ class Paint:
         )
 
     def drape(self, draped, mode, lit, dim, receives, casts):
-        """Lay pictures onto surfaces."""
+        """Add projected images."""
         meshes = [s.solid() for s in self.surfaces if s.opaque and casts(s)]
         self._pictures.append((draped, meshes, mode, lit, dim, receives))
 
-    # -- what becomes of surfaces --------------------------------------------------------------
+    # -- colours of surfaces -------------------------------------------------------------------
 
     def painted(self, surface) -> Surface:
-        """Return a surface with all that as its colours."""
+        """Return a surface with shadows and images as its colours or texture."""
         pictures = [p for p in self._pictures if p[-1](surface)]
         shadows = [s for s in self._shadows if s[-1](surface) and surface.material.GetLighting()]
         if not pictures and not shadows:
@@ -115,7 +116,7 @@ class Paint:
             base = replace(base, colors=_bytes(albedo_of(base)))
         most = self.most // len(self.surfaces)
         shortest, longest = self.detail * self.size, _COARSE * self.size
-        if pictures:  # they change everywhere: cut evenly, and look at them once
+        if pictures:  # they change everywhere: split evenly, and sample once
             most = min(most, _DRAPED)
             longest = max(shortest, _side(base, most))
         most = max(most, len(base.faces))
@@ -144,7 +145,7 @@ class Paint:
         return _shown(replace(base, colors=_bytes(found)), lit)
 
     def _with_texture(self, surface, pictures, shadows):
-        """Return a surface with a texture of its own; None where it has no place for one."""
+        """Return a surface with a texture of its own, or None if it cannot be unwrapped."""
         mesh = surface.mesh()
         uv = surface.coordinates
         if uv is not None and (uv.min() < 0 or uv.max() > 1):
@@ -167,7 +168,7 @@ class Paint:
         return _shown(whole, lit)
 
     def _colors(self, places, surface, pictures, shadows):
-        """Return colours of places, (n, 4), and whether light is to fall on them still."""
+        """Return colours of places, (n, 4), and whether the surface stays lit."""
         material = surface.material
         whole, left = self._light(places, surface, shadows)
         ambient, diffuse = material.GetAmbient(), material.GetDiffuse()
@@ -187,9 +188,9 @@ class Paint:
         return np.clip(out, 0, 1), lit
 
     def _light(self, places, surface, shadows):
-        """Return the light on places, and how much of it shadows leave."""
+        """Return the light on places without and with shadows, (n, 3) each."""
         normals = places.normals
-        if not surface.closed:  # VTK turns the normals of what is seen from behind
+        if not surface.closed:  # VTK flips the normals of back faces
             toward = self.frame.eye - places.points
             if self.frame.parallel:
                 toward = np.broadcast_to(self.frame.view_from_world[2, :3], normals.shape)
@@ -213,7 +214,7 @@ def _takes_light(picture) -> bool:
 
 
 def _mixed(under, over, mode, dim, albedo):
-    """Return colours with a picture on them, as a projector's shader has it."""
+    """Return colours with an image on them, as a projector's shader computes them."""
     colors, cover = over[:, :3], over[:, 3:]
     if mode in ('replace', 'decal'):
         return under * dim * (1 - cover) + colors * cover
@@ -234,14 +235,14 @@ def _bytes(colors):
 
 
 def _side(surface, count) -> float:
-    """Return how long the sides of so many triangles are."""
+    """Return the edge length of a surface of so many equal triangles."""
     a, b, c = np.moveaxis(surface.points[surface.faces], 1, 0)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
     return float(np.sqrt(4 * area / count))
 
 
 def _vertices(surface, known) -> Places:
-    """Return the vertices from a number on: those there were from all sides, halves from one."""
+    """Return the vertices from a number on: at 0 all with all their faces, else with one face."""
     albedo = albedo_of(surface)
     if known == 0:
         samples = Samples.of(surface.mesh(), 'points')
@@ -261,13 +262,11 @@ def _vertices(surface, known) -> Places:
 
 def _face_normals(surface, faces=slice(None)):
     a, b, c = np.moveaxis(surface.points[surface.faces[faces]], 1, 0)
-    across = np.cross(b - a, c - a)
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    return across / np.where(length > 0, length, 1)
+    return unit_vectors(np.cross(b - a, c - a))
 
 
 def _texels(surface, samples, texture) -> Places:
-    """Return the texels of a surface, whose old texture they are made of."""
+    """Return the texels of a surface, with the colours of its old texture."""
     shares = _shares(surface.points[samples.corner], samples.points)
 
     def between(rows):
@@ -276,7 +275,7 @@ def _texels(surface, samples, texture) -> Places:
     normals = samples.normals
     if surface.normals is not None:
         normals = between(surface.normals)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        normals = unit_vectors(normals)
     albedo = between(albedo_of(surface))
     if texture is not None:
         uv = np.clip(between(surface.coordinates), 0, 1)
@@ -285,7 +284,7 @@ def _texels(surface, samples, texture) -> Places:
 
 
 def _shares(corners, points):
-    """Return how much of each corner a place in a triangle is made, (n, 3)."""
+    """Return barycentric coordinates of points in triangles, (n, 3)."""
     a, b, p = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
     aa, ab, bb = (a * a).sum(1), (a * b).sum(1), (b * b).sum(1)
     pa, pb = (p * a).sum(1), (p * b).sum(1)
@@ -297,17 +296,17 @@ def _shares(corners, points):
 
 
 def _origin(flat, surface):
-    """Return of which point of a surface each point of its unwrapped triangles is."""
+    """Return the point of a surface that each point of its unwrapped mesh comes from."""
     if 'row' in flat.point_data:
         return np.asarray(flat.point_data['row'])
-    # Seams double points: each is of the corner of its own triangle, which are in order.
+    # Seams duplicate points: match them by the corners of their triangles, which keep their order.
     origin = np.zeros(flat.n_points, int)
     origin[np.asarray(flat.regular_faces).ravel()] = surface.faces.ravel()
     return origin
 
 
 def cut(rows, faces, wanted, most, passes=_PASSES):
-    """Cut edges in half, and the triangles that have them."""
+    """Split edges in half, and their triangles with them."""
     for _ in range(passes):
         n = len(rows['points'])
         ends = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
@@ -328,15 +327,15 @@ def cut(rows, faces, wanted, most, passes=_PASSES):
 def _halfway(name, values, ends):
     between = values[ends].mean(1)
     if name == 'normals':
-        between /= np.maximum(np.linalg.norm(between, axis=1, keepdims=True), 1e-12)
+        between = unit_vectors(between)
     return np.rint(between).astype(values.dtype) if values.dtype.kind == 'u' else between
 
 
 def _pieces(faces, middle):
-    """Return triangles whose edges are cut where there is a middle; others have -1."""
+    """Return triangles split at the middles of their edges, -1 for edges that are kept."""
     count = (middle >= 0).sum(1)
     out = [faces[count == 0]]
-    # Each is turned such that the edges that are cut come first.
+    # Each is rotated so that its split edges come first.
     for cuts in (1, 2, 3):
         rows = np.flatnonzero(count == cuts)
         turn = (np.argmin(middle[rows], 1) + 1) % 3 if cuts == 2 else np.argmax(middle[rows], 1)

@@ -1,4 +1,4 @@
-"""Plotters without pvibr that show the same, for browsers and files."""
+"""Plotters of plain actors that show the same, for browsers and files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LIMITS = {'triangles': (1, 10**9), 'texture': (0, 16_384)}
 
 
 def to_plain_plotter(host, pipelines, *, triangles, texture, detail):
-    """Return a plotter of plain actors that shows what another one shows."""
+    """Return a plotter of plain actors that shows the same as a host."""
     _check(triangles, texture, detail)
     renderers = renderers_of(host)
     effects = {p.renderer: [e for e in p.effects if e.enabled] for p in pipelines}
@@ -59,13 +59,13 @@ def _check(triangles, texture, detail):
     for name, value in (('triangles', triangles), ('texture', texture)):
         low, high = _LIMITS[name]
         if isinstance(value, bool) or not isinstance(value, int | np.integer):
-            msg = f'{name} is {value!r}; it must be a whole number'
+            msg = f'{name} is {value!r}; it must be an integer'
             raise TypeError(msg)
         if not low <= value <= high:
             msg = f'{name} is {value}; it must be from {low} to {high}'
             raise ValueError(msg)
     if not (np.isreal(detail) and 1e-5 <= detail <= 1):
-        msg = f'detail is {detail!r}; it must be a share of the diagonal from 1e-05 to 1'
+        msg = f'detail is {detail!r}; it must be a fraction of the diagonal from 1e-05 to 1'
         raise ValueError(msg)
 
 
@@ -91,7 +91,7 @@ def _like(host, renderers) -> pv.Plotter:
 
 
 def _copy_view(old, new, cameras):
-    """Have a renderer look as another does; cameras that were shared are."""
+    """Copy camera, background and depth peeling of a renderer; shared cameras stay shared."""
     camera = old.GetActiveCamera()
     key = address(camera)
     if key not in cameras:
@@ -110,12 +110,12 @@ def _copy_view(old, new, cameras):
 
 
 def _copy_lights(old, new, *, still):
-    """Give a renderer the lights of another; those of a camera stand still where shadows do."""
+    """Copy lights; camera lights become scene lights if their shadows are baked."""
     old.UpdateLightsGeometryToFollowCamera()
     for light in old.GetLights():
         copy = pv.Light()
         copy.DeepCopy(light)
-        if light.LightTypeIsHeadlight():  # vtk.js knows those of a camera only
+        if light.LightTypeIsHeadlight():  # the only one that vtk.js has
             copy.SetLightTypeToCameraLight()
             copy.SetPosition(0, 0, 1)
             copy.SetFocalPoint(0, 0, 0)
@@ -128,7 +128,7 @@ def _copy_lights(old, new, *, still):
 
 
 def _props(renderer, effects) -> list:
-    """Return what is in a renderer beside the actors of things, with the names it has there."""
+    """Return the props of a renderer that belong to no baked thing, with their names."""
     hidden = set()
     for thing in effects:
         # What stands for plain actors has them visible between frames, and its own actors not.
@@ -146,7 +146,7 @@ def _warn(report, dropped):
         parts.append(f'not in the plain plotter: {", ".join(lost)}')
     for name, count in dropped.items():
         parts.append(
-            f'{count} of {name}, the smallest on the screen, are left out: give more triangles'
+            f'{count} of {name}, the smallest on the screen, are left out: increase triangles'
         )
     if parts:
         warnings.warn('; '.join(parts), PvibrWarning, stacklevel=4)

@@ -1,4 +1,4 @@
-"""Copies of props for another window: what they show is shared, what draws it is not."""
+"""Copies of props for another window: they share data, not mappers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pvibr.meshes.parts import copy_property
 
 
 def copied(prop, plotter):
-    """Return a prop that shows the same in another window."""
+    """Return a copy of a prop for another window, None if the plotter has an equal one."""
     if prop.IsA('vtkCubeAxesActor'):
         return _axes(prop, plotter)
     if prop.IsA('vtkActor') and prop.GetMapper() is not None:
@@ -21,7 +21,7 @@ def copied(prop, plotter):
 
 
 def _axes(prop, plotter):
-    """Have a plotter draw axes like some; None, since it has them then."""
+    """Show the same axes in a plotter."""
     if hasattr(plotter, 'show_bounds') and not plotter.renderer.cube_axes_actor:
         plotter.show_bounds(
             bounds=prop.GetBounds(),
@@ -56,7 +56,7 @@ def _like(prop):
 
 
 def range_teller(bar):
-    """Return an actor that draws nothing: from its mapper vtk.js knows the range of a table."""
+    """Return an actor that draws nothing: vtk.js reads the range of a table from its mapper."""
     speck = pv.PolyData.from_regular_faces(np.zeros((3, 3)), [[0, 1, 2]])
     speck['range'] = np.resize(bar.GetLookupTable().GetRange(), 3)
     mapper = pv.DataSetMapper(speck)
@@ -76,7 +76,7 @@ def _actor(prop):
     look = pv.Property()
     copy_property(look, prop.GetProperty())
     copy.SetProperty(look)
-    copy.SetShaderProperty(_vtk.vtkShaderProperty())  # what pvibr put there stays there
+    copy.SetShaderProperty(_vtk.vtkShaderProperty())  # without pvibr's shader replacements
     if prop.GetUserMatrix() is not None:
         copy.user_matrix = pv.array_from_vtkmatrix(prop.GetUserMatrix())
     return copy

@@ -1,8 +1,8 @@
-"""A subplot as plain meshes: what effects and things hand over, put together."""
+"""A subplot as plain meshes, collected from its effects and things."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 import pyvista as pv
@@ -13,44 +13,45 @@ from pvibr.export.paint import Paint
 from pvibr.export.props import copied, range_teller
 from pvibr.export.surfaces import Surface, surface_of_part, tiled
 from pvibr.gl.scene_pass import is_marker
+from pvibr.maths.vectors import unit_vectors
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 from pvibr.projection.silhouette_lines import silhouette_lines
 
 _SURFACE = 2  # VTK_SURFACE
-#: How far lines are before the surface that they are on, as a share of the way to the eye.
+#: Offset of lines from their surface toward the eye, as a fraction of the distance.
 _BEFORE = 2e-3
-#: The radius of a dome around the scene, in those of the sphere around everything and the eye.
+#: Radius of the sky dome in radii of the sphere around the scene and the eye, and its sides.
 _DOME, _DOME_SIDES = 4.0, 96
 SKY = 'sky'
 
 
 class BakedScene:
-    """What a subplot becomes."""
+    """Plain meshes, lines and a sky in place of a subplot's effects and things."""
 
     def __init__(self, frame, *, triangles, detail, texels):
         self.frame = frame
         self.triangles, self.detail, self.texels = triangles, detail, texels
         self.dropped: dict[str, int] = {}
-        #: Whether lights that follow the camera must stand still, as what they made does.
+        #: Whether lights must stop following the camera, since their shadows are baked.
         self.lights_stand = False
         self._pieces: list = []
         self._cards: list[Surface] = []
         self._groups: list[Copies] = []
         self._requests: list = []
         self._lines: list = []
-        self._dome: Any = None
+        self._dome: Callable | None = None
 
-    # -- what effects and things call ----------------------------------------------------------
+    # -- called by effects and things ----------------------------------------------------------
 
     def part(self, owner, part, *, color=None, multiply=False):
-        """Add a mesh where it stands."""
+        """Add one mesh, in world space."""
         self._pieces.append((owner, part, color, multiply))
 
     def copies(
         self, owner, levels, poses, *, largest=None, colors=None, multiply=False, scales=None
     ):
-        """Add a mesh many times."""
+        """Add many copies of a mesh."""
         if len(poses):
             largest = largest or (np.inf, *[0.0] * (len(levels) - 1))
             matrices = _matrices(np.asarray(poses, float), scales)
@@ -58,13 +59,13 @@ class BakedScene:
             self._groups.append(Copies(owner, levels, largest, matrices, colors, multiply))
 
     def quads(self, owner, corners, coordinates, image, *, colors, lighting, cutout):
-        """Add rectangles with a picture."""
+        """Add rectangles with an image."""
         count = len(corners)
         if not count:
             return
         material = pv.Property(color='white', lighting=lighting, interpolation='Phong')
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
-        normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+        normals = unit_vectors(across)
         faces = 4 * np.arange(count)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
         made = Surface(
             corners.reshape(-1, 3),
@@ -81,7 +82,7 @@ class BakedScene:
         self._cards.append(made)
 
     def shadow(self, casts, receives, extents=None):
-        """Take light away where surfaces hide lights; see :meth:`Paint.shadow`."""
+        """Add shadows of casters on receivers; see `Paint.shadow`."""
         self.lights_stand = True
         self._requests.append(
             lambda paint: paint.shadow(
@@ -90,23 +91,23 @@ class BakedScene:
         )
 
     def drape(self, draped, *, mode, lit, dim, receives, casts):
-        """Lay pictures onto surfaces; see :meth:`Paint.drape`."""
+        """Add projected images; see `Paint.drape`."""
         self._requests.append(
             lambda paint: paint.drape(draped, mode, lit, dim, chosen(receives), chosen(casts))
         )
 
     def lines(self, owners, *, color, width, opacity, crease):
-        """Draw silhouettes, borders and creases as lines."""
+        """Add silhouettes, borders and creases as lines."""
         self._lines.append((chosen(owners), color, width, opacity, crease))
 
     def dome(self, color_of):
-        """Put a dome around the scene."""
+        """Add a sky dome with the colours of view directions."""
         self._dome = color_of
 
-    # -- what becomes of it --------------------------------------------------------------------
+    # -- the result ----------------------------------------------------------------------------
 
     def add_to(self, plotter, props):
-        """Add all of it to the active subplot of a plotter."""
+        """Add everything to the active subplot of a plotter."""
         plain = [_Plain(name, p) for name, p in props if p.GetVisibility() and not is_marker(p)]
         own = self._own()
         needs = bool(self._requests or self._lines)
@@ -130,7 +131,7 @@ class BakedScene:
         return [paint.painted(s) for s in own]
 
     def _own(self) -> list[Surface]:
-        """Return the surfaces of things, within the number of triangles."""
+        """Return the surfaces of things, within the triangle budget."""
         cards = sum(len(s.faces) for s in self._cards)
         most = max(self.triangles - cards, 0)
         pieces = _within(self._pieces, most)
@@ -146,7 +147,7 @@ class BakedScene:
         return parts + self._cards
 
     def _sized(self, extents):
-        """Return what tells the size of a light: from its own settings, or how far it reaches."""
+        """Return a function for the extent of a light, given its distance from the scene."""
 
         def size(light):
             bounds = np.reshape(self.frame.renderer.ComputeVisiblePropBounds(), (3, 2))
@@ -157,10 +158,9 @@ class BakedScene:
     def _add_lines(self, plotter, surfaces):
         for mine, color, width, opacity, crease in self._lines:
             found = [_outlined(s, self.frame, crease) for s in surfaces if mine(s)]
-            found = [lines for lines in found if lines.n_cells]
-            if not found:
+            if not any(lines.n_cells for lines in found):
                 continue
-            lines = found[0] if len(found) == 1 else found[0].append_polydata(*found[1:])
+            lines = _joined(found)
             lines.points = _before(self.frame, np.asarray(lines.points, float))
             plotter.add_mesh(
                 lines,
@@ -183,8 +183,8 @@ class BakedScene:
         radius = _DOME * max(reach, np.linalg.norm(self.frame.eye - middle))
         ball = pv.Sphere(radius=1.0, theta_resolution=2 * _DOME_SIDES, phi_resolution=_DOME_SIDES)
         points = np.asarray(ball.points, float) * radius + middle
-        away = points - self.frame.eye  # it is far away: seen from the eye it has no other side
-        directions = away / np.linalg.norm(away, axis=1, keepdims=True)
+        away = points - self.frame.eye  # from the eye: the sky is infinitely far
+        directions = unit_vectors(away)
         colors = np.rint(255 * np.clip(self._dome(directions), 0, 1)).astype(np.uint8)
         dome = pv.PolyData.from_regular_faces(points, np.asarray(ball.regular_faces)[:, ::-1])
         dome['colors'] = colors
@@ -203,7 +203,7 @@ class BakedScene:
 
 
 class _Plain:
-    """A prop of the subplot, as it is or as surfaces that are coloured anew."""
+    """A prop of the subplot, kept as it is or replaced by recoloured surfaces."""
 
     def __init__(self, name, prop):
         self.name, self.prop = name, prop
@@ -211,7 +211,7 @@ class _Plain:
         self._changed = False
 
     def surfaces(self, needed) -> list[Surface]:
-        """Return it as surfaces; none where it has none or none are needed."""
+        """Return its surfaces, if any are needed."""
         if needed and _has_surface(self.prop):
             try:
                 parts = as_parts(self.prop)
@@ -223,7 +223,7 @@ class _Plain:
         return self.found
 
     def paint(self, paint):
-        """Colour its surfaces."""
+        """Recolour its surfaces."""
         painted = [paint.painted(s) for s in self.found]
         self._changed = any(a is not b for a, b in zip(painted, self.found, strict=True))
         self.found = painted
@@ -248,7 +248,7 @@ class _Plain:
 
 
 def chosen(choice):
-    """Return what tells of a surface whether an actor or thing is chosen."""
+    """Return a predicate of surfaces for a choice of actors or things, None for all."""
     if choice is None:
         return lambda surface: True
     if callable(choice):
@@ -258,7 +258,7 @@ def chosen(choice):
 
 
 def names_of(renderer) -> dict:
-    """Return what a renderer calls its actors, by their address."""
+    """Return the names of a renderer's actors by address."""
     actors = getattr(renderer, 'actors', None)
     return {address(a): n for n, a in actors.items()} if isinstance(actors, dict) else {}
 
@@ -276,7 +276,7 @@ def _has_surface(prop) -> bool:
 
 
 def _last_if_cut(surface) -> bool:
-    return surface.cutout is not None  # soft edges blend with what is behind
+    return surface.cutout is not None  # soft edges blend with what is drawn before
 
 
 def _matrices(poses, scales):
@@ -290,7 +290,7 @@ def _matrices(poses, scales):
 
 
 def _within(pieces, most):
-    """Return pieces that have no more triangles than that together, where they can be lighter."""
+    """Return pieces, decimated if possible to fit a total number of triangles."""
     total = sum(part.mesh.n_cells for _, part, *_ in pieces)
     if total <= most:
         return pieces
@@ -309,7 +309,7 @@ def _outlined(surface, frame, crease):
     camera = frame.renderer.GetActiveCamera()
     size = tuple(int(n) for n in frame.whole)
     if surface.cutout is not None:
-        return pv.PolyData()  # its outline is in its picture
+        return pv.PolyData()  # its outline is in its image
     mesh = surface.mesh()
     found = [silhouette_lines(mesh, camera, hidden=True, size=size)]
     if crease is not None and surface.normals is None:
@@ -318,14 +318,16 @@ def _outlined(surface, frame, crease):
         )
         creases.clear_data()
         found.append(creases)
-    found = [one for one in found if one.n_cells]
-    if not found:
-        return pv.PolyData()
-    return found[0] if len(found) == 1 else found[0].append_polydata(found[1])
+    return _joined(found)
+
+
+def _joined(meshes):
+    found = [mesh for mesh in meshes if mesh.n_cells]
+    return found[0].append_polydata(*found[1:]) if len(found) > 1 else (*found, pv.PolyData())[0]
 
 
 def _before(frame, points):
-    """Return points a little nearer to the eye, so that they are before their surfaces."""
+    """Return points moved slightly toward the eye, in front of their surfaces."""
     if not frame.parallel:
         return points + _BEFORE * (frame.eye - points)
     away = -(points @ frame.view_from_world[2, :3] + frame.view_from_world[2, 3])

@@ -1,26 +1,26 @@
-"""Surfaces that any viewer shows: triangles in world space, colours, a texture, a material."""
+"""Surfaces for any viewer: triangles in world space, colours, a texture, a material."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.maths.vectors import unit_vectors
 from pvibr.meshes.parts import copy_property
 from pvibr.projection.samples import sides_of
 
 _FLAT, _PHONG, _PBR = 0, 2, 3  # VTK_FLAT, VTK_PHONG, VTK_PBR
 _COLORS = 'colors'
-#: Triangles that cut-outs are followed with, together and along a side of each.
+#: Triangles that approximate cut-outs, in all and along a side of each.
 _PATTERN, _FINEST = 200_000, 32
 
 
 @dataclass
 class Surface:
-    """What becomes one actor."""
+    """The data of one actor."""
 
     points: np.ndarray
     faces: np.ndarray
@@ -28,8 +28,8 @@ class Surface:
     coordinates: np.ndarray | None
     colors: np.ndarray | None
     texture: np.ndarray | None
-    material: Any
-    owner: Any = None
+    material: pv.Property
+    owner: object = None
     closed: bool = False
     cutout: float | None = None
     repeat: bool = True
@@ -38,19 +38,19 @@ class Surface:
 
     @property
     def opaque(self) -> bool:
-        """Whether nothing behind it shines through."""
+        """Whether it hides everything behind it."""
         see_through = self.colors is not None and bool((self.colors[:, 3] < 255).any())
         return self.material.GetOpacity() >= 1 and not see_through
 
-    def mesh(self) -> pv.PolyData:
-        """Return points and triangles alone."""
+    def mesh(self):
+        """Return a mesh of points and triangles only."""
         return pv.PolyData.from_regular_faces(self.points, self.faces)
 
     def solid(self) -> pv.PolyData:
-        """Return points and triangles of what is not cut out."""
+        """Return a mesh of what is not cut out."""
         if self.cutout is None or self.texture is None or self.coordinates is None:
             return self.mesh()
-        # A pattern of small triangles in each: those stay whose middle is drawn.
+        # Each triangle is subdivided, and the pieces whose middle is drawn are kept.
         side = int(np.clip(np.sqrt(_PATTERN / max(len(self.faces), 1)), 1, _FINEST))
         corners, middles = _pattern(side)
         places = middles @ self.coordinates[self.faces]
@@ -60,27 +60,26 @@ class Surface:
         row = at[..., 1] % height if self.repeat else np.clip(at[..., 1], 0, height - 1)
         drawn = self.texture[height - 1 - row, column, 3] >= 255 * self.cutout
         small = np.einsum('skc,mcd->mskd', corners, self.points[self.faces])[drawn]
-        faces: Any = np.arange(3 * len(small)).reshape(-1, 3)
-        return pv.PolyData.from_regular_faces(small.reshape(-1, 3), faces)
+        return pv.PolyData.from_regular_faces(small.reshape(-1, 3), _apart(3 * len(small)))
 
     def exploded(self) -> Surface:
-        """Return the same with points that belong to one triangle each."""
+        """Return a copy whose triangles share no points."""
         corner = self.faces.ravel()
-        faces = np.arange(len(corner)).reshape(-1, 3)
-        return self.with_rows({k: v[corner] for k, v in self.rows().items()}, faces)
+        rows = {name: values[corner] for name, values in self.rows().items()}
+        return self.with_rows(rows, _apart(len(corner)))
 
     def rows(self) -> dict:
-        """Return what there is of each point, by name."""
+        """Return the point arrays by name."""
         names = ('points', 'normals', 'coordinates', 'colors')
         return {n: v for n in names if (v := getattr(self, n)) is not None}
 
     def with_rows(self, rows, faces) -> Surface:
-        """Return the same with other points and triangles."""
+        """Return a copy with other points and triangles."""
         return replace(self, faces=faces, **rows)
 
     def dataset(self) -> pv.PolyData:
         """Return the mesh with its arrays."""
-        mesh: Any = self.mesh()
+        mesh = self.mesh()
         if self.normals is not None:
             mesh.point_data.active_normals = np.asarray(self.normals, np.float32)
         if self.coordinates is not None:
@@ -92,7 +91,7 @@ class Surface:
 
     def add_to(self, plotter):
         """Add it to the active subplot of a plotter."""
-        look: dict[str, Any] = {'scalars': None, 'color': self.material.GetColor()}
+        look: dict = {'scalars': None, 'color': self.material.GetColor()}
         if self.colors is not None:
             look = {'scalars': _COLORS, 'rgb': True}
         actor = plotter.add_mesh(
@@ -123,8 +122,13 @@ class Surface:
         return texture
 
 
+def _apart(count):
+    """Return triangles that share none of so many points."""
+    return np.arange(count).reshape(-1, 3)
+
+
 def _pattern(side):
-    """Return the small triangles of a triangle in shares of its corners, and their middles."""
+    """Return the pieces of a subdivided triangle in barycentric coordinates, and their middles."""
     steps = np.arange(side + 1) / side
     cells = []
     for i in range(side):
@@ -139,7 +143,7 @@ def _pattern(side):
 
 
 def surface_of_part(part, owner) -> Surface:
-    """Return a part as a surface where it stands."""
+    """Return a part as a surface in world space."""
     mesh, prop = part.mesh, part.actor.GetProperty()
     faces = np.asarray(mesh.regular_faces, int).reshape(-1, 3)
     normals = mesh.point_data.active_normals if prop.GetInterpolation() != _FLAT else None
@@ -168,7 +172,7 @@ def surface_of_part(part, owner) -> Surface:
 
 
 def material_of(prop):
-    """Return a copy of a material that every viewer knows."""
+    """Return a copy of a property without what only some viewers support."""
     copy = pv.Property()
     copy_property(copy, prop)
     copy.RemoveAllTextures()
@@ -187,7 +191,7 @@ def _is_smooth(actor) -> bool:
 
 
 def _image_of(actor):
-    """Return the picture that an actor wears, (h, w, 4), or None."""
+    """Return the image of an actor's texture, (h, w, 4), or None."""
     texture = _texture_of(actor)
     if texture is None:
         return None
@@ -208,7 +212,7 @@ def _image_of(actor):
 
 
 def _colors_of(part):
-    """Return the colours that a part's scalars have, (n, 4), and whether they are of cells."""
+    """Return the colours of a part's scalars, (n, 4), and whether they belong to cells."""
     mapper = part.polydata_mapper()
     if not mapper.GetScalarVisibility():
         return None, False
@@ -230,9 +234,7 @@ def tiled(surface, matrices, colors=None, multiply=False) -> Surface:
     axes, origins = matrices[:, :3, :3], matrices[:, None, :3, 3]
     rows = {'points': (surface.points @ np.swapaxes(axes, 1, 2) + origins).reshape(-1, 3)}
     if surface.normals is not None:
-        normals = surface.normals @ np.linalg.inv(axes)
-        length = np.linalg.norm(normals, axis=2, keepdims=True)
-        rows['normals'] = (normals / np.where(length > 0, length, 1)).reshape(-1, 3)
+        rows['normals'] = unit_vectors(surface.normals @ np.linalg.inv(axes)).reshape(-1, 3)
     if surface.coordinates is not None:
         rows['coordinates'] = np.tile(surface.coordinates, (count, 1))
     faces = np.tile(surface.faces, (count, 1, 1))
@@ -269,7 +271,7 @@ def multiplied(a, b) -> np.ndarray:
 
 
 def albedo_of(surface) -> np.ndarray:
-    """Return the colours of points without texture and light, (n, 4), float from 0 to 1."""
+    """Return the unlit colours of points without texture, (n, 4), float from 0 to 1."""
     rows = surface.colors
     rows = _plain(surface, len(surface.points)) if rows is None else rows
     return rows / 255.0

@@ -1,4 +1,4 @@
-"""What of a scene a browser shows that draws it by itself, and who says so."""
+"""What a browser shows of a scene that it renders itself, and a warning of what is missing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pvibr.core import _vtk
 from pvibr.core.errors import PvibrWarning
 from pvibr.core.plotters import trame_viewer
 
-#: Pictures of these come from where pvibr is; the others hand the scene over as data.
+#: Backends that show images rendered here, and those that send the scene as data.
 PICTURES = ('static', 'server', 'none')
 DATA = ('client', 'html', 'trame', 'vtksz', 'wasm', 'gltf')
 _NAME = 'pvibr: told when the scene is read'
@@ -18,7 +18,7 @@ _NAME = 'pvibr: told when the scene is read'
 
 @dataclass(frozen=True)
 class WebRow:
-    """What becomes of one effect or thing."""
+    """What a browser shows of one effect or thing."""
 
     effect: str
     state: str
@@ -28,18 +28,18 @@ class WebRow:
 
 @dataclass(frozen=True)
 class WebReport:
-    """What of a plotter a browser shows; printed, it is a table."""
+    """What a browser shows of a plotter; prints as a table."""
 
     backend: str
     rows: list[WebRow]
 
     @property
     def missing(self) -> list[WebRow]:
-        """What is not shown unless the scene is baked, or not even then."""
+        """Rows of what is shown only in a plain plotter, or not at all."""
         return [row for row in self.rows if row.state in ('baked', 'lost')]
 
     def as_dict(self) -> dict:
-        """Return the same as values that JSON keeps."""
+        """Return the report as JSON values."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -78,7 +78,7 @@ def _row(effect, subplot, backend):
 
 
 class Watch:
-    """Tells when a renderer's scene is read as data, by an exporter or for a browser."""
+    """Calls a method when a renderer's scene is read as data, by an exporter or for a browser."""
 
     def __init__(self, renderer, tell):
         self.renderer = renderer
@@ -87,7 +87,7 @@ class Watch:
         self._source.SetExecuteMethod(_teller(weakref.WeakMethod(tell), self._drawing))
         mapper = _vtk.vtkPolyDataMapper()
         mapper.SetInputConnection(self._source.GetOutputPort())
-        mapper.StaticOn()  # who asks for bounds gets those that are there
+        mapper.StaticOn()  # reading bounds must not execute the source
         self.prop = _vtk.vtkActor()
         self.prop.SetMapper(mapper)
         self.prop.SetObjectName(_NAME)
@@ -96,7 +96,7 @@ class Watch:
         self._observers: list[int] = []
 
     def set(self, there):
-        """Watch, or watch no longer."""
+        """Start or stop watching."""
         if there and not self._observers:
             self.renderer.AddViewProp(self.prop)
             show = _shows(self.prop, self._source, self._drawing)
@@ -114,7 +114,7 @@ class Watch:
 def _teller(tell, drawing):
     def read():
         told = tell()
-        # VTK's own shadow passes read what is not visible, too.
+        # VTK's shadow passes also read invisible props.
         if told is not None and not drawing:
             told()
 
@@ -126,7 +126,7 @@ def _shows(prop, source, drawing):
         prop.SetVisibility(there)
         if there:
             drawing.clear()
-            source.Modified()  # whoever reads it next has it made anew
+            source.Modified()  # so that the next reader executes it
         else:
             drawing.add(True)
 
@@ -170,13 +170,13 @@ class HandOver:
 
 
 def warn_missing(report):
-    """Say in one warning what a browser will not show."""
+    """Warn of what a browser will not show."""
     named = '; '.join(f'{r.effect} ({r.what})' for r in report.missing if r.state == 'lost')
     baked = ', '.join(r.effect for r in report.missing if r.state == 'baked')
-    parts = ['The scene is handed over as data: what pvibr draws is not in it']
+    parts = ['The scene is sent as data, without what pvibr renders']
     if baked:
         parts.append(f'pl.ibr.to_plain_plotter() returns a plotter that has {baked}')
     if named:
-        parts.append(f'Lost in any case: {named}')
+        parts.append(f'Not available: {named}')
     parts.append("With jupyter_backend='server' a page shows everything; see pl.ibr.web_report()")
     warnings.warn('. '.join(parts) + '.', PvibrWarning, stacklevel=2)

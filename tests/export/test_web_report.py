@@ -92,7 +92,7 @@ def test_one_warning_where_the_scene_is_handed_over(plotter, tmp_path):
         assert plotter.bounds is not None
         plotter.reset_camera()
     with pytest.warns(
-        pvibr.PvibrWarning, match=r'to_plain_plotter\(\) .* has Spheres.*any case: Bloom'
+        pvibr.PvibrWarning, match=r'to_plain_plotter\(\) .* has Spheres.*Not available: Bloom'
     ):
         exports(plotter, tmp_path)
     with warnings.catch_warnings():
@@ -101,7 +101,7 @@ def test_one_warning_where_the_scene_is_handed_over(plotter, tmp_path):
     plotter.subplot(0, 0)
     plotter.ibr.add(pvibr.Vignette())
     plotter.render()
-    with pytest.warns(pvibr.PvibrWarning, match='any case: Bloom .*; Vignette'):
+    with pytest.warns(pvibr.PvibrWarning, match='Not available: Bloom .*; Vignette'):
         exports(plotter, tmp_path)  # something else is missing now
 
 

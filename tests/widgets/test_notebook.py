@@ -141,7 +141,7 @@ def test_a_broken_file_of_presets_is_said(panel, pl, tmp_path):
     (tmp_path / 'config' / 'presets.json').write_text('{')
     pl.ibr.effects[0].spread = 0.75
     pl.render()
-    assert 'presets.json is no JSON' in said(panel)
+    assert 'presets.json is not JSON' in said(panel)
     assert controls(panel, 'spread')['text'].value == '0.75'
 
 
