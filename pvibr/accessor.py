@@ -1,4 +1,4 @@
-"""``mesh.ibr``: what a mesh can become."""
+"""``mesh.ibr``: conversions of a mesh to images."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class IBRAccessor:
         Returns
         -------
         pvibr.Atlas
-            It can be saved, loaded and looked at.
+            The images; they can be saved, loaded and viewed.
         """
         from pvibr.instances.levels import bake
 
@@ -48,13 +48,13 @@ class IBRAccessor:
         Parameters
         ----------
         **kwargs
-            See ``billboard_cloud``: ``epsilon`` is the bound, a share of the
-            diagonal of the bounding box, ``planes`` a number of planes instead.
+            See ``billboard_cloud``: ``epsilon`` is the bound, a fraction of the bounding box's
+            diagonal, ``planes`` a number of planes instead.
 
         Returns
         -------
         pvibr.BillboardCloud
-            A mesh with textures that any viewer shows, and how good it is.
+            A textured mesh for any viewer, and its error.
         """
         from pvibr.billboard_clouds.cloud import billboard_cloud
 

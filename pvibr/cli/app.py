@@ -56,7 +56,7 @@ bench = app.command(App(name='bench', help='Measure run time against error, here
 
 @app.command
 def doctor() -> int:
-    """Say what draws here, what is missing, and the command that mends it."""
+    """Check the installation and print how to fix what is missing."""
     from pvibr.cli.doctor import diagnose
 
     diagnosis = diagnose()
@@ -75,7 +75,7 @@ def demo(
     movie: Path | None = None,
     size: str = '1280x720',
 ) -> None:
-    """Walk through a landscape of trees, drawn by VTK and by pvibr."""
+    """Compare VTK and pvibr on a landscape of trees."""
     pixels = _size(size)
     from pvibr.cli.demo import main
 
@@ -105,7 +105,7 @@ def view(
     scale: _Pixels = 1.0,
     window: bool = False,
 ) -> None:
-    """Draw a mesh at every pose of a file."""
+    """Draw a mesh at every pose in a file."""
     pixels, names = _size(size), _columns(columns)
     from pvibr.cli.view import main
 
@@ -138,7 +138,7 @@ def play(
     seconds: Annotated[float | None, _Positive] = None,
     skinning: Literal['linear', 'dual'] = 'linear',
 ) -> None:
-    """Play a file that moves: in a window, or as a movie or a picture."""
+    """Play an animated file in a window, or write a movie or an image."""
     pixels = _size(size)
     from pvibr.cli.play import main
 
@@ -159,7 +159,7 @@ def play(
 
 @app.command
 def bake(mesh: ExistingFile, *, out: _Out = None, sheet: Path | None = None) -> None:
-    """Bake the atlas of a mesh and keep it in a file."""
+    """Bake the atlas of a mesh and write it to a file."""
     from pvibr.instances.levels import bake
     from pvibr.meshes.parts import as_parts
 

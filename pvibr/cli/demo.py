@@ -1,4 +1,4 @@
-"""``pvibr demo``: a walk through a landscape of heavy trees, drawn by VTK and by pvibr."""
+"""``pvibr demo``: a walk through a landscape of heavy trees, rendered by VTK and by pvibr."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from pvibr.maths.image_error import flip, psnr, silhouette_iou
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import plant, scenery
 
-#: Frames of the walk that are timed, and of a movie.
+#: Timed frames of the walk, frames of a movie, and frames per second.
 FRAMES, MOVIE_FRAMES, FPS = 24, 360, 30
-#: Frames of the walk that VTK's own ways are timed at.
+#: Frames at which VTK's own methods are timed.
 PEER_FRAMES = 3
-#: Seconds after which timing ends, however few the frames.
+#: Seconds after which timing stops.
 TIMING_SECONDS = 20.0
-#: Seconds that full meshes may take where the error is measured, and how much longer than a tree
-#: of VTK's glyphs one of them takes: it is in view, and drawn once and with many samples.
+#: Seconds allowed for the full meshes of the error measurement, and their cost relative to
+#: VTK's glyphs per tree: all are in view, and drawn with many samples.
 ERROR_SECONDS, DEARER = 30.0, 7.0
-#: Where on the trail the pictures are taken.
+#: Position of the images on the trail.
 PLACE = 0.4
 
 
 @dataclass
 class Numbers:
-    """What the demo measured; written as JSON beside the pictures."""
+    """Measurements of the demo, written as JSON beside the images."""
 
     instances: int
     triangles: int
@@ -67,7 +67,7 @@ def main(
     movie=None,
     size=(1280, 720),
 ):
-    """Draw, measure and write; with `window` or `movie` only show that."""
+    """Measure and write images; or with `window` or `movie` only show the walk."""
     if movie is not None:
         require('imageio_ffmpeg', 'movie', 'Movies')
     scene = landscape(count)
@@ -96,13 +96,13 @@ def _measure(scene, max_error, frames, size, out):
         seconds = stage.seconds(scene.path(frames), limit=TIMING_SECONDS)
         if len(seconds) < frames:
             numbers.notes.append(
-                f'pvibr is timed at {len(seconds)} of {frames} frames: it is slow here.'
+                f'pvibr is timed at {len(seconds)} of {frames} frames: rendering is slow here.'
             )
         numbers.milliseconds['pvibr'] = float(np.median(seconds)) * 1e3
         numbers.gpu_bytes = _gpu_bytes(stage.plotter)
-        status.update("VTK's own ways")
+        status.update("VTK's own methods")
         _time_peers(scene, frames, numbers)
-        status.update('full meshes, many samples a pixel')
+        status.update('full meshes, many samples per pixel')
         _compare(stage, trees, scene, numbers, out)
     numbers.seconds = time.perf_counter() - start
     return numbers
@@ -122,8 +122,8 @@ def _time_peers(scene, frames, numbers):
     part = min(PART, numbers.instances)
     if part < numbers.instances:
         numbers.notes.append(
-            f"VTK's own ways are measured with {part} of {numbers.instances} trees, "
-            'drawn by lot, and extrapolated linearly.'
+            f"VTK's own methods are measured with {part} of {numbers.instances} trees, "
+            'drawn at random, and extrapolated linearly.'
         )
     numbers.notes.append(
         f'LOD: one level with {LOD_REDUCTION:.0%} of the triangles gone, the one that VTK draws.'
@@ -131,7 +131,7 @@ def _time_peers(scene, frames, numbers):
 
 
 def _compare(stage, trees, scene, numbers, out):
-    """Draw a part of the trees by pvibr and as full meshes, and write the pictures."""
+    """Draw some of the trees by pvibr and as full meshes, and write the images."""
     camera = scene.path(1, PLACE, PLACE)[0]
     stage.look(camera)
     rows = in_view(stage.frame(), *spheres(scene.parts(), scene.matrices, scene.index))
@@ -161,7 +161,7 @@ def _compare(stage, trees, scene, numbers, out):
 
 
 def _full(scene, rows, camera, size, samples):
-    """Return picture, coverage and seconds of the full meshes."""
+    """Return image, coverage and seconds of the full meshes."""
     with Stage(size, scene.terrain, scene.view_angle, samples, lights=scene.lights()) as stage:
         stage.bounds = scene.terrain.bounds
         stage.look(camera)

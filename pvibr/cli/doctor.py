@@ -1,4 +1,4 @@
-"""What draws here, what is missing, and the command that mends it."""
+"""A check of the installation: what renders, what is missing, and how to fix it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 TIMEOUT_SECONDS = 120
 
-# One module that tells whether an extra is installed.
+# A module of each extra, whose presence shows that it is installed.
 _EXTRAS = {
     'bench': 'embreex',
     'city': 'cjio',
@@ -33,7 +32,7 @@ _EXTRAS = {
     'test': 'pytest',
 }
 
-# OpenGL's own names of the limits: what is asked, and how it is said.
+# OpenGL limits by enum, and how to print them.
 _LIMITS = {
     0x0D33: '{} px wide textures',  # GL_MAX_TEXTURE_SIZE
     0x88FF: '{} array layers',  # GL_MAX_ARRAY_TEXTURE_LAYERS
@@ -44,7 +43,7 @@ _LIMITS = {
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the doctor found; ``str()`` of it is what ``pvibr doctor`` prints."""
+    """Facts and problems; ``str()`` is the output of ``pvibr doctor``."""
 
     facts: dict[str, str] = field(default_factory=dict)
     problems: list[tuple[str, str]] = field(default_factory=list)
@@ -57,7 +56,7 @@ class Diagnosis:
 
 
 def diagnose() -> Diagnosis:
-    """Look at versions, drawing, cache and packages; draws one picture in another process."""
+    """Check versions, rendering, cache and packages; one image is rendered in another process."""
     found = Diagnosis()
     for look in (_versions, _packages, _drawing, _cache, _extras):
         look(found)
@@ -65,8 +64,8 @@ def diagnose() -> Diagnosis:
 
 
 def require_gl() -> None:
-    """Raise, rather than let VTK end the process, when nothing can be drawn here."""
-    # A VTK that brings its own OpenGL needs none of the system's: only drawing can tell.
+    """Raise if nothing can be rendered here, before VTK aborts the process."""
+    # A VTK with its own OpenGL needs no system libraries: only rendering can tell.
     if has_gl_libraries() or not _draw_elsewhere()[1]:
         return
     from pvibr.core.errors import PvibrError
@@ -76,14 +75,14 @@ def require_gl() -> None:
 
 
 def prefer_egl() -> None:
-    """Let VTK draw by EGL at once where there is no display to ask first."""
+    """Make VTK use EGL directly if there is no display."""
     headless = sys.platform.startswith('linux') and not os.environ.get('DISPLAY')
     if headless and _loads_egl():
         os.environ.setdefault('VTK_DEFAULT_OPENGL_WINDOW', 'vtkEGLRenderWindow')
 
 
 def has_gl_libraries() -> bool:
-    """Tell whether the libraries are there that VTK opens at its first window."""
+    """Return True if the libraries exist that VTK loads for its first window."""
     if not sys.platform.startswith('linux'):
         return True
     glx = _loads('libGL.so.1') and bool(os.environ.get('DISPLAY'))
@@ -92,7 +91,7 @@ def has_gl_libraries() -> bool:
 
 
 def gl_remedy() -> str:
-    """Name the command that installs the OpenGL libraries."""
+    """Return the command that installs the OpenGL libraries."""
     sudo = '' if getattr(os, 'geteuid', lambda: 0)() == 0 else 'sudo '
     if shutil.which('apt-get'):
         return f'{sudo}apt-get install --no-install-recommends libegl1 libgl1'
@@ -153,7 +152,7 @@ def _drawing(found: Diagnosis) -> None:
 
 
 def _draw_elsewhere() -> tuple[dict[str, str], str]:
-    """Draw in another process, which may crash: what was found, and what went wrong if it did."""
+    """Render in another process, which may crash; return the facts and the failure, if any."""
     command = [sys.executable, '-c', 'from pvibr.cli import doctor; doctor._draw()']
     try:
         done = subprocess.run(
@@ -174,7 +173,7 @@ def _last_line(text: str) -> str:
 
 
 def _draw() -> None:
-    """Draw one picture off screen and print what drew it; runs in a process of its own."""
+    """Render one image off screen and print facts of the driver; runs in its own process."""
     import pyvista as pv
 
     plotter = pv.Plotter(off_screen=True, window_size=[64, 64])
@@ -187,7 +186,7 @@ def _draw() -> None:
     print(json.dumps(_window_facts(plotter.render_window)))
 
 
-def _window_facts(window: Any) -> dict[str, str]:
+def _window_facts(window) -> dict[str, str]:
     said = dict(re.findall(r'OpenGL (\w+) string: *(.*)', window.ReportCapabilities()))
     return {
         'OpenGL': said.get('version', 'unknown'),
@@ -198,7 +197,7 @@ def _window_facts(window: Any) -> dict[str, str]:
     }
 
 
-def _limits(state: Any) -> list[str]:
+def _limits(state) -> list[str]:
     limits = []
     for name, phrase in _LIMITS.items():
         value = [0]

@@ -1,4 +1,4 @@
-"""``pvibr play``: a file that moves, in a window, as a movie or as one picture."""
+"""``pvibr play``: an animated file in a window, as a movie or as an image."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pvibr.capture.movies import MOVIES
 from pvibr.capture.offscreen import SKY
 from pvibr.figures.as_figure import as_figure
 
-#: Moments of a clip that the camera sees whole.
+#: Times of a clip that are entirely in view.
 MOMENTS = 12
-#: How much more than the figure is seen.
+#: Size of the view relative to the figure.
 MARGIN = 1.05
-#: Seconds in which one clip goes over into the next one.
+#: Seconds of the cross-fade between clips.
 FADE = 0.3
 
 
@@ -62,7 +62,7 @@ def main(
 
 def _check(movie, time, out):
     if movie is not None and (time is not None or out is not None):
-        msg = '--movie writes a movie, --time and -o one picture: give one of them.'
+        msg = '--movie writes a movie, --time and -o one image: give one of them.'
         raise ValueError(msg)
     if out is not None and Path(out).suffix.lower() != '.png':
         msg = f'-o is {str(out)!r}; it must end in .png.'
@@ -76,7 +76,7 @@ def _check(movie, time, out):
 
 
 def _clip_of(figure, name):
-    """Return the clip of a name, or of a number where no clip has it for a name."""
+    """Return a clip by name, or by number if no clip has that name."""
     names = {clip.name for clip in figure.clips}
     if name is not None and name not in names and name.isdecimal():
         name = int(name)
@@ -92,7 +92,7 @@ def _clips(figure, chosen):
 
 
 def _length(figure, clip, speed, seconds):
-    """Return the seconds of a movie: by default once through the clip."""
+    """Return the duration of a movie: by default that of the clip."""
     if seconds is not None:
         return seconds
     if clip is None or not clip.duration:
@@ -112,7 +112,7 @@ def _stage(figure, clip, file, size, skinning, *, off_screen):
 
 
 def _box(figure, clip):
-    """Return the corners of all that a clip shows, shape (8, 3)."""
+    """Return the corners of the bounding box of a clip, shape (8, 3)."""
     duration = 0.0 if clip is None else clip.duration
     times = np.linspace(0, duration, MOMENTS if duration else 1)
     bounds = np.array([figure.mesh(t, clip).bounds for t in times]).reshape(-1, 3, 2)
@@ -121,7 +121,7 @@ def _box(figure, clip):
 
 
 def _look(plotter, corners, up):
-    """See a box from before it, a little from its left and above."""
+    """Look at a box from the front, slightly from the left and above."""
     up = np.array(up, float)
     fore = np.array([0, 0, 1.0]) if up[1] else np.array([0, -1.0, 0])
     way = fore + 0.6 * np.cross(up, fore) + 0.35 * up
@@ -151,7 +151,7 @@ def _show(figure, clip, file, size, speed, skinning):
 
 
 class _Keys:
-    """What keys do in the window."""
+    """Actions of keys in the window."""
 
     def __init__(self, plotter, figure, actor, clip, speed):
         self.plotter, self.figure, self.actor = plotter, figure, actor

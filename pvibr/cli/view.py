@@ -1,4 +1,4 @@
-"""``pvibr view``: the user's own mesh at every pose of a file."""
+"""``pvibr view``: a mesh at every pose in a file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pvibr.capture.offscreen import Stage
 from pvibr.maths.transforms import trs
 from pvibr.meshes.pose_files import read_poses
 
-#: Frames that are timed, and by how many degrees the camera goes round in each.
+#: Timed frames, and the camera's azimuth step in degrees.
 FRAMES, TURN = 12, 2.0
 
 
@@ -30,7 +30,7 @@ def main(
     scale=1.0,
     window=False,
 ):
-    """Draw a mesh at every pose of a file, and say what was drawn and how fast."""
+    """Draw a mesh at every pose in a file, and print a report and the frame time."""
     matrices, found = read_poses(poses, columns)
     looks = _looks(poses, found, scalars, cmap)
     matrices = _scaled(matrices, scale)
@@ -67,7 +67,7 @@ def _looks(poses, found, scalars, cmap):
 
 
 def _scaled(poses, scale):
-    """Return poses whose meshes are so many times as large, each about its own origin."""
+    """Return poses scaled about their own origins."""
     if scale == 1.0:
         return poses
     if poses.ndim == 2:
@@ -78,7 +78,7 @@ def _scaled(poses, scale):
 
 
 def _orbit(stage):
-    """Return the seconds of frames of a walk round the scene; the last one is isometric."""
+    """Return the seconds of frames of an orbit that ends at the isometric view."""
     plotter = stage.plotter
     plotter.view_isometric(render=False)
     plotter.camera.azimuth = 0.0
@@ -95,6 +95,6 @@ def _tell(stage, drawn, seconds):
     console = Console()
     console.print(str(stage.plotter.ibr.report()), highlight=False)
     console.print(
-        f'{drawn.n_instances:,} instances, {np.median(seconds) * 1e3:.0f} ms a frame '
+        f'{drawn.n_instances:,} instances, {np.median(seconds) * 1e3:.0f} ms per frame '
         f'({stage.window.GetSize()[0]}x{stage.window.GetSize()[1]}, the camera moving)'
     )

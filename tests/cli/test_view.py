@@ -38,7 +38,7 @@ def test_a_picture_and_a_report(mesh, poses, capsys):
     assert 0.01 < covered(picture).mean() < 0.6
     said = capsys.readouterr().out
     assert '3 instances' in said
-    assert 'ms a frame' in said
+    assert 'ms per frame' in said
 
 
 def test_scale_makes_larger(mesh, poses):

@@ -171,7 +171,7 @@ def test_states_are_saved_and_loaded(pl, tmp_path):
         assert model.message
     (tmp_path / 'b.json').write_text('{"time": NaN}')
     model.do(model.load, str(tmp_path / 'b.json'))
-    assert 'no JSON' in model.message
+    assert 'not JSON' in model.message
 
 
 def test_a_closed_plotter_leaves_an_empty_panel(pl):
