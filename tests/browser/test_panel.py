@@ -185,7 +185,7 @@ def test_python_and_files_of_settings(panel, tmp_path, until):
     (tmp_path / 'bad.json').write_text('{"time": NaN}')
     page.locator('input[type=file]').set_input_files(tmp_path / 'bad.json')
     status = page.get_by_role('status')
-    until(lambda: 'no JSON that pvibr wrote' in status.inner_text())
+    until(lambda: 'not JSON written by pvibr' in status.inner_text())
 
 
 def test_two_pages_agree(panel, served, picture_of, until):

@@ -95,7 +95,7 @@ def test_states_go_out_and_come_in(panel, pl):
     panel.act('load', text)
     assert bloom.threshold == 0.5
     panel.act('load', '{"time": NaN}')
-    assert 'no JSON' in panel.shown['message']
+    assert 'not JSON' in panel.shown['message']
 
 
 @pytest.mark.parametrize(
