@@ -39,6 +39,9 @@ class Pipeline:
         self.watch: Any = None
         self._closed = False
 
+    def __repr__(self) -> str:
+        return f'<Pipeline: {self._names() or "no effects"}, {self._frames} frames>'
+
     @property
     def window(self):
         """The renderer's window, None while it has none."""
@@ -217,8 +220,7 @@ class Pipeline:
     def _drop_removed(self):
         """Forget things whose props were removed by the plotter's own means."""
         for effect in self.effects:
-            props = effect.props
-            if props and not any(self.renderer.HasViewProp(prop) for prop in props):
+            if effect.is_gone(self.renderer):
                 self.remove(effect)
 
 

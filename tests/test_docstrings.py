@@ -20,7 +20,9 @@ import pvibr.maths
 import pvibr_widgets
 from pvibr.accessor import IBRAccessor
 from pvibr.component import IBRComponent
+from pvibr.core.effect import Effect
 from pvibr.figures.animated import animated
+from pvibr.scene.thing import Thing
 
 # GL08 is left out: it asks for docstrings of setters; ruff's 'D1' asks for all others. PR02 is
 # left out: it takes dataclasses for classes without a constructor. RT01 too: one line is enough
@@ -30,7 +32,10 @@ CHECKS = {
     'PR01', 'PR03', 'PR04', 'PR06', 'PR07', 'PR09', 'PR10', 'RT02', 'RT03', 'RT05', 'YD01',
 }  # fmt: skip
 #: Called by pvibr; where an effect of a user's own overrides them, Effect says how.
-HOOKS = ('render',)
+HOOKS = {name for kind in (Effect, Thing) for name in vars(kind)} - {
+    *Effect.FOR_USERS,
+    *Thing.FOR_USERS,
+}
 #: Parts of what ``add_*`` say.
 TEMPLATES = animated, IBRComponent._add_thing
 PACKAGES = Path(pvibr.__file__).parent, Path(pvibr_widgets.__file__).parent
@@ -59,7 +64,8 @@ def members(kind):
     first = {name: vars(base)[name] for base in reversed(ours) for name in vars(base)}
     for name, member in first.items():
         member = getattr(member, 'fget', None) or getattr(member, '__func__', member)
-        if inspect.isfunction(member) and not name.startswith('_') and name not in HOOKS:
+        hook = issubclass(kind, Effect) and name in HOOKS
+        if inspect.isfunction(member) and not name.startswith('_') and not hook:
             yield member
 
 

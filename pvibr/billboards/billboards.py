@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import pyvista as pv
 
 from pvibr.billboards.cards import BillboardLayout, as_anchor, checked_cutout, checked_opacity
 from pvibr.billboards.images import LiveImage, SheetImages
@@ -22,8 +23,6 @@ from pvibr.scene.item_set import CardSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_actor import draw_actor, observe_shader
-from pvibr.scene.thing import anchor as new_anchor
-from pvibr.scene.thing import set_bounds
 from pvibr.scene.translucent import MOST
 
 _CHUNK = 65_536  # billboards of one draw
@@ -119,10 +118,10 @@ class Billboards(CardSet):
     """
 
     web = 'baked', 'quads, turned to the current camera'
-    _title = 'Billboards'
-
     fps = Param(None, 'Frame rate of a flipbook.', range='(-inf, inf)', unit='1/s', kind=float)
+    moved_by = 'set its points'
     _noun = 'points'
+    cutout: float | None
 
     @takes(table=TABLE_OPTIONS)
     def __init__(
@@ -186,15 +185,14 @@ class Billboards(CardSet):
         self._begin(lighting)
 
     def _begin(self, lighting):
-        self._anchor = new_anchor()
         self._begin_drawing()
         self._uniforms: dict = {}
         self._window = None
         self._landed, self._failure = False, ''
         self._drawn_count = 0
-        self.property = prop = _vtk.vtkProperty()
-        prop.SetLighting(bool(lighting))
-        prop.SetOpacity(float(self._opacity) if np.ndim(self._opacity) == 0 else 1.0)
+        opacity = float(self._opacity) if np.ndim(self._opacity) == 0 else 1.0
+        look = {'lighting': bool(lighting), 'opacity': opacity, 'interpolation': 'Gouraud'}
+        self.prop = pv.Property(color='white', **look)
         self._feature = _feature()
         self._mapper = _vtk.vtkPolyDataMapper()
         self._mapper.ScalarVisibilityOff()
@@ -203,14 +201,15 @@ class Billboards(CardSet):
         # Blended draws, and for lights those of texels that are at least half opaque.
         self._draws = self._actors(draws + MOST * self.blends, self.blends)
         self._dense = self._actors(draws, False) if self.blends else []
-        self._set_bounds()
+        self._dressed = tuple(self.actors())
+        self._fit()
 
     def _actors(self, count, blends) -> list:
-        look = {'prop': self.property, 'feature': self._feature, 'translucent': blends}
+        look = {'prop': self.prop, 'feature': self._feature, 'translucent': blends}
         return [draw_actor(self._mapper, **look) for _ in range(count)]
 
-    def _set_bounds(self):
-        set_bounds(self._anchor, self.layout.bounds)
+    def _fit(self):
+        self._set_bounds(self.layout.bounds)
         self._mapper.SetInputData(card_mesh(min(len(self), _CHUNK), 4, self.layout.reach_bounds()))
 
     # -- what they are ------------------------------------------------------------------------
@@ -236,7 +235,7 @@ class Billboards(CardSet):
     @points.setter
     def points(self, points):
         self.layout.move(points)
-        self._set_bounds()
+        self._fit()
         self._drop('ibr_points', 'ibr_looks')
 
     @property
@@ -247,7 +246,7 @@ class Billboards(CardSet):
     @size.setter
     def size(self, size):
         self.layout.resize(size)
-        self._set_bounds()
+        self._fit()
         self._drop('ibr_points', 'ibr_looks')
 
     @property
@@ -269,11 +268,6 @@ class Billboards(CardSet):
     def index(self, index):
         self.layout.set_index(index)
         self._drop('ibr_points')
-
-    @property
-    def bounds(self) -> tuple[float, ...]:
-        """World bounds: x, y and z, low and high; if empty (1, -1, 1, -1, 1, -1)."""
-        return tuple(float(v) for v in self.layout.bounds)
 
     # -- the life of an effect ----------------------------------------------------------------
 
@@ -306,7 +300,7 @@ class Billboards(CardSet):
 
     def needed(self, frame) -> bool | str:
         """Return True if there is anything to draw, else why not."""
-        return (self._is_visible() and self._images.missing) or super().needed(frame)
+        return (self.visibility and self._images.missing) or super().needed(frame)
 
     def prepare(self, frame):
         """Choose which items are drawn, and in which order."""
@@ -333,7 +327,7 @@ class Billboards(CardSet):
             'ibr_eye_from_world': frame.view_from_world[:3, :3],
             'ibr_clip_from_eye': frame.clip_from_view,
             'ibr_parallel': int(frame.parallel),
-            'ibr_least': 0.5 / max(self.property.GetOpacity(), 1e-6) if dense else 0.5 / 255,
+            'ibr_least': 0.5 / max(self.prop.GetOpacity(), 1e-6) if dense else 0.5 / 255,
         }
         parts = [_spans(first, end, unit) for first, end in pairwise(cuts)]
         spans = [span for part in parts for span in part]
@@ -434,7 +428,7 @@ class Billboards(CardSet):
             places / [width, height],
             image,
             colors=self._tints()[rows],
-            lighting=bool(self.property.GetLighting()),
+            lighting=bool(self.prop.GetLighting()),
             cutout=None if self.blends else self.cutout,
         )
 
@@ -449,7 +443,7 @@ class Billboards(CardSet):
         looks = np.full((len(self), 4), 255, np.uint8)
         if self._colors is not None:
             looks[:, :3] = self._colors
-        opacity = self._opacity if np.ndim(self._opacity) else self.property.GetOpacity()
+        opacity = self._opacity if np.ndim(self._opacity) else self.prop.GetOpacity()
         looks[:, 3] = np.rint(255 * np.asarray(opacity))
         return looks
 

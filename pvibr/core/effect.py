@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import weakref
 from inspect import Signature
 from typing import ClassVar
 
 from pvibr.core.params import params_of
 from pvibr.core.signatures import arguments_of, docstring_of, signature_of
+
+
+def _nowhere():
+    return None
 
 
 class Effect:
@@ -69,7 +73,7 @@ class Effect:
     #: In a browser: 'shown', 'baked' by `bake_into` or 'lost'; and as what, or why.
     web: tuple[str, str] = ('lost', 'works on frames, and a browser draws its own')
 
-    _pipeline = None
+    _pipeline = staticmethod(_nowhere)
     #: How many times a setting was changed.
     revision = 0
     _name: str | None = None
@@ -78,11 +82,12 @@ class Effect:
     @property
     def pipeline(self):
         """The pipeline that it is in; None in none."""
-        return self._pipeline
+        return self._pipeline()
 
     @pipeline.setter
     def pipeline(self, pipeline):
-        self._pipeline = pipeline
+        # Weak: a thing is held by the scene, from where Python's collector sees no cycles.
+        self._pipeline = _nowhere if pipeline is None else weakref.ref(pipeline)
 
     @classmethod
     def sample(cls, actors) -> Effect:
@@ -124,8 +129,12 @@ class Effect:
 
     @property
     def props(self) -> tuple:
-        """VTK props of its own in the scene; once all are removed, the effect is too."""
+        """VTK props that stand for it in the scene."""
         return ()
+
+    def is_gone(self, renderer) -> bool:
+        """Return True if its props were removed from the scene by other means."""
+        return bool(self.props) and not any(map(renderer.HasViewProp, self.props))
 
     @property
     def is_image_effect(self) -> bool:
@@ -184,15 +193,12 @@ class Effect:
     def __init__(self, **settings):
         self._set(self._checked(settings))
 
-    def __dir__(self) -> Iterable[str]:
+    def __dir__(self) -> list[str]:
         """Return the names that users use: hooks are left out."""
-        hooks = set()
-        for base in type(self).__mro__:
-            if 'FOR_USERS' in vars(base):
-                public = {name for name in vars(base) if not name.startswith('_')}
-                hooks |= public.difference(vars(base)['FOR_USERS'])
-        shown = set(super().__dir__()) - hooks
-        return shown.union(params_of(type(self)))
+        declaring = [vars(c) for c in type(self).__mro__ if 'FOR_USERS' in vars(c)]
+        public = {name for names in declaring for name in names if not name.startswith('_')}
+        for_users = {*params_of(type(self)), *(n for c in declaring for n in c['FOR_USERS'])}
+        return sorted(set(super().__dir__()) - (public - for_users))
 
     def _checked(self, settings):
         params = params_of(type(self))
@@ -215,6 +221,21 @@ class Effect:
     @name.setter
     def name(self, name):
         self._name = name
+
+    def __repr__(self) -> str:
+        """Return in a line what it is, its name, its contents and its state."""
+        kind = type(self).__name__
+        named = '' if self.name == kind else f' {self.name!r}'
+        return f'<{kind}{named}: {", ".join(filter(None, (self._contents(), self._state())))}>'
+
+    def _contents(self) -> str:
+        """Return what it consists of, such as '3 spheres'."""
+        return ''
+
+    def _state(self) -> str:
+        if self.pipeline is None:
+            return 'in no plotter'
+        return 'on' if self.enabled else 'off'
 
     def remove(self):
         """Remove it from its plotter and free its GPU memory; it may be added again."""

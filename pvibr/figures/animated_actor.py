@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core.errors import PvibrError
-from pvibr.core.params import Param
 from pvibr.core.signatures import takes
-from pvibr.figures.mesh_actors import PosedMeshActor, as_mesh_actors, moved_bounds, posed_part
+from pvibr.figures.mesh_actors import PosedMeshActor, as_mesh_actors, posed_part
 from pvibr.figures.picking import nearest_hit, stand_in
 from pvibr.figures.player import FigurePlayer
 from pvibr.figures.posing import Posing
@@ -15,7 +14,6 @@ from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import as_parts
 from pvibr.scene.picking import pixel_ray
 from pvibr.scene.placing import Placed
-from pvibr.scene.thing import anchor, set_bounds
 
 #: Texture units left to VTK and to other things.
 _SPARE = 8
@@ -67,16 +65,13 @@ class AnimatedActor(FigurePlayer, Placed):
     """
 
     web = 'baked', 'meshes, posed as they are now'
-    visibility = Param(True, 'Whether it is drawn.')
 
     #: Picking passes need the pose too.
     picks = True
-    pickable = True
     #: Number of poses so far.
     posed = 0
     _posing: Posing | None = None
     _visible: bool | None = None
-    _title = 'Figure'
     _failure: Exception | None = None
     #: Revision and bounds of the content in the last frame, or when it was added.
     _framed: tuple = (-1, (1.0, -1.0) * 3)
@@ -99,32 +94,19 @@ class AnimatedActor(FigurePlayer, Placed):
         look = {key: value for key, value in mesh_kwargs.items() if value is not None}
         self._mesh_actors = as_mesh_actors(figure, look, theme)
         self._posed = [a for a in self._mesh_actors if isinstance(a, PosedMeshActor)]
-        self._anchor = anchor()
-        Placed.__init__(self)
-        self._matrix = self.matrix
         self.pickable = pickable
         self._stand_ins = [stand_in(self, a.index, a.actor) for a in self._posed]
         self._meshes: tuple = (-1, [])
         self._observers: list[int] = []
         self._drawn: tuple = ()
 
-    def __setattr__(self, name, value):
-        if name[0] != '_' and not hasattr(type(self), name):
-            msg = f'an animated actor has no {name!r}: set looks as arguments, or on actors()'
-            raise AttributeError(msg)
-        super().__setattr__(name, value)
-
     # -- where it is -------------------------------------------------------------------------
 
-    def _moved(self):
-        self._matrix = self.matrix
-        self._show_anew()
-
     @property
-    def bounds(self) -> tuple[float, ...]:
+    def bounds(self):
         """World bounds of the posed figure: (x min, x max, y min, ...)."""
         self._now_shown()
-        return tuple(self._anchor.GetBounds())
+        return super().bounds
 
     def mesh(self):
         """Return the posed figure as data, in world space.
@@ -135,12 +117,16 @@ class AnimatedActor(FigurePlayer, Placed):
             As :meth:`pvibr.Figure.mesh`, computed in float64.
         """
         mesh = self.figure.mesh(pose=self.pose, skinning=self.skinning, bulge=self.bulge)
-        return mesh.transform(self._matrix, inplace=False)
+        return mesh.transform(self.matrix, inplace=False)
+
+    def _asked(self) -> tuple:
+        return *super()._asked(), self.matrix.tobytes()
 
     def _show(self, moment):
+        matrix = self.matrix
         for mesh_actor in self._mesh_actors:
-            mesh_actor.move(self._matrix, moment)
-        set_bounds(self._anchor, moved_bounds(self._matrix, moment.bounds))
+            mesh_actor.move(matrix, moment)
+        self._set_bounds(moment.bounds)
         for actor in self._stand_ins:
             actor.GetMapper().GetInputAlgorithm().Modified()
 
@@ -159,7 +145,7 @@ class AnimatedActor(FigurePlayer, Placed):
 
     def solids(self) -> list:
         """Return actors whose mappers hold the posed meshes."""
-        if not self._is_shown():
+        if not self.visibility:
             return []
         instead = {b.index: actor for b, actor in zip(self._posed, self._stand_ins, strict=True)}
         return [instead.get(i, self._mesh_actors[i].actor) for i in self._seen()]
@@ -170,16 +156,16 @@ class AnimatedActor(FigurePlayer, Placed):
 
     def content_key(self) -> tuple:
         """Return a key that changes when the content changes, whatever the camera."""
-        return self._changes, self.revision, self._is_shown()
+        return self._changes, self.revision, self.visibility
 
-    def _is_shown(self) -> bool:
-        return bool(self.visibility and self._anchor.GetVisibility())
+    def _contents(self) -> str:
+        return f'{len(self._mesh_actors)} meshes, {len(self.figure.clips)} clips'
 
     def attach(self, pipeline):
         """Put its props into the scene."""
         self.pipeline = pipeline
         self._now_shown()
-        self._framed = self._changes, self._anchor.GetBounds()
+        self._framed = self._changes, self.GetBounds()
         super().attach(pipeline)
 
     def _put_in(self, renderer):
@@ -191,7 +177,7 @@ class AnimatedActor(FigurePlayer, Placed):
         ]
 
     def _on_end(self, _renderer, _event):
-        self._put_stand_ins(self.pickable and self._is_shown())
+        self._put_stand_ins(self.pickable and self.visibility)
 
     def _put_stand_ins(self, there):
         for actor, mesh_actor in zip(self._stand_ins, self._posed, strict=True):
@@ -210,7 +196,7 @@ class AnimatedActor(FigurePlayer, Placed):
         changes, before = self._framed
         if changes == self._changes:
             return
-        renderer, now = self.pipeline.renderer, self._anchor.GetBounds()
+        renderer, now = self.pipeline.renderer, self.GetBounds()
         self._framed = self._changes, now
         if _is_whole(renderer, before) and not _is_whole(renderer, now):
             renderer.ResetCameraClippingRange()
@@ -225,9 +211,8 @@ class AnimatedActor(FigurePlayer, Placed):
         failure, self._failure = self._failure, None
         if failure is not None:
             raise failure
-        shown = self._is_shown()
-        self._set_visible(shown)
-        return shown or 'not visible'
+        self._set_visible(self.visibility)
+        return super().needed(frame)
 
     def deactivate(self):
         """Hide the meshes: without posing they have no place."""
@@ -315,7 +300,7 @@ class AnimatedActor(FigurePlayer, Placed):
             scene.part(self, parts[i])
 
     def _posed_parts(self, pose) -> list:
-        how = self._matrix, pose, self.skinning, self.bulge
+        how = self.matrix, pose, self.skinning, self.bulge
         return [posed_part(self.figure, i, a.part, *how) for i, a in enumerate(self._mesh_actors)]
 
     # -- picking -----------------------------------------------------------------------------
@@ -336,7 +321,7 @@ class AnimatedActor(FigurePlayer, Placed):
 
     def pick(self, x, y):
         """Return the :class:`FigureHit` at a pixel, or None."""
-        if not self.pickable or self.pipeline is None or not self._is_shown():
+        if not self.pickable or self.pipeline is None or not self.visibility:
             return None
         meshes = self.posed_meshes()
         seen = {i: meshes[i] for i in self._seen()}
@@ -345,15 +330,8 @@ class AnimatedActor(FigurePlayer, Placed):
     # -- scalar bars -------------------------------------------------------------------------
 
     def scalar_mapper(self):
-        """Return a mapper that shows scalars by a lookup table, or None."""
-        mappers = [mesh_actor.part.actor.mapper for mesh_actor in self._mesh_actors]
-        shown = [m for m in mappers if m.GetScalarVisibility()]
-        tables = [m for m in shown if m.GetColorMode() != 2]
-        return tables[0] if tables else None
-
-    def scalar_title(self) -> str:
-        """Return the title of the scalar bar."""
-        return self.scalar_mapper().GetArrayName() or ''
+        """Return the actor's mapper with the table of the shown scalars, None without scalars."""
+        return self._with_table_of(mesh_actor.part for mesh_actor in self._mesh_actors)
 
 
 def _is_whole(renderer, bounds) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.core.effect import Effect
 from pvibr.core.signatures import takes
 from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Playback
 from pvibr.figures.mesh_actors import as_mesh_actors
@@ -14,6 +13,7 @@ from pvibr.instances.levels import progress_bar
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.poses import as_poses
+from pvibr.scene.painted import Painted
 
 
 class Crowd(Instances):
@@ -105,7 +105,7 @@ class Crowd(Instances):
         theme=None,
         **mesh_kwargs,
     ):
-        Effect.__init__(self, max_error=max_error)
+        Painted.__init__(self, max_error=max_error)
         self.name = name
         self.figure = figure
         poses = as_poses(poses)

@@ -17,7 +17,7 @@ from pvibr.projection.live_texture import LiveTexture
 from pvibr.scene.actor_watch import ActorWatch
 from pvibr.scene.casters import Casters, Surfaces, listed
 from pvibr.scene.substitute import Substitute, addresses
-from pvibr.scene.thing import joined_bounds
+from pvibr.scene.thing import Thing, joined_bounds
 
 # The eye may go this share of the way to the nearest middle until a split by depth is made anew.
 _NEAR = 0.25
@@ -101,9 +101,10 @@ class ImageLayers(Substitute):
     _surfaces: Surfaces
 
     def __init__(self, groups=None, *, name=None, **settings):
-        self.name = name
         self._groups = None if groups is None else _checked_groups(groups)
         super().__init__(**settings)
+        self.name = name
+        self.UseBoundsOff()  # its actors have theirs
         self._members: dict[str, Member] = {}
         self._layers: list[Layer] = []
         # After all opaque props, but before those with soft edges of their own; in front of these
@@ -128,10 +129,8 @@ class ImageLayers(Substitute):
 
     # -- what it is to others ---------------------------------------------------------------------
 
-    @property
-    def props(self) -> tuple:
-        """Actors of the quads that show its layers."""
-        return tuple(card.actor for card in self._cards())
+    def _contents(self) -> str:
+        return f'{len(self)} layers of {len(self._members)} actors'
 
     def actors(self) -> list:
         """Return the actors that are in layers."""
@@ -139,6 +138,9 @@ class ImageLayers(Substitute):
 
     def _stood_for(self) -> list:
         return self.actors()
+
+    def _quads(self) -> list:
+        return [self, *(card.actor for card in self._cards())]
 
     def _cards(self) -> list:
         return [*self._back, *self._front]
@@ -148,7 +150,7 @@ class ImageLayers(Substitute):
         return [m.actor for m in self._members.values() if m.why != 'hidden']
 
     @property
-    def bounds(self) -> tuple[float, ...]:
+    def bounds(self):
         """World bounds of all actors that are visible."""
         if self._frame is None:
             self._update()
@@ -180,7 +182,9 @@ class ImageLayers(Substitute):
 
     def needed(self, frame) -> bool | str:
         """Return True if images may replace actors in a frame, else why not."""
-        return frame.scale == 1 or 'a screenshot larger than the window is drawn from the actors'
+        if frame.scale != 1:
+            return 'a screenshot larger than the window is drawn from the actors'
+        return super().needed(frame)
 
     # -- what is in which layer -------------------------------------------------------------------
 
@@ -204,7 +208,7 @@ class ImageLayers(Substitute):
         # What another thing stands for is its own from then on.
         self._surfaces.update([t for t in self.pipeline.things if t is not self])
         free, _ = self._surfaces.chosen(None)
-        own = addresses(self.props)
+        own = addresses(self._quads())
         present = {k: a for k, a in free.items() if k not in own}
         new = present.keys() - self._members.keys() if self._groups is None else set()
         gone = self._members.keys() - present.keys()
@@ -283,7 +287,7 @@ class ImageLayers(Substitute):
         free = [
             a
             for k, a in actors.items()
-            if a.GetVisibility() and k not in self._members and a not in self.props
+            if a.GetVisibility() and k not in self._members and a not in self._quads()
         ]
         return effects, (key, Casters(free, others).key(), self._version)
 
@@ -373,7 +377,7 @@ def _several(name, value):
 def _checked_groups(groups) -> list:
     found = [listed(group) for group in listed(groups)]
     for actor in (a for group in found for a in group):
-        if not isinstance(actor, _vtk.vtkActor):
+        if not isinstance(actor, _vtk.vtkActor) or isinstance(actor, Thing):
             what = type(actor).__name__
             msg = f'groups holds a {what}: each must be an actor, as add_mesh returns it'
             raise TypeError(msg)

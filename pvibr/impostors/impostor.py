@@ -21,6 +21,7 @@ from pvibr.instances.instances import Instances
 from pvibr.maths.views import may_see_boxes
 from pvibr.scene.casters import listed
 from pvibr.scene.substitute import Substitute, addresses
+from pvibr.scene.thing import Thing
 
 #: Side of an image in texels above which there is none.
 LARGEST = 1024
@@ -78,7 +79,6 @@ class Impostor(Substitute):
     _built = _fitted = False
 
     def __init__(self, actors, *, name=None, **settings):
-        self.name = name
         found = _checked(actors)
         super().__init__(**settings)
         if not self.hierarchical and any(isinstance(thing, Instances) for thing in found):
@@ -87,6 +87,8 @@ class Impostor(Substitute):
                 'hierarchical=True to have images of many of them, or leave them out'
             )
             raise ValueError(msg)
+        self.name = name
+        self.UseBoundsOff()  # its actors have theirs
         self._materials = Materials()
         self._stand_for(found)
         self._card = ImpostorCards()
@@ -101,17 +103,22 @@ class Impostor(Substitute):
 
     # -- what it is to others --------------------------------------------------------------------
 
-    @property
-    def props(self) -> tuple:
-        """Props of what it stands for; it is removed with the last of them."""
-        return self._props
+    def is_gone(self, renderer) -> bool:
+        """Return True if it or the last of its actors was removed from the scene."""
+        return super().is_gone(renderer) or not any(map(renderer.HasViewProp, self.things))
+
+    def _contents(self) -> str:
+        return f'{len(self.things)} actors'
+
+    def _claimed(self) -> list:
+        return self.things
 
     def actors(self) -> list:
         """Return the actor of all cards, and the replaced actors."""
         return [self._card.actor, *self._stood_for()]
 
     def _stood_for(self) -> list:
-        return [thing for thing in self._things if _is_actor(thing)]
+        return [thing for thing in self.things if _is_actor(thing)]
 
     def _cards(self) -> list:
         return [self._card]
@@ -143,7 +150,7 @@ class Impostor(Substitute):
 
     def _conflicts(self, other) -> bool:
         same = isinstance(other, Impostor)
-        return same and bool(addresses(self.props) & addresses(other.props))
+        return same and bool(addresses(self.things) & addresses(other.things))
 
     def deactivate(self):
         """Draw the actors themselves again."""
@@ -174,8 +181,7 @@ class Impostor(Substitute):
     # -- what the actors are now -----------------------------------------------------------------
 
     def _stand_for(self, things):
-        self._things = things
-        self._props = tuple(thing if _is_actor(thing) else thing.actor for thing in things)
+        self.things = things
         actors = [thing for thing in things if _is_actor(thing)]
         sets = [InstanceSet(t, self._materials) for t in things if not _is_actor(t)]
         self._leaves = Leaves([Source(actor, self._materials) for actor in actors], sets)
@@ -197,9 +203,8 @@ class Impostor(Substitute):
             return
         self._props_time = time
         present = addresses(self.pipeline.renderer.GetViewProps())
-        pairs = zip(self._things, self._props, strict=True)
-        kept = [thing for thing, prop in pairs if address(prop) in present]
-        if len(kept) == len(self._things):
+        kept = [thing for thing in self.things if address(thing) in present]
+        if len(kept) == len(self.things):
             return
         self._leaves.release(self.pipeline.window)
         self._stand_for(kept)
@@ -397,4 +402,4 @@ def _checked(actors) -> list:
 
 
 def _is_actor(thing) -> bool:
-    return isinstance(thing, _vtk.vtkActor)
+    return isinstance(thing, _vtk.vtkActor) and not isinstance(thing, Thing)

@@ -45,7 +45,7 @@ class InstanceSet:
         """Update positions and looks of the instances."""
         thing = self.thing
         self.looks = look.merge(len(thing), thing.colors, thing.visible)
-        shown = thing.visibility and bool(thing.actor.GetVisibility())
+        shown = thing.visibility
         visible = self.looks[:, 3] > 0
         for number, group in enumerate(thing.groups):
             blocks = [block for block in self.blocks if block.number == number]

@@ -26,7 +26,7 @@ from pvibr.scene import looks as look
 from pvibr.scene.item_set import ItemSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import nearest_hit
-from pvibr.scene.thing import anchor, joined_bounds, set_bounds
+from pvibr.scene.thing import joined_bounds
 
 
 class Instances(ItemSet):
@@ -104,7 +104,7 @@ class Instances(ItemSet):
     )
     web = 'baked', 'meshes, far ones billboard clouds'
     presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
-    _title = 'Instances'
+    moved_by = 'set its poses'
     #: Indices of instances that another thing draws in frames of the scene's own camera.
     covered: np.ndarray | None = None
     _applied: np.ndarray | None = None
@@ -174,7 +174,6 @@ class Instances(ItemSet):
         self._models = models
         self._binder = Binder()
         self._failure: str | None = None
-        self._anchor = anchor()
         self.pickable = pickable
         self._scalars = self._colors = self._visible = self.table = None
         self._set_poses(poses, index)
@@ -233,16 +232,10 @@ class Instances(ItemSet):
             self.groups.append(self._group(model, ids[k], poses, self._binder, unit, draws))
         self._uploaded = False
         self._touch()
-        self._bounds = joined_bounds([tuple(g.bounds) for g in self.groups])
-        set_bounds(self._anchor, self._bounds)
+        self._set_bounds(joined_bounds([tuple(g.bounds) for g in self.groups]))
 
     def _group(self, *args):
         return InstanceGroup(*args)
-
-    @property
-    def bounds(self) -> tuple[float, ...]:
-        """World bounds: x, y and z, low and high; of an empty set (1, -1, 1, -1, 1, -1)."""
-        return self._bounds
 
     @property
     def atlases(self) -> list:
@@ -336,15 +329,7 @@ class Instances(ItemSet):
         """Return a mapper with the table of the shown scalars, None without scalars."""
         if self.table is not None:
             return super().scalar_mapper()
-        shown = [p.actor.mapper for p in self._parts() if p.actor.mapper.GetScalarVisibility()]
-        tables = [m for m in shown if m.GetColorMode() != 2]
-        return tables[0] if tables else None
-
-    def scalar_title(self) -> str:
-        """Return the title of the scalar bar."""
-        if self.table is not None:
-            return super().scalar_title()
-        return self.scalar_mapper().GetArrayName() or ''
+        return self._with_table_of(self._parts())
 
     def bake_into(self, scene):
         """Add the instances to a scene without pvibr."""

@@ -114,7 +114,7 @@ class Layer:
         self._chunk = min(mode.chunk, slots)
         self.bound(quadrics.bounds)
         draws = -(-slots // self._chunk) + (MOST if mode.blends else 0)
-        prop = pv.Property(lighting=False) if mode.hides else quadrics.property
+        prop = pv.Property(lighting=False) if mode.hides else quadrics.prop
         look = {'prop': prop, 'feature': self._feature, 'translucent': mode.blends}
         self.actors = [draw_actor(self._mapper, **look) for _ in range(draws)]
 

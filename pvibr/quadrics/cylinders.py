@@ -47,12 +47,13 @@ class Cylinders(Quadrics):
     >>> import pvibr
     >>> pl = pv.Plotter(off_screen=True)
     >>> bonds = pl.ibr.add(pvibr.Cylinders([[0, 0, 0]], [[0, 0, 2]], 0.5, scalars=[[0.0, 1.0]]))
-    >>> bonds.bounds
+    >>> tuple(bonds.bounds)
     (-0.5, 0.5, -0.5, 0.5, 0.0, 2.0)
     >>> pl.close()
     """
 
-    _title = 'Cylinders'
+    caps: str | None
+    blend: bool
 
     @takes(looks=Quadrics)
     def __init__(self, points_a, points_b, radius=0.5, *, caps='flat', blend=False, **looks):
@@ -137,7 +138,7 @@ class Cylinders(Quadrics):
         halves, radii = self._halves()[0], self._radii
         middles = self._spheres()[0]
         first = last = self._colors
-        levels = tubes(self.property, self.caps == 'flat')
+        levels = tubes(self.prop, self.caps == 'flat')
         with np.errstate(invalid='ignore'):  # those without length have no tube
             if self._colors is None or self._colors.ndim == 2:
                 found = [(*levels, along(middles, halves, radii), self._colors)]
@@ -150,7 +151,7 @@ class Cylinders(Quadrics):
         if self.caps == 'round':
             size = radii[:, None, None] * np.eye(3)
             for ends, colors in zip(self._ends, (first, last), strict=True):
-                found.append((*balls(self.property), linear(ends, size), colors))
+                found.append((*balls(self.prop), linear(ends, size), colors))
         return found
 
     def _meet(self, start, direction, index):

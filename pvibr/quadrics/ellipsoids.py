@@ -48,12 +48,11 @@ class Ellipsoids(PointQuadrics):
     >>> values, vectors = np.linalg.eigh(tensor)
     >>> pl = pv.Plotter(off_screen=True)
     >>> things = pl.ibr.add(pvibr.Ellipsoids([[0, 0, 0]], np.sqrt(values), vectors))
-    >>> things.bounds
+    >>> tuple(things.bounds)
     (-1.0, 1.0, -2.0, 2.0, -3.0, 3.0)
     >>> pl.close()
     """
 
-    _title = 'Ellipsoids'
     shape = Shape('ellipsoids', texels=3, largest_point=12.0, fill=0.4)
 
     @takes(looks=Quadrics)
@@ -73,7 +72,7 @@ class Ellipsoids(PointQuadrics):
         self._radii = checked_lengths('radii', radii, (len(self), 3))
         self._moved()
 
-    @property
+    @property  # type: ignore[override]
     def orientation(self) -> np.ndarray:
         """Directions of the axes in columns, shape (n, 3, 3); set as matrices or quaternions."""
         return self._turns
@@ -104,7 +103,7 @@ class Ellipsoids(PointQuadrics):
         return np.concatenate([self.axes().swapaxes(1, 2), middles[:, :, None]], 2)
 
     def _bodies(self):
-        return [(*balls(self.property), linear(self._points, self.axes()), self._colors)]
+        return [(*balls(self.prop), linear(self._points, self.axes()), self._colors)]
 
     def _meet(self, start, direction, index):
         return meet_ellipsoids(start, direction, self._points[index], self.axes()[index])

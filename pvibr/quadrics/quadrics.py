@@ -26,7 +26,6 @@ from pvibr.quadrics.occlusion import Occlusion
 from pvibr.scene.item_set import CardSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
-from pvibr.scene.thing import anchor, set_bounds
 from pvibr.scene.translucent import depths_of
 
 # Opacities in the alpha of looks: up to this with the material's colour, from the next on their
@@ -71,6 +70,7 @@ class Quadrics(CardSet):
     """
 
     web = 'baked', 'meshes'
+    moved_by = 'set its points and sizes'
     shape: Shape
 
     @takes(table=TABLE_OPTIONS)
@@ -96,7 +96,7 @@ class Quadrics(CardSet):
         self._opacity = checked_opacity(opacity, len(self), cut=False)
         self._begin_looks(table, scalars, colors, visible)
         self.pickable = pickable
-        self.property = pv.Property(
+        self.prop = pv.Property(
             color=color,
             lighting=lighting,
             ambient=ambient,
@@ -105,12 +105,13 @@ class Quadrics(CardSet):
             specular_power=specular_power,
             interpolation='Phong',
         )  # VTK lights flat points never
-        self._anchor, self._noun = anchor(), self.shape.name
+        self._noun = self.shape.name
         self._begin_drawing('ibr_items', 'ibr_looks')
         self.uniforms: dict = {}
         self.window = None
-        set_bounds(self._anchor, self.bounds)
+        self._set_bounds(self._world_bounds())
         self._layers = [Layer(self, mode) for mode in (*DRAW_MODES, BLENDED)]
+        self._dressed = tuple(self.actors())
         self._occlusion, self._hidden = Occlusion(), 0
         self._share_opacity()
 
@@ -138,9 +139,7 @@ class Quadrics(CardSet):
 
     # -- what they are ------------------------------------------------------------------------
 
-    @property
-    def bounds(self) -> tuple[float, ...]:
-        """World bounds: x, y and z, low and high; if empty (1, -1, 1, -1, 1, -1)."""
+    def _world_bounds(self) -> tuple[float, ...]:
         if not len(self):
             return (1.0, -1.0) * 3
         middles, extents = self._spheres()[0], self._extents()
@@ -150,7 +149,7 @@ class Quadrics(CardSet):
     @property
     def opacity(self):
         """Opacity of all, a number, or of each, shape (n,)."""
-        return self.property.GetOpacity() if self._opacity.ndim == 0 else self._opacity
+        return self.prop.GetOpacity() if self._opacity.ndim == 0 else self._opacity
 
     @opacity.setter
     def opacity(self, opacity):
@@ -159,7 +158,7 @@ class Quadrics(CardSet):
         self._repaint()
 
     def _share_opacity(self):
-        self.property.SetOpacity(1.0 if self._opacity.ndim else float(self._opacity))
+        self.prop.SetOpacity(1.0 if self._opacity.ndim else float(self._opacity))
 
     @property
     def blends(self) -> bool:
@@ -171,8 +170,8 @@ class Quadrics(CardSet):
         """Upload the positions for the next frame."""
         for name in ('_order', '_blocks'):
             self.__dict__.pop(name, None)
-        bounds = self.bounds
-        set_bounds(self._anchor, bounds)
+        bounds = self._world_bounds()
+        self._set_bounds(bounds)
         for layer in (*self._layers, *self._occlusion.layers):
             layer.bound(bounds)
         self._drop('ibr_items', 'ibr_looks')
@@ -197,7 +196,7 @@ class Quadrics(CardSet):
 
     def prepare(self, frame):
         """Choose which items are drawn, and how."""
-        shiny = self.property.GetSpecular() > 0 or self.property.GetInterpolation() == PBR
+        shiny = self.prop.GetSpecular() > 0 or self.prop.GetInterpolation() == PBR
         for layer in self._layers:
             layer.set_shiny(shiny)
         super().prepare(frame)
@@ -301,7 +300,7 @@ class Quadrics(CardSet):
 
     def _with_opacity(self, colors, rows):
         if colors is None:
-            plain = np.rint(255 * np.array(self.property.GetColor())).astype(np.uint8)
+            plain = np.rint(255 * np.array(self.prop.GetColor())).astype(np.uint8)
             colors = np.tile(plain, (len(rows), 1))
         return np.column_stack([colors, np.rint(255 * self._opacity[rows]).astype(np.uint8)])
 

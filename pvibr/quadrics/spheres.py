@@ -45,12 +45,11 @@ class Spheres(PointQuadrics):
     >>> import pvibr
     >>> pl = pv.Plotter(off_screen=True)
     >>> balls = pl.ibr.add(pvibr.Spheres([[0, 0, 0], [2, 0, 0]], [1.0, 0.5]))
-    >>> balls.bounds
+    >>> tuple(balls.bounds)
     (-1.0, 2.5, -1.0, 1.0, -1.0, 1.0)
     >>> pl.close()
     """
 
-    _title = 'Spheres'
     shape = Shape('spheres', texels=1)
 
     @takes(looks=Quadrics)
@@ -80,7 +79,7 @@ class Spheres(PointQuadrics):
 
     def _bodies(self):
         matrices = linear(self._points, self._radii[:, None, None] * np.eye(3))
-        return [(*balls(self.property), matrices, self._colors)]
+        return [(*balls(self.prop), matrices, self._colors)]
 
     def _meet(self, start, direction, index):
         return meet_spheres(start, direction, self._points[index], self._radii[index])

@@ -2,45 +2,39 @@
 
 from __future__ import annotations
 
-import pyvista as pv
-
-from pvibr.core.params import Param
 from pvibr.gl import Texture
 from pvibr.gl.binder import Binder
 from pvibr.scene.painted import Painted
-from pvibr.scene.thing import Thing
 from pvibr.scene.translucent import DepthSortedDraws
 
 
-class ItemSet(Painted, Thing):
+class ItemSet(Painted):
     """Items with looks of their own.
 
     Parameters are those of :class:`pvibr.Effect`.
     """
 
     FOR_USERS: tuple[str, ...] = ()
-    visibility = Param(True, 'Draw the items.')
     #: Frames that are drawn to pick need them too.
     picks = True
-    pickable: bool
     _noun = 'items'
     _changes = 0
     _content_key: tuple | None = None
 
-    def _is_visible(self) -> bool:
-        return self.visibility and bool(self._anchor.GetVisibility())
+    def _contents(self) -> str:
+        return f'{len(self):,} {self._noun}'
 
     def _can_pick(self) -> bool:
         return self.pickable and self.pipeline is not None and self.needed(None) is True
 
     def content_key(self) -> tuple:
         """Return a value that changes with the content, camera excluded."""
-        return self._changes, self.revision, self._is_visible()
+        return self._changes, self.revision, self.visibility
 
     def needed(self, frame) -> bool | str:
         """Return True if there is anything to draw, else why not."""
-        if not self._is_visible():
-            return 'not visible'
+        if not self.visibility:
+            return super().needed(frame)
         return bool(len(self)) or f'no {self._noun}'
 
     def deactivate(self):
@@ -65,8 +59,7 @@ class CardSet(ItemSet):
     Parameters are those of :class:`pvibr.Effect`.
     """
 
-    FOR_USERS: tuple[str, ...] = ('property', 'blends')
-    property: pv.Property  # of a subclass, as are _choose and _upload
+    FOR_USERS: tuple[str, ...] = ('blends',)
 
     def _begin_drawing(self, *stale):
         """Start without anything on the GPU; name the textures to be made."""
@@ -77,7 +70,7 @@ class CardSet(ItemSet):
     @property
     def blends(self) -> bool:
         """Whether items are translucent, and so drawn from far to near."""
-        return self.property.GetOpacity() < 1
+        return self.prop.GetOpacity() < 1
 
     # -- the life of an effect ----------------------------------------------------------------
 

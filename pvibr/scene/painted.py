@@ -6,6 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.scene import looks as look
+from pvibr.scene.thing import Thing
 
 #: What the table of the scalars takes from the arguments of ``add_mesh``.
 TABLE_OPTIONS = (
@@ -19,10 +20,10 @@ TABLE_OPTIONS = (
 )
 
 
-class Painted:
-    """Items with a colour each, given or mapped from scalars; to be inherited.
+class Painted(Thing):
+    """A thing of items with a colour each, given or mapped from scalars.
 
-    Who inherits has a length, calls :meth:`_begin_looks` and has ``_repaint()``, which is called
+    A subclass has a length, calls :meth:`_begin_looks` and has ``_repaint()``, which is called
     after each change.
 
     Examples
@@ -41,7 +42,8 @@ class Painted:
     [[0, 0, 0], [255, 255, 255]]
     """
 
-    _name: str | None = None
+    #: Table of the scalars; None without.
+    table: pv.LookupTable | None = None
 
     def __len__(self) -> int:
         raise NotImplementedError
@@ -150,17 +152,14 @@ class Painted:
         return None if mask.all() else np.broadcast_to(mask, (len(self),)).copy()
 
     def scalar_mapper(self):
-        """Return a mapper with the table of the scalars, for a scalar bar; None without."""
+        """Return the actor's mapper with the table of the scalars, None without scalars."""
         if self.table is None:
             return None
-        mapper = pv.DataSetMapper()
-        mapper.lookup_table = self.table
-        mapper.scalar_range = self.table.scalar_range
-        return mapper
+        return self._with_table(self.table, self.table.scalar_range)
 
     def scalar_title(self) -> str:
-        """Return what a scalar bar calls the scalars."""
-        return self._name or 'scalars'
+        """Return the title of the scalar bar."""
+        return self._scalar_name if self.table is None else self._name or 'scalars'
 
 
 def _mapped(table, values):

@@ -16,7 +16,7 @@ class Substitute(Thing):
     Parameters are those of :class:`pvibr.Effect`.
     """
 
-    FOR_USERS: tuple[str, ...] = ('bounds',)
+    FOR_USERS: tuple[str, ...] = ()
     web = 'shown', 'its actors, as meshes'
     max_error = Param(1.0, 'Maximum screen-space displacement.', range='(0, inf)', unit='px')
     budget_ms = Param(
@@ -75,9 +75,10 @@ class Substitute(Thing):
         return [actor.GetBounds() for actor in self.solids()]
 
     @property
-    def bounds(self) -> tuple[float, ...]:
+    def bounds(self):
         """World bounds of all actors that are visible."""
-        return joined_bounds(self._boxes())
+        self._set_bounds(joined_bounds(self._boxes()))
+        return super().bounds
 
     def draws(self, frame, *, depth=False) -> list:
         """Return the actors themselves that may be seen in a frame that is not its own."""

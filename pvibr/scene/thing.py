@@ -1,41 +1,38 @@
-"""Effects that draw with actors of their own, and the prop that stands for each in the scene."""
+"""Effects that are actors: what draws in a scene, as PyVista's plotters list it."""
 
 from __future__ import annotations
 
-from typing import Any
+from inspect import get_annotations
+from itertools import count
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
+from pvibr.core.params import Param
+
+_DIRECT = 2  # VTK_COLOR_MODE_DIRECT_SCALARS
 
 
-def anchor():
-    """Return an actor that draws nothing, without bounds."""
-    actor = pv.Actor()
-    mapper = _vtk.vtkPolyDataMapper()
-    mapper.SetInputData(_vtk.vtkPolyData())
-    actor.SetMapper(mapper)
-    actor.PickableOff()
-    return actor
+class _Visibility(Param):
+    """The visibility of an actor as a setting."""
+
+    def __get__(self, owner, cls=None):
+        return self if owner is None else bool(owner.GetVisibility())
+
+    def __set__(self, owner, value):
+        owner.SetVisibility(self.check(value, type(owner).__name__))
 
 
-def set_bounds(actor, bounds):
-    """Give an anchor bounds."""
-    points = _vtk.vtkPoints()
-    points.SetDataTypeToDouble()
-    if bounds[0] <= bounds[1]:
-        points.InsertNextPoint(*bounds[::2])
-        points.InsertNextPoint(*bounds[1::2])
-    mesh = _vtk.vtkPolyData()
-    mesh.SetPoints(points)
-    if points.GetNumberOfPoints():
-        # VTK takes the bounds of cells: a triangle without area covers no pixel.
-        cells = _vtk.vtkCellArray()
-        cells.InsertNextCell(3, (0, 1, 1))
-        mesh.SetPolys(cells)
-    actor.GetMapper().SetInputData(mesh)
+def _unplaced(name):
+    """Return a property of an actor that can be read only."""
+
+    def refuse(thing, _value):
+        msg = f'{thing.name}.{name} cannot be set: {thing.moved_by}'
+        raise AttributeError(msg)
+
+    return getattr(pv.Actor, name).setter(refuse)
 
 
 def joined_bounds(boxes) -> tuple[float, ...]:
@@ -47,8 +44,11 @@ def joined_bounds(boxes) -> tuple[float, ...]:
     return tuple(ends.ravel().tolist())
 
 
-class Thing(Effect):
-    """An effect that draws with actors of its own; a subclass overrides the hooks it needs.
+class Thing(Effect, pv.Actor):
+    """An effect that draws in the scene: the actor that stands for all that it draws with.
+
+    The actor itself draws nothing: it has the name, visibility, material and bounds of the whole.
+    A subclass overrides the hooks it needs.
 
     Parameters
     ----------
@@ -56,10 +56,14 @@ class Thing(Effect):
         Values of the class's settings.
     """
 
-    FOR_USERS: tuple[str, ...] = ('actors', 'bounds', 'center', 'actor', 'pick')
+    FOR_USERS: tuple[str, ...] = (
+        *('actors', 'pick', 'pickable', 'visibility', 'prop', 'bounds', 'center', 'position'),
+        *('orientation', 'scale', 'origin', 'user_matrix'),
+    )
 
-    _anchor: Any = None
-    _title = ''  # what plotters call it where it has no name of its own
+    visibility = _Visibility(True, 'Draw it.')
+    #: What errors say of setting its place.
+    moved_by = 'its items have places of their own, set these'
 
     # -- hooks: what draws it ----------------------------------------------------------------
 
@@ -91,69 +95,150 @@ class Thing(Effect):
     # -- hooks: what is known of it ----------------------------------------------------------
 
     @property
-    def bounds(self) -> tuple[float, ...]:
-        """World bounds: x, y and z, low and high; of nothing (1, -1, 1, -1, 1, -1)."""
-        raise NotImplementedError
-
-    @property
-    def cast_bounds(self) -> Any:
-        """World bounds of what casts shadows."""
-        return self.bounds
+    def cast_bounds(self) -> np.ndarray:
+        """World bounds of what casts shadows, shape (6,)."""
+        return np.array(self.bounds)
 
     def content_key(self) -> tuple:
         """Return a value that changes whenever the drawn content does, the camera left out."""
         raise NotImplementedError
 
+    def needed(self, frame) -> bool | str:
+        """Return True if it is visible."""
+        return self.visibility or 'not visible'
+
     def follow(self):
         """Take over a new time of the pipeline."""
 
     def scalar_mapper(self):
-        """Return a mapper with the table of the shown scalars, None without scalars."""
+        """Return the actor's mapper with the table of the shown scalars, None without scalars."""
         return
 
     def scalar_title(self) -> str:
         """Return the title of the scalar bar."""
-        return ''
+        return self._scalar_name
+
+    # -- the actor that stands for it --------------------------------------------------------
+
+    # PyVista checks each access in Python for VTK's own names, which frames cannot afford.
+    __getattribute__ = object.__getattribute__
+
+    _pickable = True
+    _listed: str | None = None
+    _scalar_name = ''
+    #: Actors with its material.
+    _dressed: tuple = ()
+
+    position = _unplaced('position')
+    orientation = _unplaced('orientation')
+    scale = _unplaced('scale')
+    origin = _unplaced('origin')
+    user_matrix = _unplaced('user_matrix')
+
+    def __init__(self, **settings):
+        mapper = _vtk.vtkPolyDataMapper()
+        mapper.SetNumberOfSubPieces(0)  # nothing is drawn, in any representation
+        mapper.SetInputData(_vtk.vtkPolyData())
+        pv.Actor.__init__(self, mapper)
+        self.PickableOff()
+        self.ForceOpaqueOn()  # a translucent prop takes part in the order of drawing
+        super().__init__(**settings)
+
+    def _set_bounds(self, bounds):
+        """Have bounds, in the space of the actor."""
+        mesh = _vtk.vtkPolyData()
+        if bounds[0] <= bounds[1]:
+            points, cells = _vtk.vtkPoints(), _vtk.vtkCellArray()
+            points.SetDataTypeToDouble()
+            points.InsertNextPoint(*bounds[::2])
+            points.InsertNextPoint(*bounds[1::2])
+            cells.InsertNextCell(3, (0, 1, 1))  # VTK takes the bounds of cells
+            mesh.SetPoints(points)
+            mesh.SetPolys(cells)
+        self.GetMapper().SetInputData(mesh)
+
+    @property
+    def name(self) -> str:
+        """Name in ``plotter.actors``, reports and the state; its class's by default."""
+        return self._name or self._listed or type(self).__name__
+
+    @name.setter
+    def name(self, name):
+        self._name = name
+
+    @property
+    def pickable(self) -> bool:
+        """Whether `pick` finds it."""
+        return self._pickable
+
+    @pickable.setter
+    def pickable(self, pickable):
+        self._pickable = bool(pickable)
+
+    @property
+    def prop(self):
+        """Material of all of it; of things with several materials, of none."""
+        return self.GetProperty()
+
+    @prop.setter
+    def prop(self, prop):
+        for actor in (self, *self._dressed):
+            actor.SetProperty(prop)
+
+    @property
+    def center(self) -> tuple[float, float, float]:
+        """Middle of the bounds, world units."""
+        x, y, z = np.reshape(self.bounds, (3, 2)).mean(1).tolist()
+        return x, y, z
+
+    def copy(self, deep=True):
+        """Raise an error: the copy would draw nothing."""
+        msg = f'{self.name} cannot be copied: make one more and add it'
+        raise TypeError(msg)
+
+    def __dir__(self) -> list[str]:
+        """Return the names that users use: hooks and undeclared attributes are left out."""
+        declared = {*dir(type(self)), *get_annotations(type(self))}
+        return [name for name in super().__dir__() if name in declared]
+
+    def __repr__(self) -> str:
+        return Effect.__repr__(self)
+
+    __str__ = __repr__
+
+    def _state(self) -> str:
+        return ('' if self.visibility else 'hidden, ') + super()._state()
 
     # -- its place in the scene --------------------------------------------------------------
 
     @property
-    def center(self) -> tuple[float, ...]:
-        """Middle of the bounds, world units."""
-        return tuple(np.reshape(self.bounds, (3, 2)).mean(1).tolist())
-
-    @property
-    def actor(self):
-        """The prop that stands for all of it in the plotter's ``actors``."""
-        return self._anchor
-
-    @property
     def props(self) -> tuple:
-        """The prop that stands for it in the scene."""
-        return (self._anchor,)
+        """The actor that stands for it."""
+        return (self,)
 
     def attach(self, pipeline):
         """Add its props to the scene."""
         super().attach(pipeline)
-        renderer, anchor = pipeline.renderer, self._anchor
-        if anchor is None:
-            pass
-        elif isinstance(renderer, pv.Renderer):
-            name = self._name or f'{self._title}({anchor.GetAddressAsString("")})'
-            renderer.add_actor(anchor, name=name, reset_camera=False, render=False, pickable=False)
+        renderer = pipeline.renderer
+        if isinstance(renderer, pv.Renderer):
+            given = self._name
+            self._listed = None if given else _free_name(self.name, renderer.actors)
+            renderer.add_actor(self, name=self.name, render=False, pickable=False)
+            self._name = given
         else:
-            renderer.AddViewProp(anchor)
+            renderer.AddViewProp(self)
         self._put_in(renderer)
 
     def detach(self):
         """Remove its props from the scene."""
-        renderer, anchor = self.pipeline.renderer, self._anchor
+        renderer = self.pipeline.renderer
         self._take_out(renderer)
-        if anchor is not None and renderer.HasViewProp(anchor):
-            if isinstance(renderer, pv.Renderer):
-                renderer.remove_actor(anchor, reset_camera=False, render=False)
-            else:
-                renderer.RemoveViewProp(anchor)
+        if isinstance(renderer, pv.Renderer):
+            # Also where it is no more in the scene: a scalar bar may be.
+            renderer.remove_actor(self, render=False)
+        else:
+            renderer.RemoveViewProp(self)
+        self._listed = None
         super().detach()
 
     def _put_in(self, renderer):
@@ -163,3 +248,26 @@ class Thing(Effect):
     def _take_out(self, renderer):
         for actor in self.actors():
             renderer.RemoveViewProp(actor)
+
+    def _with_table(self, table, scalar_range):
+        """Return the actor's mapper with a table: plotters remove its scalar bar with it."""
+        mapper = self.GetMapper()
+        mapper.SetLookupTable(table)
+        mapper.SetScalarRange(scalar_range)
+        return mapper
+
+    def _with_table_of(self, parts):
+        """Return the actor's mapper with the first table that colours parts of a mesh, or None."""
+        mappers = (part.actor.mapper for part in parts)
+        shown = (m for m in mappers if m.GetScalarVisibility() and m.GetColorMode() != _DIRECT)
+        first = next(shown, None)
+        if first is None:
+            return None
+        self._scalar_name = first.GetArrayName() or ''
+        return self._with_table(first.lookup_table, first.scalar_range)
+
+
+def _free_name(name, taken) -> str:
+    """Return a name that nothing has: 'Spheres', 'Spheres 2' and so on."""
+    names = (f'{name} {k}' if k > 1 else name for k in count(1))
+    return next(n for n in names if n not in taken)

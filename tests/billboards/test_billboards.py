@@ -517,7 +517,7 @@ def test_what_moves_is_drawn_where_it_is(see):
     thing.visibility = False
     assert grab(pl, see).max() == 0
     thing.visibility = True
-    thing.actor.VisibilityOff()
+    thing.VisibilityOff()
     assert grab(pl, see).max() == 0
     pl.close()
 

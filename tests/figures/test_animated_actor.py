@@ -369,7 +369,7 @@ def test_key_framed_body_is_drawn():
 def test_a_name_is_replaced_and_a_figure_can_come_again():
     figure = worm()
     pl = plotter()
-    first = pl.ibr.add_animated(figure, name='worm')
+    first = pl.ibr.add_animated(figure, name='worm', show_scalar_bar=False)
     shown = shot(pl)
     second = pl.ibr.add_animated(figure, name='worm', color='tan')
     assert first.pipeline is None
@@ -405,7 +405,7 @@ def test_hidden_figures_are_not_posed():
     assert len(np.unique(empty.reshape(-1, 3), axis=0)) == 1
     actor.visibility = True
     assert differing(shot(pl), empty) > 100
-    actor.actor.visibility = False
+    actor.VisibilityOff()
     assert differing(shot(pl), empty) == 0
 
 

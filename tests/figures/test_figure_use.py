@@ -110,7 +110,7 @@ def test_one_figure_in_two_subplots_and_back_again():
     left = pl.ibr.add_animated(figure, name='worm')
     pl.subplot(0, 1)
     right = pl.ibr.add_animated(figure, name='worm')
-    assert [r.actors['worm'] for r in pl.renderers] == [left.actor, right.actor]
+    assert [r.actors['worm'] for r in pl.renderers] == [left, right]
     pl.remove_actor('worm')
     pl.show(auto_close=False)
     assert pl.ibr.effects == ()

@@ -125,7 +125,7 @@ def test_it_goes_and_they_are_drawn_as_before(pair):
 def test_instances_that_go_take_the_impostor_along():
     pl, rings, _ = make(images=True, extra=False)
     shown(pl)
-    pl.remove_actor(rings.actor)
+    pl.remove_actor(rings)
     empty = shown(pl)
     assert (empty == empty[0, 0]).all()
     assert pl.ibr.effects == ()

@@ -263,7 +263,7 @@ def test_removed_in_every_way(scenes, see, bean):
         lambda: pl.ibr.remove(things),
         pl.ibr.clear,
         lambda: pl.remove_actor('beans'),
-        lambda: pl.remove_actor(things.actor),
+        lambda: pl.remove_actor(things),
         pl.clear,
     )
     for way in ways:

@@ -413,7 +413,7 @@ def test_opacity_of_each_and_of_all(see):
     things.opacity = 1.0
     np.testing.assert_allclose(see.grab(pl)[y, left], [1, 0, 0], atol=0.01)
     assert len(things.depths()) > 0
-    things.property.opacity = 0.25
+    things.prop.opacity = 0.25
     np.testing.assert_allclose(see.grab(pl)[y, left], [0.25, 0, 0], atol=0.01)
     things.opacity = [0.0, 0.5]
     np.testing.assert_allclose(see.grab(pl)[y, [left, right]], [[0, 0, 0], [0, 0.5, 0]], atol=0.01)

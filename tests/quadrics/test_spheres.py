@@ -188,9 +188,9 @@ def test_highlights_follow_the_material(see):
     pl = plotter()
     things = pl.ibr.add_spheres([[0, 0, 0]], 1.0, color='red', diffuse=0.5)
     assert see.grab(pl).max() < 0.51
-    things.property.specular, things.property.specular_power = 0.5, 20
+    things.prop.specular, things.prop.specular_power = 0.5, 20
     assert see.grab(pl).max() > 0.95
-    things.property.specular = 0.0
+    things.prop.specular = 0.0
     assert see.grab(pl).max() < 0.51
     pl.close()
 
