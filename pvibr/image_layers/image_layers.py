@@ -139,8 +139,10 @@ class ImageLayers(Substitute):
     def _stood_for(self) -> list:
         return self.actors()
 
-    def _quads(self) -> list:
-        return [self, *(card.actor for card in self._cards())]
+    @property
+    def props(self) -> tuple:
+        """Its own actor and the quads that show its layers."""
+        return (self, *(card.actor for card in self._cards()))
 
     def _cards(self) -> list:
         return [*self._back, *self._front]
@@ -208,7 +210,7 @@ class ImageLayers(Substitute):
         # What another thing stands for is its own from then on.
         self._surfaces.update([t for t in self.pipeline.things if t is not self])
         free, _ = self._surfaces.chosen(None)
-        own = addresses(self._quads())
+        own = addresses(self.props)
         present = {k: a for k, a in free.items() if k not in own}
         new = present.keys() - self._members.keys() if self._groups is None else set()
         gone = self._members.keys() - present.keys()
@@ -287,7 +289,7 @@ class ImageLayers(Substitute):
         free = [
             a
             for k, a in actors.items()
-            if a.GetVisibility() and k not in self._members and a not in self._quads()
+            if a.GetVisibility() and k not in self._members and a not in self.props
         ]
         return effects, (key, Casters(free, others).key(), self._version)
 

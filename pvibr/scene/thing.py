@@ -216,6 +216,10 @@ class Thing(Effect, pv.Actor):
         """The actor that stands for it."""
         return (self,)
 
+    def is_gone(self, renderer) -> bool:
+        """Return True if its actor was removed from the scene by other means."""
+        return not renderer.HasViewProp(self)
+
     def attach(self, pipeline):
         """Add its props to the scene."""
         super().attach(pipeline)
