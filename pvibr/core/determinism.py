@@ -61,7 +61,7 @@ class deterministic(ContextDecorator):
 
 
 def is_deterministic() -> bool:
-    """Tell whether nothing may depend on time that is measured."""
+    """Return True if nothing may depend on time that is measured."""
     return _on
 
 

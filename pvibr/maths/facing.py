@@ -52,7 +52,7 @@ def eye_of(view_from_world) -> Eye:
     Raises
     ------
     ValueError
-        Where the upper left 3x3 is no rotation.
+        If the upper left 3x3 is no rotation.
 
     Examples
     --------
@@ -112,7 +112,7 @@ def cards(
     Raises
     ------
     ValueError
-        Where a name is unknown, or `axis` or `orientation` has no length.
+        If a name is unknown, or `axis` or `orientation` has no length.
 
     Notes
     -----

@@ -104,7 +104,7 @@ def dop_corners(points) -> np.ndarray:
     Raises
     ------
     ValueError
-        Where there is no point.
+        If there is no point.
 
     Examples
     --------

@@ -252,7 +252,7 @@ def stretch(warp, at) -> tuple[float, float]:
 
 
 def reaches(warp, rect, open_sides, size) -> bool:
-    """Tell whether a picture covers the screen wherever it was cut off.
+    """Return True if a picture covers the screen wherever it was cut off.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ def largest_scale(sizes, side, margin):
     Raises
     ------
     ValueError
-        Where they do not fit with a texel each.
+        If they do not fit with a texel each.
 
     Examples
     --------

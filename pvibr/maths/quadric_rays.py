@@ -58,7 +58,7 @@ class Meeting(NamedTuple):
 
 
 def meet_spheres(starts, ways, centers, radii) -> Meeting:
-    """Return where rays meet spheres.
+    """Intersect rays with spheres.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def meet_spheres(starts, ways, centers, radii) -> Meeting:
     Returns
     -------
     Meeting
-        Where they do.
+        Entry and exit of each ray.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def meet_spheres(starts, ways, centers, radii) -> Meeting:
 
 
 def meet_ellipsoids(starts, ways, centers, axes) -> Meeting:
-    """Return where rays meet ellipsoids.
+    """Intersect rays with ellipsoids.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def meet_ellipsoids(starts, ways, centers, axes) -> Meeting:
     Returns
     -------
     Meeting
-        Where they do.
+        Entry and exit of each ray.
 
     Examples
     --------
@@ -124,7 +124,7 @@ def meet_ellipsoids(starts, ways, centers, axes) -> Meeting:
 
 
 def meet_cylinders(starts, ways, middles, halves, radii, caps='flat') -> Meeting:
-    """Return where rays meet cylinders.
+    """Intersect rays with cylinders.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def meet_cylinders(starts, ways, middles, halves, radii, caps='flat') -> Meeting
     Returns
     -------
     Meeting
-        Where they do.
+        Entry and exit of each ray.
 
     Examples
     --------

@@ -10,7 +10,7 @@ _THIN = 1e-6  # thickness, of the whole size, below which a piece's sides are no
 
 
 def encloses(points, faces) -> bool:
-    """Tell whether triangles are closed and turned outward, so that nobody sees their backs.
+    """Return True if triangles are closed and turned outward, so that nobody sees their backs.
 
     Parameters
     ----------

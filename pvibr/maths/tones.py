@@ -102,7 +102,7 @@ def tone_map(colors, curve='faithful', stops=0.0, white=4.0):
     Raises
     ------
     ValueError
-        Where the curve is unknown.
+        If the curve is unknown.
 
     Notes
     -----

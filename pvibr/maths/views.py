@@ -82,7 +82,7 @@ def look_along(eye, direction, up=None) -> np.ndarray:
     direction : array_like, shape (3,)
         Looked along; of any length but 0.
     up : array_like, shape (3,), optional
-        Upward; by default any.
+        Upward; any by default.
 
     Returns
     -------

@@ -46,11 +46,11 @@ def pick_focus(pl, lens, *, callback=None):
     Raises
     ------
     TypeError
-        Where it is no lens.
+        If it is no lens.
     ValueError
-        Where it is in no subplot of the plotter.
+        If it is in no subplot of the plotter.
     ClosedError
-        Where the plotter is closed.
+        If the plotter is closed.
 
     Examples
     --------
@@ -124,7 +124,7 @@ class FocusPick(Overlay):
         return np.array(self._stage.interactor.GetEventPosition(), float)
 
     def _hits(self, pixel) -> bool:
-        """Tell whether a press is on the scene: beside it the camera is turned."""
+        """Return True if a press is on the scene: beside it the camera is turned."""
         self._depths = None
         frame = self._stage.frame()
         if not self._is_gone() and _is_inside(frame, np.subtract(pixel, frame.origin)):
@@ -184,7 +184,7 @@ class FocusPick(Overlay):
         self._marks.say('focus' if focused else '', at + 0.8 * _SIZE * frame.scale)
 
     def _is_shown(self, frame) -> bool:
-        """Tell whether the mark is where it was put: another view shows another place there."""
+        """Return True if the mark is where it was put: another view shows another place there."""
         return self._view is not None and np.array_equal(self._view, frame.view_from_world)
 
     def _rest(self):

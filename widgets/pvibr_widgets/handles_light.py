@@ -48,11 +48,11 @@ def light_handles(pl, light, *, callback=None, size=28):
     Raises
     ------
     TypeError
-        Where it is no light.
+        If it is no light.
     ValueError
-        Where it is in no subplot, or is a headlight.
+        If it is in no subplot, or is a headlight.
     ClosedError
-        Where the plotter is closed.
+        If the plotter is closed.
 
     Examples
     --------

@@ -43,7 +43,7 @@ class Overlay:
     # -- what a subclass does ---------------------------------------------------------------------
 
     def _is_gone(self) -> bool:
-        """Tell whether the thing is no longer there."""
+        """Return True if the thing is no longer there."""
         return False
 
     def _prepare(self, frame):
@@ -96,7 +96,7 @@ class Overlay:
             self._prepare(self._stage.frame())
 
     def _is_idle(self) -> bool:
-        """Tell whether nobody sees this: what is drawn to pick, tiles beside the subplot."""
+        """Return True if nobody sees this: what is drawn to pick, tiles beside the subplot."""
         renderer = self._stage.renderer
         if renderer.GetSelector() is not None or not renderer.IsActiveCameraCreated():
             return True  # a camera that VTK makes with the first frame is set to show everything

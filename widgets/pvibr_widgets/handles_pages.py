@@ -37,9 +37,9 @@ def page_keys(pl) -> dict:
     Raises
     ------
     TypeError, ValueError
-        Where it is no plotter, or has no interactor.
+        If it is no plotter, or has no interactor.
     ClosedError
-        Where the plotter is closed.
+        If the plotter is closed.
 
     Examples
     --------

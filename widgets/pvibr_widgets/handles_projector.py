@@ -50,11 +50,11 @@ def projector_handles(pl, photo, *, view=0, callback=None, size=28):
     Raises
     ------
     TypeError
-        Where it is no projector.
+        If it is no projector.
     ValueError
-        Where it is in no subplot, or has no such picture.
+        If it is in no subplot, or has no such picture.
     ClosedError
-        Where the plotter is closed.
+        If the plotter is closed.
 
     Examples
     --------

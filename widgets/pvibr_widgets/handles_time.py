@@ -47,11 +47,11 @@ def time_bar(pl, start, stop, *, speed=1.0, loop=True, callback=None):
     Raises
     ------
     ValueError
-        Where a number is not allowed.
+        If a number is not allowed.
     TypeError
-        Where the callback cannot be called.
+        If the callback cannot be called.
     ClosedError
-        Where the plotter is closed.
+        If the plotter is closed.
 
     Examples
     --------

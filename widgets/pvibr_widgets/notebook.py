@@ -32,11 +32,11 @@ def notebook_panel(plotter, *, picture=False, presets=None):
     Parameters
     ----------
     plotter : pyvista.Plotter
-        What is controlled.
+        Plotter to control.
     picture : bool, optional
         Whether the panel shows the picture itself, drawn again after each change.
     presets : Presets, optional
-        By default those in the user's own file.
+        Presets; those of the user's file by default.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def notebook_panel(plotter, *, picture=False, presets=None):
     Raises
     ------
     ImportError
-        Where there are no ipywidgets.
+        If there are no ipywidgets.
 
     Examples
     --------

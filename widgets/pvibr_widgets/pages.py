@@ -43,7 +43,7 @@ def trame_panel(plotter, server=None, *, update=None, presets=None):
     Parameters
     ----------
     plotter : pyvista.Plotter or vtkRenderer
-        What is controlled.
+        Plotter to control.
     server : trame.Server, str or None
         The page's, or its name.
     update : callable, optional
@@ -61,7 +61,7 @@ def trame_panel(plotter, server=None, *, update=None, presets=None):
     Raises
     ------
     ImportError
-        Where there is no trame.
+        If trame is not installed.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def menu_item(plotter, *, presets=None):
     plotter : pyvista.Plotter
         What is shown and controlled.
     presets : Presets, optional
-        By default those in the user's own file.
+        Presets; those of the user's file by default.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def menu_item(plotter, *, presets=None):
     Raises
     ------
     ImportError
-        Where there is no trame.
+        If trame is not installed.
 
     Examples
     --------

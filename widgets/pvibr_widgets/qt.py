@@ -30,7 +30,7 @@ def qt_dock(plotter, window=None, *, side='right', presets=None):
     side : {'right', 'left'}
         Where in the window.
     presets : Presets, optional
-        By default those in the user's own file.
+        Presets; those of the user's file by default.
 
     Returns
     -------
@@ -40,11 +40,11 @@ def qt_dock(plotter, window=None, *, side='right', presets=None):
     Raises
     ------
     TypeError
-        Where there is no such window.
+        If there is no such window.
     ValueError
-        Where there is no such side.
+        If there is no such side.
     ImportError
-        Where there is no Qt.
+        If there is no Qt.
     """
     if window is None:
         inside = hasattr(plotter, 'window') and callable(plotter.window)
