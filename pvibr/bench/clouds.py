@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import pyvista as pv
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench, Row
 from pvibr.bench.common.meshes import DATA
-from pvibr.bench.common.timing import pictures
+from pvibr.bench.common.timing import pictures, timed
 from pvibr.bench.common.whole_frames import real_plotter, turning
 from pvibr.billboard_clouds.cloud import billboard_cloud
 from pvibr.capture.offscreen import SAMPLES, Stage, mesh_actors
@@ -31,9 +30,7 @@ def _timed(settings, results):
     """Yield the time of a mesh of many triangles, and how far it was displaced."""
     file = DATA / 'meshes' / 'skull.obj'
     mesh = pv.read(file) if file.is_file() and settings.triangles >= 100_000 else _ball(settings)
-    start = time.perf_counter()
-    cloud = billboard_cloud(mesh, epsilon=0.02, size=settings.size)
-    seconds = time.perf_counter() - start
+    cloud, seconds = timed(lambda: billboard_cloud(mesh, epsilon=0.02, size=settings.size))
     name = f'{mesh.n_cells} triangles at 2 %'
     yield Row(f'{name}: time', seconds, 's', 20)
     yield Row(f'{name}: planes', len(cloud.planes))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -16,11 +16,12 @@ from pvibr.scenes.scenery import scenery
 
 #: Pixels that the mouse goes from one frame to the next.
 _STEP = 3
+_forest = cache(landscape)  # drawn in several plotters
 
 
 def _drags(settings, results):
     """Yield the rows of drags at all places, with each limit in turns."""
-    scene = landscape(settings.trees)
+    scene = _forest(settings.trees)
     mouse = _Mouse(_dragged(scene, settings.size))
     plotter = mouse.plotter
     plotter.show(auto_close=False)
@@ -136,7 +137,7 @@ def plot(points):
 
 def _drag(settings, size, on):
     """Return a forest that is dragged, with the limit or without."""
-    mouse = _Mouse(_dragged(landscape(settings.trees), size))
+    mouse = _Mouse(_dragged(_forest(settings.trees), size))
     mouse.plotter.ibr.interactive_frame_ms = settings.limits[-1] if on else 0.0
 
     def draw(k):

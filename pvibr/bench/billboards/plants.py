@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from functools import partial
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.bench.common.harness import Row
-from pvibr.bench.common.timing import least_ms
+from pvibr.bench.common.timing import least_ms, timed
 from pvibr.instances.foliage_levels import foliage_levels
 from pvibr.scenes.trees import tree_parts
 
@@ -19,9 +18,8 @@ _EYES, _FOCUS = [(10.0 * k, -120, 30) for k in range(4)], (0, 0, 7)
 
 def measure(settings, results):
     """Yield the rows of every level of a tree."""
-    start = time.perf_counter()
-    levels = foliage_levels(tree_parts('broadleaf', triangles=_TREE))
-    yield Row('levels of a tree: made', time.perf_counter() - start, 's')
+    levels, made = timed(lambda: foliage_levels(tree_parts('broadleaf', triangles=_TREE)))
+    yield Row('levels of a tree: made', made, 's')
     levels.measure(settings.plant_pixels, settings.plant_views)
     ms = _times(levels, settings)
     results.points['plants'] = {}

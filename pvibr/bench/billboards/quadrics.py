@@ -9,6 +9,7 @@ import pyvista as pv
 
 from pvibr.bench.billboards.spheres import EYES, picture_error
 from pvibr.bench.common.harness import Row
+from pvibr.bench.common.peers import glyph_mapper
 from pvibr.bench.common.timing import least_ms
 from pvibr.core import _vtk
 from pvibr.maths.quadric_rays import meet_cylinders, meet_ellipsoids
@@ -72,14 +73,10 @@ def _glyphs(pl, things):
     length = np.linalg.norm(run, axis=1)
     cloud = pv.PolyData((first + second) / 2)
     cloud['run'], cloud['size'] = run, np.c_[length, radii, radii]
-    mapper = _vtk.vtkGlyph3DMapper()
-    mapper.SetInputData(cloud)
-    mapper.SetSourceData(pv.Cylinder(direction=(1, 0, 0), radius=1.0, resolution=_SIDES))
-    mapper.SetOrientationArray('run')
+    mapper = glyph_mapper(
+        cloud, pv.Cylinder(direction=(1, 0, 0), radius=1.0, resolution=_SIDES), 'run', 'size'
+    )
     mapper.SetOrientationModeToDirection()
-    mapper.SetScaleArray('size')
-    mapper.SetScaleModeToScaleByVectorComponents()
-    mapper.ScalarVisibilityOff()
     actor = pv.Actor()
     actor.SetMapper(mapper)
     pl.renderer.AddActor(actor)

@@ -35,15 +35,21 @@ def _points(poses):
     return points
 
 
-def _glyphs(part, points, lod):
+def glyph_mapper(points, mesh, orientation, scale):
+    """Return VTK's mapper of instances, oriented and scaled by arrays of the points."""
     mapper = _vtk.vtkGlyph3DMapper()
     mapper.SetInputData(points)
-    mapper.SetSourceData(part.mesh)
-    mapper.SetOrientationArray('turn')
-    mapper.SetOrientationModeToQuaternion()
-    mapper.SetScaleArray('scale')
+    mapper.SetSourceData(mesh)
+    mapper.SetOrientationArray(orientation)
+    mapper.SetScaleArray(scale)
     mapper.SetScaleModeToScaleByVectorComponents()
     mapper.ScalarVisibilityOff()
+    return mapper
+
+
+def _glyphs(part, points, lod):
+    mapper = glyph_mapper(points, part.mesh, 'turn', 'scale')
+    mapper.SetOrientationModeToQuaternion()
     if lod:
         mapper.SetCullingAndLOD(True)
         mapper.SetNumberOfLOD(1)

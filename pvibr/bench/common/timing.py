@@ -38,6 +38,13 @@ def spent(stage) -> tuple[float, float]:
     return wall, time.process_time() - start
 
 
+def timed(job):
+    """Return the result of a job on the CPU, and its seconds."""
+    start = time.perf_counter()
+    found = job()
+    return found, time.perf_counter() - start
+
+
 def least(rounds, jobs) -> dict:
     """Return the least seconds of each of some jobs, which take turns and time themselves."""
     best = dict.fromkeys(jobs, np.inf)

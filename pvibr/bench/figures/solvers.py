@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import time
+import operator
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from pvibr.animation.kinematics import solve
 from pvibr.animation.limits import JointLimit
 from pvibr.animation.pose import Pose
 from pvibr.bench.common.harness import Row
+from pvibr.bench.common.timing import timed
 from pvibr.bench.figures.models import tube
 from pvibr.maths import quaternions
 
@@ -40,11 +42,8 @@ def reach_times(method, chains) -> dict:
     tip = JOINTS - 1
     for seed in range(chains):
         chain, target = limited_chain(np.random.default_rng(seed))
-        least = np.inf
-        for _ in range(3):
-            start = time.perf_counter()
-            solution = solve(chain, chain.limits.rest, [tip], [target], method=method)
-            least = min(least, time.perf_counter() - start)
+        reach = partial(solve, chain, chain.limits.rest, [tip], [target], method=method)
+        solution, least = min((timed(reach) for _ in range(3)), key=operator.itemgetter(1))
         found['error'].append(float(solution.errors[0] / chain.reach(tip)))
         found['ms'].append(1e3 * least)
         found['excess'].append(float(chain.limits.excess(solution.rotations).max()))

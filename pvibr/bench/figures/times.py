@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pvibr.bench.common.harness import Row
+from pvibr.bench.common.timing import timed
 from pvibr.bench.common.whole_frames import real_plotter
 from pvibr.bench.figures import models
 from pvibr.bench.figures.peers import NumpySkinning, gltf_reader, meshes_at
@@ -81,12 +82,8 @@ def _frame_times(rings, around, joints, screen, rounds) -> dict:
 def _reference_time(rings, around, joints, rounds) -> float:
     """Time the float64 reference."""
     figure = models.tube(rings, around, joints)
-    pose, least = figure.sample(0.4), np.inf
-    for _ in range(rounds):
-        start = time.perf_counter()
-        figure.posed(0, pose)
-        least = min(least, time.perf_counter() - start)
-    return 1e3 * least
+    pose = figure.sample(0.4)
+    return 1e3 * min(timed(lambda: figure.posed(0, pose))[1] for _ in range(rounds))
 
 
 class _Way(NamedTuple):

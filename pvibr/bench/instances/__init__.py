@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench
 from pvibr.bench.common.whole_frames import turning
@@ -9,6 +11,8 @@ from pvibr.bench.instances import crowd, precision, single, walk
 from pvibr.capture.offscreen import mesh_actors
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import scenery
+
+_landscape = cache(landscape)  # drawn in several plotters
 
 
 def plot(points):
@@ -45,7 +49,7 @@ def _single(axes, meshes):
 
 def _forest(settings, size, on):
     """Return a small forest: of instances, or of VTK's actors."""
-    scene = landscape(settings.part)
+    scene = _landscape(settings.part)
     plotter = scenery(scene, 1.0, size, off_screen=True)
     if not on:
         plotter.remove_actor('trees')

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import time
 import tracemalloc
+from functools import partial
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.bench.common.harness import Row
+from pvibr.bench.common.timing import timed
 from pvibr.capture.offscreen import Stage
 from pvibr.core import _vtk
 from pvibr.meshes.parts import as_parts
@@ -35,9 +36,8 @@ def measure(settings, results):
 def _bake():
     mesh = pv.ParametricTorus(u_res=251, v_res=201)
     with Stage((64, 64)) as stage:
-        start = time.perf_counter()
-        ring = stage.plotter.ibr.add_instances(mesh, [[0, 0, 0]], cache=False, progress=False)
-        seconds = time.perf_counter() - start
+        add = partial(stage.plotter.ibr.add_instances, cache=False, progress=False)
+        ring, seconds = timed(lambda: add(mesh, [[0, 0, 0]]))
         (atlas,) = ring.atlases
         yield Row(f'bake of {mesh.n_cells:,} triangles', seconds, 's', 3.0)
         yield Row('its atlas', atlas.nbytes / 2**20, 'MiB', 48.0)

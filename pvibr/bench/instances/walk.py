@@ -6,6 +6,7 @@ import numpy as np
 
 from pvibr.bench.common.harness import Row
 from pvibr.bench.common.peers import PART, glyph_seconds
+from pvibr.bench.common.timing import pictures
 from pvibr.capture.offscreen import SAMPLES, Stage, in_view, mesh_actors, spheres
 from pvibr.maths.image_error import flip
 from pvibr.scenes.landscape import landscape
@@ -96,15 +97,7 @@ def _full(scene, rows, cameras, size, samples):
     with Stage(size, scene.terrain, scene.view_angle, samples, lights=scene.lights()) as stage:
         stage.bounds = scene.terrain.bounds
         stage.add(mesh_actors(scene.parts(), scene.matrices[rows], scene.index[rows]))
-        return _pictures(stage, cameras)
-
-
-def _pictures(stage, cameras):
-    found = []
-    for camera in cameras:
-        stage.look(camera)
-        found.append(stage.picture())
-    return found
+        return pictures(stage, cameras)
 
 
 def _popping(stage, trees, scene, settings):
@@ -112,7 +105,7 @@ def _popping(stage, trees, scene, settings):
     stage.look(cameras[0])
     rows = _part(stage.frame(), scene, settings.part)
     _show(trees, rows)
-    own = _changes(_pictures(stage, cameras))
+    own = _changes(pictures(stage, cameras))
     full = _changes(_full(scene, rows, cameras, settings.size, 1))
     yield Row('popping: p99 of FLIP between frames, full meshes', full)
     yield Row('popping: p99 of FLIP between frames, pvibr over that', own / full, 'x', 1.2)

@@ -11,7 +11,7 @@ import pyvista as pv
 from pvibr.bench.common.harness import Row
 from pvibr.bench.common.light_scenes import SCENES
 from pvibr.bench.common.rays import Rays
-from pvibr.bench.common.timing import spent
+from pvibr.bench.common.timing import spent, timed
 from pvibr.bench.shadows.errors import VTK, drawn, shown, sight, wrong_share
 from pvibr.bench.shadows.soft import EXTENTS, error, sized
 from pvibr.maths.silhouettes import LitMesh, edge_table
@@ -124,14 +124,9 @@ def _bakes(scene, light, window) -> int:
 def _outlines(settings):
     side = int(np.sqrt(settings.triangles / 2)) + 1
     mesh = pv.Sphere(theta_resolution=side, phi_resolution=side + 1)
-    start = time.perf_counter()
-    edges = edge_table(mesh.points, mesh.regular_faces)
-    table = time.perf_counter() - start
-    seconds = []
-    for x in np.linspace(-1, 1, 7):
-        start = time.perf_counter()
-        _ = LitMesh(edges, (x, 0.3, 2.0, 1.0)).silhouette
-        seconds.append(time.perf_counter() - start)
+    edges, table = timed(lambda: edge_table(mesh.points, mesh.regular_faces))
+    lights = [(x, 0.3, 2.0, 1.0) for x in np.linspace(-1, 1, 7)]
+    seconds = [timed(lambda at=at: LitMesh(edges, at).silhouette)[1] for at in lights]
     what = f'outline of {mesh.n_cells:,} triangles'
     yield Row(what, 1e3 * np.median(seconds), 'ms', 50)
     yield Row(f'{what}: its table, once', table, 's')
