@@ -26,12 +26,12 @@ class IBRAccessor:
         self._mesh = mesh
 
     def bake(self, **kwargs):
-        """Return the mesh as images from all around, with their error.
+        """Bake images of the mesh from all directions, and measure their error.
 
         Parameters
         ----------
         **kwargs
-            See :func:`pvibr.instances.bake.bake`.
+            See :func:`pvibr.instances.levels.bake`.
 
         Returns
         -------
@@ -43,7 +43,7 @@ class IBRAccessor:
         return bake(self._mesh, **kwargs)
 
     def billboard_cloud(self, **kwargs):
-        """Return the mesh as a few textured rectangles, each vertex displaced within a bound.
+        """Return the mesh as a few textured rectangles, within an error bound.
 
         Parameters
         ----------

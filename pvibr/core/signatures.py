@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import re
 import textwrap
@@ -99,6 +100,7 @@ def _setting(param) -> Argument:
     return Argument(parameter, f'{param.name} : {kind}, default: {param.default!r}\n{text}')
 
 
+@functools.cache
 def accepts(taker, name) -> bool:
     """Return True if a function or class has an argument of this name."""
     return name in arguments_of(taker)
