@@ -22,6 +22,7 @@ from pvibr.accessor import IBRAccessor
 from pvibr.component import IBRComponent
 from pvibr.core.effect import Effect
 from pvibr.figures.animated import animated
+from pvibr.projection.live_texture import LiveTexture
 from pvibr.scene.thing import Thing
 
 # GL08 is left out: it asks for docstrings of setters; ruff's 'D1' asks for all others. PR02 is
@@ -32,9 +33,10 @@ CHECKS = {
     'PR01', 'PR03', 'PR04', 'PR06', 'PR07', 'PR09', 'PR10', 'RT02', 'RT03', 'RT05', 'YD01',
 }  # fmt: skip
 #: Called by pvibr; where an effect of a user's own overrides them, Effect says how.
-HOOKS = {name for kind in (Effect, Thing) for name in vars(kind)} - {
+HOOKS = {name for kind in (Effect, Thing, LiveTexture) for name in vars(kind)} - {
     *Effect.FOR_USERS,
     *Thing.FOR_USERS,
+    *LiveTexture.FOR_USERS,
 }
 #: Parts of what ``add_*`` say.
 TEMPLATES = animated, IBRComponent._add_thing

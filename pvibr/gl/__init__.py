@@ -4,7 +4,7 @@ from pvibr.gl.mipmaps import MipTexture
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture, texture_limit, texture_units
-from pvibr.gl.uniforms import set_fragment_uniforms, set_uniforms
+from pvibr.gl.uniforms import set_fragment_uniforms, set_uniforms, set_vertex_uniforms
 
 __all__ = [
     'MipTexture',
@@ -13,6 +13,7 @@ __all__ = [
     'Texture',
     'set_fragment_uniforms',
     'set_uniforms',
+    'set_vertex_uniforms',
     'shader_source',
     'texture_limit',
     'texture_units',

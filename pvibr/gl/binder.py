@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import weakref
-from typing import Any
 
 # By window, who keeps textures bound. A shader can sample sixteen to some thirty: scenes of many
 # things have more, and VTK's own passes need some as well.
-_bound: weakref.WeakKeyDictionary[Any, weakref.ref[Binder]] = weakref.WeakKeyDictionary()
+_bound: weakref.WeakKeyDictionary[object, weakref.ref[Binder]] = weakref.WeakKeyDictionary()
 
 
 class Binder:

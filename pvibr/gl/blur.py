@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import Target
+from pvibr.gl.texture import Texture
 
 # llvmpipe samples whole floats faster than half ones, and these images are small.
 _FORMAT = ('rgba32f',)
@@ -58,7 +58,7 @@ def filtered(texture):
 class Light:
     """Light to be drawn on pictures."""
 
-    image: Any
+    image: Texture
     scale: int
     box: tuple[int, int, int, int]
 

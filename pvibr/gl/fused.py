@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from pvibr.gl.enums import SCISSOR_TEST
 from pvibr.gl.quad import Quad
@@ -42,7 +43,7 @@ class Pointwise(NamedTuple):
     uniforms: dict
     textures: dict
     blend: str = ''
-    box: Any = None
+    box: Sequence[int] | None = None
 
 
 class Fused:
@@ -50,7 +51,7 @@ class Fused:
 
     def __init__(self, window):
         self.window = window
-        self._programs: dict[Any, Quad] = {}
+        self._programs: dict[object, Quad] = {}
 
     def draw(self, picture, points):
         """Draw programs on a picture, in order."""
@@ -68,7 +69,7 @@ class Fused:
             points = [p for p in points if not self._draw_in_place(picture, p)]
         if not points:
             return
-        uniforms: dict[str, Any] = {}
+        uniforms: dict[str, object] = {}
         textures = {'color': picture.color}
         for k, point in enumerate(points):
             uniforms |= {f'{name}_{k}': value for name, value in point.uniforms.items()}

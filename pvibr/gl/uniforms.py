@@ -20,9 +20,17 @@ def set_uniforms(program, uniforms):
 
 def set_fragment_uniforms(actors, uniforms):
     """Set custom uniforms of the fragment shaders of actors, as :func:`set_uniforms` does."""
+    _set_all([a.GetShaderProperty().GetFragmentCustomUniforms() for a in actors], uniforms)
+
+
+def set_vertex_uniforms(actors, uniforms):
+    """Set custom uniforms of the vertex shaders of actors, as :func:`set_uniforms` does."""
+    _set_all([a.GetShaderProperty().GetVertexCustomUniforms() for a in actors], uniforms)
+
+
+def _set_all(targets, uniforms):
     calls = [(name, *_setter(value)) for name, value in uniforms.items()]
-    for actor in actors:
-        target = actor.GetShaderProperty().GetFragmentCustomUniforms()
+    for target in targets:
         for name, setter, *values in calls:
             getattr(target, setter)(name, *values)
 

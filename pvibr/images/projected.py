@@ -29,7 +29,7 @@ class Pictures:
         if not self._frames:
             msg = 'image is an empty sequence; it must have at least one picture.'
             raise ValueError(msg)
-        self._last: tuple[int, Any] = (-1, None)
+        self._last: tuple = (-1, None)
         first = self.read(0)
         #: Width and height in pixels.
         self.size = (first.shape[1], first.shape[0])

@@ -9,7 +9,8 @@ import numpy as np
 
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
-from pvibr.gl import Quad, Target, set_fragment_uniforms
+from pvibr.core.frame import Frame
+from pvibr.gl import Quad, Target, Texture, set_fragment_uniforms
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet
 from pvibr.gl.scene_pass import is_marker
@@ -49,8 +50,8 @@ void main()
 class Geometry(NamedTuple):
     """Normals, numbers and depth of opaque surfaces as the camera sees them, in textures."""
 
-    surface: Any
-    depth: Any
+    surface: Texture
+    depth: Texture
     numbered: list
     origin: tuple[int, int] = (0, 0)
 
@@ -244,7 +245,7 @@ class Buffers:
         self.renderer = renderer
         self._shared: _Shared | None = None
         self._drawn: Drawn | None = None
-        self._frame: Any = None
+        self._frame: Frame | None = None
         self._geometry: Any = None
 
     @property

@@ -197,11 +197,6 @@ def _set_bulge(actor, bulge):
         set_fragment_uniforms([actor], {'ibr_bulge': bulge - 1.0})
 
 
-def depths_of(thing) -> list:
-    """Return the actors that draw the depth of a thing."""
-    return thing.depths()
-
-
 @dataclass
 class Casters:
     """Actors and things drawn in views from elsewhere."""

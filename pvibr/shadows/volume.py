@@ -10,13 +10,13 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
-from pvibr.gl import shader_source
+from pvibr.gl import set_fragment_uniforms, set_vertex_uniforms, shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.gl.stencil import StencilTarget
 from pvibr.maths.silhouettes import LitMesh, edge_table, moved_table
 from pvibr.maths.views import View, corners
-from pvibr.scene.casters import depths_of, sized
+from pvibr.scene.casters import sized
 
 _SURFACE = 2  # VTK_SURFACE
 #: A rounding of float32, and how often it adds up on the way to the screen.
@@ -35,7 +35,7 @@ class ShadowVolumes:
         self.counts = {'depth-pass': 0, 'depth-fail': 0, 'out of view': 0}
         self._tables: dict = {}
         self._volumes: dict = {}
-        self._key: Any = None
+        self._key: tuple | None = None
         self._without = 0
 
     @property
@@ -108,7 +108,7 @@ class ShadowVolumes:
         with sized(shown.actors, frame, frame, bulge):
             self.drawer.draw_depth(shown.actors)
         for thing in shown.things:
-            self.drawer.draw(depths_of(thing))
+            self.drawer.draw(thing.depths())
 
     def _draw_masks(self, view, lights, meshes, shown):
         boxes = np.array([actor.GetBounds() for actor, *_ in meshes], float).reshape(-1, 6)
@@ -200,9 +200,8 @@ class _Volume:
 
     def __init__(self):
         self.sides, self.caps = _Part(_feature(False)), _Part(_feature(True))
-        self._edges: Any = None
+        self._edges = self._world = None
         self._light: Any = None
-        self._world: Any = None
         self._mirrored = False
         self._filled: bool | None = None
 
@@ -283,11 +282,9 @@ class _Part:
         self.nbytes = (floats.nbytes + cells.nbytes) if len(cells) else 0
 
     def aim(self, clip, slack):
-        shader = self.actor.GetShaderProperty()
-        uniforms = shader.GetVertexCustomUniforms()
-        uniforms.SetUniformMatrix4x4('ibr_volume_clip', clip.T.ravel().tolist())
-        uniforms.SetUniformi('ibr_volume_near', self._near)
-        shader.GetFragmentCustomUniforms().SetUniform2f('ibr_volume_slack', slack)
+        uniforms = {'ibr_volume_clip': clip, 'ibr_volume_near': self._near}
+        set_vertex_uniforms([self.actor], uniforms)
+        set_fragment_uniforms([self.actor], {'ibr_volume_slack': slack})
 
     def release(self, window):
         self.actor.ReleaseGraphicsResources(window)
