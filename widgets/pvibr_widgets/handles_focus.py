@@ -85,7 +85,7 @@ class FocusPick(Overlay):
         self._view: np.ndarray | None = None  # in which it was
         self._depths: np.ndarray | None = None
         self._plane = _Plane(stage.renderer)
-        self._keys = OwnersControl(self, 'Escape')
+        self._keys = OwnersControl(self, stage, 'Escape')
         stage.ring.add(self._keys)
         calls = self._begin, self._drag, self._end
         self._touch = Touch(stage, _SIZE / 2, *calls, area=self._hits, priority=SCENE)

@@ -29,8 +29,8 @@ class Control:
 class OwnersControl(Control):
     """The keys of something that is one control as a whole."""
 
-    def __init__(self, owner, hears):
-        self._owner, self._hears = owner, hears
+    def __init__(self, owner, stage, hears):
+        self._owner, self._stage, self._hears = owner, stage, hears
 
     @property
     def usable(self) -> bool:
@@ -39,7 +39,7 @@ class OwnersControl(Control):
 
     def focus(self, on):
         """Draw its owner anew, which shows whether it has the keys."""
-        self._owner._stage.draw()
+        self._stage.draw()
 
     def press(self, key, fine) -> bool:
         """Hand a key on."""

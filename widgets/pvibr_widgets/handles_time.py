@@ -83,7 +83,7 @@ class TimeBar(Overlay):
         self._slider = Touch(stage, _TOUCHED, *calls, area=self._on_bar, priority=BAR)
         calls = self.toggle, self._shown, self._shown
         self._button = Touch(stage, _TOUCHED, *calls, area=self._on_button, priority=BAR)
-        self._keys = OwnersControl(self, 'space')
+        self._keys = OwnersControl(self, stage, 'space')
         stage.ring.add(self._keys)
         self._follow()
 
