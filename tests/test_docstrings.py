@@ -22,8 +22,6 @@ from pvibr.accessor import IBRAccessor
 from pvibr.component import IBRComponent
 from pvibr.core.effect import Effect
 from pvibr.figures.animated import animated
-from pvibr.projection.live_texture import LiveTexture
-from pvibr.scene.thing import Thing
 
 # GL08 is left out: it asks for docstrings of setters; ruff's 'D1' asks for all others. PR02 is
 # left out: it takes dataclasses for classes without a constructor. RT01 too: one line is enough
@@ -32,12 +30,6 @@ CHECKS = {
     'GL06', 'GL07', 'SS02', 'SS03',
     'PR01', 'PR03', 'PR04', 'PR06', 'PR07', 'PR09', 'PR10', 'RT02', 'RT03', 'RT05', 'YD01',
 }  # fmt: skip
-#: Called by pvibr; where an effect of a user's own overrides them, Effect says how.
-HOOKS = {name for kind in (Effect, Thing, LiveTexture) for name in vars(kind)} - {
-    *Effect.FOR_USERS,
-    *Thing.FOR_USERS,
-    *LiveTexture.FOR_USERS,
-}
 #: Parts of what ``add_*`` say.
 TEMPLATES = animated, IBRComponent._add_thing
 PACKAGES = Path(pvibr.__file__).parent, Path(pvibr_widgets.__file__).parent
@@ -60,14 +52,19 @@ def exported():
 def members(kind):
     """The public functions and properties of a class, each where it is first defined.
 
-    What overrides them is documented there.
+    What overrides them is documented there. Hooks are called by pvibr only.
     """
-    ours = [base for base in reversed(kind.__mro__) if is_ours(base)]
-    first = {name: vars(base)[name] for base in reversed(ours) for name in vars(base)}
+    ours = [base for base in kind.__mro__ if is_ours(base)]
+    first = {name: vars(base)[name] for base in ours for name in vars(base)}
+    declared = [base for base in ours if 'FOR_USERS' in vars(base)]
+    hooks = {name for base in declared for name in {*vars(base)} - {*base.FOR_USERS}}
+    hooks -= {name for base in declared for name in base.FOR_USERS}
+    if issubclass(kind, Effect):
+        hooks.add('render')  # its presence makes an effect one on pixels; Effect says how
     for name, member in first.items():
-        member = getattr(member, 'fget', None) or getattr(member, '__func__', member)
-        hook = issubclass(kind, Effect) and name in HOOKS
-        if inspect.isfunction(member) and not name.startswith('_') and not hook:
+        for way in ('fget', 'func', '__func__'):
+            member = getattr(member, way, member)
+        if inspect.isfunction(member) and not name.startswith('_') and name not in hooks:
             yield member
 
 

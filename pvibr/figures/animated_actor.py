@@ -282,7 +282,13 @@ class AnimatedActor(FigurePlayer, Placed):
         return {'bytes': held, 'vertices': vertices, 'poses': self.posed}
 
     def download_posed(self):
-        """Yield each posed mesh's index, points and normals as the GPU has them, for tests."""
+        """Yield each posed mesh as the GPU has it, for tests.
+
+        Yields
+        ------
+        tuple
+            Index of the mesh; points and normals, (n, 3) float64, in world space.
+        """
         if self._posing is None:
             return
         for number, mesh_actor in enumerate(self._posed):
