@@ -310,7 +310,7 @@ class _Stage:
         self.renderer, self.buffers = renderer, buffers
         self._annotations: Annotations | None = None
         self._picture: Picture | None = None
-        self._scene: Any = None
+        self._scene: ScenePass | None = None
         self._fused: Fused | None = None
 
     @property
@@ -330,21 +330,22 @@ class _Stage:
 
     def end(self, turn):
         """After the renderer drew: all back in its place, then effects, then flat props."""
-        if self._annotations is None:
+        annotations, scene = self._annotations, self._scene
+        if annotations is None or scene is None:
             return
-        annotations, self._annotations = self._annotations, None
-        self._scene.end()
+        self._annotations = None
+        scene.end()
         self.buffers.detach()
         annotations.show()
         place = turn.frame.origin, turn.frame.size
         running = [e for e in turn.images if e.running]
-        if running or self._scene.needs_hdr:
-            turn.guard(turn.images, self._run, turn, running, place)
+        if running or scene.needs_hdr:
+            turn.guard(turn.images, self._run, turn, scene, running, place)
         annotations.draw(*place)
 
-    def _run(self, turn, entries, place):
-        picture = self._picture_of(place, self._scene.needs_hdr)
-        picture.take(self._scene.framebuffer)
+    def _run(self, turn, scene, entries, place):
+        picture = self._picture_of(place, scene.needs_hdr)
+        picture.take(scene.framebuffer)
         for entry in entries:
             picture.last = entry is entries[-1]
             turn.guard([entry], entry.effect.render, turn.frame, picture)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,14 @@ class Part:
     alpha_cutoff: float | None = None
     stand_ins: tuple = ()
     turns: Turns | None = None
+
+    @cached_property
+    def locator(self):
+        """What finds the cells of the mesh that a line meets."""
+        locator = _vtk.vtkStaticCellLocator()
+        locator.SetDataSet(self.mesh)
+        locator.BuildLocator()
+        return locator
 
     def polydata_mapper(self):
         """Return a new ``vtkPolyDataMapper`` with the look of the actor's own mapper."""

@@ -84,12 +84,7 @@ def _meet(group, slot, start, direction):
 
 
 def _line_mesh(part, start, end):
-    locator = getattr(part, '_locator', None)
-    if locator is None:
-        locator = part._locator = _vtk.vtkStaticCellLocator()
-        locator.SetDataSet(part.mesh)
-        locator.BuildLocator()
     t, sub, cell = _vtk.reference(0.0), _vtk.reference(0), _vtk.reference(0)
     point, param = [0.0] * 3, [0.0] * 3
-    met = locator.IntersectWithLine(start, end, 0.0, t, point, param, sub, cell)
+    met = part.locator.IntersectWithLine(start, end, 0.0, t, point, param, sub, cell)
     return np.array(point) if met else None
