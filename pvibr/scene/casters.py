@@ -49,9 +49,9 @@ class Surfaces:
         if choice is None:
             return self._free, list(things)
         if not callable(choice):
-            wanted = {address(a) if hasattr(a, 'GetAddressAsString') else id(a) for a in choice}
+            wanted = {address(a) for a in choice}
             actors = {k: a for k, a in self._free.items() if k in wanted}
-            return actors, [t for t in things if id(t) in wanted]
+            return actors, [t for t in things if address(t) in wanted]
         actors = {k: a for k, a in self._free.items() if choice(a)}
         return actors, [t for t in things if choice(t)]
 
