@@ -64,7 +64,8 @@ def _documented(arguments, entries, common) -> dict[str, Argument]:
     bare = [name for name, argument in found.items() if not argument.entry]
     if bare and common:
         common = '\n'.join([f'{", ".join(bare)} : optional', *common.splitlines()[1:]])
-    return found | {name: Argument(found[name].parameter, common) for name in bare}
+    shared = {name: Argument(found.pop(name).parameter, common) for name in bare}
+    return found | shared  # those that share an entry stand together
 
 
 def _constructor(cls):
