@@ -6,6 +6,7 @@ import functools
 import inspect
 import re
 import textwrap
+from collections import Counter
 from inspect import Parameter, Signature
 from typing import NamedTuple
 
@@ -60,12 +61,14 @@ def arguments_of(taker) -> dict[str, Argument]:
 
 def _documented(arguments, entries, common) -> dict[str, Argument]:
     """Return arguments with the entries of a docstring; those without one have a common entry."""
-    found = {n: Argument(a.parameter, entries.get(n, a.entry)) for n, a in arguments.items()}
+    found = {n: a._replace(entry=entries.get(n, a.entry)) for n, a in arguments.items()}
     bare = [name for name, argument in found.items() if not argument.entry]
     if bare and common:
         common = '\n'.join([f'{", ".join(bare)} : optional', *common.splitlines()[1:]])
-    shared = {name: Argument(found.pop(name).parameter, common) for name in bare}
-    return found | shared  # those that share an entry stand together
+    found |= {name: found[name]._replace(entry=common) for name in bare}
+    # Those of one entry stand together, behind those of their own.
+    uses = Counter(argument.entry for argument in found.values())
+    return dict(sorted(found.items(), key=lambda item: uses[item[1].entry] > 1))
 
 
 def _constructor(cls):
