@@ -354,13 +354,7 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         return toggle(self.pipeline, on, atlas, levels=levels, cells=cells, table=table)
 
     def report(self) -> Report:
-        """Return which effects ran in the active subplot's last frame, and why others did not.
-
-        Returns
-        -------
-        pvibr.core.report.Report
-            Prints as a table; ``as_dict()`` for programs.
-        """
+        """Return a report on which effects ran in the last frame, and why others did not."""
         return self.pipeline.report()
 
     # -- the end ---------------------------------------------------------------------------------

@@ -19,6 +19,9 @@ import pvibr.animation
 import pvibr.maths
 import pvibr_widgets
 from pvibr.accessor import IBRAccessor
+from pvibr.animation import Clip, Morphs, Rig, Skin, VertexAnimation
+from pvibr.animation.model import Model
+from pvibr.animation.rig import Step
 from pvibr.component import IBRComponent
 from pvibr.core.effect import Effect
 from pvibr.figures.animated import animated
@@ -30,6 +33,20 @@ CHECKS = {
     'GL06', 'GL07', 'SS02', 'SS03',
     'PR01', 'PR03', 'PR04', 'PR06', 'PR07', 'PR09', 'PR10', 'RT02', 'RT03', 'RT05', 'YD01',
 }  # fmt: skip
+#: Called by other modules of pvibr, not by users.
+INTERNAL = {
+    Clip.local_time,
+    Model.layers,
+    Morphs.check,
+    Morphs.has,
+    Morphs.width,
+    Rig.kept,
+    Rig.limit,
+    Skin.blend,
+    Skin.matrices,
+    Step.bound,
+    VertexAnimation.blend,
+}
 #: Parts of what ``add_*`` say.
 TEMPLATES = animated, IBRComponent._add_thing
 PACKAGES = Path(pvibr.__file__).parent, Path(pvibr_widgets.__file__).parent
@@ -64,7 +81,8 @@ def members(kind):
     for name, member in first.items():
         for way in ('fget', 'func', '__func__'):
             member = getattr(member, way, member)
-        if inspect.isfunction(member) and not name.startswith('_') and name not in hooks:
+        user = inspect.isfunction(member) and not name.startswith('_') and name not in hooks
+        if user and member not in INTERNAL:
             yield member
 
 

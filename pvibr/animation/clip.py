@@ -72,17 +72,12 @@ class Track:
         return self.values.shape[-1]
 
     def sample(self, times):
-        """Return values at given times; the first and the last key are held.
+        """Return values at given times, (..., c) float64; the first and the last key are held.
 
         Parameters
         ----------
         times : array_like, shape (...)
             Times in seconds.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., c), float64
-            Values; rotations are unit quaternions.
         """
         times = np.asarray(times, dtype=np.float64)
         return _between(self.path, self.interpolation, self.times, self.values, times)
@@ -150,7 +145,7 @@ class Clip:
         return f'Clip({self.name!r}, {len(self.tracks)} tracks, {self.duration:g} s)'
 
     def sample(self, times, rest, loop=True):
-        """Return the poses at given times.
+        """Return the poses at given times, of shape ``times.shape``.
 
         Parameters
         ----------
@@ -160,11 +155,6 @@ class Clip:
             A single pose: the values that no track drives.
         loop : bool
             Restart at the end; otherwise hold the last pose.
-
-        Returns
-        -------
-        Pose
-            Poses of shape ``times.shape``.
 
         Raises
         ------
@@ -186,26 +176,7 @@ class Clip:
         return Pose(**parts, time=times)
 
     def local_time(self, times, loop=True):
-        """Return times within the clip.
-
-        Parameters
-        ----------
-        times : array_like, shape (...)
-            Times in seconds.
-        loop : bool
-            Restart at the end; otherwise stay at the end.
-
-        Returns
-        -------
-        numpy.ndarray, shape (...), float64
-            Seconds from 0 to the duration; a loop restarts at the duration itself.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Clip
-        >>> Clip('x', [], duration=2.0).local_time([-0.5, 2.0, 5.0]).tolist()
-        [1.5, 0.0, 1.0]
-        """
+        """Return times within the clip, in seconds; a loop restarts at the duration itself."""
         times = np.asarray(times, dtype=np.float64)
         if not self.duration:
             return np.zeros_like(times)

@@ -61,10 +61,8 @@ class PoseSpace:
     def __init__(self, joints, keys, neutral, radius=None, influence=None, names=None):
         self.joints = _joints(joints, neutral.n_joints)
         if len(keys.shape) != 1 or not keys.shape[0] or keys.n_joints != neutral.n_joints:
-            msg = (
-                f'keys holds poses {keys.shape} of {keys.n_joints} joints; it must be (k,) poses '
-                f'of {neutral.n_joints}, with k > 0.'
-            )
+            held, n = f'poses {keys.shape} of {keys.n_joints} joints', neutral.n_joints
+            msg = f'keys holds {held}; it must be (k,) poses of {n}, with k > 0.'
             raise ValueError(msg)
         k = keys.shape[0]
         self.names = tuple(f'key{i}' for i in range(k)) if names is None else tuple(names)
@@ -89,17 +87,14 @@ class PoseSpace:
         return f'PoseSpace({len(self)} keys of {len(self.joints)} joints)'
 
     def weights(self, pose):
-        """Return the weight of each key's shape in poses.
+        """Return the weight of each key's shape in poses, (..., k).
+
+        It is 1 at the key, 0 at all others and at the neutral pose, and may overshoot between.
 
         Parameters
         ----------
         pose : Pose
             One or many poses.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., k), float64
-            1 at the key, 0 at all others and at the neutral pose; may overshoot between.
 
         Raises
         ------
@@ -186,17 +181,12 @@ class Correctives:
         )
 
     def weights(self, pose):
-        """Return the weight of each shape in poses.
+        """Return the weight of each shape in poses, (..., k).
 
         Parameters
         ----------
         pose : Pose
             One or many poses.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., k), float64
-            Morph weights.
 
         Raises
         ------
@@ -228,11 +218,6 @@ class Correctives:
         **options
             ``mesh``, its index (default 0); ``skinning``, as it will be used ('linear');
             ``radius``, ``influence`` and ``names`` of :class:`PoseSpace`.
-
-        Returns
-        -------
-        Correctives
-            For ``Figure(correctives=...)``.
 
         Raises
         ------

@@ -46,17 +46,12 @@ class Curve:
         return f'Curve({len(self.times)} times, {self.times[0]:g} to {self.times[-1]:g} s)'
 
     def at(self, times):
-        """Return the values at given times.
+        """Return the values at given times, float64.
 
         Parameters
         ----------
         times : array_like, any shape
             Times in seconds.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., ...), float64
-            Values.
 
         Raises
         ------
@@ -66,17 +61,12 @@ class Curve:
         return blend(self.values, *frame_weights(self.times, times))
 
     def integral(self, times):
-        """Return the exact integral from the first key on.
+        """Return the exact integral from the first key on: value times seconds.
 
         Parameters
         ----------
         times : array_like, any shape
             Times in seconds.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., ...), float64
-            Value times seconds.
 
         Examples
         --------

@@ -30,10 +30,8 @@ class Figure(Model):
         Animations, played by name.
     correctives : Correctives, optional
         Pose space deformation.
-    cameras : sequence
-        Cameras that move with joints, as :func:`pvibr.read_gltf` reads them.
-    lights : sequence
-        Lights that move with joints, as :func:`pvibr.read_gltf` reads them.
+    cameras, lights : sequence
+        Cameras and lights that move with joints, as :func:`pvibr.read_gltf` reads them.
     name : str
         Name of the figure.
 
@@ -52,14 +50,7 @@ class Figure(Model):
     """
 
     def __init__(
-        self,
-        meshes,
-        skeleton=None,
-        clips=(),
-        correctives=None,
-        cameras=(),
-        lights=(),
-        name='',
+        self, meshes, skeleton=None, clips=(), correctives=None, cameras=(), lights=(), name=''
     ):
         super().__init__(meshes, skeleton, correctives)
         self.clips = tuple(clips)
@@ -123,11 +114,6 @@ class Figure(Model):
         name : str
             Name of the figure.
 
-        Returns
-        -------
-        Figure
-            The figure.
-
         Raises
         ------
         ValueError
@@ -157,12 +143,8 @@ class Figure(Model):
         skeleton, skin = sources.skeleton_and_skin(
             joints, weights, parents, rest, inverse_bind, names
         )
-        return cls(
-            [FigureMesh(mesh, -1, skin, morphs, frames, look or {}, name)],
-            skeleton,
-            clips,
-            name=name,
-        )
+        meshes = [FigureMesh(mesh, -1, skin, morphs, frames, look or {}, name)]
+        return cls(meshes, skeleton, clips, name=name)
 
     @classmethod
     def from_series(cls, meshes, times=None, *, interpolation='linear', look=None, name='series'):
@@ -246,17 +228,12 @@ class Figure(Model):
         return cls(meshes, skeleton, clips, name=name)
 
     def clip(self, clip):
-        """Return a clip.
+        """Return a clip, or None if the figure has none and none is asked for.
 
         Parameters
         ----------
         clip : str, int, Clip or None
             Name, index, the clip itself, or ``None`` for the first one.
-
-        Returns
-        -------
-        Clip or None
-            The clip; ``None`` if none is asked for and the figure has none.
 
         Raises
         ------
@@ -275,7 +252,7 @@ class Figure(Model):
         raise ValueError(msg)
 
     def sample(self, time, clip=None, loop=True):
-        """Return the poses at given times.
+        """Return the poses at given times, of shape ``time.shape``.
 
         Parameters
         ----------
@@ -285,11 +262,6 @@ class Figure(Model):
             Clip; default the first one, or the rest pose if there is none.
         loop : bool
             Restart at the end; otherwise hold the last pose.
-
-        Returns
-        -------
-        Pose
-            Poses of shape ``time.shape``.
 
         Raises
         ------
@@ -381,14 +353,6 @@ class Figure(Model):
         ------
         ValueError
             If there is no such clip or ``fps`` is not above 0.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> figure = Figure.from_series([pv.Sphere(radius=r) for r in (1, 2)])
-        >>> figure.series(fps=4)[0].tolist()
-        [0.0, 0.25, 0.5, 0.75, 1.0]
         """
         if not 0 < fps < np.inf:
             msg = f'fps is {fps}; it must be above 0.'

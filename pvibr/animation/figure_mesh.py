@@ -61,13 +61,9 @@ class Skin:
                 f'not {self.joints.dtype} of shape {self.joints.shape}.'
             )
             raise ValueError(msg)
-        bad = np.argwhere((self.joints < 0) | (self.joints >= len(self.nodes)))
-        if len(bad):
-            row, column = bad[0]
-            msg = (
-                f'joints[{row}, {column}] is {self.joints[row, column]}; the skin has '
-                f'{len(self.nodes)} joints.'
-            )
+        for row, column in np.argwhere((self.joints < 0) | (self.joints >= len(self.nodes))):
+            bad, n = self.joints[row, column], len(self.nodes)
+            msg = f'joints[{row}, {column}] is {bad}; the skin has {n} joints.'
             raise ValueError(msg)
         self.joints = self.joints.astype(np.int64)
 
@@ -82,41 +78,16 @@ class Skin:
         return -np.einsum('mij,mj->mi', np.linalg.pinv(linear), shift)
 
     def matrices(self, world):
-        """Return the skinning matrices of the joints.
+        """Return ``figure_from_mesh`` of the joints of the skin, shape (..., m, 4, 4).
 
-        Parameters
-        ----------
-        world : array_like, shape (..., n, 4, 4)
-            ``figure_from_joint`` of the whole skeleton.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., m, 4, 4), float64
-            ``figure_from_mesh`` of each joint of the skin.
+        From ``figure_from_joint`` of the whole skeleton, (..., n, 4, 4).
         """
         return np.asarray(world)[..., self.nodes, :, :] @ self.inverse_bind
 
     def blend(self, world, how='linear', bulge=1.0):
-        """Return one matrix per vertex.
+        """Return ``figure_from_mesh`` of each vertex by linear blend or dual quaternion skinning.
 
-        Parameters
-        ----------
-        world : array_like, shape (n, 4, 4)
-            ``figure_from_joint`` of the whole skeleton.
-        how : {'linear', 'dual'}
-            Linear blend or dual quaternion skinning.
-        bulge : float
-            Share of dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
-
-        Returns
-        -------
-        numpy.ndarray, shape (v, 3, 4), float64
-            ``figure_from_mesh`` of each vertex.
-
-        Raises
-        ------
-        ValueError
-            If ``how`` is unknown.
+        Shape (v, 3, 4), from ``figure_from_joint`` of the whole skeleton, (n, 4, 4).
         """
         if how not in SKINNINGS:
             msg = f"skinning is {how!r}; it must be 'linear' or 'dual'."

@@ -65,7 +65,7 @@ class JointLimit:
 
     @classmethod
     def hinge(cls, axis, low=-math.pi, high=math.pi):
-        """Return the limit of a joint that turns about one axis only.
+        """Return the limit of a joint that turns about one axis only, without swing.
 
         Parameters
         ----------
@@ -73,11 +73,6 @@ class JointLimit:
             Axis in the joint's space at rest.
         low, high : float
             Range of the angle in radians.
-
-        Returns
-        -------
-        JointLimit
-            A limit without swing.
         """
         return cls(axis, 0.0, (low, high))
 

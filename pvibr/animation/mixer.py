@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.animation.blending import (
-    PoseSum,
-    added,
-    crossfade,
-    difference,
-    shares,
-    unit_range,
-)
+from pvibr.animation.blending import PoseSum, added, crossfade, difference, shares, unit_range
 from pvibr.animation.curves import Curve
 from pvibr.animation.pose import Pose
 
@@ -20,17 +13,12 @@ class Source:
     """Base of everything that gives poses over time."""
 
     def sample(self, times):
-        """Return the poses at given times.
+        """Return the poses at given times, of shape ``times.shape``.
 
         Parameters
         ----------
         times : array_like, shape (...)
             Times in seconds.
-
-        Returns
-        -------
-        Pose
-            Poses of shape ``times.shape``.
         """
         return self._sampled(np.asarray(times, dtype=np.float64))
 
@@ -201,17 +189,12 @@ class SyncedClips(Source):
         self.weights.go(weights, at, fade)
 
     def phase(self, times):
-        """Return the number of cycles played: the integral of the cycles per second.
+        """Return the cycles played since the first key: the integral of the cycles per second.
 
         Parameters
         ----------
         times : array_like, shape (...)
             Times in seconds.
-
-        Returns
-        -------
-        numpy.ndarray, shape (...), float64
-            Cycles; negative before the first key.
         """
         return self.weights.integral(times) @ self._rates
 
@@ -262,7 +245,7 @@ class AnimationLayer:
             unit_range('weight', self.weight.values)
 
     def over(self, pose, times):
-        """Return poses with this layer blended over them.
+        """Return poses with this layer blended over them, of shape ``times.shape``.
 
         Parameters
         ----------
@@ -270,11 +253,6 @@ class AnimationLayer:
             Poses of the layers below, of shape ``times.shape``.
         times : array_like, shape (...)
             Times in seconds.
-
-        Returns
-        -------
-        Pose
-            Poses of shape ``times.shape``.
         """
         weight = self.weight.at(times)
         if not np.any(weight):

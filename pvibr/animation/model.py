@@ -29,10 +29,8 @@ class Model:
         for i, mesh in enumerate(self.meshes):
             nodes = [mesh.node] if mesh.skin is None else mesh.skin.nodes
             if len(nodes) and not -1 <= min(nodes) <= max(nodes) < len(self.skeleton):
-                msg = (
-                    f'meshes[{i}] uses the joints {min(nodes)} to {max(nodes)}; the skeleton has '
-                    f'{len(self.skeleton)}.'
-                )
+                used, n = f'the joints {min(nodes)} to {max(nodes)}', len(self.skeleton)
+                msg = f'meshes[{i}] uses {used}; the skeleton has {n}.'
                 raise ValueError(msg)
 
     @cached_property
@@ -42,17 +40,12 @@ class Model:
         return self.skeleton.rest.replaced(weights=np.concatenate([np.zeros(0), *weights]))
 
     def world(self, pose=None):
-        """Return the world matrices of all joints.
+        """Return ``figure_from_joint`` of all joints, shape (..., n, 4, 4), float64.
 
         Parameters
         ----------
         pose : Pose or array_like, shape (..., n, 4, 4), optional
             A pose, or ``figure_from_joint`` matrices, which are checked; default at rest.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., n, 4, 4), float64
-            ``figure_from_joint``.
 
         Raises
         ------
@@ -68,7 +61,7 @@ class Model:
         return world
 
     def weights(self, index, pose=None):
-        """Return the morph weights of one mesh.
+        """Return the morph weights of one mesh, shape (..., t), float64.
 
         Parameters
         ----------
@@ -76,11 +69,6 @@ class Model:
             Index of the mesh.
         pose : Pose, optional
             A pose; default, and if it holds no weights, at rest.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., t), float64
-            One weight per target of the mesh.
 
         Raises
         ------
@@ -113,24 +101,13 @@ class Model:
 
         Returns
         -------
-        points : numpy.ndarray, shape (v, 3), float64
-            Points in the figure's space.
-        normals : numpy.ndarray, shape (v, 3), float64
-            Unit normals.
+        tuple of numpy.ndarray, shape (v, 3), float64
+            Points and unit normals in the figure's space.
 
         Raises
         ------
         ValueError
             If the pose does not fit, or holds several poses.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh
-        >>> points, normals = Figure([FigureMesh(pv.Sphere())]).posed(0)
-        >>> abs(points - 0.5 * normals).max() < 1e-2
-        np.True_
         """
         world = self.world(pose)
         if world.ndim != 3:
@@ -141,19 +118,9 @@ class Model:
         return moved_points(matrices, points), moved_normals(matrices, normals)
 
     def layers(self, index, pose=None):
-        """Return the morph targets that act on one mesh before skinning.
+        """Return the morph targets that act on one mesh before skinning, correctives included.
 
-        Parameters
-        ----------
-        index : int
-            Index of the mesh.
-        pose : Pose or array_like, shape (..., n, 4, 4), optional
-            A pose; default at rest.
-
-        Returns
-        -------
-        list of (Morphs, numpy.ndarray)
-            The mesh's morph targets and the correctives, each with weights of shape (..., t).
+        Pairs of Morphs and their weights, shape (..., t).
         """
         layers = []
         if self.meshes[index].morphs is not None:
@@ -222,23 +189,14 @@ class Model:
         return (colors + 0.5 if full == 255 else colors).astype(stored.dtype)
 
     def tangents(self, index, pose=None, skinning='linear', bulge=1.0):
-        """Return the tangents of one mesh in a pose.
+        """Return unit tangents of one mesh in a pose, shape (v, 3); None without ``'Tangents'``.
 
         Parameters
         ----------
         index : int
             Index of the mesh.
-        pose : Pose or array_like, shape (n, 4, 4), optional
-            A single pose; default at rest.
-        skinning : {'linear', 'dual'}
-            Linear blend or dual quaternion skinning.
-        bulge : float
-            Share of dual quaternions.
-
-        Returns
-        -------
-        numpy.ndarray, shape (v, 3), float64, or None
-            Unit tangents; ``None`` if the mesh has no ``'Tangents'``.
+        pose, skinning, bulge : optional
+            As in :meth:`posed`.
         """
         mesh = self.meshes[index]
         if 'Tangents' not in mesh.mesh.point_data:
@@ -271,14 +229,6 @@ class Model:
         ------
         ValueError
             If the pose does not fit.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> from pvibr import Figure
-        >>> from pvibr.animation import FigureMesh
-        >>> Figure([FigureMesh(pv.Cube())]).bounds().round(3).tolist()
-        [-0.5, 0.5, -0.5, 0.5, -0.5, 0.5]
         """
         world = self.world(pose)
         time = getattr(pose, 'time', 0.0)

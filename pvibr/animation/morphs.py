@@ -22,10 +22,8 @@ class Morphs:
     ----------
     positions : array_like or sequence, shape (t, v, 3)
         Differences of the points.
-    normals : array_like or sequence, optional
-        Differences of the normals.
-    tangents : array_like or sequence, optional
-        Differences of the tangents.
+    normals, tangents : array_like or sequence, optional
+        Differences of the normals and tangents.
     colors : array_like or sequence, optional
         Differences of the colours, of 3 or 4 channels.
     names : sequence of str, optional
@@ -71,18 +69,7 @@ class Morphs:
         return f'Morphs({len(self)} targets of {", ".join(self._targets)})'
 
     def has(self, what):
-        """Return True if any target changes an attribute.
-
-        Parameters
-        ----------
-        what : {'positions', 'normals', 'tangents', 'colors'}
-            The attribute.
-
-        Returns
-        -------
-        bool
-            True if any target changes it.
-        """
+        """Return True if any target changes an attribute."""
         return any(target is not None for target in self._targets.get(what, ()))
 
     def target(self, what, index):
@@ -104,7 +91,7 @@ class Morphs:
         return self._targets[what][index] if what in self._targets else None
 
     def total(self, what, weights, n_points):
-        """Return the weighted sum of all targets.
+        """Return the sum of weight times difference of all targets, shape (n_points, c), float64.
 
         Parameters
         ----------
@@ -114,11 +101,6 @@ class Morphs:
             Blend weights, unlimited.
         n_points : int
             Number of vertices of the mesh.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n_points, c), float64
-            Sum of weight times difference.
         """
         total = np.zeros((n_points, self.width(what)))
         for index in np.flatnonzero(weights):
@@ -128,18 +110,7 @@ class Morphs:
         return total
 
     def width(self, what):
-        """Return the number of components of an attribute.
-
-        Parameters
-        ----------
-        what : {'positions', 'normals', 'tangents', 'colors'}
-            The attribute.
-
-        Returns
-        -------
-        int
-            3, or 4 for colours with alpha.
-        """
+        """Return the number of components of an attribute: 3, or 4 for colours with alpha."""
         widths = {t[1].shape[1] for t in self._targets.get(what, ()) if t is not None}
         return max(widths, default=3)
 
@@ -150,11 +121,6 @@ class Morphs:
         ----------
         mesh : pyvista.PolyData
             The neutral mesh.
-
-        Returns
-        -------
-        Morphs
-            The same targets; the normals differ as those of the mesh at weight 1 and at weight 0.
 
         Examples
         --------
@@ -177,30 +143,18 @@ class Morphs:
         return Morphs(**others, names=self.names, weights=self.weights)
 
     def check(self, n_points):
-        """Raise an error if the targets belong to another mesh.
-
-        Parameters
-        ----------
-        n_points : int
-            Number of vertices of the mesh.
-
-        Raises
-        ------
-        ValueError
-            If a target has another number of vertices or an index out of range.
-        """
+        """Raise an error if the targets do not fit a mesh with this number of vertices."""
         for what, targets in self._targets.items():
             for i, target in enumerate(targets):
                 if target is None:
                     continue
                 where, values = target
+                mesh = f'the mesh has {n_points} points.'
                 if isinstance(where, slice) and len(values) != n_points:
-                    msg = f'{what}[{i}] has {len(values)} rows; the mesh has {n_points} points.'
+                    msg = f'{what}[{i}] has {len(values)} rows; {mesh}'
                     raise ValueError(msg)
                 if not isinstance(where, slice) and len(where) and where.max() >= n_points:
-                    msg = (
-                        f'{what}[{i}] has the index {where.max()}; the mesh has {n_points} points.'
-                    )
+                    msg = f'{what}[{i}] has the index {where.max()}; {mesh}'
                     raise ValueError(msg)
 
 

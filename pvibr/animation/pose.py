@@ -93,21 +93,13 @@ class Pose:
         ----------
         **parts
             ``translation``, ``rotation``, ``scale``, ``weights`` or ``time``.
-
-        Returns
-        -------
-        Pose
-            A new pose.
         """
         return replace(self, **parts)
 
     def matrices(self):
-        """Return the matrices of all joints relative to their parents.
+        """Return ``parent_from_joint`` of all joints: scale, then rotation, then translation.
 
-        Returns
-        -------
-        numpy.ndarray, shape (..., n, 4, 4), float64
-            ``parent_from_joint``: scale, then rotation, then translation.
+        Shape (..., n, 4, 4), float64.
         """
         matrices = np.zeros((*self.translation.shape[:-1], 4, 4))
         rotation = quaternions.to_matrices(self.rotation)
@@ -129,11 +121,6 @@ class Pose:
         name : str
             Name of the matrices in error messages.
 
-        Returns
-        -------
-        Pose
-            A pose whose ``matrices()`` are these.
-
         Raises
         ------
         ValueError
@@ -153,11 +140,8 @@ class Pose:
         determinant = np.linalg.det(axes)
         _refuse(f'{name}[{{}}] is singular', np.abs(determinant) < _SINGULAR, matrices)
         products = np.swapaxes(axes, -1, -2) @ axes
-        _refuse(
-            f'{name}[{{}}] is sheared',
-            np.abs(products - np.eye(3)).max((-1, -2)) > _SHEAR,
-            matrices,
-        )
+        sheared = np.abs(products - np.eye(3)).max((-1, -2)) > _SHEAR
+        _refuse(f'{name}[{{}}] is sheared', sheared, matrices)
         # A mirror is one negative factor: z, whichever axis was meant.
         sign = np.where(determinant < 0, -1.0, 1.0)[..., None] ** [0, 0, 1]
         rotation = quaternions.from_matrices(axes * sign[..., None, :])

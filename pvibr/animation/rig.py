@@ -20,18 +20,7 @@ class Step:
     asks: tuple = ()
 
     def bound(self, rig):
-        """Return this step bound to the joints of a rig.
-
-        Parameters
-        ----------
-        rig : Rig
-            Skeleton and limits.
-
-        Returns
-        -------
-        callable
-            ``(pose, targets) -> Pose``.
-        """
+        """Return this step bound to the joints of a rig: ``(pose, targets) -> Pose``."""
         raise NotImplementedError
 
 
@@ -77,22 +66,11 @@ class Rig:
         self._bound = [step.bound(self) for step in self.steps]
 
     def limit(self, joint):
-        """Return the limit of a joint.
-
-        Parameters
-        ----------
-        joint : int
-            Joint index.
-
-        Returns
-        -------
-        JointLimit or None
-            The limit; None if the joint is free.
-        """
+        """Return the limit of a joint; None if the joint is free."""
         return self._limits.get(joint)
 
     def solve(self, pose, targets=None):
-        """Apply all steps to a pose.
+        """Return a pose after all steps.
 
         Parameters
         ----------
@@ -102,21 +80,14 @@ class Rig:
             Points in the figure's space, by effector name for `InverseKinematics` and by target
             name for other steps. An effector without a target is not moved.
 
-        Returns
-        -------
-        Pose
-            The solved pose.
-
         Raises
         ------
         ValueError
             If there are several poses, a target is not a point or no step uses it.
         """
         if pose.shape or pose.n_joints != len(self.skeleton):
-            msg = (
-                f'pose is of shape {pose.translation.shape[:-1]}; it must be one pose of the '
-                f"skeleton's {len(self.skeleton)} joints."
-            )
+            shape, n = pose.translation.shape[:-1], len(self.skeleton)
+            msg = f"pose is of shape {shape}; it must be one pose of the skeleton's {n} joints."
             raise ValueError(msg)
         targets = self._targets(targets or {})
         for step in self._bound:
@@ -132,11 +103,6 @@ class Rig:
             A pose, or anything with ``sample(times) -> Pose``.
         targets : dict or callable, optional
             Targets of :meth:`solve`, or a function that returns them for a time in seconds.
-
-        Returns
-        -------
-        Rigged
-            A source with ``sample(times) -> Pose``.
 
         Raises
         ------
@@ -156,20 +122,7 @@ class Rig:
         return Rigged(self, source, targets)
 
     def kept(self, rotation, joint):
-        """Return a joint's rotation clamped to its limit.
-
-        Parameters
-        ----------
-        rotation : array_like, shape (4,)
-            Unit quaternion (w, x, y, z) relative to the parent.
-        joint : int
-            Joint index.
-
-        Returns
-        -------
-        numpy.ndarray, shape (4,), float64
-            Rotation within the limit.
-        """
+        """Return a joint's rotation, shape (4,), clamped to its limit."""
         if joint not in self._limits:
             return rotation
         rotations = self.skeleton.rest.rotation.copy()
@@ -210,9 +163,8 @@ class Rigged(Source):
         poses = self.source.sample(times)
         rotation, translation = poses.rotation.copy(), poses.translation.copy()
         for place in np.ndindex(times.shape):
-            pose = Pose(
-                *(part[place] for part in (translation, rotation, poses.scale, poses.weights))
-            )
+            parts = translation, rotation, poses.scale, poses.weights
+            pose = Pose(*(part[place] for part in parts))
             time = float(times[place])
             targets = self.targets(time) if callable(self.targets) else self.targets
             pose = self.rig.solve(pose, targets)

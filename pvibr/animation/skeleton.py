@@ -74,17 +74,12 @@ class Skeleton:
         return [np.flatnonzero(self.parents == joint) for joint in range(len(self))]
 
     def index(self, name):
-        """Return the index of a joint.
+        """Return the index of a joint, the first one of that name.
 
         Parameters
         ----------
         name : str or int
             Name or index.
-
-        Returns
-        -------
-        int
-            Index; the first one of that name.
 
         Raises
         ------
@@ -99,17 +94,12 @@ class Skeleton:
         return self.names.index(name)
 
     def world(self, pose):
-        """Return the world matrices of all joints.
+        """Return ``figure_from_joint`` of all joints, shape (..., n, 4, 4), float64.
 
         Parameters
         ----------
         pose : Pose or array_like, shape (..., n, 4, 4)
             A pose, or matrices relative to the parents.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., n, 4, 4), float64
-            ``figure_from_joint``.
 
         Raises
         ------
@@ -123,29 +113,17 @@ class Skeleton:
         return chained(world, self._jumps)[..., 1:, :, :]
 
     def local(self, world):
-        """Return the matrices relative to the parents: the inverse of :meth:`world`.
+        """Return ``parent_from_joint``, shape (..., n, 4, 4): the inverse of :meth:`world`.
 
         Parameters
         ----------
         world : array_like, shape (..., n, 4, 4)
             ``figure_from_joint``, as physics simulators give them.
 
-        Returns
-        -------
-        numpy.ndarray, shape (..., n, 4, 4), float64
-            ``parent_from_joint``.
-
         Raises
         ------
         ValueError
             If there is another number of joints.
-
-        Examples
-        --------
-        >>> from pvibr.animation import Pose, Skeleton
-        >>> pair = Skeleton([-1, 0], Pose([[0, 0, 1.0], [0, 0, 1.0]]))
-        >>> pair.local(pair.world(pair.rest))[1, 2, 3]
-        np.float64(1.0)
         """
         world = self._matrices(world)
         local = world.copy()

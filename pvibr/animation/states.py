@@ -108,17 +108,12 @@ class States:
         self._order(at, parameters)
 
     def visits(self, until):
-        """Return the visits to states up to a time.
+        """Return the visits to states up to a time, in order: ``(name, begin, fade)``.
 
         Parameters
         ----------
         until : float
             Time in seconds.
-
-        Returns
-        -------
-        list of Visit
-            ``(name, begin, fade)`` in order of time; the first is the start state.
 
         Raises
         ------
@@ -134,17 +129,12 @@ class States:
         return self._visits[: bisect_right(self._visits, until, lo=1, key=lambda v: v.begin)]
 
     def state(self, time):
-        """Return the state at a time; during a fade, the next state.
+        """Return the name of the state at a time; during a fade, of the next state.
 
         Parameters
         ----------
         time : float
             Time in seconds.
-
-        Returns
-        -------
-        str
-            Name of the state.
         """
         return self.visits(time)[-1].name
 

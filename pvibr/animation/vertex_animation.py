@@ -73,7 +73,7 @@ class VertexAnimation:
         return float(self.times[-1] - self.times[0]) if self.period is None else self.period
 
     def at(self, times):
-        """Return the frames to blend at given times.
+        """Return the frames to blend at given times, and their weights, which sum to one.
 
         Parameters
         ----------
@@ -82,10 +82,8 @@ class VertexAnimation:
 
         Returns
         -------
-        indices : numpy.ndarray, shape (..., k), int64
-            Frames.
-        weights : numpy.ndarray, shape (..., k), float64
-            Their blend weights, which sum to one.
+        tuple of numpy.ndarray, shape (..., k), int64 and float64
+            Frames, and their blend weights.
 
         Raises
         ------
@@ -97,21 +95,9 @@ class VertexAnimation:
         return frame_weights(self.times, times, self.interpolation, self.period)
 
     def blend(self, indices, weights):
-        """Return the weighted sum of frames.
+        """Return the weighted sums of vertices and unit normals of frames; None without normals.
 
-        Parameters
-        ----------
-        indices : array_like, shape (..., k), int
-            Frames.
-        weights : array_like, shape (..., k)
-            Their weights.
-
-        Returns
-        -------
-        points : numpy.ndarray, shape (..., v, 3), float64
-            Vertices.
-        normals : numpy.ndarray, shape (..., v, 3), float64, or None
-            Unit normals; None if the frames have none.
+        Shapes (..., v, 3), from indices and weights (..., k).
         """
         points = blend(self.positions, indices, weights)
         if self.normals is None:
@@ -155,11 +141,6 @@ class VertexAnimation:
             Interpolation between frames.
         period : float, optional
             Seconds after which the animation repeats.
-
-        Returns
-        -------
-        VertexAnimation
-            The animation.
 
         Raises
         ------
@@ -206,10 +187,8 @@ class VertexAnimation:
 def _check_alike(first, mesh, i):
     """Raise an error unless a mesh has the vertices and faces of the first one."""
     if mesh.n_points != first.n_points:
-        msg = (
-            f'meshes[{i}] has {mesh.n_points} points and meshes[0] has {first.n_points}; '
-            'all frames must have the same vertices.'
-        )
+        counts = f'meshes[{i}] has {mesh.n_points} points and meshes[0] has {first.n_points}'
+        msg = f'{counts}; all frames must have the same vertices.'
         raise ValueError(msg)
     for part in ('verts', 'lines', 'faces', 'strips'):
         if not np.array_equal(getattr(mesh, part), getattr(first, part)):

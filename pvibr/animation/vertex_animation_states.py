@@ -54,7 +54,7 @@ class FrameRange:
         return (self.last - self.first + bool(self.loop)) / self.fps
 
     def at(self, times, interpolation='linear'):
-        """Return the frames to blend at given times.
+        """Return the frames to blend at given times, and their weights.
 
         Parameters
         ----------
@@ -65,10 +65,8 @@ class FrameRange:
 
         Returns
         -------
-        indices : numpy.ndarray, shape (..., k), int64
-            Frames.
-        weights : numpy.ndarray, shape (..., k), float64
-            Their blend weights.
+        tuple of numpy.ndarray, shape (..., k), int64 and float64
+            Frames, and their blend weights.
         """
         keys = np.arange(self.last - self.first + 1) / self.fps
         period = self.duration if self.loop else None
@@ -125,7 +123,7 @@ class VertexAnimationStates(States):
         return max(frames.last for frames in self.states.values())
 
     def at(self, times):
-        """Return the frames to blend at given times.
+        """Return the frames to blend at given times, and their weights, which sum to one.
 
         Parameters
         ----------
@@ -134,10 +132,8 @@ class VertexAnimationStates(States):
 
         Returns
         -------
-        indices : numpy.ndarray, shape (..., k), int64
-            Frames; k is the largest number needed at any of the times.
-        weights : numpy.ndarray, shape (..., k), float64
-            Their blend weights, which sum to one.
+        tuple of numpy.ndarray, shape (..., k), int64 and float64
+            Frames, and their blend weights; k is the largest number needed at any of the times.
 
         Raises
         ------

@@ -135,12 +135,7 @@ class CaptureFacade(Facade):
         transparent_background : bool, optional
             Whether the background is transparent; by default as the theme says.
         return_img : bool
-            Whether to return the image.
-
-        Returns
-        -------
-        numpy.ndarray, shape (h, w, 3 or 4), uint8, or None
-            The image, top row first.
+            Whether to return the image: (h, w, 3 or 4), uint8, top row first.
 
         Raises
         ------
@@ -156,8 +151,6 @@ class CaptureFacade(Facade):
         >>> import pyvista as pv
         >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
         >>> _ = pl.add_mesh(pv.Sphere())
-        >>> pl.ibr.screenshot(scale=3).shape
-        (144, 192, 3)
         >>> pl.ibr.screenshot(window_size=(150, 100)).shape
         (100, 150, 3)
         >>> pl.close()

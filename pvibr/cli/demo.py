@@ -13,14 +13,7 @@ from rich.table import Table
 
 from pvibr.bench.common.peers import LOD_REDUCTION, PART, glyph_seconds
 from pvibr.capture.montage import compose, error_colors, save
-from pvibr.capture.offscreen import (
-    SAMPLES,
-    Stage,
-    covered,
-    in_view,
-    mesh_actors,
-    spheres,
-)
+from pvibr.capture.offscreen import SAMPLES, Stage, covered, in_view, mesh_actors, spheres
 from pvibr.core.errors import require
 from pvibr.maths.image_error import flip, psnr, silhouette_iou
 from pvibr.scenes.landscape import landscape

@@ -66,13 +66,7 @@ class Frame:
     def elsewhere(self, view, size, *, casting=False) -> Frame:
         """Return the frame of another view of the same scene."""
         return replace(
-            self,
-            view=view,
-            size=size,
-            origin=(0, 0),
-            casting=casting,
-            own=False,
-            quality=1.0,
+            self, view=view, size=size, origin=(0, 0), casting=casting, own=False, quality=1.0
         )
 
     @property

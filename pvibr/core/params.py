@@ -7,12 +7,7 @@ import numbers
 
 import numpy as np
 
-_KINDS = {
-    bool: (bool, np.bool_),
-    int: (numbers.Integral,),
-    float: (numbers.Real,),
-    str: (str,),
-}
+_KINDS = {bool: (bool, np.bool_), int: (numbers.Integral,), float: (numbers.Real,), str: (str,)}
 
 
 class Interval:

@@ -109,6 +109,10 @@ class ExportFacade(Facade):
     def export_glb(self, path, **options):
         """Write the active subplot as binary glTF: meshes, colours, textures and the camera.
 
+        glTF has no backgrounds, volumes and text; these are left out. Unlike PyVista's
+        ``export_gltf`` it has alpha cut-outs, unlit surfaces, filtered textures, and vertex
+        colours as other programs read them.
+
         Parameters
         ----------
         path : str or pathlib.Path
@@ -124,12 +128,6 @@ class ExportFacade(Facade):
             If the file cannot be written; an existing file is kept.
         ClosedError
             If the plotter is closed.
-
-        Notes
-        -----
-        glTF has no backgrounds, volumes and text; these are left out. Unlike PyVista's
-        ``export_gltf`` it has alpha cut-outs, unlit surfaces, filtered textures, and vertex
-        colours as other programs read them.
 
         Examples
         --------
@@ -153,6 +151,9 @@ class ExportFacade(Facade):
     def export_html(self, path, **options):
         """Write all subplots as a self-contained page that renders in the browser.
 
+        Such pages use perspective cameras with a view angle of 30 degrees: other cameras are
+        moved to where the focal point keeps its size.
+
         Parameters
         ----------
         path : str or pathlib.Path
@@ -168,11 +169,6 @@ class ExportFacade(Facade):
             If the file cannot be written, or trame is not installed; an existing file is kept.
         ClosedError
             If the plotter is closed.
-
-        Notes
-        -----
-        Such pages use perspective cameras with a view angle of 30 degrees: other cameras are
-        moved to where the focal point keeps its size.
         """
         from pvibr.export.html import export_html
 

@@ -109,13 +109,7 @@ class AnimatedActor(FigurePlayer, Placed):
         return super().bounds
 
     def mesh(self):
-        """Return the posed figure as data, in world space.
-
-        Returns
-        -------
-        pyvista.PolyData or pyvista.MultiBlock
-            As :meth:`pvibr.Figure.mesh`, computed in float64.
-        """
+        """Return the posed figure in world space, as :meth:`pvibr.Figure.mesh` returns it."""
         mesh = self.figure.mesh(pose=self.pose, skinning=self.skinning, bulge=self.bulge)
         return mesh.transform(self.matrix, inplace=False)
 
@@ -312,13 +306,7 @@ class AnimatedActor(FigurePlayer, Placed):
     # -- picking -----------------------------------------------------------------------------
 
     def posed_meshes(self) -> list:
-        """Return the posed meshes.
-
-        Returns
-        -------
-        list of pyvista.PolyData
-            Triangles in world units; one per mesh of the figure.
-        """
+        """Return the posed meshes as triangles in world units, one per mesh of the figure."""
         moment = self._now_shown()
         if self._meshes[0] != self._changes:
             parts = self._posed_parts(moment.pose)

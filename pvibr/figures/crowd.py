@@ -233,17 +233,12 @@ class Crowd(Instances):
         self._changes += 1
 
     def mesh(self, index):
-        """Return one figure as data, at the current time, in world space.
+        """Return one figure at the current time in world space, as :meth:`pvibr.Figure.mesh`.
 
         Parameters
         ----------
         index : int
             Index of the figure.
-
-        Returns
-        -------
-        pyvista.PolyData or pyvista.MultiBlock
-            As :meth:`pvibr.Figure.mesh`, computed in float64.
         """
         mesh = self._crowd_state.shown(index, self._now())
         return mesh.transform(_matrix(self._poses[index]), inplace=False)

@@ -12,7 +12,7 @@ import pyvista as pv
 from pvibr.animation.figure_mesh import Skin
 from pvibr.animation.gltf.looks import COLORS, Looks
 from pvibr.animation.gltf.nodes import bind_of
-from pvibr.animation.morphs import Morphs
+from pvibr.animation.morphs import WIDTHS, Morphs
 from pvibr.formats.gltf_accessors import Accessors
 from pvibr.formats.gltf_file import GltfError, GltfFile, naming
 from pvibr.formats.gltf_schema import MeshExtras
@@ -23,12 +23,7 @@ _TRIANGLES, _STRIP = 4, 5
 _KNOWN = ('POSITION', 'NORMAL', 'TANGENT', 'COLOR_0', 'JOINTS_0', 'WEIGHTS_0')
 _SETS = ('JOINTS_1', 'WEIGHTS_1')
 #: Attributes of morph targets, by their names in glTF.
-_MORPHED = {
-    'POSITION': 'positions',
-    'NORMAL': 'normals',
-    'TANGENT': 'tangents',
-    'COLOR_0': 'colors',
-}
+_MORPHED = dict(zip(('POSITION', 'NORMAL', 'TANGENT', 'COLOR_0'), WIDTHS, strict=True))
 
 
 @dataclass(frozen=True)

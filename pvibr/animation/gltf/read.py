@@ -31,7 +31,9 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     """Read a figure from a glTF 2.0 file, ``.glb`` or ``.gltf``.
 
     Each node becomes a joint of the same index, each visible primitive of triangles a mesh, each
-    animation a clip.
+    animation a clip. A mesh without normals is flat, as glTF defines: its triangles share no
+    points. Unused points are dropped. Looks of alpha masks hold ``alpha_cutoff``, which
+    ``add_mesh`` alone does not support.
 
     Parameters
     ----------
@@ -68,12 +70,6 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     pvibr.PvibrWarning
         Names all features of the file that are not supported.
 
-    Notes
-    -----
-    A mesh without normals is flat, as glTF defines: its triangles share no points. Unused points
-    are dropped. Looks of alpha masks hold ``alpha_cutoff``, which ``add_mesh`` alone does not
-    support.
-
     Examples
     --------
     >>> import pvibr
@@ -92,14 +88,8 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     meshes, targets = _Meshes(file, accessors, pbr, skeleton).read(nodes)
     clips = clips_of(file, accessors, targets)
     with naming('the figure'):
-        figure = Figure(
-            meshes,
-            skeleton,
-            clips,
-            cameras=cameras_of(file, nodes),
-            lights=lights_of(file, nodes),
-            name=file.path.stem,
-        )
+        cameras, lights = cameras_of(file, nodes), lights_of(file, nodes)
+        figure = Figure(meshes, skeleton, clips, None, cameras, lights, file.path.stem)
     file.warn()
     return figure
 
@@ -108,10 +98,8 @@ def _check_extensions(file):
     document = file.document
     unknown = [name for name in document.extensions_required if name not in EXTENSIONS]
     if unknown:
-        msg = (
-            f'extensionsRequired asks for {", ".join(unknown)[:200]}; supported are '
-            f'{", ".join(EXTENSIONS)}.'
-        )
+        asked, known = ', '.join(unknown)[:200], ', '.join(EXTENSIONS)
+        msg = f'extensionsRequired asks for {asked}; supported are {known}.'
         raise GltfError(msg)
     for name in document.extensions_used:
         if name not in EXTENSIONS:
