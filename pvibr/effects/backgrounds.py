@@ -73,7 +73,6 @@ class Backdrop(_Behind, FullScreenImage):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr import Backdrop
     >>> Backdrop(np.ones((8, 8, 3)), fit='cover').fit
     'cover'

@@ -29,9 +29,7 @@ class LightSpread(Effect):
 
     intensity = Param(1.0, 'Factor of the added light.', range='[0, inf)')
     downsample = Param(
-        8,
-        'Downsampling before the first blur; smaller is sharper and slower.',
-        choices=(4, 8, 16),
+        8, 'Downsampling before the first blur; smaller is sharper and slower.', choices=(4, 8, 16)
     )
     chain = Param(
         'gaussian',

@@ -265,7 +265,6 @@ class ImageOverlay(FullScreenImage):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr import ImageOverlay
     >>> ImageOverlay(np.ones((8, 8, 3)), place=(0.8, 0.8, 1, 1), opacity=0.5).mode
     'over'

@@ -48,7 +48,6 @@ class AnimatedActor(FigurePlayer, Placed):
 
     Examples
     --------
-    >>> import numpy as np
     >>> import pyvista as pv
     >>> from pvibr import Figure
     >>> from pvibr.animation import FigureMesh, Skeleton

@@ -147,7 +147,6 @@ def foliage_levels(
 
     Examples
     --------
-    >>> import numpy as np
     >>> import pyvista as pv
     >>> import pvibr
     >>> places = pv.PolyData(np.random.default_rng(0).uniform(size=(40, 3)))

@@ -30,10 +30,8 @@ class Planes:
 
     Parameters
     ----------
-    normals : numpy.ndarray, shape (k, 3)
-        Unit vectors.
-    offsets : numpy.ndarray, shape (k,)
-        Of the planes along their normals, world units.
+    normals, offsets : numpy.ndarray, shape (k, 3) and (k,)
+        Unit vectors, and the offsets along them in world units.
     owner : numpy.ndarray of int, shape (m,)
         The plane of each triangle.
     """
@@ -65,10 +63,8 @@ class Planes:
 
         Parameters
         ----------
-        points : array_like, shape (n, 3)
-            World units.
-        faces : array_like of int, shape (m, 3)
-            Triangles.
+        points, faces : array_like, shape (n, 3) and (m, 3)
+            The mesh, world units.
 
         Returns
         -------
@@ -77,7 +73,6 @@ class Planes:
 
         Examples
         --------
-        >>> import numpy as np
         >>> from pvibr.maths.billboard_clouds import Planes
         >>> planes = Planes(np.array([[0, 0, 1.0]]), np.array([0.5]), np.array([0]))
         >>> planes.displacements([[0, 0, 0], [1, 0, 0], [0, 1, 1]], [[0, 1, 2]])
@@ -93,10 +88,8 @@ def greedy_planes(points, faces, epsilon) -> Planes:
 
     Parameters
     ----------
-    points : array_like, shape (n, 3)
-        World units.
-    faces : array_like of int, shape (m, 3)
-        Triangles.
+    points, faces : array_like, shape (n, 3) and (m, 3)
+        The mesh, world units.
     epsilon : float
         The distance, world units.
 
@@ -108,12 +101,10 @@ def greedy_planes(points, faces, epsilon) -> Planes:
     Raises
     ------
     ValueError
-        If epsilon is not positive, or below 1/10 000 of half the diagonal of the bounding box, or
-        there is no triangle.
+        If epsilon is below 1/10 000 of half the bounding box's diagonal, or there is no triangle.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.billboard_clouds import greedy_planes
     >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.01]])
     >>> len(greedy_planes(points, [[0, 1, 2], [1, 3, 2]], 0.02))
@@ -140,21 +131,17 @@ def kmeans_planes(points, faces, count, *, rounds=15, seed=0) -> Planes:
 
     Parameters
     ----------
-    points : array_like, shape (n, 3)
-        World units.
-    faces : array_like of int, shape (m, 3)
-        Triangles.
+    points, faces : array_like, shape (n, 3) and (m, 3)
+        The mesh, world units.
     count : int
-        Maximum number of planes.
-    rounds : int, optional
-        Number of iterations.
-    seed : int, optional
-        Seed of the initial planes.
+        Maximum number of planes; those without triangles are left out.
+    rounds, seed : int, optional
+        Number of iterations, and seed of the initial planes.
 
     Returns
     -------
     Planes
-        Planes without triangles are left out.
+        At most `count`.
 
     Raises
     ------
@@ -163,7 +150,6 @@ def kmeans_planes(points, faces, count, *, rounds=15, seed=0) -> Planes:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.billboard_clouds import kmeans_planes
     >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     >>> len(kmeans_planes(points, [[0, 1, 2], [0, 1, 3]], 2))

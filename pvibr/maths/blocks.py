@@ -8,7 +8,9 @@ import numpy as np
 
 
 def morton_order(points):
-    """Return the order of points along a Morton (Z-order) curve.
+    """Return the order of points along a Morton (Z-order) curve, of 21 bits per axis.
+
+    Bits are interleaved as in Warren, "Hacker's Delight", 2002, section 7-2.
 
     Parameters
     ----------
@@ -20,13 +22,8 @@ def morton_order(points):
     numpy.ndarray, shape (n,), intp
         Indices; neighbours in it are neighbours in space.
 
-    Notes
-    -----
-    21 bits an axis, interleaved by the magic numbers of Warren, "Hacker's Delight", 7-2.
-
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.blocks import morton_order
     >>> morton_order(np.array([[9.0, 9, 9], [0, 0, 0], [9, 9, 8]])).tolist()
     [1, 2, 0]
@@ -59,6 +56,8 @@ def _spread(x):
 def frustum_planes(clip_from_view):
     """Return the six planes of a projection, normalised, pointing inward.
 
+    Source: Gribb and Hartmann, "Fast Extraction of Viewing Frustum Planes", 2001.
+
     Parameters
     ----------
     clip_from_view : numpy.ndarray, shape (4, 4)
@@ -69,13 +68,8 @@ def frustum_planes(clip_from_view):
     numpy.ndarray, shape (6, 4)
         Left, right, bottom, top, near, far in view coordinates: ``n . p + d >= 0`` inside.
 
-    Notes
-    -----
-    Gribb and Hartmann, "Fast Extraction of Viewing Frustum Planes", 2001.
-
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.blocks import frustum_planes
     >>> frustum_planes(np.eye(4))[0].tolist()
     [1.0, 0.0, 0.0, 1.0]
@@ -93,10 +87,8 @@ class Blocks:
     ----------
     centers : numpy.ndarray, shape (m, 3), float64
         Middle of the instances' centres, world units; also the origin of their poses.
-    reach : numpy.ndarray, shape (m,)
-        Largest distance of an instance's centre from it.
-    largest, smallest : numpy.ndarray, shape (m,)
-        Largest and smallest radius of an instance.
+    reach, largest, smallest : numpy.ndarray, shape (m,)
+        Largest distance of an instance's centre from it; largest and smallest radius.
     """
 
     centers: np.ndarray
@@ -110,12 +102,10 @@ class Blocks:
 
         Parameters
         ----------
-        centers : numpy.ndarray, shape (n, 3), float64
-            World units, n not zero.
-        radii : numpy.ndarray, shape (n,)
-            Radius of each instance's bounding sphere, world units.
+        centers, radii : numpy.ndarray, shape (n, 3) and (n,), float64
+            Bounding spheres of the instances, at least one, world units.
         size : int
-            Instances of a block; the last may have fewer.
+            Instances per block; the last may have fewer.
 
         Returns
         -------
@@ -135,7 +125,7 @@ class Blocks:
         )
 
     def seen(self, frame):
-        """Return which blocks a camera may see and how large their instances are on screen.
+        """Return the blocks that a camera may see and the sizes of their instances on screen.
 
         Parameters
         ----------
@@ -144,10 +134,8 @@ class Blocks:
 
         Returns
         -------
-        index : numpy.ndarray, shape (k,)
-            Blocks that reach into the frustum, the farthest first.
-        origins : numpy.ndarray, shape (k, 3)
-            Their origins in view coordinates.
+        index, origins : numpy.ndarray, shape (k,) and (k, 3)
+            Blocks in the frustum, the farthest first, and their origins in view space.
         small, large : numpy.ndarray, shape (k,)
             Bounds of the on-screen diameter of their instances, pixels.
         """

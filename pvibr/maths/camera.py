@@ -55,10 +55,8 @@ class Camera:
 
         Returns
         -------
-        origins : numpy.ndarray, shape (n, 3), float64
-            World units; at depth 0.
-        directions : numpy.ndarray, shape (n, 3), float64
-            Unit vectors; NaN where the lens sees nothing.
+        origins, directions : numpy.ndarray, shape (n, 3), float64
+            Points at depth 0, world units, and unit vectors; NaN where the lens sees nothing.
         """
         raise NotImplementedError
 
@@ -112,10 +110,8 @@ class Camera:
 
         Parameters
         ----------
-        near : float
-            Depth in world units; positive for a pinhole.
-        far : float
-            Depth in world units, above `near`; may be infinite for a pinhole.
+        near, far : float
+            Depths in world units; of a pinhole near is positive and far may be infinite.
         margin : float
             Additional width on each side, as a fraction of the size.
 
@@ -127,7 +123,7 @@ class Camera:
         Raises
         ------
         ValueError
-            If `near` and `far` are not allowed.
+            If `near` or `far` is out of range.
         """
         raise NotImplementedError
 
@@ -136,10 +132,8 @@ class Camera:
 
         Parameters
         ----------
-        uv : numpy.ndarray, shape (2, n)
-            Rows that give u and v, times what `one` gives.
-        one : numpy.ndarray, shape (n,)
-            Row of the common denominator.
+        uv, one : numpy.ndarray, shape (2, n) and (n,)
+            Rows of the numerators of u and v, and of the common denominator.
         margin : float
             Additional width on each side, as a fraction of the size.
 

@@ -17,10 +17,8 @@ def as_camera(camera, size):
     Parameters
     ----------
     camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
-        A dict has the keys of :class:`Pinhole` (``size`` may be left out); a tuple is
-        ``(K, R, t)`` or ``(K, R, t, distortion)``. Of a ``pyvista.Camera`` the place, direction,
-        angle (or parallel scale) and window centre count; the picture's size gives the aspect,
-        and what is behind the camera is never seen.
+        A dict has the keys of :class:`Pinhole` (``size`` is optional); a tuple is ``(K, R, t)`` or
+        ``(K, R, t, distortion)``. Clipping planes of a ``pyvista.Camera`` are ignored.
     size : tuple of 2 int
         Width and height of the picture in pixels.
 
@@ -32,7 +30,7 @@ def as_camera(camera, size):
     Raises
     ------
     ValueError
-        If the camera is for a picture of another size, is degenerate, or something else.
+        If the camera is degenerate, unknown or for a picture of another size.
 
     Examples
     --------

@@ -6,19 +6,19 @@ import numpy as np
 
 
 def texel_size(view, resolution) -> float:
-    """Return how wide a texel of a view is.
+    """Return the width of a texel of a view.
 
     Parameters
     ----------
     view : pvibr.maths.views.View
-        Where from.
+        Pose and projection.
     resolution : int
         Texels along each side.
 
     Returns
     -------
     float
-        World units; in perspective at a distance of 1, with which it grows.
+        World units; in perspective at a distance of 1.
 
     Examples
     --------
@@ -32,29 +32,26 @@ def texel_size(view, resolution) -> float:
 
 
 def seen(view, depth, points, normals, offset=0.25):
-    """Return how much of each point a depth view sees.
+    """Return the visibility of points in a depth view.
 
     Parameters
     ----------
     view : pvibr.maths.views.View
-        Where from.
+        Pose and projection.
     depth : numpy.ndarray, shape (n, n)
         0 near to 1 far, row 0 at the bottom.
-    points : array_like, shape (m, 3)
-        World units.
-    normals : array_like, shape (m, 3)
-        Unit vectors, on the side of the eye.
+    points, normals : array_like, shape (m, 3)
+        World units, and unit vectors on the side of the eye.
     offset : float, optional
-        How far points are moved along their normals, texels.
+        Offset of points along their normals, texels.
 
     Returns
     -------
     numpy.ndarray, shape (m,), float64
-        0 to 1; 1 where the view does not reach.
+        0 to 1; 1 outside the view.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.depth_test import seen
     >>> from pvibr.maths.views import perspective
     >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)

@@ -50,6 +50,9 @@ def distort(xy, distortion):
 def undistort(xy, distortion):
     """Return the points of the ideal image plane that a lens puts at given points.
 
+    Newton's method with halved steps. The Jacobian is symmetric and, within the valid radius,
+    positive definite, so each step goes down and the point found is the only one.
+
     Parameters
     ----------
     xy : array_like, shape (n, 2)
@@ -61,11 +64,6 @@ def undistort(xy, distortion):
     -------
     numpy.ndarray, shape (n, 2), float64
         Points nearer than :func:`valid_radius`; NaN where there is none.
-
-    Notes
-    -----
-    Newton's method with halved steps. The Jacobian is symmetric and, within the valid radius,
-    positive definite, so each step goes down and the point found is the only one.
 
     Examples
     --------

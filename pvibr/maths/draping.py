@@ -15,7 +15,7 @@ _CLIPPED = 0.02  # share of the range at either end where a camera's response is
 
 
 def sample(image, uv, filter='linear'):
-    """Return the colours of a picture at places.
+    """Return the colours of a picture at points.
 
     Parameters
     ----------
@@ -24,17 +24,17 @@ def sample(image, uv, filter='linear'):
     uv : array_like, shape (n, 2)
         v = 0 at the bottom edge, v = 1 at the top edge of the picture.
     filter : {'linear', 'nearest'}
-        Between pixel centres. Within half a pixel of the edge the outermost pixel's colour holds.
+        Interpolation between pixel centres, clamped at the edge.
 
     Returns
     -------
     numpy.ndarray, shape (n, c), float64
-        In the picture's own units; NaN outside [0, 1].
+        In the picture's units; NaN outside [0, 1].
 
     Raises
     ------
     ValueError
-        If the picture is empty or no picture, or the filter is unknown.
+        If the picture is empty or of another shape, or the filter is unknown.
 
     Examples
     --------
@@ -76,14 +76,14 @@ def border(uv, width):
     Parameters
     ----------
     uv : array_like, shape (..., 2)
-        Places in the picture.
+        Positions in the picture.
     width : float
-        Of the band along each edge, as a share of the picture, 0 to 0.5; 0 for a sharp edge.
+        Width of the band along each edge, as a fraction of the picture, 0 to 0.5.
 
     Returns
     -------
     numpy.ndarray, shape (...), float64
-        1 further in than the band, 0 outside the picture and at NaN.
+        1 inside the band, 0 outside the picture and at NaN.
 
     Raises
     ------
@@ -108,34 +108,31 @@ def border(uv, width):
 
 
 def weights(cosines, texels=None, borders=None, masks=None, method='feather', power=1.0):
-    """Return how much each view counts at each point.
+    """Return the weight of each view at each point.
 
     Parameters
     ----------
     cosines : array_like, shape (v, n)
-        Of the angle between the surface's normal and the direction to the camera; not positive
-        where the surface faces away.
+        Cosines between the surface's normal and the direction to the camera; not positive where
+        the surface faces away.
     texels : array_like, shape (v, n), optional
-        Width of a pixel there; a view counts by the inverse of its square (pixels per area).
-    borders : array_like, shape (v, n), optional
-        See :func:`border`.
-    masks : array_like, shape (v, n), optional
-        0 (or False) where a view must not be used, up to 1: hidden, masked by hand.
+        Width of a pixel there; weights are proportional to the inverse of its square.
+    borders, masks : array_like, shape (v, n), optional
+        Weights of :func:`border`, and from 0 (hidden or masked) to 1.
     method : {'feather', 'best'}
-        All views in proportion, or only the one that counts most (the first of equals).
+        All views in proportion, or only the one of largest weight (the first of equals).
     power : float
-        Of the cosine: the higher, the more the views from straight ahead count.
+        Exponent of the cosine.
 
     Returns
     -------
     numpy.ndarray, shape (v, n), float64
-        Not negative; the sum over the views is 1, or 0 where no view shows the point. What is NaN
-        in any input counts as 0.
+        The sum over the views is 1, or 0 where no view shows the point. NaN in an input is 0.
 
     Raises
     ------
     ValueError
-        If the shapes differ, or method or power are not as above.
+        If the shapes differ, or method or power is out of range.
 
     Examples
     --------
@@ -179,7 +176,7 @@ def blend(colors, weights):
     colors : array_like, shape (v, n, c)
         What each view shows at each point; NaN where it shows nothing.
     weights : array_like, shape (v, n)
-        Not negative; need not sum to 1.
+        Not negative, of any sum.
 
     Returns
     -------
@@ -208,46 +205,38 @@ def blend(colors, weights):
 
 
 def exposure_gains(colors, weights=None, limits=(0.0, 255.0), common=False):
-    """Return factors that make views of the same points equally bright.
+    """Return gains that make views of the same points equally bright.
+
+    For each two views, the median difference of the logarithms is one observation of the
+    difference of their gains, weighted by the spread of the samples. The gains are the least
+    squares solution of these and of a prior near 1: Brown and Lowe, "Automatic Panoramic Image
+    Stitching using Invariant Features", International Journal of Computer Vision 74(1), 2007,
+    section 6, here in logarithms, where a gain of 2 is as far from 1 as 1/2 and black is no
+    solution. An exposure is a factor of colours encoded with a power, too.
 
     Parameters
     ----------
     colors : array_like, shape (v, n, c)
         What each view shows at each point; NaN where it shows nothing.
     weights : array_like, shape (v, n), optional
-        Samples whose weight is 0 are left out.
+        Samples of weight 0 are left out.
     limits : tuple of 2 float
-        The darkest and the brightest value a picture can have. What is within 2 % of either may
-        be clipped and is left out.
+        Range of the values; those within 2 % of either end may be clipped and are left out.
     common : bool
         One factor for all channels of a view, which keeps its hue.
 
     Returns
     -------
     numpy.ndarray, shape (v, c) or (v,), float64
-        Above 0, to multiply the colours of each view by. Their geometric mean is 1 within each
-        group of views that overlap; a view that overlaps no other has 1.
+        Positive factors, of geometric mean 1 within each group of views that overlap.
 
     Raises
     ------
     ValueError
         If the shapes do not fit, a weight is negative, or the limits are not in order.
 
-    Notes
-    -----
-    For each two views the median of the logarithms' differences, which a few wrong samples do not
-    move, is one observation of the difference of their gains, as certain as the spread of the
-    samples says. All gains together solve the least squares of these observations and of a prior
-    that keeps them near 1, as in Brown and Lowe, "Automatic Panoramic Image Stitching using
-    Invariant Features", International Journal of Computer Vision 74(1), 2007, section 6; in
-    logarithms, since a gain of 2 is as far from 1 as one of 1/2, and black is no solution.
-
-    Colours that were encoded with a power (as sRGB nearly is) stay so: a change of exposure is a
-    factor there too.
-
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.draping import exposure_gains
     >>> scene = np.linspace(20.0, 100.0, 500)[:, None]
     >>> exposure_gains([scene, 2.25 * scene]).ravel().round(2).tolist()

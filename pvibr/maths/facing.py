@@ -52,7 +52,7 @@ def eye_of(view_from_world) -> Eye:
     Raises
     ------
     ValueError
-        If the upper left 3x3 is no rotation.
+        If the upper left 3x3 is not a rotation.
 
     Examples
     --------
@@ -83,6 +83,8 @@ def cards(
 ):
     """Return the axes of cards: right, up, and the normal toward the eye.
 
+    If the eye is on a card's axis, right is the camera's; a cylindrical card is seen edge-on.
+
     Parameters
     ----------
     points : array_like, shape (n, 3)
@@ -90,34 +92,27 @@ def cards(
     view_from_world : array_like, shape (4, 4)
         See :func:`eye_of`.
     facing : {'spherical', 'cylindrical', 'screen', 'world'}
-        Turned to the eye wholly; about `axis` only; parallel to the screen, whatever it is turned
-        to; or not at all.
+        Turned to the eye; about `axis` only; parallel to the screen; or fixed.
     axis : array_like, shape (3,) or (n, 3), optional
-        What is up on a card: of cylindrical ones they turn about it, z by default; spherical ones
-        have the camera's up by default.
+        Up on the cards: by default z for cylindrical, the camera's up for spherical ones.
     towards : {'point', 'plane'}
-        Whether cards turn to the eye's place, or to its plane and so all alike.
+        Turned to the eye's position, or to its plane and so all alike.
     orientation : array_like, shape (4,) or (n, 4), optional
         Quaternions (w, x, y, z) of ``'world'`` cards: right from x, up from y, normal from z.
     rotation : array_like, shape () or (n,)
         Radians counter-clockwise, as seen from the normal's side.
     parallel : bool
-        Whether the projection is parallel: then every place has the plane's direction.
+        Whether the projection is parallel.
 
     Returns
     -------
     numpy.ndarray, shape (n, 3, 3)
-        Columns right, up, normal: a rotation each, world space.
+        Rotations of columns right, up, normal, world space.
 
     Raises
     ------
     ValueError
-        If a name is unknown, or `axis` or `orientation` has no length.
-
-    Notes
-    -----
-    Where the eye is on a card's axis that says nothing of left and right; the camera's right does.
-    A cylindrical card is seen edge-on there.
+        If a name is unknown, or `axis` or `orientation` is zero.
 
     Examples
     --------
@@ -144,7 +139,7 @@ def cards(
 
 
 def azimuths(points, view_from_world, axis=(0.0, 0.0, 1.0), *, parallel=False):
-    """Return from which side an eye sees points: the angle about an axis.
+    """Return the azimuths about an axis from which an eye sees points.
 
     Parameters
     ----------

@@ -23,7 +23,6 @@ def box_reduce(image, factor):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.image_error import box_reduce
     >>> box_reduce(np.arange(4.0).reshape(2, 2), 2).tolist()
     [[1.5]]
@@ -71,10 +70,10 @@ def crossed(coverage):
 
 
 def displacements(coverage, reference):
-    """Return how far the silhouettes of two pictures are apart, both ways.
+    """Return the distances between the silhouettes of two pictures, both ways.
 
     The distance of each outline pixel of one picture to the nearest pixel that the other's
-    silhouette passes through: a hard edge drawn right scores 0, wherever in its pixels it runs.
+    silhouette passes through: an exact hard edge has distance 0.
 
     Parameters
     ----------
@@ -88,7 +87,6 @@ def displacements(coverage, reference):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.image_error import displacements
     >>> a = np.zeros((9, 9))
     >>> a[2:7, 2:7] = 1
@@ -100,7 +98,7 @@ def displacements(coverage, reference):
 
 
 def outline_distances(drawn, other):
-    """Return how far the silhouette of a picture is from that of another, one way, and where.
+    """Return the distances of a picture's silhouette from that of another, and its pixels.
 
     Parameters
     ----------
@@ -109,10 +107,8 @@ def outline_distances(drawn, other):
 
     Returns
     -------
-    pixels : numpy.ndarray, shape (n, 2), int
-        Row and column of the pixels of the outline of `drawn`.
-    away : numpy.ndarray, shape (n,)
-        Their distance to the nearest pixel that the silhouette of `other` passes through.
+    pixels, away : numpy.ndarray, shape (n, 2) and (n,)
+        Rows and columns of the outline of `drawn`, and the distances to the silhouette of `other`.
     """
     edge, target = outline(drawn), crossed(other)
     off = edge & ~target
@@ -161,7 +157,10 @@ def psnr(image, reference) -> float:
 
 
 def flip(image, reference):
-    """Return the FLIP difference map of two pictures.
+    """Return the FLIP difference map of two pictures, at its standard 67 pixels per degree.
+
+    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020, by its
+    authors' own package.
 
     Parameters
     ----------
@@ -171,12 +170,7 @@ def flip(image, reference):
     Returns
     -------
     numpy.ndarray, shape (h, w)
-        0 for the same to 1; the mean of it is "the" FLIP.
-
-    Notes
-    -----
-    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020, by its
-    authors' own package, at its standard 67 pixels a degree.
+        0 for the same to 1; its mean is the FLIP error.
     """
     import flip_evaluator
 

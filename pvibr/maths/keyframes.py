@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.vectors import unit_vectors
+
 SLOTS = {'step': 1, 'linear': 2, 'quadratic': 3, 'cubic': 4}
 """Kinds of interpolation, and how many frames each shows at a time."""
 
@@ -13,44 +15,39 @@ _SAME = 1e-6  # of the span: a gap from last to first that is only rounding
 def frame_weights(keys, times, interpolation='linear', period=None):
     """Return the frames that are shown at times, and their weights.
 
-    'step' shows the last frame that began. 'linear' is ``(1 - w) A + w B``. 'quadratic' is the
-    parabola through the frame before and the two around the time: it goes through all frames and
-    has no jumps, but bends at frames. 'cubic' is the spline of Catmull and Rom for keys at any
-    distance, as two parabolas in line (Overhauser, "Analytic definition of curves and surfaces by
-    parabolic blending", 1968): it has no bends, and it is exact for motions of degree 2.
+    'step' shows the last frame that began; 'linear' is ``(1 - w) A + w B``; 'quadratic' is the
+    parabola through the frame before and the two around the time, continuous but not smooth at
+    frames; 'cubic' is the Catmull-Rom spline for non-uniform keys as a blend of two parabolas
+    (Overhauser, "Analytic definition of curves and surfaces by parabolic blending", 1968): smooth,
+    and exact for motions of degree 2.
 
     Parameters
     ----------
     keys : array_like, shape (f,)
         Times of the frames in seconds, increasing.
     times : array_like, any shape
-        When, in seconds. Before the first key the first frame is shown, after the last the last
-        one, unless there is a period.
+        Seconds; clamped to the keys unless there is a period.
     interpolation : str
         'step', 'linear', 'quadratic' or 'cubic': 1 to 4 frames at a time.
     period : float, optional
-        Seconds from the first frame until it is shown again; at least from the first key to the
-        last. When just that, the last frame stands for the first and is left out.
+        Seconds from the first frame until it is shown again, at least those from the first key to
+        the last; if equal, the last frame stands for the first and is left out.
 
     Returns
     -------
-    indices : numpy.ndarray, shape (..., k), int64
-        Frames; k is 1 to 4, by the interpolation.
-    weights : numpy.ndarray, shape (..., k), float64
-        Their weights; the sum is 1. Beyond 'linear', some are negative.
+    indices, weights : numpy.ndarray, shape (..., k), int64 and float64
+        Frames and their weights, of sum 1 and, beyond 'linear', of either sign.
 
     Raises
     ------
     ValueError
-        If keys are none, do not increase or are not finite, times are not finite, the
-        interpolation is not known or the period is too short.
+        If keys are invalid (see :func:`checked_keys`), times are not finite, the interpolation is
+        unknown or the period is too short.
 
     Examples
     --------
     >>> from pvibr.maths.keyframes import frame_weights
-    >>> frame_weights([0.0, 1.0, 3.0], 1.5)
-    (array([1, 2]), array([0.75, 0.25]))
-    >>> frame_weights([0.0, 1.0, 3.0], 3.5, period=4.0)  # on the way from the last to the first
+    >>> frame_weights([0.0, 1.0, 3.0], 3.5, period=4.0)  # between the last and the first
     (array([2, 0]), array([0.5, 0.5]))
     """
     keys = checked_keys(keys)
@@ -70,14 +67,14 @@ def frame_weights(keys, times, interpolation='linear', period=None):
 
 
 def checked_keys(keys, name='keys'):
-    """Return times of keys as an array, if they are in order.
+    """Return increasing times of keys as an array.
 
     Parameters
     ----------
     keys : array_like, shape (f,)
         Times in seconds.
     name : str
-        What the error calls them.
+        Name of the argument in errors.
 
     Returns
     -------
@@ -87,7 +84,7 @@ def checked_keys(keys, name='keys'):
     Raises
     ------
     ValueError
-        If they are none, not finite or do not increase; it names the first place.
+        If they are empty, not finite or not increasing.
 
     Examples
     --------
@@ -117,11 +114,9 @@ def blend(frames, indices, weights):
     Parameters
     ----------
     frames : array_like, shape (f, ...)
-        What each frame stores.
-    indices : array_like, shape (..., k), int
-        Which frames.
-    weights : array_like, shape (..., k)
-        How much of each.
+        Values of each frame.
+    indices, weights : array_like, shape (..., k)
+        Frames and their weights.
 
     Returns
     -------
@@ -147,21 +142,19 @@ def blend(frames, indices, weights):
 
 
 def blend_directions(frames, indices, weights):
-    """Return the weighted sum of the directions of frames, with length 1.
+    """Return the weighted sum of the directions of frames, normalised.
 
     Parameters
     ----------
     frames : array_like, shape (f, ..., 3)
         Normals or other directions of each frame.
-    indices : array_like, shape (..., k), int
-        Which frames.
-    weights : array_like, shape (..., k)
-        How much of each.
+    indices, weights : array_like, shape (..., k)
+        Frames and their weights.
 
     Returns
     -------
     numpy.ndarray, shape (..., ..., 3), float64
-        Directions of length 1; zero where the sum vanishes.
+        Unit vectors; zero where the sum vanishes.
 
     Examples
     --------
@@ -169,9 +162,7 @@ def blend_directions(frames, indices, weights):
     >>> blend_directions([[[4.0, 0.0, 0.0]], [[0.0, 4.0, 0.0]]], [0, 1], [0.5, 0.5]).tolist()
     [[0.707..., 0.707..., 0.0]]
     """
-    total = blend(frames, indices, weights)
-    length = np.linalg.norm(total, axis=-1, keepdims=True)
-    return np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+    return unit_vectors(blend(frames, indices, weights))
 
 
 class _Line:

@@ -16,21 +16,19 @@ _TINY = 1e-12
 
 
 def to_screen(clip, size) -> tuple[np.ndarray, np.ndarray]:
-    """Return where points in clip space are on the screen, and which are in front of the eye.
+    """Return the pixels of points in clip space, and which are in front of the eye.
 
     Parameters
     ----------
     clip : numpy.ndarray, shape (n, 4)
-        Homogeneous.
+        Homogeneous points.
     size : tuple of 2 int
         Width and height of the screen, pixels.
 
     Returns
     -------
-    at : numpy.ndarray, shape (n, 2)
-        Pixels; of no meaning for those that are not in front.
-    ahead : numpy.ndarray, shape (n,), bool
-        Those between the near plane and infinity.
+    at, ahead : numpy.ndarray, shape (n, 2), and (n,) of bool
+        Pixels, and whether the points are beyond the near plane; pixels of others are undefined.
     """
     w = clip[:, 3]
     ahead = (w > _TINY) & (clip[:, 2] >= -w)
@@ -39,10 +37,7 @@ def to_screen(clip, size) -> tuple[np.ndarray, np.ndarray]:
 
 
 def extents(clip_from_world, bounds, size) -> np.ndarray:
-    """Return the rectangles that boxes cover on the screen and beyond it.
-
-    What is behind the near plane is cut off first: it is seen nowhere, and would be projected to
-    the other side.
+    """Return the rectangles of boxes on the screen and beyond it, clipped by the near plane.
 
     Parameters
     ----------
@@ -56,11 +51,10 @@ def extents(clip_from_world, bounds, size) -> np.ndarray:
     Returns
     -------
     numpy.ndarray, shape (n, 4)
-        Left, bottom, right and top in pixels; left above right for what is behind.
+        Left, bottom, right and top in pixels; left above right for boxes behind the eye.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.layers import extents
     >>> extents(np.diag([1.0, 1, -1, 1]), [[-0.5, 0.5, -2, 0, 0, 0.5]], (100, 100)).tolist()
     [[25.0, -50.0, 75.0, 50.0]]
@@ -96,11 +90,10 @@ def part_of(clip_from_view, size, rect) -> np.ndarray:
     Returns
     -------
     numpy.ndarray, shape (4, 4)
-        The same depth; a point of the rectangle is where it was.
+        Of the same depth.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.layers import part_of
     >>> (part_of(np.eye(4), (100, 100), (0, 0, 50, 100)) @ [-0.5, 0, 0, 1]).tolist()
     [0.0, 0.0, 0.0, 1.0]
@@ -114,7 +107,7 @@ def part_of(clip_from_view, size, rect) -> np.ndarray:
 
 
 def moved(warp, points) -> np.ndarray:
-    """Return where a warp takes points.
+    """Return warped points.
 
     Parameters
     ----------
@@ -126,7 +119,7 @@ def moved(warp, points) -> np.ndarray:
     Returns
     -------
     numpy.ndarray, shape (n, 2)
-        Pixels; inf for those on or beyond the horizon.
+        Pixels; inf on or beyond the horizon.
     """
     out = points @ warp[:, :2].T + warp[:, 2]
     ahead = out[:, 2:] > _TINY
@@ -136,7 +129,7 @@ def moved(warp, points) -> np.ndarray:
 def fit_affine(source, target) -> np.ndarray:
     """Return the affine warp that takes points nearest to others, by least squares.
 
-    Of points on one line or in one place, what they do not tell is left as it is.
+    Directions that the points do not determine are kept.
 
     Parameters
     ----------
@@ -146,11 +139,10 @@ def fit_affine(source, target) -> np.ndarray:
     Returns
     -------
     numpy.ndarray, shape (3, 3)
-        The warp; without points, none.
+        The warp; the identity without points.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.layers import fit_affine
     >>> square = np.array([[0.0, 0], [9, 0], [9, 9], [0, 9]])
     >>> fit_affine(square, 2 * square + 3).round(9).tolist()
@@ -160,40 +152,38 @@ def fit_affine(source, target) -> np.ndarray:
     if not len(source):
         return warp
     middle, there = source.mean(0), target.mean(0)
-    x, change = source - middle, (target - there) - (source - middle)
-    square = x.T @ x
-    # Directions in which the points reach no further than a pixel are no directions to fit.
-    values, axes = np.linalg.eigh(square)
-    good = values > len(x)
-    inverse = (axes[:, good] / values[good]) @ axes[:, good].T
-    warp[:2, :2] += (inverse @ (x.T @ change)).T
+    x = source - middle
+    warp[:2, :2] += _solved(x, (target - there) - x).T
     warp[:2, 2] = there - warp[:2, :2] @ middle
     return warp
 
 
+def _solved(x, y):
+    """Return the least squares solution of x @ a = y, zero where x spreads less than a pixel."""
+    values, axes = np.linalg.eigh(x.T @ x)
+    good = values > len(x)
+    return (axes[:, good] / values[good]) @ axes[:, good].T @ (x.T @ y)
+
+
 def fit_plane(pixels, inverse_depth) -> np.ndarray:
-    """Return the plane nearest to points, as the camera that saw them has it.
+    """Return the plane nearest to points in a picture, by least squares.
 
     Parameters
     ----------
-    pixels : numpy.ndarray, shape (n, 2)
-        Where they were seen.
-    inverse_depth : numpy.ndarray, shape (n,)
-        One over their distances along the view, or these themselves in a parallel view: both are
-        linear in pixels on a plane.
+    pixels, inverse_depth : numpy.ndarray, shape (n, 2) and (n,)
+        Pixels, and inverse distances along the view (distances in a parallel view): on a plane
+        they are linear in pixels.
 
     Returns
     -------
     numpy.ndarray, shape (3,)
-        What a homogeneous pixel is multiplied by.
+        Its product with a homogeneous pixel is the inverse depth.
     """
     if not len(pixels):
         return np.zeros(3)
     middle = pixels.mean(0)
     x, y = pixels - middle, inverse_depth - inverse_depth.mean()
-    values, axes = np.linalg.eigh(x.T @ x)
-    good = values > len(x)
-    slope = (axes[:, good] / values[good]) @ axes[:, good].T @ (x.T @ y)
+    slope = _solved(x, y)
     return np.array([*slope, inverse_depth.mean() - slope @ middle])
 
 
@@ -203,16 +193,15 @@ def plane_warp(clip_from_view, view_from_pixel, plane, size, *, parallel) -> np.
     Parameters
     ----------
     clip_from_view : numpy.ndarray, shape (4, 4)
-        Clip space now from view space then.
+        Present clip space from past view space.
     view_from_pixel : numpy.ndarray, shape (3, 3)
-        Of a homogeneous pixel then: the point at distance 1 along the view; in a parallel view its
-        x and y.
+        Takes a homogeneous past pixel to the point at distance 1, or its x and y if parallel.
     plane : numpy.ndarray, shape (3,)
         See :func:`fit_plane`.
     size : tuple of 2 int
-        Width and height of the screen now, pixels.
+        Present width and height of the screen, pixels.
     parallel : bool
-        Whether the view then was parallel.
+        Whether the past view was parallel.
 
     Returns
     -------
@@ -227,7 +216,7 @@ def plane_warp(clip_from_view, view_from_pixel, plane, size, *, parallel) -> np.
 
 
 def stretch(warp, at) -> tuple[float, float]:
-    """Return how much longer the longest and the shortest steps become around a pixel.
+    """Return the largest and the smallest magnification of a warp around a pixel.
 
     Parameters
     ----------
@@ -238,10 +227,8 @@ def stretch(warp, at) -> tuple[float, float]:
 
     Returns
     -------
-    longest : float
+    longest, shortest : float
         1 where nothing changes.
-    shortest : float
-        As well.
     """
     x, y, w = warp @ [*at, 1.0]
     if w <= _TINY:
@@ -261,7 +248,7 @@ def reaches(warp, rect, open_sides, size) -> bool:
     rect : sequence of 4 float
         Left, bottom, right and top of the picture, pixels.
     open_sides : sequence of 4 bool
-        At which of these sides there is more than the picture shows.
+        Sides at which the picture was cut off.
     size : tuple of 2 int
         Width and height of the screen, pixels.
     """
@@ -280,29 +267,27 @@ def reaches(warp, rect, open_sides, size) -> bool:
 
 
 def split_by_depth(nearest, farthest, count, *, ratio=True) -> np.ndarray:
-    """Return which layer each of some boxes belongs to.
+    """Return the layers that boxes belong to, by distance.
 
-    Layers have equal ranges of the logarithm of the distance: the same step of the eye moves what
-    is in them by as much against each other. Boxes that reach over more than two such ranges, and
-    twice what most of them do, have one more layer for themselves: the ground is such a box.
+    Layers have equal ranges of the logarithm of the distance, so of equal parallax. Boxes longer
+    than two such ranges and twice the median, as the ground, share an additional layer.
 
     Parameters
     ----------
     nearest, farthest : numpy.ndarray, shape (n,)
-        Distances of each, above 0 where they are logarithmic.
+        Distances of each, above 0 if logarithmic.
     count : int
-        Layers of those that reach less far.
+        Number of layers but the additional one.
     ratio : bool, optional
-        Whether ranges are of logarithms; in parallel projection they are of distances.
+        Ranges of logarithms; for parallel projection, of distances.
 
     Returns
     -------
     numpy.ndarray, shape (n,), int
-        Numbers from 0, the nearest; `count` for those that reach over all.
+        Numbers from 0, the nearest; `count` for the additional layer.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.layers import split_by_depth
     >>> near = np.array([1.0, 9.0, 95.0, 1.0])
     >>> split_by_depth(near, np.array([1.5, 11.0, 105.0, 100.0]), 3).tolist()

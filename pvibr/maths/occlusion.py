@@ -14,21 +14,16 @@ def on_screen(frame, centers, radii):
     ----------
     frame : pvibr.core.frame.Frame
         Camera and size.
-    centers : numpy.ndarray, shape (n, 3)
-        Eye space.
-    radii : numpy.ndarray, shape (n,)
-        World units.
+    centers, radii : numpy.ndarray, shape (n, 3) and (n,)
+        Spheres in view space.
 
     Returns
     -------
-    low : numpy.ndarray, shape (n, 2)
-        Lower left corners, pixels; of no use for what reaches the eye's plane.
-    high : numpy.ndarray, shape (n, 2)
-        Upper right corners.
+    low, high : numpy.ndarray, shape (n, 2)
+        Lower left and upper right corners, pixels; undefined for spheres across the eye's plane.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.core.frame import Frame
     >>> from pvibr.maths.occlusion import on_screen
     >>> from pvibr.maths.views import View
@@ -51,27 +46,24 @@ def on_screen(frame, centers, radii):
 
 
 def likely_seen(pixels, areas, layers, tile=32) -> np.ndarray:
-    """Guess which things are seen: those with little in front of them.
+    """Guess which actors are visible: those with little in front of them.
 
     Parameters
     ----------
-    pixels : numpy.ndarray, shape (n, 2)
-        Where their middles are on the screen, the nearest first.
-    areas : numpy.ndarray, shape (n,)
-        Of what each covers, pixels.
+    pixels, areas : numpy.ndarray, shape (n, 2) and (n,)
+        Their centres on the screen, the nearest first, and covered areas, pixels.
     layers : float
-        How many times what is in front covers the screen there before nothing is expected behind.
+        Covered area in front, relative to the screen's, beyond which an actor is hidden.
     tile : float
-        Side of the squares of the screen in which that is counted, pixels.
+        Side of the squares in which areas are added, pixels.
 
     Returns
     -------
     numpy.ndarray of bool, shape (n,)
-        Which are.
+        True if visible.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.occlusion import likely_seen
     >>> likely_seen(np.array([[4, 4], [5, 4], [6, 4.0]]), np.full(3, 1500.0), 2).tolist()
     [True, True, False]
@@ -90,31 +82,28 @@ def likely_seen(pixels, areas, layers, tile=32) -> np.ndarray:
 
 
 def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
-    """Tell which spheres lie behind what is drawn, all of them, for certain.
+    """Return which spheres are certainly hidden by what is drawn.
 
     Parameters
     ----------
     frame : pvibr.core.frame.Frame
         Camera and size.
     farthest : numpy.ndarray, shape (h, w)
-        The largest depth, 0 near to 1 far, of each square of the screen, row 0 at the bottom.
+        Maximum depth, 0 near to 1 far, of each square of the screen, row 0 at the bottom.
     tile : int
         Side of the squares, pixels.
-    centers : numpy.ndarray, shape (n, 3)
-        Eye space.
-    radii : numpy.ndarray, shape (n,)
-        World units.
+    centers, radii : numpy.ndarray, shape (n, 3) and (n,)
+        Spheres in view space.
     margin : float
-        How much larger they may be drawn, pixels.
+        Margin around the spheres, pixels.
 
     Returns
     -------
     numpy.ndarray of bool, shape (n,)
-        Whether nothing of it can be seen.
+        True if hidden.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.core.frame import Frame
     >>> from pvibr.maths.occlusion import behind
     >>> from pvibr.maths.views import View

@@ -21,7 +21,7 @@ def encode(directions, half=False):
     Parameters
     ----------
     directions : array_like, shape (..., 3)
-        Unit vectors. With ``half`` those below the equator are moved to it.
+        Unit vectors; with ``half``, those below the equator are moved to it.
     half : bool
         Use the half-sphere map (z >= 0).
 
@@ -127,37 +127,3 @@ def frame(directions):
     right = np.cross(helper, d)
     right /= np.linalg.norm(right, axis=-1, keepdims=True)
     return np.stack([right, np.cross(d, right), d], -2)
-
-
-def nearest_views(direction, n, half=False):
-    """Return the three grid views around a direction and their barycentric weights.
-
-    Parameters
-    ----------
-    direction : array_like, shape (3,)
-        Unit vector from the object toward the eye.
-    n : int
-        Views along a side.
-    half : bool
-        Half-sphere map.
-
-    Returns
-    -------
-    cells : numpy.ndarray, shape (3, 2), int
-        Column and row of each view.
-    weights : numpy.ndarray, shape (3,)
-        Not negative, sum 1.
-
-    Examples
-    --------
-    >>> from pvibr.maths import octahedral
-    >>> cells, weights = octahedral.nearest_views([0.0, 0.0, 1.0], 3)
-    >>> cells[weights.argmax()].tolist(), float(weights.max())
-    ([1, 1], 1.0)
-    """
-    g = (encode(direction, half) * 0.5 + 0.5) * (n - 1)
-    base = np.clip(np.floor(g), 0, n - 2)
-    f = g - base
-    corner = np.array([1, 0]) if f[0] > f[1] else np.array([0, 1])
-    cells = np.stack([base, base + corner, base + 1]).astype(int)
-    return cells, np.array([1.0 - f.max(), abs(f[0] - f[1]), f.min()])

@@ -17,23 +17,20 @@ class Orthographic(Camera):
     Parameters
     ----------
     origin : array_like, shape (3,)
-        Where the picture's lower left corner is (the corner of its pixel, not the centre); depth
-        is counted from here. World units.
+        Lower left corner of the lower left pixel, at depth 0, world units.
     right, up : array_like, shape (3,)
-        Directions of the picture's sides; perpendicular, of any length. The camera looks along
-        ``up x right``.
+        Perpendicular directions of the picture's sides; the camera looks along ``up x right``.
     width, height : float
         The picture's sides in world units.
     near, far : float
-        Depth in world units from which and up to which the picture shows something.
+        Clipping range of depth in world units.
     size : tuple of 2 int, optional
         Width and height in pixels.
 
     Raises
     ------
     ValueError
-        If a direction is zero, the two are not perpendicular, a side is not positive, near is not
-        below far, or a number is not finite.
+        If an argument is not as above or not finite.
 
     Examples
     --------
@@ -42,9 +39,6 @@ class Orthographic(Camera):
     >>> uv, depth = camera.project([[1.0, 0.5, 2.0]])
     >>> uv.tolist(), depth.tolist()
     ([[0.25, 0.25]], [7.0])
-    >>> camera = Orthographic.from_extent(0.0, 4.0, 0.0, 2.0)
-    >>> (camera.clip_from_view(0.0, 8.0) @ [4.0, 1.0, -8.0, 1.0]).tolist()
-    [1.0, 0.0, 1.0, 1.0]
     """
 
     origin: np.ndarray

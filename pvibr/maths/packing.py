@@ -13,14 +13,14 @@ def shelves(sizes, width):
     sizes : array_like of int, shape (n, 2)
         Width and height of each.
     width : int
-        Of all shelves.
+        Width of all shelves.
 
     Returns
     -------
     corners : numpy.ndarray of int, shape (n, 2)
         The lower left corner of each.
     height : int
-        Of all shelves together; more than any square where one is too wide.
+        Total height; the largest integer if a rectangle is too wide.
 
     Examples
     --------
@@ -44,25 +44,21 @@ def shelves(sizes, width):
 
 
 def largest_scale(sizes, side, margin):
-    """Return how many texels a unit may have so that rectangles fit into a square.
+    """Return the maximum number of texels per unit such that rectangles fit into a square.
 
     Parameters
     ----------
     sizes : array_like, shape (n, 2)
         Width and height of each, in any unit.
-    side : int
-        Of the square in texels.
-    margin : int
-        Texels around each.
+    side, margin : int
+        Texels of the square's side, and around each rectangle.
 
     Returns
     -------
     scale : float
-        Texels of a unit.
-    texels : numpy.ndarray of int, shape (n, 2)
-        Width and height of each with its margins.
-    corners : numpy.ndarray of int, shape (n, 2)
-        The lower left corner of each.
+        Texels per unit.
+    texels, corners : numpy.ndarray of int, shape (n, 2)
+        Size with margins, and lower left corner of each.
 
     Raises
     ------

@@ -41,23 +41,17 @@ class Pinhole(Camera):
     Raises
     ------
     ValueError
-        If K is singular, not upper triangular or for a picture of another size, R is no rotation,
-        the distortion has another number of terms or leaves nothing to see, or a number is not
-        finite.
+        If K is singular, not upper triangular or for a picture of another size, R is not a
+        rotation, the distortion is invalid or leaves nothing visible, or a number is not finite.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.pinhole import Pinhole
     >>> K = [[100.0, 0.0, 49.5], [0.0, 100.0, 24.5], [0.0, 0.0, 1.0]]
     >>> camera = Pinhole(K, np.eye(3), np.zeros(3), (100, 50))
     >>> uv, depth = camera.project([[0.0, 0.0, 4.0], [1.0, 0.5, 4.0], [0.0, 0.0, -4.0]])
     >>> uv.tolist(), depth.tolist()
     ([[0.5, 0.5], [0.75, 0.25], [nan, nan]], [4.0, 4.0, -4.0])
-    >>> K = [[50.0, 0.0, 49.5], [0.0, 50.0, 49.5], [0.0, 0.0, 1.0]]
-    >>> camera = Pinhole(K, [[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 0, 0], (100, 100))
-    >>> camera.clip_from_view(1.0, 3.0).tolist()
-    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -2.0, -3.0], [0.0, 0.0, -1.0, 0.0]]
     """
 
     # array_like is given; read-only float64 is kept.
@@ -199,7 +193,6 @@ class Pinhole(Camera):
 
         Examples
         --------
-        >>> import numpy as np
         >>> from pvibr.maths.pinhole import Pinhole
         >>> K = [[100.0, 0.0, 49.5], [0.0, 100.0, 24.5], [0.0, 0.0, 1.0]]
         >>> Pinhole(K, np.eye(3), np.zeros(3), (100, 50)).resized((200, 100)).K.tolist()
@@ -254,12 +247,12 @@ def check_principal_point(K, size, allowed):
     size : tuple of 2 int
         Width and height in pixels.
     allowed : tuple of 2 float
-        Minimum and maximum of the principal point, as fractions of the size.
+        Range of the principal point, as fractions of the size.
 
     Raises
     ------
     ValueError
-        If it does.
+        If the principal point is out of range.
     """
     share = (K[:2, 2] + 0.5) / size
     if (share < allowed[0]).any() or (share > allowed[1]).any():

@@ -16,16 +16,14 @@ CAPS = ('flat', 'round', None)
 
 
 class Meeting(NamedTuple):
-    """Where rays enter things and where they leave them.
+    """Entries and exits of rays.
 
     Attributes
     ----------
-    hits : numpy.ndarray of bool, shape (2, ...)
-        Whether there is a surface where the ray enters, and where it leaves.
-    distances : numpy.ndarray, shape (2, ...)
-        Along the ray; NaN is allowed where there is no surface.
+    hits, distances : numpy.ndarray, shape (2, ...)
+        Whether there is a surface at entry and exit, and the distances along the ray.
     normals : numpy.ndarray, shape (2, ..., 3)
-        Outward, of length 1.
+        Outward unit vectors.
     """
 
     hits: np.ndarray
@@ -33,21 +31,17 @@ class Meeting(NamedTuple):
     normals: np.ndarray
 
     def first(self, near=0.0):
-        """Return what is seen from a distance on.
+        """Return the first visible surface.
 
         Parameters
         ----------
         near : float
-            What is nearer is cut away, and shows the inside of what is cut open.
+            Distance up to which surfaces are clipped.
 
         Returns
         -------
-        distance : numpy.ndarray
-            Infinite where nothing is met.
-        normal : numpy.ndarray, shape (..., 3)
-            Toward the start of the ray.
-        inside : numpy.ndarray of bool
-            Whether it is the inside that is seen.
+        distance, normal, inside : numpy.ndarray, shape (...), (..., 3) and (...)
+            Infinite without a surface; toward the start of the ray; whether the inside is seen.
         """
         with np.errstate(invalid='ignore'):
             ahead = self.hits & (self.distances >= near)
@@ -64,9 +58,7 @@ def meet_spheres(starts, ways, centers, radii) -> Meeting:
     ----------
     starts, ways : array_like, shape (..., 3)
         Starts and directions of rays, world units.
-    centers : array_like, shape (..., 3)
-        World units.
-    radii : array_like, shape (...)
+    centers, radii : array_like, shape (..., 3) and (...)
         World units.
 
     Returns
@@ -91,10 +83,8 @@ def meet_ellipsoids(starts, ways, centers, axes) -> Meeting:
     ----------
     starts, ways : array_like, shape (..., 3)
         Starts and directions of rays, world units.
-    centers : array_like, shape (..., 3)
-        World units.
-    axes : array_like, shape (..., 3, 3)
-        Half axes in columns, perpendicular to each other, none of length 0, world units.
+    centers, axes : array_like, shape (..., 3) and (..., 3, 3)
+        Centres, and perpendicular half axes in columns, not zero, world units.
 
     Returns
     -------
@@ -103,7 +93,6 @@ def meet_ellipsoids(starts, ways, centers, axes) -> Meeting:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.quadric_rays import meet_ellipsoids
     >>> meet_ellipsoids([0, 0, 5], [0, 0, -1], [0, 0, 0], np.diag([1, 1, 2])).distances.tolist()
     [3.0, 7.0]
@@ -130,14 +119,12 @@ def meet_cylinders(starts, ways, middles, halves, radii, caps='flat') -> Meeting
     ----------
     starts, ways : array_like, shape (..., 3)
         Starts and directions of rays, world units.
-    middles : array_like, shape (..., 3)
-        World units.
-    halves : array_like, shape (..., 3)
-        From a middle to an end, world units.
+    middles, halves : array_like, shape (..., 3)
+        Middles, and vectors from there to an end, world units.
     radii : array_like, shape (...)
         World units.
     caps : {'flat', 'round', None}
-        How they end: round ones reach further by the radius; None leaves them open.
+        Flat, half a sphere, or open.
 
     Returns
     -------
@@ -214,7 +201,7 @@ def _to_local(columns, vectors):
 
 
 def cast(frame, meet, *things):
-    """Return what is seen of things at the middle of each pixel.
+    """Return the surfaces that are visible at the centre of each pixel.
 
     Parameters
     ----------
@@ -223,20 +210,18 @@ def cast(frame, meet, *things):
     meet : callable
         One of the functions above.
     *things : numpy.ndarray, shape (n, ...)
-        What it needs of each thing, world units.
+        Its arguments after the rays, world units.
 
     Returns
     -------
-    ids : numpy.ndarray of int, shape (h, w), top row first
-        The nearest thing; n more where its inside is seen; -1 for none.
-    depth : numpy.ndarray, shape (h, w)
-        Distance along the view's axis; infinite where there is none.
+    ids, depth : numpy.ndarray, shape (h, w), top row first
+        Nearest surface (plus n for its inside, -1 for none), and its distance along the view's
+        axis, infinite for none.
     normals : numpy.ndarray, shape (h, w, 3)
-        Eye space, toward the eye.
+        View space, toward the eye.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.core.frame import Frame
     >>> from pvibr.maths.quadric_rays import cast, meet_spheres
     >>> from pvibr.maths.views import View
@@ -275,21 +260,20 @@ def _rays(frame):
 
 
 def inner(ids) -> np.ndarray:
-    """Return the pixels whose neighbours show the same, those at the border left out.
+    """Return the pixels whose four neighbours show the same surface.
 
     Parameters
     ----------
     ids : numpy.ndarray, shape (h, w)
-        What is seen.
+        Surfaces, see :func:`cast`.
 
     Returns
     -------
     numpy.ndarray of bool, shape (h, w)
-        No edge is beside them.
+        False at the border.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.quadric_rays import inner
     >>> inner(np.array([[1, 1, 1, 2]] * 3)).tolist()[1]
     [False, True, False, False]

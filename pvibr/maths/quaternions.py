@@ -27,7 +27,7 @@ def normalized(quaternions):
     Raises
     ------
     ValueError
-        If the last axis is not of four, or a quaternion is zero or not finite: it is named.
+        If the last axis is not of four, or a quaternion is zero or not finite.
 
     Examples
     --------
@@ -173,7 +173,6 @@ def from_matrices(matrices):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.quaternions import from_matrices
     >>> from_matrices(np.diag([-1.0, 1.0, -1.0])).tolist()
     [0.0, 0.0, 1.0, 0.0]
@@ -218,7 +217,7 @@ def from_axis_angle(axes, angles):
     Raises
     ------
     ValueError
-        If an axis is zero or not finite: it is named.
+        If an axis is zero or not finite.
 
     Examples
     --------
@@ -243,13 +242,12 @@ def between(u, v):
     Returns
     -------
     numpy.ndarray, shape (..., 4), float64
-        Unit quaternions (w, x, y, z). For opposite directions, where any half turn about a
-        perpendicular axis is as short, one of these.
+        Unit quaternions (w, x, y, z); for opposite directions, one of the half turns.
 
     Raises
     ------
     ValueError
-        If a direction is zero or not finite: it is named.
+        If a direction is zero or not finite.
 
     Examples
     --------
@@ -275,7 +273,7 @@ def slerp(a, b, t):
     a, b : array_like, shape (..., 4)
         Unit quaternions (w, x, y, z).
     t : array_like, shape (...)
-        Where on the way: 0 is a, 1 is b; values outside go on. All leading axes are broadcast.
+        Parameter: 0 at a, 1 at b, extrapolated outside; leading axes are broadcast.
 
     Returns
     -------
@@ -311,16 +309,14 @@ def swing_twist(quaternions, axis):
 
     Returns
     -------
-    swing : numpy.ndarray, shape (..., 4), float64
-        Rotation about an axis perpendicular to ``axis``.
-    twist : numpy.ndarray, shape (..., 4), float64
-        Rotation about ``axis``, none where the swing is a half turn (any twist would do);
-        ``multiply(swing, twist)`` is the whole.
+    swing, twist : numpy.ndarray, shape (..., 4), float64
+        Rotations perpendicular to ``axis`` and about it, whose product is the whole. The twist is
+        the identity if the swing is a half turn.
 
     Raises
     ------
     ValueError
-        If an axis is zero or not finite: it is named.
+        If an axis is zero or not finite.
 
     Examples
     --------
@@ -352,10 +348,6 @@ def log(quaternions):
     numpy.ndarray, shape (..., 3), float64
         Axes times angles in radians, the angles at most half a turn.
 
-    See Also
-    --------
-    exp : The way back.
-
     Examples
     --------
     >>> from pvibr.maths.quaternions import log
@@ -370,7 +362,7 @@ def log(quaternions):
 
 
 def exp(vectors):
-    """Return the unit quaternions of rotation vectors.
+    """Return the unit quaternions of rotation vectors; undoes :func:`log`.
 
     Parameters
     ----------
@@ -381,10 +373,6 @@ def exp(vectors):
     -------
     numpy.ndarray, shape (..., 4), float64
         Unit quaternions (w, x, y, z).
-
-    See Also
-    --------
-    log : The way back.
 
     Examples
     --------

@@ -1,17 +1,13 @@
 """Shadow volumes on the CPU: the silhouette edges that a light sees, and their extrusion.
 
-Every triangle shadows a prism of its own that reaches from it to infinity, away from the light.
-Turned toward the light, the prisms add up to the shadow: what lies within k of them is hidden
-by k triangles. Where prisms meet, their sides cancel, and what stays of an edge is an integer, its
-multiplicity: 0 inside a sheet, 1 at its border, 2 at the outline of a closed body, and whatever
-is right where three or more sheets meet. This is Bergeron, "A General Version of Crow's Shadow
-Volumes", IEEE CG&A 6(9), 1986, for meshes of any shape as Kim et al., "Shadow Volumes for
-Non-Manifold Meshes", 2008, count it. A closed body lit from outside needs the triangles that face
-the light only: the same shadow from half the sides, and each but once.
+Every triangle casts a prism of shadow from itself to infinity. The sides of adjacent prisms
+cancel, and an edge keeps an integer, its multiplicity: 0 inside a sheet, 1 at its border, 2 at
+the silhouette of a closed body (Bergeron, "A General Version of Crow's Shadow Volumes", IEEE CG&A
+6(9), 1986; non-manifold meshes as in Kim et al., "Shadow Volumes for Non-Manifold Meshes", 2008).
+A closed body lit from outside needs the triangles that face the light only.
 
-Whatever the sign of a triangle that is seen edge-on, the sides and caps close: an error of the
-sign moves no shadow by more than the rounding of float64. Lights are homogeneous: (x, y, z, 1)
-is a place, (x, y, z, 0) a direction toward the light.
+Volumes are closed whatever the sign of a triangle that is seen edge-on. Lights are homogeneous:
+(x, y, z, 1) is a position, (x, y, z, 0) a direction toward the light.
 """
 
 from __future__ import annotations
@@ -26,30 +22,26 @@ from scipy.sparse.csgraph import connected_components
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """A mesh prepared for the outlines of any light; made by `edge_table`.
+    """A mesh prepared for the silhouettes of any light; made by `edge_table`.
 
     Attributes
     ----------
-    origin : numpy.ndarray, shape (3,), float64
-        Middle of the mesh's box, in world units; points are stored relative to it.
-    half_box : numpy.ndarray, shape (3,), float64
-        From there to the sides of the box.
+    origin, half_box : numpy.ndarray, shape (3,), float64
+        Centre and half size of the bounding box, world units.
     points : numpy.ndarray, shape (n, 3), float64
         The distinct points that triangles use, relative to `origin`.
-    triangles : numpy.ndarray, shape (m, 3), int
-        Triangles of three distinct points, in their given order and winding.
-    sources : numpy.ndarray, shape (m,), int
-        Which given triangle each is.
+    triangles, sources : numpy.ndarray, shape (m, 3) and (m,), int
+        Triangles of three distinct points, and their indices in the given mesh.
     planes : numpy.ndarray, shape (m, 4), float64
-        Their planes, positive on the side that sees them counterclockwise; in units of `unit`.
+        Their planes, positive on the counterclockwise side; in units of `unit`.
     unit : float
-        A power of two near the half size of the mesh, in world units.
+        A power of two near the half size of the mesh, world units.
     groups : tuple of (numpy.ndarray, shape (e, 2), numpy.ndarray, shape (k, e)), int
-        For each number k of triangles at an edge: the ends of these edges, and their triangles;
-        m is added to a triangle that runs from the second end to the first.
+        For each number k of triangles at an edge: the ends of these edges, and their triangles,
+        plus m for a triangle that runs from the second end to the first.
     welded : tuple of numpy.ndarray
-        Which given point each of `points` is, shape (n,); the given points that triangles use,
-        and which of `points` each of these is, both of shape (u,).
+        Indices of `points` in the given points, shape (n,); the given points that triangles use,
+        and their indices in `points`, both of shape (u,).
     """
 
     origin: np.ndarray
@@ -81,24 +73,24 @@ class Edges:
 
 
 def edge_table(points, triangles):
-    """Prepare a mesh: weld it, find its planes and what meets at each edge.
+    """Prepare a mesh: weld it, compute its planes and group its edges.
 
     Parameters
     ----------
     points : array_like, shape (n, 3)
-        Points in world units. Points of equal coordinates become one.
+        World units; points of equal coordinates become one.
     triangles : array_like, shape (m, 3), int
-        Indices of the corners, in any winding. Triangles with a corner twice are left out.
+        Indices in any winding; degenerate triangles are left out.
 
     Returns
     -------
     Edges
-        The table; it serves every light.
+        The table, for any light.
 
     Raises
     ------
     ValueError
-        If the shapes are others, an index is out of range, or a corner is not finite.
+        If a shape is wrong, an index is out of range, or a corner is not finite.
 
     Examples
     --------
@@ -106,8 +98,6 @@ def edge_table(points, triangles):
     >>> square = edge_table([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
     >>> [len(ends) for ends, _ in square.groups]
     [4, 1]
-    >>> square.closed
-    False
     """
     points, triangles = _checked(points, triangles)
     welded, triangles = _welded(points, triangles)
@@ -125,19 +115,17 @@ def moved_table(edges, points):
     Parameters
     ----------
     edges : Edges
-        The table of the same triangles between other points.
+        The table of the mesh before.
     points : array_like, shape (n, 3)
-        As many points as that was made of, world units.
+        Its moved points, world units.
 
     Returns
     -------
     Edges or None
-        With the topology of the other one; None where points that were equal are no longer, or a
-        corner is not finite.
+        Of the same topology; None if welded points are apart, or a corner is not finite.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.silhouettes import edge_table, moved_table
     >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     >>> table = moved_table(edge_table(square, [[0, 1, 2], [0, 2, 3]]), 2 * square)
@@ -166,17 +154,12 @@ def _placed(points, triangles, welded):
     # A power of two rounds nothing, and squares of very small or large meshes stay in range.
     unit = float(2.0 ** np.frexp(half_box.max() or 1.0)[1])
     planes = _planes(points / unit, triangles)
-    return {
-        'origin': origin,
-        'half_box': half_box,
-        'points': points,
-        'planes': planes,
-        'unit': unit,
-    }
+    names = 'origin', 'half_box', 'points', 'planes', 'unit'
+    return dict(zip(names, (origin, half_box, points, planes, unit), strict=True))
 
 
 class LitMesh:
-    """A mesh as a light sees it: its front faces, its silhouette, and its shadow volume.
+    """The front faces, the silhouette and the shadow volume of a mesh and a light.
 
     Parameters
     ----------
@@ -194,22 +177,11 @@ class LitMesh:
     --------
     >>> from pvibr.maths.silhouettes import LitMesh, edge_table
     >>> sheet = edge_table([[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[0, 1, 2]])
-    >>> above, below = LitMesh(sheet, (0, 0, 1, 0)), LitMesh(sheet, (0, 0, -1, 0))
-    >>> above.facing.tolist(), below.facing.tolist()
-    ([True], [False])
-    >>> above.weights.tolist(), below.weights.tolist()
-    ([1], [-1])
-    >>> above.volume_triangles().tolist()
+    >>> lit = LitMesh(sheet, (0, 0, 1, 0))
+    >>> lit.facing.tolist(), lit.silhouette[1].tolist()
+    ([True], [1, 1, 1])
+    >>> lit.volume_triangles().tolist()
     [[1, 0, 3], [0, 2, 3], [2, 1, 3], [0, 1, 2]]
-    >>> vertices, triangles = above.volume(caps=False)
-    >>> vertices.tolist()[2:]
-    [[-1.0, 1.0, 0.0, 1.0], [-0.0, -0.0, -1.0, 0.0]]
-    >>> triangles.shape
-    (3, 3)
-    >>> square = edge_table([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
-    >>> ends, multiplicities = LitMesh(square, (0, 0, 1, 0)).silhouette
-    >>> len(ends), multiplicities.tolist()
-    (4, [1, 1, 1, 1])
     """
 
     def __init__(self, edges, light):
@@ -226,24 +198,15 @@ class LitMesh:
 
     @cached_property
     def facing(self):
-        """Whether each triangle turns its counterclockwise side to the light; edge-on is False.
-
-        Returns
-        -------
-        numpy.ndarray, shape (m,), bool
-            One per triangle.
-        """
+        """Whether each triangle's counterclockwise side faces the light, (m,); False edge-on."""
         return self._edges.planes @ (self._light * [1, 1, 1, self._edges.unit]) > 0
 
     @cached_property
     def weights(self):
-        """How often the prism of each triangle counts, and with which orientation.
+        """Signs of the triangles' prisms, (m,) int8: 1 as wound, -1 reversed, 0 omitted.
 
-        Returns
-        -------
-        numpy.ndarray, shape (m,), int8
-            1 as wound, -1 reversed, 0 omitted: back faces of closed bodies lit from outside, and
-            triangles with the light at a corner.
+        Omitted are back faces of closed bodies lit from outside, and triangles with the light at
+        a corner.
         """
         edges, light = self._edges, self._light
         front = self.facing.view(np.int8)
@@ -265,10 +228,10 @@ class LitMesh:
         Returns
         -------
         ends : numpy.ndarray, shape (k, 2), int
-            Indices into the table's points. The side (first, second, second at infinity, first
-            at infinity) is counterclockwise seen from outside the shadow.
+            Indices of points; the side (first, second, second at infinity, first at infinity) is
+            counterclockwise seen from outside the shadow.
         multiplicities : numpy.ndarray, shape (k,), int
-            How often each side counts; positive.
+            Positive.
         """
         # Reversed, a triangle runs along its edges the other way: look up m + i for that.
         table = np.concatenate([self.weights, -self.weights])
@@ -297,8 +260,8 @@ class LitMesh:
         Returns
         -------
         numpy.ndarray, shape (q, 3), int
-            Triangles, counterclockwise seen from outside. Index i < n is point i; n + i is point
-            i moved to infinity, away from the light, and n alone for a direction. A side of
+            Counterclockwise seen from outside. Index i < n is point i, n + i is point i moved to
+            infinity away from the light, and n that of all points for a direction. A side of
             multiplicity k occurs k times.
         """
         triangles, prisms = self._edges.triangles, self.weights
@@ -318,8 +281,8 @@ class LitMesh:
     def volume(self, caps=True):
         """Return the surface of the shadow volume.
 
-        A point is in shadow if the way from a lit point to it crosses the surface more often
-        inward than outward.
+        A point is in shadow if the path from a lit point to it enters the surface more often than
+        it leaves.
 
         Parameters
         ----------
@@ -328,11 +291,9 @@ class LitMesh:
 
         Returns
         -------
-        vertices : numpy.ndarray, shape (v, 4), float64
-            Homogeneous points, relative to `Edges.origin` in world units; the last number is 1,
-            or 0 at infinity, where the others are a unit vector.
-        triangles : numpy.ndarray, shape (q, 3), int
-            As of :meth:`volume_triangles`, indices into these vertices.
+        vertices, triangles : numpy.ndarray, shape (v, 4) and (q, 3)
+            Homogeneous points relative to `Edges.origin`, world units, or (unit vector, 0) at
+            infinity; triangles of :meth:`volume_triangles`, indices of these vertices.
         """
         triangles = self.volume_triangles(caps)
         points, light = self._edges.points, self._light

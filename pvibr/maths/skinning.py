@@ -1,10 +1,10 @@
 """Blending of joints per vertex: linear, and by dual quaternions; numpy only, float64.
 
-Both ways give one affine matrix per vertex, which moves the vertex and, by its cofactors, the
-normal. Dual quaternions: Kavan, Collins, Zara and O'Sullivan, "Geometric Skinning with
-Approximate Dual Quaternion Blending", ACM Transactions on Graphics 27(4), 2008: blending in
-section 3 (the antipodal sign in 3.3), scale in two phases in section 4.2. Here each joint
-stretches about its own place at rest, so that the result does not depend on the origin.
+Both give one affine matrix per vertex, which moves the vertex and, by its cofactors, the normal.
+Dual quaternions: Kavan, Collins, Zara and O'Sullivan, "Geometric Skinning with Approximate Dual
+Quaternion Blending", ACM Transactions on Graphics 27(4), 2008: blending in section 3 (the
+antipodal sign in 3.3), scale in two phases in section 4.2. Here each joint stretches about its
+own position at rest, so that the result does not depend on the origin.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.maths import quaternions
+from pvibr.maths.vectors import unit_vectors
 
 MAX_INFLUENCES = 8
 _HALF_TURN = 1e-6  # cosine between quaternions, as in posing.glsl
@@ -33,8 +34,7 @@ def normalized_weights(weights):
     Raises
     ------
     ValueError
-        If a weight is negative or not finite, or all weights of a vertex are zero; the first
-        such vertices are named.
+        If a weight is negative or not finite, or all weights of a vertex are zero.
 
     Examples
     --------
@@ -61,11 +61,9 @@ def linear_blend(matrices, joints, weights):
     Parameters
     ----------
     matrices : array_like, shape (m, 4, 4)
-        ``figure_from_rest`` of each joint: where the joint takes a point of the rest pose.
-    joints : array_like of int, shape (v, k)
-        Joints of each vertex.
-    weights : array_like, shape (v, k)
-        Their weights, of sum 1.
+        ``figure_from_rest`` of each joint.
+    joints, weights : array_like, shape (v, k)
+        Joints of each vertex and their weights, of sum 1.
 
     Returns
     -------
@@ -74,7 +72,6 @@ def linear_blend(matrices, joints, weights):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths import skinning
     >>> two = np.stack([np.eye(4), np.diag([3.0, 3.0, 3.0, 1.0])])
     >>> skinning.linear_blend(two, [[0, 1]], [[0.5, 0.5]])[0, 0].tolist()
@@ -91,21 +88,18 @@ def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
     ----------
     matrices : array_like, shape (m, 4, 4)
         ``figure_from_rest`` of each joint.
-    joints : array_like of int, shape (v, k)
-        Joints of each vertex.
-    weights : array_like, shape (v, k)
-        Their weights, of sum 1.
+    joints, weights : array_like, shape (v, k)
+        Joints of each vertex and their weights, of sum 1.
     centers : array_like, shape (m, 3), optional
-        Joints at rest, about which scale and shear act. Default the origin.
+        Joints at rest, about which scale and shear act; the origin by default.
     bulge : float
-        From 0 to 1: how much of the way from the linear blend to that of dual quaternions is
-        gone. 1 keeps the cross-section of a twist and lets the outside of a bend bulge; less of
-        it trades one for the other.
+        From 0, the linear blend, to 1, which keeps the cross-section of a twist and lets the
+        outside of a bend bulge.
 
     Returns
     -------
     numpy.ndarray, shape (v, 3, 4), float64
-        Affine matrices; free of stretch where the joints are and ``bulge`` is 1.
+        Affine matrices; rigid if the joints are and ``bulge`` is 1.
 
     Raises
     ------
@@ -116,7 +110,6 @@ def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
     --------
     A point between a joint at rest and one turned by 180 degrees keeps its distance.
 
-    >>> import numpy as np
     >>> from pvibr.maths import skinning
     >>> two = np.stack([np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])])
     >>> matrix = skinning.dual_blend(two, [[0, 1]], [[0.5, 0.5]])[0]
@@ -143,27 +136,24 @@ def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
 
 
 def dual_parts(matrices, centers=None):
-    """Take joints apart into unit dual quaternions and the stretch before them.
+    """Decompose joints into unit dual quaternions and the stretch before them.
 
     Parameters
     ----------
     matrices : array_like, shape (..., m, 4, 4)
         ``figure_from_rest`` of each joint.
     centers : array_like, shape (m, 3), optional
-        Joints at rest, about which they stretch. Default the origin.
+        Joints at rest, about which they stretch; the origin by default.
 
     Returns
     -------
-    real : numpy.ndarray, shape (..., m, 4), float64
-        Rotation (w, x, y, z).
-    dual : numpy.ndarray, shape (..., m, 4), float64
-        Half the translation, as a pure quaternion, times the rotation.
+    real, dual : numpy.ndarray, shape (..., m, 4), float64
+        Rotation (w, x, y, z), and its product with half the translation as a pure quaternion.
     stretch : numpy.ndarray, shape (..., m, 3, 4), float64
         Affine matrices of scale, shear and mirror, the first phase.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths import skinning
     >>> real, dual, stretch = skinning.dual_parts([np.diag([2.0, 2.0, 2.0, 1.0])], [[1.0, 0, 0]])
     >>> stretch[0, 0].tolist(), (2 * dual[0]).tolist()
@@ -189,8 +179,7 @@ def rigid(real, dual):
     real : array_like, shape (..., 4)
         Rotations (w, x, y, z) of any length but zero.
     dual : array_like, shape (..., 4)
-        Half the translation times the rotation, as long as the rotation is. A part along
-        ``real``, as a sum of dual quaternions has, is no motion and does nothing.
+        Half the translation times ``real``. A component along ``real`` has no effect.
 
     Returns
     -------
@@ -226,7 +215,6 @@ def moved_points(matrices, points):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths import skinning
     >>> skinning.moved_points([np.eye(4)[:3] * 2], [[1.0, 2.0, 3.0]]).tolist()
     [[2.0, 4.0, 6.0]]
@@ -252,7 +240,6 @@ def moved_normals(matrices, normals):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths import skinning
     >>> flat = np.diag([1.0, 1.0, -5.0, 1.0])[:3]
     >>> skinning.moved_normals([flat], [[0.0, 0.0, 1.0]]).tolist()
@@ -263,8 +250,7 @@ def moved_normals(matrices, normals):
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
     sign = np.where((cofactors[..., 0] * a).sum(-1) < 0, -1.0, 1.0)
     moved = _times(cofactors, np.asarray(normals, float)) * sign[..., None]
-    lengths = np.linalg.norm(moved, axis=-1, keepdims=True)
-    return np.divide(moved, lengths, out=np.zeros_like(moved), where=lengths > 0) + 0.0
+    return unit_vectors(moved) + 0.0
 
 
 def _weighted(values, joints, weights):

@@ -41,7 +41,7 @@ def turned(normal, step) -> np.ndarray:
     normal : numpy.ndarray, shape (3,)
         Unit vector.
     step : float
-        Radians that the farthest but those in the corners are away.
+        Maximum angle along either axis, radians.
 
     Returns
     -------
@@ -58,29 +58,26 @@ def turned(normal, step) -> np.ndarray:
 
 
 def thinnest(points, starts, enough):
-    """Return a thin slab that holds points: the thinnest near some directions.
+    """Return the thinnest slab that holds points, near some directions.
 
     Parameters
     ----------
     points : numpy.ndarray, shape (n, 3)
         Any units.
     starts : sequence of numpy.ndarray, shape (3,)
-        Unit vectors; that of least spread is tried first.
+        Initial unit vectors, besides that of least spread.
     enough : float
-        Thickness that is thin enough; much thicker ones are not turned.
+        Sufficient thickness; much thicker slabs are not refined.
 
     Returns
     -------
     normal : numpy.ndarray, shape (3,)
         Unit vector.
-    offset : float
-        Of the slab's middle along it.
-    thickness : float
-        In units of the points.
+    offset, thickness : float
+        Offset of the slab's middle along it, and thickness, in units of the points.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.slabs import thinnest
     >>> corners = np.array([[0, 0, 0], [4, 0, 0.1], [0, 4, 0], [4, 4, 0.1]])
     >>> normal, offset, thickness = thinnest(corners, [np.array([0, 0, 1.0])], 0.01)
@@ -110,16 +107,12 @@ class Cover:
     ----------
     points : numpy.ndarray, shape (n, 3)
         Any units.
-    faces : numpy.ndarray of int, shape (m, 3)
-        Triangles.
-    areas : numpy.ndarray, shape (m,)
-        Of these.
-    normals : numpy.ndarray, shape (k, 3)
-        Unit vectors of slabs.
-    offsets : numpy.ndarray, shape (k,)
-        Of their middles.
+    faces, areas : numpy.ndarray, shape (m, 3) and (m,)
+        Triangles and their areas.
+    normals, offsets : numpy.ndarray, shape (k, 3) and (k,)
+        Unit vectors and offsets of the slabs' middles.
     bound : float
-        Half of their thickness.
+        Half the thickness.
     """
 
     def __init__(self, points, faces, areas, normals, offsets, bound):
@@ -134,15 +127,7 @@ class Cover:
         return away[self.faces].max(1) <= self.bound
 
     def merged(self):
-        """Return fewer slabs, where one does for two: it holds what no other does.
-
-        Returns
-        -------
-        normals : numpy.ndarray, shape (k, 3)
-            Unit vectors.
-        offsets : numpy.ndarray, shape (k,)
-            Of the slabs' middles.
-        """
+        """Return the normals and offsets of fewer slabs, each pair merged if one slab suffices."""
         while self._merge():
             pass
         return self.normals, self.offsets

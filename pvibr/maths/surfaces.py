@@ -10,24 +10,23 @@ _THIN = 1e-6  # thickness, of the whole size, below which a piece's sides are no
 
 
 def encloses(points, faces) -> bool:
-    """Return True if triangles are closed and turned outward, so that nobody sees their backs.
+    """Return True if triangles are closed and oriented outward.
 
     Parameters
     ----------
     points : array_like, shape (n, 3)
-        Any units. Points in one place are one.
+        Any units; points of equal coordinates are one.
     faces : array_like of int, shape (m, 3)
         Indices of points, counter-clockwise seen from outside.
 
     Returns
     -------
     bool
-        True where each edge is run through as often one way as the other, and each piece that
-        hangs together has a volume above zero: from outside, the first side met is a front.
+        True if each edge is used as often in one direction as in the other, and each connected
+        component has a positive volume.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.surfaces import encloses
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     >>> sides = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])

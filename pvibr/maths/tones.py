@@ -35,12 +35,12 @@ _AGX_CURVE = (15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232)
 
 
 def to_light(colors):
-    """Return the linear light of colours as a display is given them (sRGB, IEC 61966-2-1).
+    """Return the linear light of sRGB display values (IEC 61966-2-1).
 
     Parameters
     ----------
     colors : array_like
-        Display values; above 1 the curve goes on, below 0 counts as 0.
+        Display values; extrapolated above 1, clamped at 0.
 
     Returns
     -------
@@ -58,12 +58,12 @@ def to_light(colors):
 
 
 def to_display(light):
-    """Return what a display is given for linear light; undoes :func:`to_light`.
+    """Return the sRGB display values of linear light; undoes :func:`to_light`.
 
     Parameters
     ----------
     light : array_like
-        Linear light; below 0 counts as 0.
+        Linear light; clamped at 0.
 
     Returns
     -------
@@ -83,16 +83,25 @@ def to_display(light):
 def tone_map(colors, curve='faithful', stops=0.0, white=4.0):
     """Return display colours with an exposure and a curve, as ``ToneMapping`` shows them.
 
+    - faithful keeps values in [0, 1]; brighter colours keep their hue and go to white.
+    - reinhard: Reinhard, Stark, Shirley and Ferwerda, "Photographic tone reproduction for digital
+      images", 2002, equation 4, on luminance.
+    - aces: Stephen Hill's fit (BakingLab) of the RRT and the sRGB ODT of the Academy Color
+      Encoding System.
+    - agx: Troy Sobotka's AgX with the polynomial of Benjamin Wrensch, "Minimal AgX
+      implementation", 2023; its result is in display values.
+    - neutral: Khronos PBR Neutral, 2024.
+
     Parameters
     ----------
     colors : array_like, shape (..., 3)
         Display values, which may be above 1.
     curve : {'faithful', 'reinhard', 'aces', 'agx', 'neutral'}, optional
-        See Notes.
+        Tone mapping operator.
     stops : float, optional
-        Exposure: each stop doubles the light.
+        Exposure; each stop doubles the light.
     white : float, optional
-        For reinhard: the luminance that becomes white.
+        Luminance of white in reinhard.
 
     Returns
     -------
@@ -104,22 +113,9 @@ def tone_map(colors, curve='faithful', stops=0.0, white=4.0):
     ValueError
         If the curve is unknown.
 
-    Notes
-    -----
-    - faithful: what is in [0, 1] stays; brighter colours keep their hue and go to white.
-    - reinhard: Reinhard, Stark, Shirley and Ferwerda, "Photographic tone reproduction for digital
-      images", 2002, equation 4, on luminance.
-    - aces: the fit by Stephen Hill (BakingLab) of the RRT and the sRGB ODT of the Academy Color
-      Encoding System.
-    - agx: Troy Sobotka's AgX with the polynomial of Benjamin Wrensch, "Minimal AgX
-      implementation", 2023; what it gives is for the display as it is.
-    - neutral: Khronos PBR Neutral, 2024.
-
     Examples
     --------
     >>> from pvibr.maths.tones import tone_map
-    >>> tone_map([0.2, 0.5, 1.0]).tolist()
-    [0.2, 0.5, 1.0]
     >>> tone_map([2.0, 1.0, 0.0]).round(3).tolist()
     [1.0, 0.667, 0.333]
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.maths.quaternions import to_matrices
+from pvibr.maths.vectors import unit_vectors
 
 
 def trs(translations, quaternions=None, scales=None):
@@ -13,7 +14,7 @@ def trs(translations, quaternions=None, scales=None):
     Parameters
     ----------
     translations : array_like, shape (n, 3)
-        Where the origin goes, in world units.
+        World units.
     quaternions : array_like, shape (n, 4) or (4,), optional
         Rotations (w, x, y, z).
     scales : array_like, shape (n, 3), (n,) or scalar, optional
@@ -59,7 +60,6 @@ def transform_points(matrix, points):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.transforms import transform_points
     >>> transform_points(np.diag([2.0, 2.0, 2.0, 1.0]), [[1.0, 2.0, 3.0]]).tolist()
     [[2.0, 4.0, 6.0]]
@@ -85,13 +85,10 @@ def transform_normals(matrix, normals):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from pvibr.maths.transforms import transform_normals
     >>> transform_normals(np.diag([1.0, 1.0, -5.0, 1.0]), [[0.0, 0.0, 1.0]]).tolist()
     [[0.0, 0.0, -1.0]]
     """
     linear = np.asarray(matrix, dtype=np.float64)[:3, :3]
     # Normals are covectors: n . v must keep its value, so a row times the inverse.
-    moved = np.asarray(normals, dtype=np.float64) @ np.linalg.inv(linear)
-    lengths = np.linalg.norm(moved, axis=1, keepdims=True)
-    return np.divide(moved, lengths, out=np.zeros_like(moved), where=lengths > 0) + 0.0
+    return unit_vectors(np.asarray(normals, dtype=np.float64) @ np.linalg.inv(linear)) + 0.0

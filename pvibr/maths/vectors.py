@@ -47,7 +47,7 @@ def as_units(name, vectors) -> np.ndarray:
     Raises
     ------
     TypeError
-        If these are no numbers.
+        If these are not numbers.
     ValueError
         If a vector is zero or not finite.
 

@@ -25,10 +25,8 @@ class View:
 
     Attributes
     ----------
-    view_from_world : numpy.ndarray
-        (4, 4) float64; the eye at the origin, looking along -z.
-    clip_from_view : numpy.ndarray
-        (4, 4) float64; clip z from -w (near) to w (far).
+    view_from_world, clip_from_view : numpy.ndarray
+        (4, 4) float64; the eye looks along -z, clip z is from -w (near) to w (far).
     near, far : float
         Distances of the clipping planes along the view, world units.
     parallel : bool
@@ -77,10 +75,8 @@ def look_along(eye, direction, up=None) -> np.ndarray:
 
     Parameters
     ----------
-    eye : array_like, shape (3,)
-        World units.
-    direction : array_like, shape (3,)
-        Looked along; of any length but 0.
+    eye, direction : array_like, shape (3,)
+        World units; the direction is of any length but 0.
     up : array_like, shape (3,), optional
         Upward; any by default.
 
@@ -116,7 +112,7 @@ def perspective(eye, direction, tangent, near, far, up=None) -> View:
     eye, direction : array_like, shape (3,)
         World units.
     tangent : float
-        Of half the angle of view.
+        Tangent of half the angle of view.
     near, far : float
         World units, 0 < near < far.
     up : array_like, shape (3,), optional
@@ -230,19 +226,19 @@ def box_distance(point, bounds) -> float:
 
 
 def may_see(view, bounds) -> np.ndarray:
-    """Tell which boxes reach into a view, or may do so.
+    """Return which boxes may intersect a view.
 
     Parameters
     ----------
     view : View
-        Where from.
+        Pose and projection.
     bounds : array_like, shape (n, 6)
         x, y and z, low and high each, world units.
 
     Returns
     -------
     numpy.ndarray, shape (n,), bool
-        False where all corners are outside of one and the same plane, the near one left out.
+        False if all corners are outside of one plane, the near one left out.
 
     Examples
     --------
@@ -256,19 +252,19 @@ def may_see(view, bounds) -> np.ndarray:
 
 
 def may_see_boxes(view, low, high) -> np.ndarray:
-    """Tell which boxes reach into a view, as :func:`may_see` does.
+    """Return which boxes may intersect a view, as :func:`may_see` does.
 
     Parameters
     ----------
     view : View
-        Where from.
+        Pose and projection.
     low, high : numpy.ndarray, shape (n, 3)
         Corners, world units.
 
     Returns
     -------
     numpy.ndarray, shape (n,), bool
-        Those of which no plane leaves out all.
+        False if all corners are outside of one plane.
     """
     clip = view.clip_from_view @ view.view_from_world
     # Of a box's corners the middle's distance from a plane and its reach along it tell.
@@ -281,12 +277,12 @@ def may_see_boxes(view, low, high) -> np.ndarray:
 
 
 def covered(view, bounds, size) -> tuple[int, int, int, int]:
-    """Return the part of a picture that boxes may cover.
+    """Return the rectangle of a picture that boxes may cover.
 
     Parameters
     ----------
     view : View
-        Where from.
+        Pose and projection.
     bounds : array_like, shape (n, 6)
         x, y and z, low and high each, world units.
     size : tuple of 2 int
@@ -295,8 +291,7 @@ def covered(view, bounds, size) -> tuple[int, int, int, int]:
     Returns
     -------
     tuple of 4 int
-        Left, bottom, right and top of the pixels, within the picture; all of it where a corner is
-        beside or behind the eye.
+        Left, bottom, right and top, pixels; the whole picture if a corner is not ahead.
 
     Examples
     --------

@@ -72,7 +72,6 @@ class Projector(Effect):
 
     Two overlapping images, blended:
 
-    >>> import numpy as np
     >>> left = pvibr.Orthographic.from_extent(-1, 0.2, -1, 1, zmax=2)
     >>> right = pvibr.Orthographic.from_extent(-0.2, 1, -1, 1, zmax=2)
     >>> photos = pvibr.Projector([np.zeros((9, 9)), np.ones((9, 9))], [left, right])
@@ -374,7 +373,6 @@ class Projector(Effect):
 
         Examples
         --------
-        >>> import numpy as np
         >>> import pyvista as pv
         >>> import pvibr
         >>> red = np.zeros((8, 8, 3), np.uint8) + [255, 0, 0]

@@ -41,7 +41,6 @@ class Ellipsoids(PointQuadrics):
 
     Examples
     --------
-    >>> import numpy as np
     >>> import pyvista as pv
     >>> import pvibr
     >>> tensor = np.diag([1.0, 4.0, 9.0])

@@ -108,35 +108,6 @@ def test_frames_are_rotations(points):
     np.testing.assert_allclose(axes[:, 2], d)
 
 
-@HALF
-@FEW
-@given(point=arrays(float, 3, elements=st.floats(-1, 1)), n=st.integers(2, 20))
-def test_weights_are_those_of_a_triangle(half, point, n):
-    if np.linalg.norm(point) < 1e-3:
-        return
-    d = unit(point)
-    if half:
-        d = unit(np.array([d[0], d[1], abs(d[2])]))
-    cells, weights = octahedral.nearest_views(d, n, half)
-    assert (weights >= -1e-12).all()
-    assert weights.sum() == pytest.approx(1)
-    assert (cells >= 0).all()
-    assert (cells <= n - 1).all()
-    assert len({tuple(c) for c in cells}) == 3
-    # Barycentric: the weighted mean of the cells is where the direction lies.
-    g = (octahedral.encode(d, half) * 0.5 + 0.5) * (n - 1)
-    np.testing.assert_allclose(weights @ cells, g, atol=1e-9)
-
-
-@HALF
-@pytest.mark.parametrize('n', [3, 16])
-def test_weights_at_a_view_are_one_of_it(half, n):
-    views = octahedral.view_directions(n, half)
-    for row, column in [(0, 0), (0, 1), (1, 1), (n - 1, 1), (n - 1, n - 1), (n // 2, n - 1)]:
-        _, weights = octahedral.nearest_views(views[row, column], n, half)
-        assert weights.max() == pytest.approx(1, abs=1e-6)
-
-
 # ---------------------------------------------------------------- the twin on the GPU
 
 
