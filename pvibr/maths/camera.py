@@ -55,8 +55,8 @@ class Camera:
 
         Returns
         -------
-        origins, directions : numpy.ndarray, shape (n, 3), float64
-            Points at depth 0, world units, and unit vectors; NaN where the lens sees nothing.
+        tuple of 2 numpy.ndarray, shape (n, 3), float64
+            Origins at depth 0, world units, and unit vectors; NaN where the lens sees nothing.
         """
         raise NotImplementedError
 

@@ -107,7 +107,7 @@ def outline_distances(drawn, other):
 
     Returns
     -------
-    pixels, away : numpy.ndarray, shape (n, 2) and (n,)
+    tuple of 2 numpy.ndarray, shape (n, 2) and (n,)
         Rows and columns of the outline of `drawn`, and the distances to the silhouette of `other`.
     """
     edge, target = outline(drawn), crossed(other)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import HalfspaceIntersection
 
 from pvibr.maths.vectors import unit_vectors
-from pvibr.maths.views import View
+from pvibr.maths.views import View, frustum
 
 # The middle of a card and its corners, as shares of its sides.
 _SHARES = np.array([[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -139,10 +139,8 @@ def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:
 
     Parameters
     ----------
-    center, radius : numpy.ndarray, shape (n, 3) and (n,)
-        Bounding spheres, world units.
-    corners : numpy.ndarray, shape (n, k, 3)
-        Corners of bounding polytopes, less `center`.
+    center, corners, radius : numpy.ndarray, shape (n, 3), (n, k, 3) and (n,)
+        Bounding spheres, and corners of bounding polytopes less `center`, world units.
     eye, up : array_like, shape (3,)
         The eye in world units, outside of all objects, and the camera's upward direction.
     toward : array_like, shape (3,), optional
@@ -210,18 +208,16 @@ def card_view(card, k, pad, *, parallel=False) -> View:
     reach = 1.001 * card.depth[k]
     away = 3.0 * reach if parallel else card.away[k]
     near, far = away - reach, away + reach
-    world, clip = np.eye(4), np.zeros((4, 4))
+    world = np.eye(4)
     world[:3, :3] = axes
     world[:3, 3] = -axes @ (card.center[k] + away * axes[2])
     if parallel:
+        clip = np.zeros((4, 4))
         clip[[0, 1], [0, 1]], clip[[0, 1], [3, 3]] = 2 / (high - low), -(high + low) / (high - low)
         clip[2, 2:] = -2 / (far - near), -(far + near) / (far - near)
         clip[3, 3] = 1.0
     else:
-        clip[[0, 1], [0, 1]] = 2 * away / (high - low)
-        clip[[0, 1], [2, 2]] = (high + low) / (high - low)
-        clip[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
-        clip[3, 2] = -1.0
+        clip = frustum(low, high, near, far, away)
     return View(world, clip, float(near), float(far), parallel)
 
 

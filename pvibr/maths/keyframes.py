@@ -35,7 +35,7 @@ def frame_weights(keys, times, interpolation='linear', period=None):
 
     Returns
     -------
-    indices, weights : numpy.ndarray, shape (..., k), int64 and float64
+    tuple of 2 numpy.ndarray, shape (..., k), int64 and float64
         Frames and their weights, of sum 1 and, beyond 'linear', of either sign.
 
     Raises

@@ -27,7 +27,7 @@ def to_screen(clip, size) -> tuple[np.ndarray, np.ndarray]:
 
     Returns
     -------
-    at, ahead : numpy.ndarray, shape (n, 2), and (n,) of bool
+    tuple of 2 numpy.ndarray, shape (n, 2), and (n,) of bool
         Pixels, and whether the points are beyond the near plane; pixels of others are undefined.
     """
     w = clip[:, 3]
@@ -227,7 +227,7 @@ def stretch(warp, at) -> tuple[float, float]:
 
     Returns
     -------
-    longest, shortest : float
+    tuple of 2 float
         1 where nothing changes.
     """
     x, y, w = warp @ [*at, 1.0]

@@ -19,7 +19,7 @@ def on_screen(frame, centers, radii):
 
     Returns
     -------
-    low, high : numpy.ndarray, shape (n, 2)
+    tuple of 2 numpy.ndarray, shape (n, 2)
         Lower left and upper right corners, pixels; undefined for spheres across the eye's plane.
 
     Examples

@@ -40,8 +40,8 @@ class Meeting(NamedTuple):
 
         Returns
         -------
-        distance, normal, inside : numpy.ndarray, shape (...), (..., 3) and (...)
-            Infinite without a surface; toward the start of the ray; whether the inside is seen.
+        tuple of 3 numpy.ndarray, shape (...), (..., 3) and (...)
+            Distances, infinite for none; normals toward the start; whether the inside is seen.
         """
         with np.errstate(invalid='ignore'):
             ahead = self.hits & (self.distances >= near)

@@ -291,7 +291,7 @@ class LitMesh:
 
         Returns
         -------
-        vertices, triangles : numpy.ndarray, shape (v, 4) and (q, 3)
+        tuple of 2 numpy.ndarray, shape (v, 4) and (q, 3)
             Homogeneous points relative to `Edges.origin`, world units, or (unit vector, 0) at
             infinity; triangles of :meth:`volume_triangles`, indices of these vertices.
         """

@@ -123,11 +123,34 @@ def perspective(eye, direction, tangent, near, far, up=None) -> View:
     View
         float64.
     """
+    sides = np.full(2, float(tangent))
+    clip = frustum(-sides, sides, near, far)
+    return View(look_along(eye, direction, up), clip, float(near), float(far), False)
+
+
+def frustum(low, high, near, far, at=1.0) -> np.ndarray:
+    """Return the perspective projection of a rectangle.
+
+    Parameters
+    ----------
+    low, high : numpy.ndarray, shape (2,)
+        Corners of the rectangle, x and y.
+    near, far : float
+        World units.
+    at : float
+        Distance of the rectangle from the eye, world units.
+
+    Returns
+    -------
+    numpy.ndarray, shape (4, 4)
+        Clip space from view space.
+    """
     clip = np.zeros((4, 4))
-    clip[0, 0] = clip[1, 1] = 1 / tangent
+    clip[[0, 1], [0, 1]] = 2 * at / (high - low)
+    clip[[0, 1], [2, 2]] = (high + low) / (high - low)
     clip[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
     clip[3, 2] = -1
-    return View(look_along(eye, direction, up), clip, float(near), float(far), False)
+    return clip
 
 
 def around(eye, near, far, tangent=1.0) -> list[View]:

@@ -15,7 +15,7 @@ from pvibr.gl import enums as gl
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.mipmaps import copy
 from pvibr.maths.cameras import as_camera
-from pvibr.maths.views import View, look_along
+from pvibr.maths.views import View, frustum, look_along
 from pvibr.projection.depth_maps import view_of
 from pvibr.scene.casters import Casters, Surfaces
 from pvibr.scene.seen_from import seen_from
@@ -86,13 +86,10 @@ class LiveTexture(Effect):
 
     web = 'lost', 'is rendered in each frame; a browser shows the last one'
     what = Param(
-        'color', 'Colours, or depth: near is white, far is black.', choices=('color', 'depth')
+        'color', 'Colours, or depth, white at the near plane.', choices=('color', 'depth')
     )
     background = Param(
-        None,
-        'Background colour, RGBA; by default the background of the subplot.',
-        range='[0, 1]',
-        kind=tuple,
+        None, "Background colour, RGBA; the subplot's by default.", range='[0, 1]', kind=tuple
     )
 
     def __init__(self, camera, actors=None, size=(512, 512), **settings):
@@ -380,7 +377,7 @@ class Mirror(LiveTexture):
         near = 1.001 * away
         far = 1.001 * max(near, _farthest(view, bounds))
         slopes = sides[:2] / away
-        clip = _frustum(slopes.min(axis=1), slopes.max(axis=1), near, far)
+        clip = frustum(slopes.min(axis=1), slopes.max(axis=1), near, far)
         return View(view, clip, near, far, False)
 
 
@@ -404,16 +401,6 @@ def _farthest(view, bounds) -> float:
     low, high = bounds[:, 0::2].min(axis=0), bounds[:, 1::2].max(axis=0)
     ahead = -view[2, :3]
     return float(np.where(ahead > 0, high, low) @ ahead - view[2, 3])
-
-
-def _frustum(low, high, near, far) -> np.ndarray:
-    """Return the projection of what lies between slopes, of x and of y over distance."""
-    clip = np.zeros((4, 4))
-    clip[[0, 1], [0, 1]] = 2 / (high - low)
-    clip[[0, 1], [2, 2]] = (high + low) / (high - low)
-    clip[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
-    clip[3, 2] = -1
-    return clip
 
 
 @contextmanager

@@ -83,31 +83,18 @@ class Projector(Effect):
     web = 'baked', 'colours or textures of surfaces'
     mode = Param(
         'replace',
-        'How the image meets the surface: replaces its colour, lights it as a slide projector '
-        'does, covers it by alpha, or is added.',
+        'Replace the surface colour, light it as a slide projector, cover it by alpha, or add.',
         choices=('replace', 'modulate', 'decal', 'add'),
     )
-    lit = Param(
-        False,
-        'Whether the scene lights the image, in modes replace and decal; else its colours are '
-        'shown as photographed.',
-    )
+    lit = Param(False, 'Whether the scene lights the image, in modes replace and decal.')
     occlusion = Param(True, 'Whether surfaces hidden from the camera stay unpainted.')
     opacity = Param(1.0, 'Opacity of the image.', range='[0, 1]')
     feather = Param(
-        0.0,
-        'Width of the border over which the image fades out, as a fraction of its sides.',
-        range='[0, 0.5]',
+        0.0, 'Width of the fade at the border, as a fraction of the sides.', range='[0, 0.5]'
     )
-    outside_brightness = Param(
-        1.0, 'Factor of the surface colour outside the image.', range='[0, 1]'
-    )
+    outside_brightness = Param(1.0, 'Surface brightness outside the image.', range='[0, 1]')
     max_angle = Param(
-        90.0,
-        'Maximum angle between the surface normal and the direction to the camera: below 90 '
-        'leaves out grazing views, 180 paints both sides.',
-        range='(0, 180]',
-        unit='degrees',
+        90.0, 'Maximum angle of incidence; 180 for both sides.', range='(0, 180]', unit='degrees'
     )
     gain = Param((1.0, 1.0, 1.0), 'Factors of red, green and blue.', range='[0, inf)')
     resolution = Param(
@@ -118,28 +105,21 @@ class Projector(Effect):
     )
     normal_bias = Param(
         0.25,
-        'Distance by which receivers are moved along their normal for the depth test: too low '
-        'leaves holes on concave surfaces, too high paints just behind edges.',
+        'Offset of receivers along their normal: too low leaves holes on concave surfaces, too '
+        'high paints just behind edges.',
         range='[0, 16]',
         unit='texels',
     )
     fps = Param(
-        None,
-        "Images of a sequence per second of pl.ibr.time; by default the film's frame rate.",
-        range='(0, inf)',
-        kind=float,
+        None, "Frames per second; the film's rate by default.", range='(0, inf)', kind=float
     )
     loop = Param(True, 'Whether a sequence repeats; else its last image stays.')
 
     blend = Param(
-        'feather',
-        'How images share a place: weighted by angle, distance and border, or the best alone.',
-        choices=('feather', 'best'),
+        'feather', 'Overlaps: weighted mean, or the best image.', choices=('feather', 'best')
     )
     gains = Param(
-        'none',
-        'Whether the brightness of several images is made equal where they overlap.',
-        choices=('none', 'auto'),
+        'none', 'Whether exposures of overlapping images are equalized.', choices=('none', 'auto')
     )
 
     def __init__(self, image, camera, *, mask=None, actors=None, casters=None, **settings):

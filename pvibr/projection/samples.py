@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista as pv
 
+from pvibr.maths.vectors import unit_vectors
+
 #: How far points are moved into the faces that they belong to, as a share of the way.
 _INWARD = 1e-3
 
@@ -30,12 +32,10 @@ class Samples:
             raise ValueError(msg)
         corner, cell, point = _triangles(mesh)
         places = np.asarray(mesh.points, float)[point][corner]
-        across = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
-        length = np.linalg.norm(across, axis=1)
-        normals = across / np.where(length > 0, length, 1)[:, None]
+        normals, area = normals_and_areas(places)
         middle, corner = places.mean(1), point[corner]
         if to == 'cells':
-            return cls(middle, normals, cell, mesh.n_cells, corner, length / 2)
+            return cls(middle, normals, cell, mesh.n_cells, corner, area)
         inward = places + _INWARD * (middle[:, None] - places)
         alone = np.setdiff1d(np.arange(mesh.n_points), corner)
         return cls(
@@ -44,7 +44,7 @@ class Samples:
             np.concatenate([corner.ravel(), alone]),
             mesh.n_points,
             np.concatenate([np.repeat(corner, 3, 0), np.stack([alone] * 3, 1)]),
-            np.concatenate([np.repeat(length / 2, 3), np.zeros(len(alone))]),
+            np.concatenate([np.repeat(area, 3), np.zeros(len(alone))]),
         )
 
     @classmethod
@@ -95,6 +95,12 @@ def _triangles(mesh):
     surface.cell_data['cell'] = cell
     faces = surface.triangulate()
     return faces.regular_faces.reshape(-1, 3), np.asarray(faces.cell_data['cell']), point
+
+
+def normals_and_areas(corners) -> tuple[np.ndarray, np.ndarray]:
+    """Return unit normals (n, 3), zero for degenerate triangles, and areas (n,)."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return unit_vectors(across), np.linalg.norm(across, axis=1) / 2
 
 
 def surface_of(thing) -> pv.PolyData:

@@ -11,7 +11,7 @@ from scipy import ndimage
 from pvibr.core import _vtk
 from pvibr.gl.offscreen import rasterize
 from pvibr.maths.views import orthographic
-from pvibr.projection.samples import Samples
+from pvibr.projection.samples import Samples, normals_and_areas
 
 #: Texels around each part of a texture that take its colours, for filters that reach over edges.
 _PAD = 8
@@ -79,18 +79,9 @@ def texels_of(mesh, size) -> tuple[Samples, TexelImage]:
     at = np.column_stack([(column + 0.5) / width, (row + 0.5) / height])
     share = _barycentric(uv[faces[cell]], at)
     corner = np.asarray(mesh.points, float)[faces]
-    across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    length = np.linalg.norm(across, axis=1)
-    normals = across / np.where(length > 0, length, 1)[:, None]
-    return (
-        Samples.at(
-            np.einsum('nk,nkd->nd', share, corner[cell]),
-            normals[cell],
-            faces[cell],
-            length[cell] / 2,
-        ),
-        TexelImage(inside),
-    )
+    normals, area = normals_and_areas(corner)
+    places = np.einsum('nk,nkd->nd', share, corner[cell])
+    return Samples.at(places, normals[cell], faces[cell], area[cell]), TexelImage(inside)
 
 
 def _barycentric(corners, at):

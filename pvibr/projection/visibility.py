@@ -12,6 +12,7 @@ from pvibr.core.frame import Frame
 from pvibr.maths import depth_test
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.kernels import vogel_disk
+from pvibr.maths.vectors import unit_vectors
 from pvibr.projection.depth_maps import depth_maps, depth_scene, view_of
 from pvibr.projection.samples import Samples, bounds_of, sides_of, surface_of
 from pvibr.scene.lights import light_views, lights_of
@@ -239,8 +240,7 @@ def _lit_side(light, samples) -> int:
 def toward_light(light, points) -> np.ndarray:
     """Return unit vectors to a light, (m, 3)."""
     toward = light.homogeneous()[:3] - (points if light.positional else np.zeros_like(points))
-    length = np.linalg.norm(toward, axis=1, keepdims=True)
-    return toward / np.where(length > 0, length, 1)
+    return unit_vectors(toward)
 
 
 def _views(scene, light, resolution) -> list:
