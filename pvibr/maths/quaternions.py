@@ -310,8 +310,8 @@ def swing_twist(quaternions, axis):
     Returns
     -------
     tuple of 2 numpy.ndarray, shape (..., 4), float64
-        Swing and twist: rotations perpendicular to ``axis`` and about it, whose product is the whole. The twist is
-        the identity if the swing is a half turn.
+        Swing and twist: rotations perpendicular to ``axis`` and about it, whose product is the
+        whole. The twist is the identity if the swing is a half turn.
 
     Raises
     ------
