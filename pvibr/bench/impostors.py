@@ -61,30 +61,25 @@ def _paths(settings, results):
 def _timed(stage, impostor, cameras, every=10) -> dict:
     """Return mean milliseconds of frames, each so many with one of meshes between them."""
     warm_up(stage, impostor, cameras[:1])
-    times: dict = {True: [], False: []}
-    rendered, worst = [impostor.rendered], 0.0
-    for enabled, ms in beside_full(stage, impostor, cameras, every):
-        times[enabled].append(ms)
+    rendered, errors = [impostor.rendered], [0.0]
+
+    def note(enabled):
         if enabled:
             rendered.append(impostor.rendered)
-            worst = max(worst, impostor.report()['error_px'])
-    (ms, cpu), (mesh_ms, mesh_cpu) = (np.mean(times[k], axis=0).tolist() for k in (True, False))
-    return {
-        'ms': ms,
-        'cpu': cpu,
-        'mesh_ms': mesh_ms,
-        'mesh_cpu': mesh_cpu,
-        'error': worst,
+            errors.append(impostor.report()['error_px'])
+
+    return beside_full(stage, impostor, cameras, every, note) | {
+        'error': max(errors),
         'drawn': (rendered[-1] - rendered[0]) / len(cameras),
         'frames': np.count_nonzero(np.diff(rendered)) / len(cameras),
     }
 
 
 def _rows(name, count, found, bar):
-    yield Row(f'{name}: {count} meshes', found['mesh_ms'], 'ms')
+    yield Row(f'{name}: {count} meshes', found['full_ms'], 'ms')
     yield Row(f'{name}: impostors, images drawn again included', found['ms'], 'ms')
-    yield Row(f'{name}: faster than the meshes', found['mesh_ms'] / found['ms'], 'x', bar, True)
-    yield Row(f'{name}: less processor time', found['mesh_cpu'] / found['cpu'], 'x')
+    yield Row(f'{name}: faster than the meshes', found['full_ms'] / found['ms'], 'x', bar, True)
+    yield Row(f'{name}: less processor time', found['full_cpu'] / found['cpu'], 'x')
     yield Row(f'{name}: images drawn again in a frame', found['drawn'])
     yield Row(f'{name}: frames in which any was', 100 * found['frames'], '%')
     yield Row(f'{name}: largest error shown', found['error'], 'px', 1.0)
@@ -198,7 +193,7 @@ def plot(points):
     figure, (cost, error) = plots.several_axes((11, 4.5), 1, 2)
     orbits, outline = points['orbit'], points['outline']
     cost.plot([p['ms'] for p in orbits.values()], list(orbits), 'o-', label='impostors')
-    meshes = np.mean([p['mesh_ms'] for p in orbits.values()])
+    meshes = np.mean([p['full_ms'] for p in orbits.values()])
     cost.axvline(meshes, ls='--', color='0.5', label='meshes')
     cost.set(xscale='log', xlabel='ms a frame', ylabel='max_error, px', title='orbit')
     error.plot(list(outline), list(outline.values()), 'o-', label='measured')
@@ -209,10 +204,8 @@ def plot(points):
 
 def _scattered(settings, size, on):
     """Return heavy actors, as impostors or as they are."""
-    pl = real_plotter(size)
     actors = scatter(settings.actors, settings.cells, 4.0)
-    for actor in actors:
-        pl.add_actor(actor, reset_camera=False)
+    pl = real_plotter(size, actors)
     pl.camera_position = orbit(1, 5.0 * np.sqrt(settings.actors))[0]
     if on:
         pl.ibr.add_impostor(actors)

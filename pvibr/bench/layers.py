@@ -71,24 +71,19 @@ def _path(settings, results, name, path, faster=None, error=None):
 def _timed(stage, layers, cameras) -> dict:
     """Return mean milliseconds of frames, and the error of some of them."""
     warm_up(stage, layers, cameras[:2])
-    times: dict = {True: [], False: []}
-    errors, before, worst = [], layers.report()['taken'], 0.0
-    for enabled, ms in beside_full(stage, layers, cameras, _EVERY):
-        times[enabled].append(ms)
+    taken, residuals, drawn, errors = layers.report()['taken'], [0.0], [], []
+
+    def note(enabled):
         if enabled:
-            drawn, worst = stage.read(), max(worst, layers.report()['residual_px'])
+            drawn.append(stage.read())
+            residuals.append(layers.report()['residual_px'])
         else:
-            errors.append(float(flip(drawn, stage.read()).mean()))
-    taken = layers.report()['taken'] - before
-    (ms, cpu), (full_ms, full_cpu) = (np.mean(times[k], axis=0).tolist() for k in (True, False))
-    return {
-        'ms': ms,
-        'cpu': cpu,
-        'full_ms': full_ms,
-        'full_cpu': full_cpu,
+            errors.append(flip(drawn[-1], stage.read()).mean())
+
+    return beside_full(stage, layers, cameras, _EVERY, note) | {
         'flip': float(np.mean(errors)),
-        'residual': worst,
-        'taken': taken / len(cameras),
+        'residual': max(residuals),
+        'taken': (layers.report()['taken'] - taken) / len(cameras),
         'layers': len(layers),
     }
 
@@ -134,9 +129,7 @@ def plot(points):
 
 def _panned(settings, size, on):
     """Return ground and heavy actors, as layers or as they are."""
-    pl = real_plotter(size)
-    for actor in scene(settings):
-        pl.add_actor(actor, reset_camera=False)
+    pl = real_plotter(size, scene(settings))
     pl.camera_position = pan(1)[0]
     if on:
         pl.ibr.add_image_layers()

@@ -70,12 +70,13 @@ def test_what_is_in_focus_has_no_halo(half_plane):
 
 
 def test_against_pictures_from_all_over_the_lens():
-    pl = bench.stage((320, 240))
-    focus = np.linalg.norm(np.subtract(pl.camera.focal_point, pl.camera.position))
-    off = bench.shot(pl)
-    reference = bench.accumulated(pl, 0.15, focus, 256)
-    pl.ibr.add(pvibr.DepthOfField(radius=0.15, limit=0.1))
-    found = psnr(bench.shot(pl), reference)
+    with bench.spheres_in_a_row((320, 240)) as stage:
+        pl = stage.plotter
+        focus = np.linalg.norm(np.subtract(pl.camera.focal_point, pl.camera.position))
+        off = stage.picture()
+        reference = bench.accumulated(stage, 0.15, focus, 256)
+        pl.ibr.add(pvibr.DepthOfField(radius=0.15, limit=0.1))
+        found = psnr(stage.picture(), reference)
     assert found >= 34  # 32 is asked for
     assert found > psnr(off, reference) + 6
 

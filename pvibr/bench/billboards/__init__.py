@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from pvibr.bench.billboards import plants, quadrics, spheres, sprites
+from functools import partial
+
+from pvibr.bench.billboards import plants, quadrics, sprites
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench
+from pvibr.bench.common.whole_frames import real_plotter, turning
 
 
 def plot(points):
@@ -28,15 +31,26 @@ def plot(points):
     return figure
 
 
+def _points(own, peer, cameras, settings, size, on):
+    """Return what stands at points, of pvibr or of VTK."""
+    pl = real_plotter(size)
+    (own if on else peer)(pl, sprites.cube(settings.slow))
+    pl.camera_position = cameras[0]
+    return pl, turning(pl)
+
+
 BENCH = Bench(
     parts={
         'sprites': sprites.measure,
-        'spheres': spheres.measure,
+        'spheres': quadrics.measure_spheres,
         'quadrics': quadrics.measure,
         'plants': plants.measure,
     },
     plot=plot,
-    outside={'cut-outs': sprites.cut_outs, 'spheres': spheres.balls},
+    outside={
+        'cut-outs': partial(_points, sprites.billboards, sprites.glyph, sprites.CAMERAS),
+        'spheres': partial(_points, quadrics.spheres, quadrics.sphere_mapper, quadrics.CAMERAS),
+    },
     settings={
         'size': ((1280, 720), (320, 180)),
         'counts': ((1_000, 10_000, 100_000, 1_000_000), (1_000,)),

@@ -13,7 +13,7 @@ from pvibr.instances.foliage_levels import foliage_levels
 from pvibr.scenes.trees import tree_parts
 
 _TREE = 40_000  # triangles
-_EYES, _FOCUS = [(10.0 * k, -120, 30) for k in range(4)], (0, 0, 7)
+_CAMERAS = [((10.0 * k, -120, 30), (0, 0, 7), (0, 0, 1)) for k in range(4)]
 
 
 def measure(settings, results):
@@ -42,12 +42,15 @@ def _times(levels, settings) -> dict:
     places = np.c_[places * 16, np.zeros(len(places))][: settings.plants]
     for name in ('mesh', 'parts', 'clusters'):
         put = partial(_stand, levels=levels, name=name, places=places)
-        found[name] = least_ms(settings.size, put, _EYES, _FOCUS)
+        found[name] = least_ms(settings.size, put, _CAMERAS)
     for name in ('turntable', 'billboard'):
         cards = getattr(levels, name)
         many = np.repeat(places, settings.copies, 0)
-        put = partial(_turn, points=many, cards=cards)
-        found[name] = least_ms(settings.size, put, _EYES, _FOCUS) / settings.copies
+
+        def put(pl, many=many, cards=cards):
+            pl.ibr.add_billboards(many, **cards)
+
+        found[name] = least_ms(settings.size, put, _CAMERAS) / settings.copies
     return {name: ms / len(places) for name, ms in found.items()}
 
 
@@ -59,7 +62,3 @@ def _stand(pl, levels, name, places):
             actor.ShallowCopy(source)
             actor.position = place
             pl.renderer.AddViewProp(actor)
-
-
-def _turn(pl, points, cards):
-    pl.ibr.add_billboards(points, **cards)

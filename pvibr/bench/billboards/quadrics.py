@@ -1,4 +1,4 @@
-"""Cylinders and ellipsoids against VTK's own ways, and against rays."""
+"""Spheres, cylinders and ellipsoids against VTK's own ways, and against rays."""
 
 from __future__ import annotations
 
@@ -7,34 +7,80 @@ from functools import partial
 import numpy as np
 import pyvista as pv
 
-from pvibr.bench.billboards.spheres import EYES, picture_error
+from pvibr.bench.billboards.sprites import times_by_count
 from pvibr.bench.common.harness import Row
 from pvibr.bench.common.peers import glyph_mapper
 from pvibr.bench.common.timing import least_ms
+from pvibr.capture.offscreen import Stage
 from pvibr.core import _vtk
-from pvibr.maths.quadric_rays import meet_cylinders, meet_ellipsoids
+from pvibr.maths.quadric_rays import (
+    cast,
+    inner,
+    meet_cylinders,
+    meet_ellipsoids,
+    meet_spheres,
+)
 
+#: The camera's positions around a cube of side 2.
+CAMERAS = [((0.1 * k, -7.5, 1), (0, 0, 0), (0, 0, 1)) for k in range(3)]
+_RADIUS = 0.01  # of a sphere, where they fill a cube of side 2
 _SIDES = 12  # of a tube, and of a sphere around
-_SOME = 100  # of the pictures that are compared with rays
+_SPHERES, _SOME = 300, 100  # things in the pictures that are compared with rays
+
+
+def measure_spheres(settings, results):
+    """Yield times by count."""
+    bars = {'vtkOpenGLSphereMapper': 1, 'points_gaussian as spheres': 10}
+    ways = {'spheres': spheres, 'vtkOpenGLSphereMapper': sphere_mapper}
+    ways['points_gaussian as spheres'] = _gaussian
+    yield from times_by_count(settings, results, 'spheres', lambda count: ways, CAMERAS, bars)
 
 
 def measure(settings, results):
-    """Yield times and errors."""
-    kinds = {
-        'cylinders': (_bars, _cylinders, {'tube filter': _tubes, 'glyph mapper': _glyphs}),
-        'ellipsoids': (_eggs, _ellipsoids, {'vtkTensorGlyph': _tensors}),
+    """Yield the times of cylinders and ellipsoids, and the errors of all quadrics."""
+    peers = {
+        'cylinders': (_bars, {'tube filter': _tubes, 'glyph mapper': _glyphs}),
+        'ellipsoids': (_eggs, {'vtkTensorGlyph': _tensors}),
     }
-    for name, (make, put, peers) in kinds.items():
-        things = make(settings.quadrics)
-        ms = least_ms(settings.size, partial(put, things=things), EYES)
-        yield Row(f'{settings.quadrics:,} {name}', ms, 'ms')
-        for peer, theirs in peers.items():
-            other = least_ms(settings.size, partial(theirs, things=things), EYES)
-            yield Row(f'{settings.quadrics:,} {name}, {peer}', other, 'ms')
-            text = f'{settings.quadrics:,} {name}, faster than {peer}'
-            yield Row(text, other / ms, 'x', at_least=True)
-        error = _ERRORS[name](settings.size)
-        yield Row(f'{name}, largest difference from rays, no edges', error, '/255', 1.0)
+    for name, (make, theirs) in peers.items():
+        things, what = make(settings.quadrics), f'{settings.quadrics:,} {name}'
+        own = least_ms(settings.size, partial(_add, name=name, things=things), CAMERAS)
+        yield Row(what, own, 'ms')
+        for peer, put in theirs.items():
+            other = least_ms(settings.size, partial(put, things=things), CAMERAS)
+            yield Row(f'{what}, {peer}', other, 'ms')
+            yield Row(f'{what}, faster than {peer}', other / own, 'x', at_least=True)
+    yield from _errors(settings.size)
+
+
+def spheres(pl, points):
+    """Add spheres of pvibr."""
+    pl.ibr.add_spheres(points, _RADIUS)
+
+
+def sphere_mapper(pl, points):
+    """Add spheres of VTK's mapper."""
+    mapper = _vtk.vtkOpenGLSphereMapper()
+    mapper.SetInputData(pv.PolyData(points))
+    mapper.SetRadius(_RADIUS)
+    _add_mapper(pl, mapper)
+
+
+def _gaussian(pl, points):
+    # In units of the diagonal of the bounds over 1300: as large as the others.
+    size = _RADIUS * 1300 / np.linalg.norm(np.ptp(points, 0))
+    looks = {'style': 'points_gaussian', 'render_points_as_spheres': True, 'emissive': False}
+    pl.add_mesh(pv.PolyData(points), point_size=size, **looks)
+
+
+def _add(pl, name, things, **looks):
+    getattr(pl.ibr, f'add_{name}')(*things, **looks)
+
+
+def _add_mapper(pl, mapper):
+    actor = pv.Actor()
+    actor.SetMapper(mapper)
+    pl.renderer.AddActor(actor)
 
 
 def _bars(count, radius=0.01):
@@ -51,18 +97,12 @@ def _eggs(count, largest=0.03):
     return rng.uniform(-1, 1, (count, 3)), rng.uniform(0.3, 1, (count, 3)) * largest, turns
 
 
-def _cylinders(pl, things, **looks):
-    pl.ibr.add_cylinders(*things, **looks)
-
-
-def _lines(bars):
-    points = np.stack(bars[:2], 1).reshape(-1, 3)
-    cells = np.c_[np.full(len(bars[0]), 2), np.arange(len(points)).reshape(-1, 2)]
-    return pv.PolyData(points, lines=cells)
-
-
 def _tubes(pl, things):
-    tubes = _lines(things).tube(radius=float(things[2][0]), n_sides=_SIDES, capping=True)
+    first, second, radii = things
+    points = np.stack([first, second], 1).reshape(-1, 3)
+    cells = np.c_[np.full(len(first), 2), np.arange(len(points)).reshape(-1, 2)]
+    lines = pv.PolyData(points, lines=cells)
+    tubes = lines.tube(radius=float(radii[0]), n_sides=_SIDES, capping=True)
     pl.add_mesh(tubes, smooth_shading=False)
 
 
@@ -73,17 +113,10 @@ def _glyphs(pl, things):
     length = np.linalg.norm(run, axis=1)
     cloud = pv.PolyData((first + second) / 2)
     cloud['run'], cloud['size'] = run, np.c_[length, radii, radii]
-    mapper = glyph_mapper(
-        cloud, pv.Cylinder(direction=(1, 0, 0), radius=1.0, resolution=_SIDES), 'run', 'size'
-    )
+    rod = pv.Cylinder(direction=(1, 0, 0), radius=1.0, resolution=_SIDES)
+    mapper = glyph_mapper(cloud, rod, 'run', 'size')
     mapper.SetOrientationModeToDirection()
-    actor = pv.Actor()
-    actor.SetMapper(mapper)
-    pl.renderer.AddActor(actor)
-
-
-def _ellipsoids(pl, things, **looks):
-    pl.ibr.add_ellipsoids(*things, **looks)
+    _add_mapper(pl, mapper)
 
 
 def _tensors(pl, things):
@@ -101,17 +134,31 @@ def _tensors(pl, things):
     pl.add_mesh(pv.wrap(glyph.GetOutput()), smooth_shading=False)
 
 
-def _cylinder_error(size):
-    bars = _bars(_SOME, radius=0.06)
+def _errors(size):
+    """Yield the errors of pictures of a few large quadrics."""
+    rng = np.random.default_rng(0)
+    balls = rng.uniform(-1, 1, (_SPHERES, 3)), rng.uniform(0.03, 0.2, _SPHERES)
+    bars, eggs = _bars(_SOME, radius=0.06), _eggs(_SOME, largest=0.2)
     halves = (bars[1] - bars[0]) / 2
-    put = partial(_cylinders, things=bars)
-    return picture_error(size, put, meet_cylinders, bars[0] + halves, halves, bars[2])
+    for name, things, meet, met in (
+        ('spheres', balls, meet_spheres, balls),
+        ('cylinders', bars, meet_cylinders, (bars[0] + halves, halves, bars[2])),
+        ('ellipsoids', eggs, meet_ellipsoids, (eggs[0], eggs[2] * eggs[1][:, None])),
+    ):
+        error = _picture_error(size, partial(_add, name=name, things=things), meet, met)
+        yield Row(f'{name}, largest difference from rays, no edges', error, '/255', 1.0)
 
 
-def _ellipsoid_error(size):
-    eggs = _eggs(_SOME, largest=0.2)
-    put = partial(_ellipsoids, things=eggs)
-    return picture_error(size, put, meet_ellipsoids, eggs[0], eggs[2] * eggs[1][:, None])
-
-
-_ERRORS = {'cylinders': _cylinder_error, 'ellipsoids': _ellipsoid_error}
+def _picture_error(size, put, meet, things) -> float:
+    """Return the largest difference of a picture from rays in double precision, of 255."""
+    headlight = pv.Light(light_type='headlight')
+    with Stage(size, background='black', lights=[headlight]) as stage:
+        put(stage.plotter, color='white', diffuse=1.0)
+        stage.look([(0, -6, 1), (0, 0, 0), (0, 0, 1)])
+        picture = 255 * stage.picture()[..., 0]
+        ids, _, normals = cast(stage.frame(), meet, *things)
+    expected = 255 * np.where(ids >= 0, np.maximum(normals[..., 2], 0), 0)
+    # Creases within one thing are edges too.
+    turns = [np.abs(np.roll(normals, k, a) - normals).max(-1) for a in (0, 1) for k in (-1, 1)]
+    good = inner(ids) & (np.max(turns, 0) < 0.5)
+    return float(np.abs(picture - expected)[good].max())

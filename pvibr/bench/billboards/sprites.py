@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.bench.common.harness import Row
-from pvibr.bench.common.timing import least_ms, look, plotter
-from pvibr.bench.common.whole_frames import real_plotter, turning
+from pvibr.bench.common.timing import least_ms
 from pvibr.billboards.billboards import Billboards
 from pvibr.billboards.images import SheetImages
+from pvibr.capture.offscreen import Stage
 
 _SIDE = 0.02  # of a billboard, where the points fill a cube of side 2
-_EYES = [(0.1 * k, -4, 0.5) for k in range(4)]
+CAMERAS = [((0.1 * k, -4, 0.5), (0, 0, 0), (0, 0, 1)) for k in range(4)]
 
 
 def disc(side=64) -> np.ndarray:
@@ -42,61 +42,62 @@ def foliage(side=256, leaves=300, seed=0) -> np.ndarray:
 
 def measure(settings, results):
     """Yield times by count, and what cut-outs cover."""
-    curves: dict = {}
-    for count in settings.counts:
-        found = _times(count, settings.size, settings.slow)
-        for way, ms in found.items():
-            curves.setdefault(way, []).append((count, ms))
-            yield Row(f'{count:,} {way}', ms, 'ms')
-        for way in ('glyph, which does not turn', 'points_gaussian'):
-            if way in found:
-                ratio = found[way] / found['cut-outs']
-                yield Row(f'{count:,} cut-outs, faster than {way}', ratio, 'x')
-    results.points['sprites'] = curves
+    bars = {'glyph, which does not turn': None, 'points_gaussian': None}
+    ways = partial(_ways, slow=settings.slow)
+    yield from times_by_count(settings, results, 'sprites', ways, CAMERAS, bars)
     yield from _coverage(settings, results)
 
 
-def cut_outs(settings, size, on):
-    """Return billboards, or cards by VTK's glyph filter."""
-    pl = real_plotter(size)
-    (_billboards if on else _glyph)(pl, _points(settings.slow))
-    look(pl, _EYES[0])
-    return pl, turning(pl)
+def cube(count) -> np.ndarray:
+    """Return points at random in a cube of side 2, float32."""
+    return np.random.default_rng(0).uniform(-1, 1, (count, 3)).astype(np.float32)
 
 
-def _points(count):
-    return np.random.default_rng(0).uniform(-1, 1, (count, 3))
+def times_by_count(settings, results, name, ways, cameras, bars) -> Iterator[Row]:
+    """Yield the ms of ways to show points by their number, and the first's speed over peers."""
+    curves = results.points[name] = {}
+    for count in settings.counts:
+        points = cube(count)
+        found = {
+            way: least_ms(settings.size, partial(put, points=points), cameras)
+            for way, put in ways(count).items()
+        }
+        own = next(iter(found))
+        for way, ms in found.items():
+            curves.setdefault(way, []).append((count, ms))
+            yield Row(f'{count:,} {way}', ms, 'ms')
+        for peer in [name for name in bars if name in found]:
+            bar = bars[peer] if count == 1_000_000 else None
+            ratio = found[peer] / found[own]
+            yield Row(f'{count:,} {own}, faster than {peer}', ratio, 'x', bar, at_least=True)
 
 
-def _billboards(pl, points, **options):
+def _ways(count, slow) -> dict[str, Callable]:
+    ways: dict[str, Callable] = {
+        'cut-outs': billboards,
+        'cut-outs about an axis': partial(billboards, facing='cylindrical'),
+    }
+    if count <= slow:
+        ways['blended'] = partial(billboards, cutout=None)
+        ways['glyph, which does not turn'] = glyph
+        ways['points_gaussian'] = _gaussian
+    return ways
+
+
+def billboards(pl, points, **options):
+    """Add billboards of pvibr."""
     pl.ibr.add_billboards(points, disc(), size=_SIDE, **options)
 
 
-def _glyph(pl, points):
-    plane = pv.Plane(
-        direction=(0, -1, 0), i_resolution=1, j_resolution=1, i_size=_SIDE, j_size=_SIDE
-    )
-    cloud = pv.PolyData(points.astype(np.float32))
-    cards = cloud.glyph(geom=plane, scale=False, orient=False)
+def glyph(pl, points):
+    """Add cards by VTK's glyph filter."""
+    plane = pv.Plane((0, 0, 0), (0, -1, 0), _SIDE, _SIDE, 1, 1)
+    cards = pv.PolyData(points).glyph(geom=plane, scale=False, orient=False)
     pl.add_mesh(cards, texture=pv.Texture(disc()), lighting=False)
 
 
 def _gaussian(pl, points):
-    cloud = pv.PolyData(points.astype(np.float32))
-    pl.add_mesh(cloud, style='points_gaussian', emissive=False, point_size=10)
-
-
-def _times(count, size, slow):
-    ways: dict[str, Callable] = {
-        'cut-outs': _billboards,
-        'cut-outs about an axis': partial(_billboards, facing='cylindrical'),
-    }
-    if count <= slow:
-        ways['blended'] = partial(_billboards, cutout=None)
-        ways['glyph, which does not turn'] = _glyph
-        ways['points_gaussian'] = _gaussian
-    points = _points(count)
-    return {name: least_ms(size, partial(put, points=points), _EYES) for name, put in ways.items()}
+    pl.add_mesh(pv.PolyData(points), style='points_gaussian', emissive=False, point_size=10)
 
 
 def _coverage(settings, results):
@@ -127,13 +128,9 @@ _WAYS = {'kept': Billboards, 'plain': _PlainLevels}
 
 def covered(image, pixels, way):
     """Return the share of its square that a cut-out covers on the screen."""
-    pl = plotter([pixels + 20] * 2)
-    pl.set_background('black')
-    pl.ibr.add(
-        _WAYS[way]([[0.0, 0, 0]], image, size=pixels, size_unit='pixel', colors=[[1.0, 1.0, 1.0]])
-    )
-    look(pl, (0, -5, 0))
-    pl.show(auto_close=False)
-    picture = np.asarray(pl.screenshot(return_img=True), int)
-    pl.close()
-    return float((picture[..., 1] > 60).sum() / pixels**2)
+    card = _WAYS[way]([[0.0, 0, 0]], image, size=pixels, size_unit='pixel', colors=[[1.0] * 3])
+    with Stage([pixels + 20] * 2, background='black') as stage:
+        stage.plotter.ibr.add(card)
+        stage.look([(0, -5, 0), (0, 0, 0), (0, 0, 1)])
+        green = stage.picture()[..., 1]
+    return float((green > 60 / 255).sum() / pixels**2)

@@ -1,25 +1,13 @@
-"""Plotters without anti-aliasing, and the time of their frames."""
+"""The time of frames and of other jobs, and pictures."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 
 import numpy as np
-import pyvista as pv
 
-
-def plotter(size, **options):
-    """Return an empty off-screen plotter without anti-aliasing."""
-    pl = pv.Plotter(off_screen=True, window_size=list(size), **options)
-    pl.disable_anti_aliasing()
-    return pl
-
-
-def look(pl, eye, focus=(0, 0, 0)):
-    """Look from a point at another, z up."""
-    pl.camera.position, pl.camera.focal_point, pl.camera.up = eye, focus, (0, 0, 1)
-    pl.renderer.ResetCameraClippingRange()
+from pvibr.capture.offscreen import Stage
+from pvibr.maths.image_error import flip
 
 
 def seconds(window, job=None) -> float:
@@ -54,18 +42,14 @@ def least(rounds, jobs) -> dict:
     return best
 
 
-def least_ms(size, put, eyes, focus=(0, 0, 0)) -> float:
+def least_ms(size, put, cameras) -> float:
     """Return the least ms of a frame while the camera moves; the first does not count."""
-    pl = plotter(size)
-    put(pl)
-    found = []
-    for eye in eyes:
-        look(pl, eye, focus)
-        found.append(1e3 * seconds(pl.render_window))
-    for actor in list(pl.renderer.GetActors()):  # their mappers may be shown elsewhere
-        actor.ReleaseGraphicsResources(pl.render_window)
-    pl.close()
-    return min(found[1:])
+    with Stage(size) as stage:
+        put(stage.plotter)
+        found = stage.seconds(cameras)[1:]
+        for actor in list(stage.renderer.GetActors()):  # their mappers may be shown elsewhere
+            actor.ReleaseGraphicsResources(stage.window)
+    return 1e3 * found.min()
 
 
 def warm_up(stage, substitute, cameras):
@@ -77,18 +61,21 @@ def warm_up(stage, substitute, cameras):
             stage.draw()
 
 
-def beside_full(stage, substitute, cameras, every) -> Iterator[tuple[bool, tuple[float, float]]]:
-    """Yield whether a frame used a substitute, and its ms of the wall and of the processors.
+def beside_full(stage, substitute, cameras, every, note) -> dict[str, float]:
+    """Return the mean ms of frames, also of the processors; one of so many is drawn in full too.
 
-    Of so many frames one is drawn in full as well.
+    After each frame, `note` is called with whether it used the substitute.
     """
+    times: dict[bool, list] = {True: [], False: []}
     for k, camera in enumerate(cameras):
         for enabled in (True, False) if k % every == every - 1 else (True,):
             substitute.enabled = enabled
             stage.look(camera)
-            wall, cpu = spent(stage)
-            yield enabled, (1e3 * wall, 1e3 * cpu)
+            times[enabled].append(spent(stage))
+            note(enabled)
         substitute.enabled = True
+    means = 1e3 * np.concatenate([np.mean(times[enabled], axis=0) for enabled in (True, False)])
+    return dict(zip(('ms', 'cpu', 'full_ms', 'full_cpu'), means.tolist(), strict=True))
 
 
 def pictures(stage, cameras) -> list:
@@ -98,3 +85,8 @@ def pictures(stage, cameras) -> list:
         stage.look(camera)
         found.append(stage.picture())
     return found
+
+
+def mean_flip(pictures, references) -> float:
+    """Return the mean of FLIP over pairs of pictures."""
+    return float(np.mean([flip(a, b).mean() for a, b in zip(pictures, references, strict=True)]))

@@ -32,9 +32,12 @@ class Extent:
 FULL, QUICK = Extent((1280, 720), 15), Extent((320, 180), 2)
 
 
-def real_plotter(size):
-    """Return an empty off-screen plotter as PyVista makes it."""
-    return pv.Plotter(off_screen=True, window_size=list(size))
+def real_plotter(size, actors=()):
+    """Return an off-screen plotter of actors as PyVista makes it."""
+    plotter = pv.Plotter(off_screen=True, window_size=list(size))
+    for actor in actors:
+        plotter.add_actor(actor, reset_camera=False)
+    return plotter
 
 
 def turning(plotter, degrees=0.2) -> Callable[[int], object]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench
-from pvibr.bench.common.whole_frames import turning
-from pvibr.bench.effects import bloom, depth_of_field, outline, screen, together
+from pvibr.bench.common.whole_frames import real_plotter, turning
+from pvibr.bench.effects import bloom, copies, depth_of_field, outline, together
 
 
 def plot(points):
@@ -34,15 +34,15 @@ def plot(points):
 
 def _five(settings, size, on):
     """Return a scene with five effects, or without."""
-    plotter, effects = together.scene(size)
-    together.choose(effects, together.FIVE if on else ())
+    plotter = real_plotter(size)
+    together.choose(together.fill(plotter), together.FIVE if on else ())
     return plotter, turning(plotter)
 
 
 BENCH = Bench(
     parts={
         'bloom': bloom.measure,
-        'screen': screen.measure,
+        'screen': copies.measure,
         'outline': outline.measure,
         'depth of field': depth_of_field.measure,
         'together': together.measure,

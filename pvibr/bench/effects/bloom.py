@@ -39,7 +39,8 @@ def measure(settings, results):
         whole['dark'] = partial(dark.render, stand, stand)
         times, copy_ms = in_copies(stand, whole, rounds)
         stages, _ = in_copies(stand, bloom.stages(stand), rounds)
-        _release(stand, bloom, dark)
+        for owner in (stand, bloom, dark):
+            owner.release()
     yield Row('one full-screen copy', copy_ms, 'ms')
     yield Row('bloom over a copy', times['bloom'], 'x', 2.5)
     yield Row('bloom where nothing is bright, over a copy', times['dark'], 'x', 0.3)
@@ -87,7 +88,8 @@ def _errors(size, rounds) -> list[dict]:
             name = ', '.join(f'{k} {v}' for k, v in one.items()) or 'as it comes'
             error = 255 * float(np.abs(shown - true).mean())
             found.append({'name': name, 'sigma': sigma, 'error': error, 'copies': copies[i]})
-        _release(timed, seen, *blooms)
+        for owner in (timed, seen, *blooms):
+            owner.release()
     return found
 
 
@@ -108,8 +110,3 @@ def _squares(size):
     array = np.kron(small, np.ones((20, 20, 1)))[:height, :width]
     array[..., 3] = 255
     return array.astype(np.uint8)
-
-
-def _release(*owners):
-    for owner in owners:
-        owner.release()

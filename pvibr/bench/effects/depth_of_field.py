@@ -6,7 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.bench.common.harness import Row
-from pvibr.bench.common.timing import plotter, seconds
+from pvibr.capture.offscreen import Stage
 from pvibr.effects.depth_of_field import DepthOfField
 from pvibr.maths.image_error import psnr
 from pvibr.maths.kernels import vogel_disk
@@ -24,59 +24,50 @@ def measure(settings, results):
 
 def _points(settings):
     """Return run time and error of settings, against the mean of pinhole pictures."""
-    pl = stage(settings.lens)
-    focus = float(np.linalg.norm(np.subtract(pl.camera.focal_point, pl.camera.position)))
-    off, found = shot(pl), []
-    for radius in settings.radii:
-        reference = accumulated(pl, radius, focus, settings.lenses)
-        plain = _least_ms(pl)
-        for count in settings.samples:
-            lens = pl.ibr.add(DepthOfField(radius=radius, samples=count, limit=0.1))
-            on = shot(pl)
-            point = {'radius': radius, 'samples': count, 'ms': _least_ms(pl) - plain}
-            point |= {'psnr': psnr(on, reference), 'psnr_off': psnr(off, reference)}
-            found.append(point)
-            pl.ibr.remove(lens)
-    pl.close()
+    found = []
+    with spheres_in_a_row(settings.lens) as stage:
+        camera, effects = stage.plotter.camera, stage.plotter.ibr
+        focus = float(np.linalg.norm(np.subtract(camera.focal_point, camera.position)))
+        off = stage.picture()
+        for radius in settings.radii:
+            reference = accumulated(stage, radius, focus, settings.lenses)
+            plain = _least_ms(stage)
+            for count in settings.samples:
+                lens = effects.add(DepthOfField(radius=radius, samples=count, limit=0.1))
+                on = stage.picture()
+                point = {'radius': radius, 'samples': count, 'ms': _least_ms(stage) - plain}
+                point |= {'psnr': psnr(on, reference), 'psnr_off': psnr(off, reference)}
+                found.append(point)
+                effects.remove(lens)
     return found
 
 
-def _least_ms(pl) -> float:
-    return 1e3 * min(seconds(pl.render_window) for _ in range(5))
+def _least_ms(stage) -> float:
+    return 1e3 * min(stage.draw() for _ in range(5))
 
 
-def stage(size=(640, 480)):
-    """Return a plotter that shows five spheres in a row away from the camera, over a floor."""
-    pl = plotter(size)
-    pl.set_background('#405060')
+def spheres_in_a_row(size) -> Stage:
+    """Return a window that shows five spheres in a row away from the camera, over a floor."""
+    stage = Stage(size, view_angle=35, background='#405060')
     floor = pv.Plane(center=(0, 0, -0.5), i_size=30, j_size=30, i_resolution=30, j_resolution=30)
     floor.cell_data['odd'] = np.indices((30, 30)).sum(axis=0).ravel() % 2
-    pl.add_mesh(
-        floor, scalars='odd', cmap=['#808080', '#c0b090'], lighting=False, show_scalar_bar=False
-    )
+    look = {'cmap': ['#808080', '#c0b090'], 'lighting': False, 'show_scalar_bar': False}
+    stage.plotter.add_mesh(floor, scalars='odd', **look)
     for k, color in enumerate(['red', 'gold', 'teal', 'orchid', 'white']):
         ball = pv.Sphere(radius=0.5, center=(0.8 * k - 1.2, 3.0 - 1.8 * k, 0))
-        pl.add_mesh(ball, color=color, smooth_shading=True)
-    pl.camera.position, pl.camera.focal_point = (0, -8, 1.2), (0.4, -0.6, 0)
-    pl.camera.up, pl.camera.view_angle = (0, 0, 1), 35
-    pl.camera.clipping_range = (0.5, 40)
-    pl.show(auto_close=False)
-    return pl
+        stage.plotter.add_mesh(ball, color=color, smooth_shading=True)
+    stage.look([(0, -8, 1.2), (0.4, -0.6, 0), (0, 0, 1)])
+    stage.plotter.camera.clipping_range = (0.5, 40)
+    return stage
 
 
-def shot(pl):
-    """Return one new frame, 0 to 1."""
-    pl.render_window.Render()
-    return np.asarray(pl.screenshot(return_img=True)) / 255
-
-
-def accumulated(pl, radius, focus, lenses=256):
+def accumulated(stage, radius, focus, lenses=256):
     """Return the mean of the pictures from points spread evenly over a lens.
 
     The accumulation buffer of Haeberli and Akeley, SIGGRAPH 1990: the camera is moved within the
     lens, and its picture shifted so that the plane in focus stays where it is.
     """
-    camera = pl.camera
+    camera = stage.plotter.camera
     eye, focal, span = (
         np.array(x) for x in (camera.position, camera.focal_point, camera.clipping_range)
     )
@@ -84,7 +75,7 @@ def accumulated(pl, radius, focus, lenses=256):
     right = np.cross(ahead, camera.up)
     right /= np.linalg.norm(right)
     up = np.cross(right, ahead)
-    width, height = pl.window_size
+    width, height = stage.plotter.window_size
     half = focus * np.tan(np.radians(camera.view_angle) / 2)
 
     def shifted(x, y):
@@ -97,6 +88,6 @@ def accumulated(pl, radius, focus, lenses=256):
     total = 0.0
     for x, y in radius * vogel_disk(lenses):
         shifted(x, y)
-        total = total + shot(pl)
+        total = total + stage.picture()
     shifted(0, 0)
     return total / lenses

@@ -9,8 +9,9 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.bench.common.harness import Row
-from pvibr.bench.common.timing import least, plotter, seconds
+from pvibr.bench.common.timing import least
 from pvibr.bench.effects.copies import Copy
+from pvibr.capture.offscreen import Stage
 from pvibr.core.effect import Effect
 from pvibr.effects.outline import Outline
 from pvibr.maths.cameras import as_camera
@@ -68,12 +69,11 @@ def agreement(drawn, places, within=1.0) -> tuple[float, float]:
     return float(precision), float((cKDTree(pixels).query(places)[0] <= within).mean())
 
 
-def _plotter(size, mesh, **look):
-    pl = plotter(size)
-    pl.set_background('white')
-    pl.add_mesh(mesh, color='white', **look)
-    pl.camera_position = VIEW
-    return pl
+def _stage(size, mesh, **look):
+    stage = Stage(size, background='white')
+    stage.plotter.add_mesh(mesh, color='white', **look)
+    stage.look(VIEW)
+    return stage
 
 
 def measure(settings, results):
@@ -87,12 +87,12 @@ def measure(settings, results):
 def _silhouettes(size):
     """Yield precision and recall of lines of the default width, half covered pixels and more."""
     for name, mesh in MESHES.items():
-        pl = _plotter(size, mesh, lighting=False)
-        pl.ibr.add(Outline(depth=False, normal=False))
-        found = agreement(pl.screenshot()[..., 0] < 128, contour(mesh, pl.camera, size))
+        with _stage(size, mesh, lighting=False) as stage:
+            stage.plotter.ibr.add(Outline(depth=False, normal=False))
+            lines = stage.picture()[..., 0] < 0.5
+            found = agreement(lines, contour(mesh, stage.plotter.camera, size))
         for what, value in zip(('precision', 'recall'), found, strict=True):
             yield Row(f'outline: {what}, {name}', value, '', 0.95, at_least=True)
-        pl.close()
 
 
 class _Nothing(Effect):
@@ -121,26 +121,24 @@ KINDS: dict[str, dict] = {
 
 def _kinds(size, rounds):
     """Return what kinds of lines cost of a frame, and how far they are from the silhouettes."""
-    pl = _plotter(size, MESHES['torus'], smooth_shading=True, ambient=1.0, diffuse=0.0)
     effects: dict[str, Effect] = {'copy': Copy()}
     effects |= {name: Outline(**kind) for name, kind in KINDS.items()}
-    pl.ibr.add(_Nothing())
-    for effect in effects.values():
-        pl.ibr.add(effect)
-    pl.show(auto_close=False)
-    places = inner(MESHES['torus'], pl.camera, size)
     drawn = {}
 
     def shown(name):
         for other, effect in effects.items():
             effect.enabled = other == name
-        pl.render_window.Render()  # what was put on is prepared
-        found = seconds(pl.render_window)
-        drawn[name] = pl.screenshot()
+        stage.draw()  # what was put on is prepared
+        found = stage.draw()
+        drawn[name] = stage.pixels()
         return found
 
-    best = least(rounds, {name: partial(shown, name) for name in ('base', *effects)})
-    pl.close()
+    look = {'smooth_shading': True, 'ambient': 1.0, 'diffuse': 0.0}
+    with _stage(size, MESHES['torus'], **look) as stage:
+        for effect in (_Nothing(), *effects.values()):
+            stage.plotter.ibr.add(effect)
+        places = inner(MESHES['torus'], stage.plotter.camera, size)
+        best = least(rounds, {name: partial(shown, name) for name in ('base', *effects)})
     base = best.pop('base')
     copy = best.pop('copy') - base
     found = []

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.bench.common.harness import Row
-from pvibr.bench.common.timing import least, plotter, seconds
+from pvibr.bench.common.timing import least
+from pvibr.capture.offscreen import Stage
 from pvibr.core.effect import Effect
 from pvibr.effects.backgrounds import Sky
 from pvibr.effects.bloom import Bloom
@@ -26,16 +28,16 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.picture import Picture
 from pvibr.pipeline import Pipeline
 
+VIEW = [(1.4, -2.2, 1.5), (0, 0, 0), (0, 0, 1)]
 FIVE = ('Glow', 'Bloom', 'ToneMapping', 'Outline', 'Vignette')
 
 
-def scene(size):
-    """Return a plotter with every image effect, all of them off."""
-    pl = plotter(size)
+def fill(pl) -> dict[str, Effect]:
+    """Show two meshes with every image effect, all of them off; return the effects."""
     torus = pv.ParametricTorus(ringradius=0.5, crosssectionradius=0.2)
     ring = pl.add_mesh(torus, color='white', smooth_shading=True, specular=1.0)
     cube = pl.add_mesh(pv.Cube(center=(1, 0, 0)), color='red')
-    pl.camera_position = [(1.4, -2.2, 1.5), (0, 0, 0), (0, 0, 1)]
+    pl.camera_position = VIEW
     image = np.random.default_rng(0).integers(0, 256, (200, 300, 4), np.uint8)
     effects = (
         Sky(),
@@ -55,7 +57,16 @@ def scene(size):
     for effect in effects:
         found[effect.name] = pl.ibr.add(effect)
         effect.enabled = False
-    return pl, found
+    return found
+
+
+@contextmanager
+def _stage(size):
+    """Show everything in a window; yield it and the effects."""
+    with Stage(size) as stage:
+        effects = fill(stage.plotter)
+        stage.look(VIEW)
+        yield stage, effects
 
 
 def choose(effects, names):
@@ -74,17 +85,15 @@ def measure(settings, results):
 
 def _together(size, rounds):
     """Yield what effects add to a frame: the sum of each alone, and all."""
-    pl, effects = scene(size)
-    pl.show(auto_close=False)
-    sets = {'none': (), **{name: (name,) for name in effects}, 'all': tuple(effects)}
 
     def shown(chosen):
         choose(effects, chosen)
-        pl.render_window.Render()  # what was put on is prepared
-        return seconds(pl.render_window)
+        stage.draw()  # what was put on is prepared
+        return stage.draw()
 
-    best = least(rounds, {name: partial(shown, chosen) for name, chosen in sets.items()})
-    pl.close()
+    with _stage(size) as (stage, effects):
+        sets = {'none': (), **{name: (name,) for name in effects}, 'all': tuple(effects)}
+        best = least(rounds, {name: partial(shown, chosen) for name, chosen in sets.items()})
     ms = {name: 1e3 * (found - best['none']) for name, found in best.items()}
     for name in effects:
         yield Row(f'alone: {name}', ms[name], 'ms')
@@ -95,17 +104,15 @@ def _together(size, rounds):
 
 def _stages(size, rounds) -> dict[str, float]:
     """Return the ms that the programs of all effects cost in one frame of all of them."""
-    pl, effects = scene(size)
-    pl.show(auto_close=False)
-    choose(effects, effects)
-    pl.render_window.Render()
     best: dict[str, float] = {}
-    for _ in range(rounds):
-        with _timed() as spans:
-            pl.render_window.Render()
-        for name, spent in spans.items():
-            best[name] = min(best.get(name, np.inf), 1e3 * spent)
-    pl.close()
+    with _stage(size) as (stage, effects):
+        choose(effects, effects)
+        stage.draw()
+        for _ in range(rounds):
+            with _timed() as spans:
+                stage.draw()
+            for name, spent in spans.items():
+                best[name] = min(best.get(name, np.inf), 1e3 * spent)
     return best
 
 
@@ -122,21 +129,8 @@ def _timed() -> Iterator[dict[str, float]]:
         quad.window.WaitForCompletion()
         spans[quad.name] = spans.get(quad.name, 0.0) + time.perf_counter() - start
 
-    with _replaced((Quad, 'draw_alone', timed)):
+    with patch.object(Quad, 'draw_alone', timed):
         yield spans
-
-
-@contextmanager
-def _replaced(*changes):
-    """Have other methods for a while: tuples of class, name and function."""
-    before = [(owner, name, getattr(owner, name)) for owner, name, _ in changes]
-    for owner, name, function in changes:
-        setattr(owner, name, function)
-    try:
-        yield
-    finally:
-        for owner, name, function in before:
-            setattr(owner, name, function)
 
 
 class _Clock:
@@ -155,15 +149,12 @@ class _Clock:
 
         return counted
 
+    @contextmanager
     def of_python(self):
-        """Return replacements that count what Python takes, and leave out what GL does."""
-        # Where Python hands over to GL, and those of the pipeline that VTK calls.
-        gl = (Picture, '_blit'), (Texture, 'download'), (Drawer, 'draw'), (Target, '_clear')
-        changes: list[tuple] = [
-            (owner, name, self._counted(getattr(owner, name), -1)) for owner, name in gl
-        ]
-        for name in ('_on_start', '_on_end'):
-            changes.append((Pipeline, name, self._counted(getattr(Pipeline, name), 1)))
+        """Count what Python takes for a while, and leave out what GL does."""
+        # Where Python hands over to GL, and the methods of the pipeline that VTK calls.
+        counted = [(Picture, '_blit', -1), (Texture, 'download', -1), (Drawer, 'draw', -1)]
+        counted += [(Target, '_clear', -1), (Pipeline, '_on_start', 1), (Pipeline, '_on_end', 1)]
         start = Quad.__init__
 
         def started(quad, *args, **options):
@@ -173,20 +164,22 @@ class _Clock:
                 Render=self._counted(render, -1), ReleaseGraphicsResources=release
             )
 
-        return [*changes, (Quad, '__init__', started)]
+        with ExitStack() as stack:
+            stack.enter_context(patch.object(Quad, '__init__', started))
+            for owner, name, sign in counted:
+                function = self._counted(getattr(owner, name), sign)
+                stack.enter_context(patch.object(owner, name, function))
+            yield
 
 
 def _python(rounds=100, size=(32, 18)) -> Row:
     """Return the time of the main thread that five effects take of a frame, less GL's share."""
     clock, found = _Clock(), []
-    with _replaced(*clock.of_python()):
-        pl, effects = scene(size)
-        pl.show(auto_close=False)
+    with clock.of_python(), _stage(size) as (stage, effects):
         choose(effects, FIVE)
-        pl.render_window.Render()
+        stage.draw()
         for _ in range(rounds):
             clock.spent = 0.0
-            pl.render_window.Render()
+            stage.window.Render()
             found.append(clock.spent)
-        pl.close()
     return Row('Python in a frame, five effects', 1e3 * np.median(found), 'ms', 1.0)
