@@ -13,11 +13,11 @@ import pyvista as pv
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench, Row
 from pvibr.bench.common.meshes import DATA
-from pvibr.bench.common.timing import pictures, timed
+from pvibr.bench.common.timing import mean_flip, pictures, timed
 from pvibr.bench.common.whole_frames import real_plotter, turning
 from pvibr.billboard_clouds.cloud import billboard_cloud
 from pvibr.capture.offscreen import SAMPLES, Stage, mesh_actors
-from pvibr.maths.image_error import flip, psnr
+from pvibr.maths.image_error import psnr
 from pvibr.meshes.parts import as_parts
 from pvibr.scenes.trees import tree_parts
 
@@ -70,9 +70,8 @@ def _rows(name, found):
     yield Row(f'{label}: time', first['seconds'], 's')
     yield Row(f'{label}: bytes', first['bytes'])
     same = planes_at(found['k-means'], first['flip']) / first['planes']
-    yield Row(
-        f'{label}: planes of k-means at the same FLIP over its own', same, 'x', 1, at_least=True
-    )
+    text = f'{label}: planes of k-means at the same FLIP over its own'
+    yield Row(text, same, 'x', 1, at_least=True)
     for point in found['quadrics']:
         yield Row(f'{name}: FLIP of quadrics at {point["bytes"]} bytes', point['flip'])
 
@@ -115,40 +114,27 @@ class _Mesh:
         with tempfile.TemporaryDirectory() as folder:
             (file,) = cloud.save(Path(folder) / 'cloud.glb')
             size = file.stat().st_size
-        moved = cloud.displacement / (cloud.epsilon or self.diagonal)
-        found = {
-            'planes': len(cloud.planes),
-            'bytes': size,
-            'seconds': cloud.seconds,
-            'fill': cloud.fill,
-            'moved': moved,
-        }
-        return how | found | self._error(cloud.add_to)
+        found = {'planes': len(cloud.planes), 'bytes': size, 'seconds': cloud.seconds}
+        found['moved'] = cloud.displacement / (cloud.epsilon or self.diagonal)
+        found['fill'] = cloud.fill
+        return how | found | self._error(lambda stage: cloud.add_to(stage.plotter))
 
     def _decimated(self, size):
         """Return the error of the triangles that the same number of bytes holds."""
         whole = sum(_bytes(part) for part in self.parts)
         found = [_quadrics(part, min(size / whole, 1.0)) for part in self.parts]
-        error = self._error(lambda pl: _show(pl, mesh_actors([found], *_HERE)))
+        error = self._error(lambda stage: stage.add(mesh_actors([found], *_HERE)))
         return {'bytes': sum(_bytes(part) for part in found)} | error
 
-    def _error(self, add):
-        drawn = self._pictures(lambda stage: add(stage.plotter))
-        pairs = list(zip(drawn, self.truth, strict=True))
-        return {
-            'flip': float(np.mean([flip(a, b).mean() for a, b in pairs])),
-            'psnr': float(np.mean([min(psnr(a, b), 99.0) for a, b in pairs])),
-        }
+    def _error(self, fill):
+        drawn = self._pictures(fill)
+        ratios = [min(psnr(a, b), 99.0) for a, b in zip(drawn, self.truth, strict=True)]
+        return {'flip': mean_flip(drawn, self.truth), 'psnr': float(np.mean(ratios))}
 
     def _pictures(self, fill):
         with Stage((_SIZE, _SIZE), samples=SAMPLES) as stage:
             fill(stage)
             return pictures(stage, self.cameras)
-
-
-def _show(plotter, actors):
-    for actor in actors:
-        plotter.renderer.AddViewProp(actor)
 
 
 def _around(count):
@@ -221,11 +207,10 @@ def plot(points):
 
 def _airplane(settings, size, on):
     """Return an airplane, as a billboard cloud or as its mesh."""
-    pl, parts = real_plotter(size), MESHES['airplane']()
+    parts = MESHES['airplane']()
+    pl = real_plotter(size, () if on else mesh_actors([parts], *_HERE))
     if on:
         billboard_cloud(parts, epsilon=settings.epsilons[0], size=settings.size).add_to(pl)
-    else:
-        _show(pl, mesh_actors([parts], *_HERE))
     pl.camera_position = 'iso'
     return pl, turning(pl)
 

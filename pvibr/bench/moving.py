@@ -16,6 +16,7 @@ from pvibr.scenes.scenery import scenery
 
 #: Pixels that the mouse goes from one frame to the next.
 _STEP = 3
+_MOVE, _RELEASE = 'MouseMoveEvent', 'LeftButtonReleaseEvent'
 _forest = cache(landscape)  # drawn in several plotters
 
 
@@ -86,31 +87,25 @@ class _Mouse:
         self.press()
         self._qualities.clear()
         spent = time.process_time()
-        ms = [1e3 * seconds(self._window, partial(self.move, k + 1)) for k in range(frames)]
+        moves = [partial(self.event, _MOVE, k + 1) for k in range(frames)]
+        ms = [1e3 * seconds(self._window, move) for move in moves]
         spent = 1e3 * (time.process_time() - spent) / frames
         qualities, moving = self._qualities.copy(), self._picture()
-        release = seconds(self._window, partial(self.release, frames))
+        release = seconds(self._window, partial(self.event, _RELEASE, frames))
         error = float(flip(moving, self._picture()).mean())
         found = {'ms': ms, 'processor': spent, 'quality': qualities}
         return found | {'release': release, 'flip': error}
 
     def press(self):
         """Press the left button in the middle of the window."""
-        self._event('MouseMoveEvent')
-        self._event('LeftButtonPressEvent')
-
-    def move(self, k):
-        """Move to where the mouse is in a frame of the drag."""
-        self._event('MouseMoveEvent', k)
-
-    def release(self, k):
-        """Release the button where the mouse is in a frame of the drag."""
-        self._event('LeftButtonReleaseEvent', k)
+        self.event(_MOVE)
+        self.event('LeftButtonPressEvent')
 
     def _note(self, *_):
         self._qualities.append(self.plotter.ibr.quality)
 
-    def _event(self, name, k=0):
+    def event(self, name, k=0):
+        """Send an event where the mouse is in a frame of the drag."""
         interactor = self._window.GetInteractor()
         x, y = (n // 2 for n in self._window.GetSize())
         interactor.SetEventInformation(x + _STEP * k, y, 0, 0)
@@ -123,15 +118,14 @@ class _Mouse:
 def plot(points):
     """Draw the time of each frame, one axis a place."""
     drags = points['drags']
-    figure, axes = plots.several_axes(
-        (4 * len(drags), 4), 1, len(drags), sharey=True, squeeze=False
-    )
-    for place, one in zip(drags, axes[0], strict=True):
+    size = 4 * len(drags), 4
+    figure, (axes,) = plots.several_axes(size, 1, len(drags), sharey=True, squeeze=False)
+    for place, one in zip(drags, axes, strict=True):
         for limit, drag in drags[place].items():
             one.plot(drag['ms'], '.-', label=_name(limit))
         plots.bar(one, 100, label=None)
         one.set(xlabel='frame of the drag', yscale='log', title=f'at {place:.0%} of the trail')
-    axes[0][0].set_ylabel('ms a frame')
+    axes[0].set_ylabel('ms a frame')
     return figure
 
 
@@ -142,12 +136,12 @@ def _drag(settings, size, on):
 
     def draw(k):
         if k >= 0:
-            mouse.move(k + 1)
+            mouse.event(_MOVE, k + 1)
             return
         if k == -1:
             mouse.press()
         else:
-            mouse.release(0)
+            mouse.event(_RELEASE)
         mouse.plotter.render_window.Render()
 
     return mouse.plotter, draw

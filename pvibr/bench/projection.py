@@ -13,6 +13,7 @@ from pvibr.bench.common.light_scenes import SCENES, VIEW_ANGLE, WINDOWS, light_a
 from pvibr.bench.common.rays import Rays, edge_band
 from pvibr.bench.common.timing import least
 from pvibr.bench.common.whole_frames import turning
+from pvibr.maths.octahedral import frame
 from pvibr.maths.pinhole import Pinhole
 from pvibr.projection.samples import Samples
 
@@ -34,9 +35,7 @@ def camera_of(scene, lens=()) -> Pinhole:
 def _looking(eye, at, focus, lens=()):
     eye, at = np.array(eye, float), np.array(at, float)
     ahead = (at - eye) / np.linalg.norm(at - eye)
-    right = np.cross(ahead, [0, 0, 1.0])
-    right /= np.linalg.norm(right)
-    turn = np.array([right, np.cross(ahead, right), ahead])
+    turn = frame(-ahead) * [[1], [-1], [-1]]  # y goes down
     K = [[focus, 0, (SIZE[0] - 1) / 2], [0, focus, (SIZE[1] - 1) / 2], [0, 0, 1]]
     return Pinhole(np.array(K), turn, -turn @ eye, SIZE, lens)
 
@@ -87,18 +86,21 @@ def _extra(stage, photo, turns=5):
     return 1e3 * (times[True] - times[False])
 
 
-def _painted(settings, results):
+def _placed(settings):
+    """Yield scenes at several offsets, and what they are called."""
     for name in settings.scenes:
         for offset in settings.offsets:
-            scene = place(SCENES[name](), offset=offset)
-            windows = settings.windows if not offset else settings.windows[-1:]
-            for window in windows:
-                truth = _Truth(scene, window, camera_of(scene, LENS))
-                leak, hole, ms = truth.errors()
-                what = f'{name}, {window[0]}x{window[1]}, at {offset:g} sizes'
-                yield Row(f'leak: {what}', leak, '%', BAR)
-                yield Row(f'hole: {what}', hole, '%', BAR)
-                yield Row(f'extra time: {what}', ms, 'ms')
+            yield place(SCENES[name](), offset=offset), name, f'at {offset:g} sizes', offset == 0
+
+
+def _painted(settings, results):
+    for scene, name, where, near in _placed(settings):
+        for window in settings.windows if near else settings.windows[-1:]:
+            leak, hole, ms = _Truth(scene, window, camera_of(scene, LENS)).errors()
+            what = f'{name}, {window[0]}x{window[1]}, {where}'
+            yield Row(f'leak: {what}', leak, '%', BAR)
+            yield Row(f'hole: {what}', hole, '%', BAR)
+            yield Row(f'extra time: {what}', ms, 'ms')
 
 
 def _own(settings, results):
@@ -106,23 +108,16 @@ def _own(settings, results):
     x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     waves = [np.sin(x * a + y * b) for a, b in ((0.31, 0.05), (-0.11, 0.23), (0.02, -0.41))]
     photo = np.rint(127 + 100 * np.stack(waves, -1)).astype(np.uint8)
-    for name in settings.scenes:
-        for offset in settings.offsets:
-            scene = place(SCENES[name](), offset=offset)
-            focus = 0.5 * SIZE[1] / np.tan(np.radians(VIEW_ANGLE / 2))
-            camera = _looking(scene.camera[0], scene.camera[1], focus)
-            rays = Rays(scene.meshes)
-            with scene.stage('spot', SIZE) as stage:
-                surface = rays.surface(stage.frame())
-                stage.plotter.ibr.add(pvibr.Projector(photo, camera))
-                error = (255 * stage.picture() - photo)[_sure(surface)]
-            found = 10 * np.log10(255**2 / max(np.mean(error**2), 1e-4))
-            row = f'own camera: {name}, at {offset:g} sizes'
-            yield Row(row, found, 'dB', PSNR_BAR, at_least=True)
-
-
-def _sure(surface):
-    return surface.hit & ~edge_band(surface.hit.astype(float), surface)
+    focus = 0.5 * SIZE[1] / np.tan(np.radians(VIEW_ANGLE / 2))
+    for scene, name, where, _ in _placed(settings):
+        eye, at, _ = scene.camera
+        with scene.stage('spot', SIZE) as stage:
+            surface = Rays(scene.meshes).surface(stage.frame())
+            stage.plotter.ibr.add(pvibr.Projector(photo, _looking(eye, at, focus)))
+            sure = surface.hit & ~edge_band(surface.hit.astype(float), surface)
+            error = (255 * stage.picture() - photo)[sure]
+        found = 10 * np.log10(255**2 / max(np.mean(error**2), 1e-4))
+        yield Row(f'own camera: {name}, {where}', found, 'dB', PSNR_BAR, at_least=True)
 
 
 def _data(settings, results):

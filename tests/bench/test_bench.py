@@ -62,8 +62,7 @@ def test_whole_frames_are_drawn_by_turns():
 
         return pl, noted
 
-    extent = whole_frames.Extent((40, 30), 2)
-    found = whole_frames.measured(make, None, extent)
+    found = whole_frames.measured(make, None, (40, 30), 2)
     assert drawn == [
         (k, on, many) for many in (False, True) for k in range(-2, 2) for on in (True, False)
     ]

@@ -9,7 +9,7 @@ from pvibr.bench import main, shadows
 from pvibr.bench.common.harness import Results
 from pvibr.bench.common.light_scenes import SCENES, LightScene
 from pvibr.bench.common.rays import Rays
-from pvibr.bench.shadows import contact, errors, soft, times
+from pvibr.bench.shadows import contact, errors, times
 
 WINDOW = (120, 80)
 
@@ -56,7 +56,7 @@ def test_soft_errors_are_those_of_what_is_known():
     lit, nan = np.array([0.0, 0.5, 1.0, 1.0]), np.nan
     away = np.array([False, False, False, True])
     found = errors.Sight(None, None, lit, away, None, None)
-    assert soft.error(found, np.array([0.1, 0.7, nan, 0.0])) == pytest.approx(0.15)
+    assert errors.light_error(found, np.array([0.1, 0.7, nan, 0.0])) == pytest.approx(0.15)
 
 
 def test_a_gap_is_as_wide_as_it_is_made():

@@ -46,10 +46,7 @@ def _times(levels, settings) -> dict:
     for name in ('turntable', 'billboard'):
         cards = getattr(levels, name)
         many = np.repeat(places, settings.copies, 0)
-
-        def put(pl, many=many, cards=cards):
-            pl.ibr.add_billboards(many, **cards)
-
+        put = partial(_turn, points=many, cards=cards)
         found[name] = least_ms(settings.size, put, _CAMERAS) / settings.copies
     return {name: ms / len(places) for name, ms in found.items()}
 
@@ -62,3 +59,7 @@ def _stand(pl, levels, name, places):
             actor.ShallowCopy(source)
             actor.position = place
             pl.renderer.AddViewProp(actor)
+
+
+def _turn(pl, points, cards):
+    pl.ibr.add_billboards(points, **cards)

@@ -55,7 +55,8 @@ def cube(count) -> np.ndarray:
 
 def times_by_count(settings, results, name, ways, cameras, bars) -> Iterator[Row]:
     """Yield the ms of ways to show points by their number, and the first's speed over peers."""
-    curves = results.points[name] = {}
+    curves: dict = {}
+    results.points[name] = curves
     for count in settings.counts:
         points = cube(count)
         found = {
@@ -91,7 +92,9 @@ def billboards(pl, points, **options):
 
 def glyph(pl, points):
     """Add cards by VTK's glyph filter."""
-    plane = pv.Plane((0, 0, 0), (0, -1, 0), _SIDE, _SIDE, 1, 1)
+    plane = pv.Plane(
+        direction=(0, -1, 0), i_resolution=1, j_resolution=1, i_size=_SIDE, j_size=_SIDE
+    )
     cards = pv.PolyData(points).glyph(geom=plane, scale=False, orient=False)
     pl.add_mesh(cards, texture=pv.Texture(disc()), lighting=False)
 

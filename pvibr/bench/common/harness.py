@@ -105,10 +105,11 @@ class Bench:
 
     def _whole_frames(self, settings, results):
         """Yield the rows of whole frames with and without the capability."""
-        extent = whole_frames.QUICK if results.settings['quick'] else whole_frames.FULL
+        extent = whole_frames.EXTENTS[results.settings['quick']]
         for name, make in self.outside.items():
-            by_samples = results.whole_frames[name] = whole_frames.measured(make, settings, extent)
-            for samples, times in by_samples.items():
+            found = whole_frames.measured(make, settings, *extent)
+            results.whole_frames[name] = found
+            for samples, times in found.items():
                 title = f'whole frame, {name}, {samples} samples per pixel'
                 for what, value, unit in whole_frames.told(times):
                     yield Row(f'{title}: {what}', value, unit)

@@ -113,9 +113,8 @@ def place(scene, offset=0.0, scale=1.0) -> LightScene:
         lights[name].position = tuple(moved(light.position))
         lights[name].focal_point = tuple(moved(light.focal_point))
     eye, focus, up = scene.camera
-    return replace(
-        scene, meshes=meshes, lights=lights, camera=(tuple(moved(eye)), tuple(moved(focus)), up)
-    )
+    camera = tuple(moved(eye)), tuple(moved(focus)), up
+    return replace(scene, meshes=meshes, lights=lights, camera=camera)
 
 
 # -- the scenes ---------------------------------------------------------------------------------
@@ -130,16 +129,11 @@ def _spheres():
         radius = rng.uniform(0.25, 0.45)
         over = 0.0 if k % 2 else rng.uniform(0.1, 1.2)
         aside = rng.uniform(-0.1, 0.1, 2)
-        ball = pv.Sphere(
-            radius=radius,
-            center=(x[k] + aside[0], y[k] + aside[1], radius + over),
-            theta_resolution=100,
-            phi_resolution=102,
-        )
+        center = x[k] + aside[0], y[k] + aside[1], radius + over
+        ball = pv.Sphere(radius=radius, center=center, theta_resolution=100, phi_resolution=102)
         meshes.append(bare(ball))
-    return LightScene(
-        'spheres', meshes, _lights((0, 0, 0), 12.0), ((6.0, -17.0, 11.0), (0, 0, 0.3), (0, 0, 1))
-    )
+    camera = (6.0, -17.0, 11.0), (0, 0, 0.3), (0, 0, 1)
+    return LightScene('spheres', meshes, _lights(12.0), camera)
 
 
 def _terrain():
@@ -147,7 +141,7 @@ def _terrain():
     mesh = _mountain()
     low, high = np.array(mesh.bounds).reshape(3, 2).T
     mesh.points = (mesh.points - (low + high) / 2) / (high - low)[:2].max() * 12.0
-    lights = _lights((0, 0, 0), 12.0)
+    lights = _lights(12.0)
     lights['directional'] = light_at((-9.0, 4.0, 3.5), (0, 0, 0))  # low sun: long shadows
     lights['spot'] = light_at((-8.0, -3.0, 4.0), (0, 0, 0.5), cone=30.0)
     lights['point'] = light_at((-3.5, 1.5, 3.0), (0, 0, 0), cone=90.0)
@@ -176,9 +170,8 @@ def _standing(name, make):
         points = (np.asarray(mesh.points, float) - foot) / (high - low).max() * 4.0
         meshes = [_floor(9.0), bare(mesh, points)]
         focus = (0.5, 0.3, 0.4 * points[:, 2].max())
-        return LightScene(
-            name, meshes, _lights((0, 0, 0), 10.0), ((4.0, -10.5, 6.0), focus, (0, 0, 1))
-        )
+        camera = (4.0, -10.5, 6.0), focus, (0, 0, 1)
+        return LightScene(name, meshes, _lights(10.0), camera)
 
     return scene
 
@@ -190,13 +183,12 @@ def _statue():
     return mesh.rotate_x(90.0) if size[1] > size[2] else mesh
 
 
-def _lights(middle, size):
-    """Return one light of each kind for what stands on a floor."""
-    middle = np.array(middle, float)
+def _lights(size):
+    """Return one light of each kind for what stands on a floor around the origin."""
     return {
-        'directional': light_at(middle + np.array([-0.5, -0.3, 0.7]) * size, middle),
-        'spot': light_at(middle + np.array([-0.45, -0.35, 0.55]) * size, middle, cone=20.0),
-        'point': light_at(middle + np.array([-0.08, -0.06, 0.42]) * size, middle, cone=90.0),
+        'directional': light_at(np.array([-0.5, -0.3, 0.7]) * size),
+        'spot': light_at(np.array([-0.45, -0.35, 0.55]) * size, cone=20.0),
+        'point': light_at(np.array([-0.08, -0.06, 0.42]) * size, cone=90.0),
     }
 
 

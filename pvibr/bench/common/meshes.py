@@ -45,25 +45,16 @@ def scatter(count, cells, spacing, seed=0) -> list:
 
 
 def _knot():
-    knot = _tube(_knot_line(), 0.12, 48)
+    t = np.linspace(0, 2 * np.pi, 500)
+    r = 1 + 0.4 * np.cos(3 * t)
+    line = np.column_stack([r * np.cos(2 * t), r * np.sin(2 * t), 0.5 * np.sin(3 * t)])
+    knot = _tube(line, 0.12, 48)
     rod = pv.Cylinder(center=(0, 0, 0), direction=(0.2, 0.1, 1), radius=0.015, height=4.5)
     return pv.MultiBlock([knot, rod])
 
 
-def _knot_line():
-    t = np.linspace(0, 2 * np.pi, 500)
-    r = 1 + 0.4 * np.cos(3 * t)
-    return np.column_stack([r * np.cos(2 * t), r * np.sin(2 * t), 0.5 * np.sin(3 * t)])
-
-
 def _tube(line, radius, sides):
     return pv.lines_from_points(line).tube(radius=radius, n_sides=sides).triangulate()
-
-
-def _airplane():
-    from pyvista import examples
-
-    return pv.read(examples.planefile)
 
 
 def _statue():
@@ -95,7 +86,7 @@ def _wires():
 MESHES = {
     'knot and rod': _knot,
     'torus': lambda: pv.ParametricTorus(u_res=150, v_res=100),
-    'airplane': _airplane,
+    'airplane': pv.examples.load_airplane,
     'tree': lambda: with_looks(tree('broadleaf'), 'broadleaf'),
     'statue': _statue,
     'flat plate': _flat,

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from pvibr.maths.kernels import vogel_disk
+from pvibr.maths.octahedral import frame
 from pvibr.maths.vectors import unit_vectors
 
 #: A shadow ray starts so far above its surface, in sizes of the scene: some 16 units in the last
@@ -107,7 +108,7 @@ class Rays:
 
     def _seen(self, points, normals, toward, reach, disc):
         """Return which points of a light's disc are seen from some points, (n, samples)."""
-        aside, above = _across(toward)
+        aside, above, _ = frame(toward).swapaxes(0, 1)
         if np.isfinite(reach).all():
             disc = disc / reach[:, None, None]
         aside, above = disc[..., :1] * aside[:, None], disc[..., 1:] * above[:, None]
@@ -139,9 +140,8 @@ class Rays:
             away[rows] = found['tfar']
         slope = np.einsum('ni,ni->n', self._normals[cells], ways)
         with np.errstate(divide='ignore', invalid='ignore'):
-            exact = (
-                np.einsum('ni,ni->n', self._corner[cells] - local, self._normals[cells]) / slope
-            )
+            up = np.einsum('ni,ni->n', self._corner[cells] - local, self._normals[cells])
+            exact = up / slope
         # Along a triangle's plane there is no such point.
         away = np.where(np.abs(slope) > 1e-6, exact, away)
         return cells, (away + start) * self.size
@@ -231,13 +231,6 @@ def _toward(light, points):
 def _relative(light, extent):
     """Return the radius of a light: in world units, or at a distance of 1."""
     return extent if light.GetPositional() else np.tan(np.radians(extent / 2))
-
-
-def _across(ways):
-    """Return two unit vectors at right angles to each of some unit vectors."""
-    helper = np.where(np.abs(ways[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-    aside = unit_vectors(np.cross(helper, ways))
-    return aside, np.cross(ways, aside)
 
 
 def _float32(array):

@@ -26,6 +26,11 @@ def spent(stage) -> tuple[float, float]:
     return wall, time.process_time() - start
 
 
+def python_ms(stage) -> float:
+    """Return the ms that Python took of the last frame."""
+    return sum(row['ms'] for row in stage.plotter.ibr.report().as_dict()['rows'])
+
+
 def timed(job):
     """Return the result of a job on the CPU, and its seconds."""
     start = time.perf_counter()

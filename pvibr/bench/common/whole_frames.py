@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from types import SimpleNamespace
 
@@ -19,17 +18,8 @@ Maker = Callable[
 ]
 #: Samples per pixel: as on the stand, and PyVista's default.
 SAMPLES = 0, 8
-
-
-@dataclass(frozen=True)
-class Extent:
-    """How much is measured: the window and the number of pairs of frames."""
-
-    size: tuple[int, int]
-    pairs: int
-
-
-FULL, QUICK = Extent((1280, 720), 15), Extent((320, 180), 2)
+#: The window and the number of pairs of frames, in full and for ``--quick``.
+EXTENTS = ((1280, 720), 15), ((320, 180), 2)
 
 
 def real_plotter(size, actors=()):
@@ -53,15 +43,15 @@ def turning(plotter, degrees=0.2) -> Callable[[int], object]:
     return draw
 
 
-def measured(make, settings, extent) -> dict[int, dict[str, list[float]]]:
+def measured(make, settings, size, pairs) -> dict[int, dict[str, list[float]]]:
     """Return the ms of frames with and without, in pairs, by samples per pixel."""
-    both = {name: make(settings, extent.size, name == 'with') for name in ('with', 'without')}
+    both = {name: make(settings, size, name == 'with') for name in ('with', 'without')}
     found = {}
     for samples in SAMPLES:
         for plotter, _ in both.values():
             plotter.render_window.SetMultiSamples(samples)
             plotter.show(auto_close=False)
-        found[samples] = _pairs(both, extent.pairs)
+        found[samples] = _pairs(both, pairs)
     for plotter, _ in both.values():
         plotter.close()
     return found

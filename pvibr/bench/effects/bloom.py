@@ -39,8 +39,9 @@ def measure(settings, results):
         whole['dark'] = partial(dark.render, stand, stand)
         times, copy_ms = in_copies(stand, whole, rounds)
         stages, _ = in_copies(stand, bloom.stages(stand), rounds)
-        for owner in (stand, bloom, dark):
-            owner.release()
+        for effect in (bloom, dark):
+            effect.release()
+        stand.release()
     yield Row('one full-screen copy', copy_ms, 'ms')
     yield Row('bloom over a copy', times['bloom'], 'x', 2.5)
     yield Row('bloom where nothing is bright, over a copy', times['dark'], 'x', 0.3)
@@ -88,8 +89,10 @@ def _errors(size, rounds) -> list[dict]:
             name = ', '.join(f'{k} {v}' for k, v in one.items()) or 'as it comes'
             error = 255 * float(np.abs(shown - true).mean())
             found.append({'name': name, 'sigma': sigma, 'error': error, 'copies': copies[i]})
-        for owner in (timed, seen, *blooms):
-            owner.release()
+        for bloom in blooms:
+            bloom.release()
+        for stand in (timed, seen):
+            stand.release()
     return found
 
 

@@ -10,6 +10,7 @@ from pvibr.capture.offscreen import Stage
 from pvibr.effects.depth_of_field import DepthOfField
 from pvibr.maths.image_error import psnr
 from pvibr.maths.kernels import vogel_disk
+from pvibr.maths.octahedral import frame
 
 
 def measure(settings, results):
@@ -51,7 +52,7 @@ def spheres_in_a_row(size) -> Stage:
     stage = Stage(size, view_angle=35, background='#405060')
     floor = pv.Plane(center=(0, 0, -0.5), i_size=30, j_size=30, i_resolution=30, j_resolution=30)
     floor.cell_data['odd'] = np.indices((30, 30)).sum(axis=0).ravel() % 2
-    look = {'cmap': ['#808080', '#c0b090'], 'lighting': False, 'show_scalar_bar': False}
+    look: dict = {'cmap': ['#808080', '#c0b090'], 'lighting': False, 'show_scalar_bar': False}
     stage.plotter.add_mesh(floor, scalars='odd', **look)
     for k, color in enumerate(['red', 'gold', 'teal', 'orchid', 'white']):
         ball = pv.Sphere(radius=0.5, center=(0.8 * k - 1.2, 3.0 - 1.8 * k, 0))
@@ -71,10 +72,7 @@ def accumulated(stage, radius, focus, lenses=256):
     eye, focal, span = (
         np.array(x) for x in (camera.position, camera.focal_point, camera.clipping_range)
     )
-    ahead = (focal - eye) / np.linalg.norm(focal - eye)
-    right = np.cross(ahead, camera.up)
-    right /= np.linalg.norm(right)
-    up = np.cross(right, ahead)
+    right, up, _ = frame((eye - focal) / np.linalg.norm(eye - focal))
     width, height = stage.plotter.window_size
     half = focus * np.tan(np.radians(camera.view_angle) / 2)
 

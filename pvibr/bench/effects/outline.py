@@ -123,7 +123,7 @@ def _kinds(size, rounds):
     """Return what kinds of lines cost of a frame, and how far they are from the silhouettes."""
     effects: dict[str, Effect] = {'copy': Copy()}
     effects |= {name: Outline(**kind) for name, kind in KINDS.items()}
-    drawn = {}
+    drawn: dict = {}
 
     def shown(name):
         for other, effect in effects.items():

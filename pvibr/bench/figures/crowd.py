@@ -7,8 +7,9 @@ import time
 import numpy as np
 
 from pvibr.bench.common.harness import Row
+from pvibr.bench.common.timing import mean_flip, python_ms, timed
 from pvibr.capture.offscreen import SAMPLES, Stage
-from pvibr.maths.image_error import displacements, flip
+from pvibr.maths.image_error import displacements
 from pvibr.scenes.walker import walker
 
 #: Triangles of a figure.
@@ -28,9 +29,8 @@ def measure(settings, results):
     crowd = _Crowd(settings)
     own = yield from crowd.own_ms()
     posed, drawn = crowd.separate_ms()
-    name = (
-        f'crowd of {settings.crowd:,} figures of {crowd.figure.meshes[0].mesh.n_cells:,} triangles'
-    )
+    triangles = crowd.figure.meshes[0].mesh.n_cells
+    name = f'crowd of {settings.crowd:,} figures of {triangles:,} triangles'
     part = f'extrapolated from {PART}'
     yield Row(f'{name}: a frame', own, 'ms')
     yield Row(f'{name}: posed meshes as separate actors, {part}', posed, 'ms')
@@ -66,8 +66,7 @@ class _Crowd:
                 stage.plotter.ibr.time = STEP * (i + 1)
                 stage.draw()
                 found.append(time.perf_counter() - start)
-                rows = stage.plotter.ibr.report().as_dict()['rows']
-                python.append(sum(row['ms'] for row in rows))
+                python.append(python_ms(stage))
             report = crowd.report()
             meshes = sum(v for k, v in report.items() if k.startswith('mesh '))
             yield Row('crowd: Python a frame while all move', np.median(python), 'ms')
@@ -79,23 +78,21 @@ class _Crowd:
     def separate_ms(self):
         """Return the ms of a frame of separate actors: posed anew, and left as they are."""
         some = self._some(PART, seed=1)
-        found: dict[bool, list] = {True: [], False: []}
+        moved, still = [], []
         with self._stage() as stage:
             meshes = self._add_meshes(stage, some)
             stage.look(self.camera)
             stage.draw()
             for i in range(FRAMES):
-                for moving, seconds in found.items():
-                    start = time.perf_counter()
-                    if moving:
-                        self._pose(meshes, self.times[some] + STEP * (i + 1))
-                    stage.draw()
-                    seconds.append(time.perf_counter() - start)
+                times = self.times[some] + STEP * (i + 1)
+                _, posing = timed(lambda times=times: self._pose(meshes, times))
+                moved.append(posing + stage.draw())
+                still.append(stage.draw())
         with self._stage() as stage:
             stage.look(self.camera)
             empty = np.median([stage.draw() for _ in range(FRAMES)])
         scale = 1e3 * len(self.places) / len(some)
-        return [float(np.median(s) - empty) * scale for s in found.values()]
+        return [float(np.median(s) - empty) * scale for s in (moved, still)]
 
     def error(self):
         """Yield the error of some of the crowd beside posed meshes, at several times."""
@@ -110,10 +107,7 @@ class _Crowd:
                 stage.look(self.camera)
                 own.append(stage.picture())
             drawn = stage.coverage()
-        base, ours = (
-            np.mean([flip(a, b).mean() for a, b in zip(pictures, truth, strict=True)])
-            for pictures in (once, own)
-        )
+        base, ours = mean_flip(once, truth), mean_flip(own, truth)
         away = np.percentile(displacements(drawn, covered), 99)
         yield Row(f'crowd: FLIP of posed meshes ({len(some)} figures)', base)
         yield Row('crowd: FLIP over that of posed meshes', ours / base, 'x', 1.0)

@@ -6,7 +6,6 @@ import contextlib
 import warnings
 
 import numpy as np
-import pyvista as pv
 
 from pvibr.animation.clip import Clip, Track
 from pvibr.animation.gltf.read import read_gltf
@@ -14,6 +13,7 @@ from pvibr.bench.common.harness import Row
 from pvibr.bench.common.meshes import DATA
 from pvibr.bench.figures import models as tubes
 from pvibr.bench.figures.peers import reader_error, size_of
+from pvibr.capture.offscreen import Stage
 from pvibr.core.errors import PvibrWarning
 from pvibr.maths.quaternions import from_axis_angle
 
@@ -24,13 +24,10 @@ CLIPS = 3
 @contextlib.contextmanager
 def shown(figure, **settings):
     """Show a figure in a small window."""
-    plotter = pv.Plotter(off_screen=True, window_size=[64, 64])
-    try:
-        actor = plotter.ibr.add_animated(figure, **settings)
-        plotter.show(auto_close=False)
+    with Stage((64, 64)) as stage:
+        actor = stage.plotter.ibr.add_animated(figure, **settings)
+        stage.look('iso')
         yield actor
-    finally:
-        plotter.close()
 
 
 def gpu_errors(actor) -> tuple:

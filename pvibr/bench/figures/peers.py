@@ -19,7 +19,8 @@ def reader_error(path, figure, times, clips) -> float:
         reader = gltf_reader(path, number, len(figure.clips))
         for time in np.linspace(0, clip.duration, times) if clip else [0.0]:
             reader = gltf_reader(path, number, len(figure.clips)) if renew else reader
-            theirs = corners_at(reader, time)
+            meshes = meshes_at(reader, time)
+            theirs = [np.array(m.points, np.float64)[m.regular_faces] for m in meshes]
             pose = figure.sample(time, clip, loop=False)
             ours = [
                 figure.posed(i, pose)[0][body.mesh.regular_faces]
@@ -56,12 +57,6 @@ def meshes_at(reader, time) -> list:
     """Return what VTK's reader has at a time."""
     reader.UpdateTimeStep(float(time))
     return list(_leaves(reader.GetOutputDataObject(0)))
-
-
-def corners_at(reader, time) -> list:
-    """Return the corners of the triangles that VTK's reader has at a time."""
-    meshes = meshes_at(reader, time)
-    return [np.array(mesh.points, np.float64)[mesh.regular_faces] for mesh in meshes]
 
 
 def _leaves(blocks):

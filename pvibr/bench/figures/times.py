@@ -24,17 +24,21 @@ _FEW = 100  # one triangle of so many, where drawing shall not count
 
 def poses(settings, results):
     """Yield the times of a new pose and its frame; the bars are those of the largest figure."""
-    sizes = settings.joints, settings.screen, settings.rounds
     for around, rings in settings.figures:
-        share = _pose_times(rings, around, *sizes)
+        few = models.tube(rings, around, settings.joints, look=LOOK, every=_FEW)
+        found = _in_turns(few, settings.screen, settings.rounds)
+        share = {way: moved - still for way, (moved, still) in found.items()}
         results.points.setdefault('poses', []).append({'vertices': around * rings, **share})
-    frame = _frame_times(rings, around, *sizes)
+    figure = models.tube(rings, around, settings.joints, look=LOOK)
+    found = _in_turns(figure, settings.screen, settings.rounds)
+    frame = {way: moved for way, (moved, _) in found.items()}
     name = f'new pose of {around * rings:,} vertices, {settings.joints} joints'
     for way in share:
         yield Row(f'{name}, {way}: posing and upload', share[way], 'ms')
         yield Row(f'{name}, {way}: with its frame', frame[way], 'ms')
-    reference = _reference_time(rings, around, settings.joints, settings.rounds)
-    yield Row(f'{name}, float64 reference: posing', reference, 'ms')
+    pose = figure.sample(0.4)
+    reference = min(timed(lambda: figure.posed(0, pose))[1] for _ in range(settings.rounds))
+    yield Row(f'{name}, float64 reference: posing', 1e3 * reference, 'ms')
     for times, what, bars in ((share, '', (10, None)), (frame, ', with the frame', (None, 3))):
         for way, bar in zip(('numpy', 'vtkGLTFReader'), bars, strict=True):
             ratio = times[way] / times['pvibr']
@@ -43,12 +47,22 @@ def poses(settings, results):
 
 def morphs(settings, results):
     """Yield the times of morph targets: frames with some active over frames with none."""
-    (around, rings), count = settings.face, settings.targets
-    found = _morph_times(around, rings, count, settings.screen, settings.rounds)
+    (around, rings), count, rounds = settings.face, settings.targets, settings.rounds
+    shapes = models.targets(count, around * rings)
+    face = models.tube(rings, around, 2, morphs=shapes, look=LOOK)
+    way = _Way.of(settings.screen, _by_weights, face)
+    actives, nones = [], []
+    for i in range(rounds + 2):
+        # New weights in each frame, of targets that were active before.
+        actives.append(way.ms(0.1 + 0.8 * i / rounds))
+        way.ms(0.0)
+        nones.append(way.ms())
+    way.stage.close()
+    active, none = min(actives[2:]), min(nones[2:])
     name = f'{count} morph targets on {around * rings:,} vertices'
-    yield Row(f'{name}: frame with none active', found['none'], 'ms')
-    yield Row(f'{name}: frame with 4 active', found['active'], 'ms')
-    yield Row(f'{name}: 4 active over none', found['active'] / found['none'], 'x', 2)
+    yield Row(f'{name}: frame with none active', none, 'ms')
+    yield Row(f'{name}: frame with 4 active', active, 'ms')
+    yield Row(f'{name}: 4 active over none', active / none, 'x', 2)
 
 
 def moving(settings, size, on):
@@ -64,26 +78,6 @@ def moving(settings, size, on):
         plotter.render_window.Render()
 
     return plotter, draw
-
-
-def _pose_times(rings, around, joints, screen, rounds) -> dict:
-    """Time posing and upload alone: of all vertices, where few triangles are drawn."""
-    figure = models.tube(rings, around, joints, look=LOOK, every=_FEW)
-    found = _in_turns(figure, screen, rounds)
-    return {way: moved - still for way, (moved, still) in found.items()}
-
-
-def _frame_times(rings, around, joints, screen, rounds) -> dict:
-    """Time frames of a new pose."""
-    figure = models.tube(rings, around, joints, look=LOOK)
-    return {way: moved for way, (moved, _) in _in_turns(figure, screen, rounds).items()}
-
-
-def _reference_time(rings, around, joints, rounds) -> float:
-    """Time the float64 reference."""
-    figure = models.tube(rings, around, joints)
-    pose = figure.sample(0.4)
-    return 1e3 * min(timed(lambda: figure.posed(0, pose))[1] for _ in range(rounds))
 
 
 class _Way(NamedTuple):
@@ -169,17 +163,3 @@ def _add(plotter, mesh):
     actor = plotter.add_mesh(mesh, color=LOOK['color'])
     actor.prop.interpolation = 'Phong'  # not smooth_shading, which computes normals anew
     return actor
-
-
-def _morph_times(around, rings, count, screen, rounds) -> dict:
-    """Time frames of a mesh with morph targets, in turns: none of any weight, and four of them."""
-    shapes = models.targets(count, around * rings)
-    way = _Way.of(screen, _by_weights, models.tube(rings, around, 2, morphs=shapes, look=LOOK))
-    times: dict[str, list[float]] = {'none': [], 'active': []}
-    for i in range(rounds + 2):
-        # New weights in each frame, of targets that were active before.
-        times['active'].append(way.ms(0.1 + 0.8 * i / rounds))
-        way.ms(0.0)
-        times['none'].append(way.ms())
-    way.stage.close()
-    return {name: min(found[2:]) for name, found in times.items()}

@@ -9,9 +9,8 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.bench.common.harness import Row
-from pvibr.bench.common.timing import timed
+from pvibr.bench.common.timing import python_ms, timed
 from pvibr.capture.offscreen import Stage
-from pvibr.core import _vtk
 from pvibr.meshes.parts import as_parts
 
 VIEW_ANGLE = 30.0
@@ -58,7 +57,7 @@ def _drawn(mesh, points, cameras, size):
         parts = [as_parts(mesh)]
         first = stage.plotter.ibr.add_instances(parts, points[:1])
         stage.seconds(cameras[:1])
-        alone = _gpu(first)
+        alone = first.report()['bytes']
         first.remove()
         # Baked before the measured call, and kept on disk: the bytes are the instances'.
         tracemalloc.start()
@@ -67,25 +66,19 @@ def _drawn(mesh, points, cameras, size):
         held, _ = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         seconds = stage.seconds(cameras)
-        moving = [_python(stage, camera) for camera in cameras]
-        still = [_python(stage, cameras[-1]) for _ in cameras]
-        n = len(points)
+        python = []
+        for camera in (*cameras, *cameras[-1:] * FRAMES):
+            stage.look(camera)
+            stage.draw()
+            python.append(python_ms(stage))
+        moving, still = np.split(np.array(python), 2)
+        n, gpu = len(points), many.report()['bytes'] - alone
         bakes = sum(a.geometry.nbytes + a.albedo.nbytes for a in many.atlases)
         yield Row('crowd: Python a frame, nothing moved', np.median(still), 'ms', 0.2)
         yield Row('crowd: Python a frame, camera moving', np.median(moving), 'ms', 5.0)
         yield Row('crowd: CPU bytes an instance', max(held - bakes, 0) / n, 'B', 96.0)
-        yield Row('crowd: GPU bytes an instance', max(_gpu(many) - alone, 0) / n, 'B', 64.0)
+        yield Row('crowd: GPU bytes an instance', max(gpu, 0) / n, 'B', 64.0)
     return float(np.median(seconds)) * 1e3
-
-
-def _python(stage, camera):
-    stage.look(camera)
-    stage.draw()
-    return sum(row['ms'] for row in stage.plotter.ibr.report().as_dict()['rows'])
-
-
-def _gpu(instances):
-    return instances.report()['bytes']
 
 
 def _flat_cards(points, cameras, size):
@@ -97,12 +90,7 @@ def _flat_cards(points, cameras, size):
     cells: np.ndarray = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
     cards = pv.PolyData.from_regular_faces(places, cells)
     cards.active_texture_coordinates = np.full((cards.n_points, 2), 0.5, np.float32)
-    mapper = _vtk.vtkPolyDataMapper()
-    mapper.SetInputData(cards)
-    actor = _vtk.vtkActor()
-    actor.SetMapper(mapper)
-    actor.SetTexture(pv.Texture(np.full((1, 1, 3), 200, np.uint8)))
-    actor.GetProperty().LightingOff()
+    texture = pv.Texture(np.full((1, 1, 3), 200, np.uint8))
     with Stage(size, view_angle=VIEW_ANGLE) as stage:
-        stage.add([actor])
+        stage.plotter.add_mesh(cards, texture=texture, lighting=False)
         return float(np.median(stage.seconds(cameras))) * 1e3

@@ -6,9 +6,10 @@ import numpy as np
 
 from pvibr.bench.common.harness import Row
 from pvibr.bench.common.meshes import MESHES
+from pvibr.bench.common.timing import mean_flip
 from pvibr.capture.offscreen import SAMPLES, Stage, covered, mesh_actors
 from pvibr.instances.atlas import bounding_sphere
-from pvibr.maths.image_error import displacements, flip
+from pvibr.maths.image_error import displacements
 from pvibr.meshes.parts import as_parts
 
 #: Vertical angle in degrees and height in pixels of the window that the views are cut from.
@@ -27,7 +28,8 @@ def measure(settings, results):
     """Yield FLIP against the mesh's own, and the displacement of outlines."""
     results.points['single'] = {}
     for name, make in list(MESHES.items())[: settings.meshes]:
-        found = _Mesh(name, make(), settings).measure()
+        mesh = _Mesh(name, make(), settings)
+        found = {size: mesh.at(size) for size in settings.sizes}
         results.points['single'][name] = found
         yield from _flip_rows(name, found)
     yield from moved_rows(results.points['single'])
@@ -61,27 +63,21 @@ class _Mesh:
 
     def __init__(self, name, mesh, settings):
         self.parts, self.settings = as_parts(mesh), settings
-        self.center, self.radius = bounding_sphere(
-            np.concatenate([part.mesh.points for part in self.parts])
-        )
+        points = np.concatenate([part.mesh.points for part in self.parts])
+        self.center, self.radius = bounding_sphere(points)
         self.rng = np.random.default_rng(sum(name.encode()))
 
-    def measure(self):
-        """Return by size and max_error the FLIP ratio and the displacement's 99th percentile."""
-        return {size: self._at(size) for size in self.settings.sizes}
-
-    def _at(self, size):
-        window = _window(size)
+    def at(self, size):
+        """Return by max_error the FLIP ratio and the displacement's 99th percentile."""
         cameras = [self._camera(size) for _ in range(self.settings.directions)]
         truth = self._full(size, cameras, SAMPLES)
         once = self._full(size, cameras, 1)
         base = _mean_flip(once, truth)
         found = {ONCE: (1.0, _moved(once, truth))}
-        with Stage(window, view_angle=_angle(size), background='white') as stage:
+        with Stage(_window(size), view_angle=_angle(size), background='white') as stage:
             stage.bounds = self._bounds()
-            drawn = stage.plotter.ibr.add_instances(
-                [self.parts], [[0.0, 0.0, 0.0]], show_scalar_bar=False
-            )
+            add = stage.plotter.ibr.add_instances
+            drawn = add([self.parts], [[0.0, 0.0, 0.0]], show_scalar_bar=False)
             for max_error in self.settings.errors:
                 drawn.max_error = max_error
                 pictures = []
@@ -133,9 +129,7 @@ def _angle(size):
 
 
 def _mean_flip(pictures, truth):
-    return float(
-        np.mean([flip(a, b).mean() for (a, _), (b, _) in zip(pictures, truth, strict=True)])
-    )
+    return mean_flip([picture for picture, _ in pictures], [picture for picture, _ in truth])
 
 
 def _moved(pictures, truth):

@@ -10,6 +10,7 @@ from pvibr.bench.common.timing import pictures
 from pvibr.capture.offscreen import SAMPLES, Stage, in_view, mesh_actors, spheres
 from pvibr.maths.image_error import flip
 from pvibr.scenes.landscape import landscape
+from pvibr.scenes.scenery import plant
 
 #: Frames of the whole walk that are timed: at max_error 1, at others, and of VTK's own ways.
 FRAMES, FEW_FRAMES, PEER_FRAMES = 24, 8, 3
@@ -23,9 +24,7 @@ def measure(settings, results):
     scene = landscape(settings.trees)
     with Stage(settings.size, scene.terrain, scene.view_angle, lights=scene.lights()) as stage:
         stage.bounds = scene.terrain.bounds
-        trees = stage.plotter.ibr.add_instances(
-            scene.parts(), scene.matrices, index=scene.index, max_error=1.0
-        )
+        trees = plant(stage.plotter, scene, max_error=1.0)
         curve = _curve(stage, trees, scene, settings)
         trees.max_error = 1.0
         results.points['pvibr'] = curve

@@ -7,7 +7,7 @@ from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench
 from pvibr.bench.common.light_scenes import SCENES, WINDOWS
 from pvibr.bench.common.whole_frames import turning
-from pvibr.bench.shadows import contact, errors, soft, times
+from pvibr.bench.shadows import contact, errors, times
 
 
 def plot(points):
@@ -46,7 +46,7 @@ BENCH = Bench(
         'wrong pixels': errors.measure,
         'extremes': errors.measure_extremes,
         'contact': contact.measure,
-        'soft': soft.measure,
+        'soft': errors.measure_soft,
         'times': times.measure,
         'plot': times.measure_plot,
     },

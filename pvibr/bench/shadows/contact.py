@@ -25,12 +25,11 @@ def measure(settings, results):
     for method in METHODS:
         setting = {'method': method}
         for kind in KINDS:
-            plane = sum(acne(kind, setting, angle) for angle in settings.angles)
-            for what, dark in (
-                (f'plane, {kind}, {low:g} to {high:g} degrees', plane),
-                (f'ball, {kind}, 80 to 89 degrees', acne_on_ball(kind, setting)),
-            ):
-                yield Row(f'acne: {what}, {method}', dark, 'pixels', 0)
+            dark = sum(acne(kind, setting, angle) for angle in settings.angles)
+            plane = f'acne: plane, {kind}, {low:g} to {high:g} degrees, {method}'
+            yield Row(plane, dark, 'pixels', 0)
+            ball = f'acne: ball, {kind}, 80 to 89 degrees, {method}'
+            yield Row(ball, acne_on_ball(kind, setting), 'pixels', 0)
     gaps = results.points['gaps'] = {
         f'{what}, {kind}, {method}': gap(thick, kind, {'method': method})
         for what, thick in (('box', 0.1), ('sheet', 0.0))
@@ -48,9 +47,8 @@ def _lamp(kind, toward, distance):
 def _grazing(angle) -> np.ndarray:
     """Return a direction to a light so many degrees from straight above."""
     angle, around = np.radians([angle, 25.0])
-    return np.array(
-        [np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), np.cos(angle)]
-    )
+    across = np.sin(angle)
+    return np.array([across * np.cos(around), across * np.sin(around), np.cos(angle)])
 
 
 def acne(kind, setting, angle) -> int:
@@ -90,9 +88,8 @@ def gap(thick, kind, setting) -> float:
     around = np.radians(20.0)  # so that the texels lie across the wall
     toward = np.array([np.sin(around), -np.cos(around), 1.0]) / np.sqrt(2)
     lamp = _lamp(kind, toward, 9.0)
-    scene = LightScene(
-        'wall', [floor, bare(wall)], {kind: lamp}, ((0, 0, 20), (0, 0, 0), (0, 1, 0))
-    )
+    camera = (0, 0, 20), (0, 0, 0), (0, 1, 0)
+    scene = LightScene('wall', [floor, bare(wall)], {kind: lamp}, camera)
     window = (16 * _PIXELS, 2 * int(_ROOM + 2) * _PIXELS)
     with scene.stage(kind, window) as stage, shown(stage, setting) as effect:
         camera = stage.plotter.camera

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,8 +13,16 @@ from pvibr.bench.common.harness import Row
 from pvibr.bench.common.light_scenes import SCENES
 from pvibr.bench.common.rays import Rays
 from pvibr.bench.common.timing import spent, timed
-from pvibr.bench.shadows.errors import VTK, drawn, shown, sight, wrong_share
-from pvibr.bench.shadows.soft import EXTENTS, error, sized
+from pvibr.bench.shadows.errors import (
+    EXTENTS,
+    VTK,
+    drawn,
+    light_error,
+    shown,
+    sight,
+    sized,
+    wrong_share,
+)
 from pvibr.maths.silhouettes import LitMesh, edge_table
 
 #: What is allowed over what VTK adds.
@@ -49,7 +58,7 @@ def measure(settings, results):
     for light in ('spot', 'directional'):
         extra = extra_ms(scene, light, choices, settings)
         results.points.setdefault('times', {})[light] = extra
-        for name, (what, bar) in ((n, b) for n in choices for b in BARS.items()):
+        for name, (what, bar) in product(choices, BARS.items()):
             wall, cpu = (extra[name][what][k] for k in ('wall', 'cpu'))
             title = f'time: {settings.timed}, {light}, {what} moves, {name}'
             yield Row(f'{title} adds', wall, 'ms')
@@ -74,18 +83,13 @@ def extra_ms(scene, light, choices, settings, moves=('camera', 'light')) -> dict
                 with shown(stage, choice) as effect:
                     effect.enabled = True
                     _frames(scene, stage, found[name], settings)
-    times = {
-        name: {what: np.median(seconds, axis=0) * 1e3 for what, seconds in by.items()}
-        for name, by in found.items()
-    }
-    plain = times.pop(None)
-    return {
-        name: {
-            w: dict(zip(('wall', 'cpu'), map(float, ms - plain[w]), strict=True))
-            for w, ms in by.items()
-        }
-        for name, by in times.items()
-    }
+    plain = found.pop(None)
+    extra: dict = {name: {} for name in choices}
+    for name, what in product(choices, moves):
+        added = np.median(found[name][what], axis=0) - np.median(plain[what], axis=0)
+        wall, cpu = (1e3 * added).tolist()
+        extra[name][what] = {'wall': wall, 'cpu': cpu}
+    return extra
 
 
 def _frames(scene, stage, found, settings):
@@ -149,22 +153,18 @@ def measure_plot(settings, results):
     start = time.perf_counter()
     with sight(scene, rays, 'spot', settings.small, extent=extent) as found:
         reference = time.perf_counter() - start
-        shown_soft = _curves(soft, times, lambda c: error(found, drawn(found, sized(c, extent))))
+        shown_soft = _curves(
+            soft, times, lambda c: light_error(found, drawn(found, sized(c, extent)))
+        )
     results.points['plot'] = {'hard': shown_hard, 'soft': shown_soft, 'rays': reference}
 
 
 def _curves(curves, times, measured) -> dict:
     """Return the points of curves, the fastest first."""
-    found = {}
+    found: dict[str, list] = {name: [] for name in curves}
     for name, curve in curves.items():
-        points = [
-            {
-                'label': label,
-                'setting': str(c),
-                'ms': times[str(c)]['camera']['wall'],
-                'error': measured(c),
-            }
-            for label, c in curve.items()
-        ]
-        found[name] = sorted(points, key=lambda p: p['ms'])
+        for label, c in curve.items():
+            point = {'label': label, 'setting': str(c), 'ms': times[str(c)]['camera']['wall']}
+            found[name].append(point | {'error': measured(c)})
+        found[name].sort(key=lambda p: p['ms'])
     return found
