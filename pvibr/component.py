@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
     """Image-based rendering of a plotter; it acts on the active subplot.
 
+    Once the plotter is closed, methods that add, draw or export raise a `ClosedError`.
+
     Parameters
     ----------
     plotter : pyvista.BasePlotter
@@ -108,8 +110,6 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
             If `effect` is not an effect.
         ValueError
             If the effect is already in a subplot.
-        ClosedError
-            If the plotter is closed.
         """
         return self.pipeline.add(effect)
 
@@ -283,8 +283,6 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         ------
         ValueError
             If there is no such buffer.
-        ClosedError
-            If the plotter is closed.
 
         Examples
         --------
@@ -336,8 +334,6 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         ------
         TypeError
             If an argument is of the wrong type.
-        ClosedError
-            If the plotter is closed.
 
         Examples
         --------

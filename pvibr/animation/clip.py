@@ -87,10 +87,8 @@ class Track:
         width = WIDTHS[self.path] or (values.shape[-1] if values.ndim else 1)
         shape = (k, 3, width) if cubic else (k, width)
         if values.shape != shape:
-            msg = (
-                f'values of a {self.interpolation} track of {self.path} with {k} keys must be '
-                f'{shape}, not of shape {values.shape}.'
-            )
+            what = f'a {self.interpolation} track of {self.path} with {k} keys'
+            msg = f'values of {what} must be {shape}, not of shape {values.shape}.'
             raise ValueError(msg)
         bad = np.argwhere(~np.isfinite(values))
         if len(bad):

@@ -271,10 +271,8 @@ def _brought_back(figure, mesh, pose, skinning, points, normals):
     stretch = np.abs(linear).max((1, 2), initial=np.finfo(float).tiny)
     collapsed = np.flatnonzero(np.abs(np.linalg.det(linear)) < _COLLAPSED * stretch**3)
     if collapsed.size:
-        msg = (
-            f'{skinning} skinning collapses {collapsed.size} vertices in a key pose, the first '
-            f'is {collapsed[0]}: use a smaller angle or "dual".'
-        )
+        lost = f'{collapsed.size} vertices in a key pose, first {collapsed[0]}'
+        msg = f'{skinning} skinning collapses {lost}: use a smaller angle or "dual".'
         raise ValueError(msg)
     posed, upright = figure.posed(mesh, pose, skinning)
     moved = np.linalg.solve(linear, (np.asarray(points) - posed)[..., None])[..., 0]

@@ -56,9 +56,9 @@ class Skin:
             msg = f'inverse_bind must be ({len(self.nodes)}, 4, 4), not of shape {shape}.'
             raise ValueError(msg)
         if self.joints.shape != self.weights.shape or self.joints.dtype.kind not in 'iu':
+            shape, found = self.weights.shape, f'{self.joints.dtype} of shape {self.joints.shape}'
             msg = (
-                f'joints must be whole numbers of shape {self.weights.shape} as the weights, '
-                f'not {self.joints.dtype} of shape {self.joints.shape}.'
+                f'joints must be whole numbers of the shape of the weights, {shape}, not {found}.'
             )
             raise ValueError(msg)
         for row, column in np.argwhere((self.joints < 0) | (self.joints >= len(self.nodes))):

@@ -170,11 +170,8 @@ class _Limb:
         """Return the scale of each joint's space relative to the root's parent."""
         spread = np.ptp(scale, axis=1) > _EVEN * np.abs(scale).max(1)
         for i in self.bears[spread[self.bears]]:
-            name = self.skeleton.names[self.joints[i]]
-            msg = (
-                f'joint {name!r} has the scale {scale[i].tolist()}; inverse kinematics needs '
-                'uniform scale.'
-            )
+            name, found = self.skeleton.names[self.joints[i]], scale[i].tolist()
+            msg = f'joint {name!r} has the scale {found}; inverse kinematics needs a uniform one.'
             raise ValueError(msg)
         own, sizes = scale.mean(1), np.ones(len(scale))
         for i, parent in enumerate(self.parents):

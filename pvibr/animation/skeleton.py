@@ -141,10 +141,8 @@ class Skeleton:
 
     def _check_range(self):
         for joint in np.flatnonzero((self.parents < -1) | (self.parents >= len(self))):
-            msg = (
-                f'parents[{joint}] ({self.names[joint]!r}) is {self.parents[joint]}; it must be '
-                f'-1 or one of the {len(self)} joints.'
-            )
+            what = f'parents[{joint}] ({self.names[joint]!r}) is {self.parents[joint]}'
+            msg = f'{what}; it must be -1 or one of the {len(self)} joints.'
             raise ValueError(msg)
 
     def _levels(self):

@@ -171,10 +171,9 @@ class VertexAnimation:
         if values.dtype.kind != 'f':
             values = values.astype(np.float64)
         size = np.shape(self.positions)[1] if np.ndim(self.positions) == 3 else 'v'
-        if values.shape != (len(self.times), size, 3):
-            msg = (
-                f'{name} has the shape {values.shape}; it must be ({len(self.times)}, {size}, 3).'
-            )
+        f = len(self.times)
+        if values.shape != (f, size, 3):
+            msg = f'{name} has the shape {values.shape}; it must be ({f}, {size}, 3).'
             raise ValueError(msg)
         # Frame by frame: the file may be larger than memory.
         for i, frame in enumerate(values):

@@ -73,8 +73,6 @@ class CaptureFacade(Facade):
         ------
         ValueError
             If a number is out of range.
-        ClosedError
-            If the plotter is closed.
 
         Examples
         --------
@@ -143,8 +141,6 @@ class CaptureFacade(Facade):
             If a number is out of range, or both sizes are given.
         OSError
             If the file cannot be written; an existing file is kept.
-        ClosedError
-            If the plotter is closed.
 
         Examples
         --------
@@ -211,8 +207,6 @@ class CaptureFacade(Facade):
             If the extra ``movie`` is needed and not installed.
         OSError
             If a file cannot be written.
-        ClosedError
-            If the plotter is closed.
 
         Examples
         --------

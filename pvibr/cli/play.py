@@ -22,19 +22,7 @@ MARGIN = 1.05
 FADE = 0.3
 
 
-def main(
-    file,
-    *,
-    clip=None,
-    movie=None,
-    time=None,
-    out=None,
-    fps=30.0,
-    size=(1280, 720),
-    speed=1.0,
-    seconds=None,
-    skinning='linear',
-):
+def main(file, *, clip, movie, time, out, fps, size, speed, seconds, skinning):
     """Play a file: in a window, or off screen if a movie or an image is requested."""
     _check(movie, time, out)
     figure = as_figure(file)

@@ -35,17 +35,14 @@ def main(
     looks = _looks(poses, found, scalars, cmap)
     matrices = _scaled(matrices, scale)
     name = f'{Path(mesh).stem} at {Path(poses).name}'
+    looks |= {'name': scalars or name, 'max_error': max_error}
     if window:
         plotter = pv.Plotter(window_size=list(size))
-        plotter.ibr.add_instances(
-            str(mesh), matrices, name=scalars or name, max_error=max_error, **looks
-        )
+        plotter.ibr.add_instances(str(mesh), matrices, **looks)
         plotter.show()
         return
     with Stage(size) as stage:
-        drawn = stage.plotter.ibr.add_instances(
-            str(mesh), matrices, name=scalars or name, max_error=max_error, **looks
-        )
+        drawn = stage.plotter.ibr.add_instances(str(mesh), matrices, **looks)
         stage.bounds = drawn.bounds
         seconds = _orbit(stage)
         _tell(stage, drawn, seconds)

@@ -243,28 +243,17 @@ class Effect:
             self.pipeline.remove(self)
 
     def state(self) -> dict:
-        """Return the settings as values that JSON keeps.
-
-        Returns
-        -------
-        dict
-            Setting to value; None stays None.
-        """
+        """Return the settings by name, as values that JSON keeps."""
         values = {name: getattr(self, name) for name in params_of(type(self))}
         return {n: list(v) if isinstance(v, tuple) else v for n, v in values.items()}
 
     def restore(self, state) -> list[str]:
-        """Set the settings to what `state` returned; all of them or none.
+        """Set the settings to what `state` returned, all or none; return names that are unknown.
 
         Parameters
         ----------
         state : dict
             Setting to value.
-
-        Returns
-        -------
-        list of str
-            Names that are no settings of this effect; they are ignored.
 
         Raises
         ------

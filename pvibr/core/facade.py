@@ -80,13 +80,7 @@ class StateFacade(Facade):
         return {str(n): state_files.named(p.effects) for n, p in subplots if p.effects}
 
     def state(self) -> dict:
-        """Return the settings of everything in every subplot, and the time.
-
-        Returns
-        -------
-        dict
-            JSON values; see :meth:`restore`.
-        """
+        """Return the settings of everything in every subplot, and the time, as JSON values."""
         return state_files.state_of(self.contents, _Own(self).state())
 
     def restore(self, state):

@@ -22,9 +22,7 @@ class Interval:
         except (ValueError, IndexError):
             well_formed = False
         if not well_formed:
-            msg = (
-                f'range {text!r}: write two ordered bounds in brackets, such as [0, 1) or (0, inf)'
-            )
+            msg = f'range {text!r}: write two ordered bounds in brackets, such as [0, inf)'
             raise ValueError(msg)
 
     def __contains__(self, value) -> bool:
@@ -108,13 +106,7 @@ class Param:
             owner.__dict__['revision'] = owner.__dict__.get('revision', 0) + 1
 
     def allowed(self) -> str:
-        """Return the allowed values in words.
-
-        Returns
-        -------
-        str
-            Such as ``'a float in [0, 1] px'``.
-        """
+        """Return the allowed values in words, such as ``'a float in [0, 1] px'``."""
         if self.choices is not None:
             words = 'one of ' + ', '.join(map(repr, self.choices))
         elif self.kind is tuple:
@@ -130,7 +122,7 @@ class Param:
         return f'{self.doc} Default {self.default!r}; {self.allowed()}.'
 
     def check(self, value, owner=''):
-        """Return a value, validated and converted.
+        """Return a value, validated and converted to the type of the setting.
 
         Parameters
         ----------
@@ -138,11 +130,6 @@ class Param:
             Value to check.
         owner : str, optional
             Name of the owner in errors.
-
-        Returns
-        -------
-        object
-            The value in the setting's own type.
 
         Raises
         ------

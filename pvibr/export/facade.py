@@ -36,8 +36,6 @@ class ExportFacade(Facade):
         ------
         ValueError
             If there is no such backend.
-        ClosedError
-            If the plotter is closed.
 
         Examples
         --------
@@ -83,8 +81,6 @@ class ExportFacade(Facade):
         ------
         TypeError, ValueError
             If a number is not allowed.
-        ClosedError
-            If the plotter is closed.
 
         Examples
         --------
@@ -126,8 +122,6 @@ class ExportFacade(Facade):
             If a number or the name is not allowed; nothing is written.
         OSError
             If the file cannot be written; an existing file is kept.
-        ClosedError
-            If the plotter is closed.
 
         Examples
         --------
@@ -167,8 +161,6 @@ class ExportFacade(Facade):
             If a number or the name is not allowed; nothing is written.
         OSError, ImportError
             If the file cannot be written, or trame is not installed; an existing file is kept.
-        ClosedError
-            If the plotter is closed.
         """
         from pvibr.export.html import export_html
 

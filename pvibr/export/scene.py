@@ -24,6 +24,8 @@ _BEFORE = 2e-3
 #: Radius of the sky dome in radii of the sphere around the scene and the eye, and its sides.
 _DOME, _DOME_SIDES = 4.0, 96
 SKY = 'sky'
+#: How lines and the sky are added.
+_UNLIT = {'lighting': False, 'reset_camera': False, 'render': False, 'copy_mesh': False}
 
 
 class BakedScene:
@@ -162,16 +164,8 @@ class BakedScene:
                 continue
             lines = _joined(found)
             lines.points = _before(self.frame, np.asarray(lines.points, float))
-            plotter.add_mesh(
-                lines,
-                color=color,
-                line_width=width,
-                opacity=opacity,
-                lighting=False,
-                reset_camera=False,
-                render=False,
-                copy_mesh=False,
-            )
+            look = {'color': color, 'line_width': width, 'opacity': opacity}
+            plotter.add_mesh(lines, **look, **_UNLIT)
 
     def _add_dome(self, plotter):
         if self._dome is None:
@@ -188,18 +182,8 @@ class BakedScene:
         colors = np.rint(255 * np.clip(self._dome(directions), 0, 1)).astype(np.uint8)
         dome = pv.PolyData.from_regular_faces(points, np.asarray(ball.regular_faces)[:, ::-1])
         dome['colors'] = colors
-        plotter.add_mesh(
-            dome,
-            scalars='colors',
-            rgb=True,
-            lighting=False,
-            name=SKY,
-            reset_camera=False,
-            render=False,
-            copy_mesh=False,
-            culling='back',
-            pickable=False,
-        )
+        look = {'scalars': 'colors', 'rgb': True, 'culling': 'back'}
+        plotter.add_mesh(dome, name=SKY, pickable=False, **look, **_UNLIT)
 
 
 class _Plain:
@@ -236,15 +220,11 @@ class _Plain:
             return
         prop = copied(self.prop, plotter)
         if prop is not None:
-            plotter.add_actor(
-                prop,
-                name=self.name,
-                reset_camera=False,
-                render=False,
-                pickable=bool(self.prop.GetPickable()),
-            )
+            quiet = {'reset_camera': False, 'render': False}
+            pickable = bool(self.prop.GetPickable())
+            plotter.add_actor(prop, name=self.name, pickable=pickable, **quiet)
             if prop.IsA('vtkScalarBarActor'):
-                plotter.add_actor(range_teller(prop), reset_camera=False, render=False)
+                plotter.add_actor(range_teller(prop), **quiet)
 
 
 def chosen(choice):

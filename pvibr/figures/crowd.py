@@ -286,9 +286,7 @@ def _each(name, values, count, dtype=float) -> np.ndarray:
     good = array.dtype == bool if dtype is bool else array.dtype.kind in 'iuf'
     if array.shape not in ((), (count,)) or not good or not np.isfinite(array).all():
         what = 'bool' if dtype is bool else 'finite numbers'
-        msg = (
-            f'{name} has shape {array.shape}, dtype {array.dtype}; it must be {what}, one or '
-            f'({count},)'
-        )
+        found = f'shape {array.shape}, dtype {array.dtype}'
+        msg = f'{name} has {found}; it must be {what}, one or ({count},)'
         raise ValueError(msg)
     return np.broadcast_to(array.astype(dtype), (count,)).copy()

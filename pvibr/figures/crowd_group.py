@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
 from pvibr.figures.mesh_actors import posed_part
@@ -87,9 +85,7 @@ class CrowdGroup(InstanceGroup):
         time = self.state.now()
         key = int(self.ids[slot]), time
         if self._posed.get('key') != key:
-            mesh = self.state.shown(key[0], time)
-            blocks = [mesh] if hasattr(mesh, 'regular_faces') else list(mesh)
-            self._posed = {'key': key, 'parts': [SimpleNamespace(mesh=m) for m in blocks]}
+            self._posed = {'key': key, 'parts': self.state.parts(*key, np.eye(4))}
         return self._posed['parts']
 
     def finish(self):

@@ -50,10 +50,8 @@ class PosedMeshActor:
         self.figure, self.index, self.part = figure, index, part
         self.figure_mesh = figure_mesh = figure.meshes[index]
         if part.mesh.n_points != len(figure_mesh.points):
-            msg = (
-                f'meshes[{index}] is drawn with {part.mesh.n_points} points and has '
-                f'{len(figure_mesh.points)}: the look must not split them (split_sharp_edges).'
-            )
+            counts = f'is drawn with {part.mesh.n_points} points and has {len(figure_mesh.points)}'
+            msg = f'meshes[{index}] {counts}: the look must not split them (split_sharp_edges).'
             raise ValueError(msg)
         # Two more points hold the bounding box; they copy a vertex, and draw nothing.
         spare = int(part.mesh.regular_faces[0, 0])

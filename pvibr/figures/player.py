@@ -59,19 +59,7 @@ class _Fade:
 class FigurePlayer(Thing):
     """Base of animated figures: the pose over time, without drawing.
 
-    Parameters
-    ----------
-    figure : pvibr.Figure
-        Meshes, skeleton and clips.
-    clip : str, int or Clip, optional
-        Clip to play from time 0 on; default the first one.
-    **settings
-        Values of the class's settings.
-
-    Raises
-    ------
-    ValueError
-        If there is no such clip.
+    Parameters are those of :class:`pvibr.AnimatedActor`.
     """
 
     skinning = Param(

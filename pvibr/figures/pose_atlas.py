@@ -55,15 +55,8 @@ class PoseAtlas(Atlas):
 
     def pose(self, number) -> Atlas:
         """Return the atlas of one pose, without an error table."""
-        return Atlas(
-            self.geometry[number],
-            self.albedo[number],
-            self.center,
-            self.radius,
-            self.box,
-            self.views,
-            self.tile,
-        )
+        grid = self.center, self.radius, self.box, self.views, self.tile
+        return Atlas(self.geometry[number], self.albedo[number], *grid)
 
     def textures(self):
         """Return geometry and albedo with the mipmaps of all poses, page by page."""
@@ -98,18 +91,8 @@ class PoseAtlas(Atlas):
         if any(p.shape != shape for p in pictures) or not good or bins.max() >= shape[0]:
             msg = f'not a pose atlas: images must be {shape}, bins must refer to their poses'
             raise ValueError(msg)
-        return cls(
-            pictures[0],
-            pictures[1],
-            first.center,
-            first.radius,
-            first.box,
-            first.views,
-            first.tile,
-            errors=first.errors,
-            seconds=first.seconds,
-            bins=bins,
-        )
+        all_poses = {'geometry': pictures[0], 'albedo': pictures[1], 'bins': bins}
+        return cls(**vars(first) | all_poses)
 
     def contact_sheet(self, path=None, background=1.0, pose=0) -> np.ndarray:
         """Return all views of a pose side by side, optionally saved."""
@@ -291,16 +274,8 @@ def _baked(sampler, motions, counts, poses, grid, advance):
     geometry, albedo = (np.stack(p) for p in zip(*pictures, strict=True))
     firsts = np.cumsum([0, *counts])
     bins = [m.bins(n) + f for m, n, f in zip(motions, counts, firsts, strict=False)]
-    atlas = PoseAtlas(
-        geometry,
-        albedo,
-        np.zeros(3),
-        radius,
-        box - sampler.center,
-        VIEWS,
-        tile,
-        bins=np.array(bins, np.float32),
-    )
+    grid = np.zeros(3), radius, box - sampler.center, VIEWS, tile
+    atlas = PoseAtlas(geometry, albedo, *grid, bins=np.array(bins, np.float32))
     atlas.errors = _measured(sampler, motions, counts, atlas)
     atlas.center, atlas.box = sampler.center, box
     atlas.seconds = time.perf_counter() - start

@@ -57,10 +57,8 @@ class Posing:
         self.rows = np.cumsum([0, *heights]).tolist()
         limit = texture_limit(window)
         if self.rows[-1] > limit:
-            msg = (
-                f'the figure has {sum(len(m.points) for m in rest_meshes)} vertices in {poses} '
-                f'poses; at most {limit * WIDTH} fit here.'
-            )
+            asked = f'{sum(len(m.points) for m in rest_meshes)} vertices in {poses} poses'
+            msg = f'the figure has {asked}; at most {limit * WIDTH} fit here.'
             raise ValueError(msg)
         self._state = Texture(window)
         self._passes = [_MeshPass(window, m, poses, how) for m in rest_meshes]

@@ -124,10 +124,8 @@ class GltfFile:
             buffer = follow(self.document.buffers, index, place, 'buffers')
             data = self._bytes_of(buffer, f'buffers[{index}]', index)
             if len(data) < buffer.byte_length:
-                msg = (
-                    f'buffers[{index}].byteLength is {buffer.byte_length}, but there are '
-                    f'{len(data)} bytes.'
-                )
+                what = f'buffers[{index}].byteLength is {buffer.byte_length}'
+                msg = f'{what}, but there are {len(data)} bytes.'
                 raise GltfError(msg)
             self._buffers[index] = memoryview(data)[: buffer.byte_length]
         return self._buffers[index]

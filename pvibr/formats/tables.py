@@ -51,10 +51,8 @@ class Table:
         for position, index in enumerate(indices):
             bad = np.flatnonzero(~np.isfinite(values[:, position]))
             if index in needed and len(bad):
-                msg = (
-                    f'{self.path}, row {bad[0]}, column {self.names[index]!r}: '
-                    f'{values[bad[0], position]} is not a finite number.'
-                )
+                place = f'{self.path}, row {bad[0]}, column {self.names[index]!r}'
+                msg = f'{place}: {values[bad[0], position]} is not a finite number.'
                 raise ValueError(msg)
 
 

@@ -68,14 +68,11 @@ class Part:
 
     def new_actor(self, mapper):
         """Return a new actor with this look."""
-        actor, source = pv.Actor(), self.actor
+        actor = pv.Actor()
         actor.SetMapper(mapper)
-        actor.SetProperty(source.GetProperty())
-        actor.SetBackfaceProperty(source.GetBackfaceProperty())
-        actor.SetTexture(source.GetTexture())
-        actor.SetForceOpaque(source.GetForceOpaque())
-        actor.SetForceTranslucent(source.GetForceTranslucent())
-        actor.GetShaderProperty().DeepCopy(source.GetShaderProperty())
+        actor.SetProperty(self.actor.GetProperty())
+        actor.SetBackfaceProperty(self.actor.GetBackfaceProperty())
+        _dress(actor, self.actor)
         return actor
 
     def with_mesh(self, mesh) -> Part:
@@ -177,10 +174,8 @@ def _parts_of(mesh, look, maker):
         return _from_blocks(mesh, look, maker)
     if isinstance(mesh, pv.DataSet):
         return [_from_dataset(mesh, look, maker)]
-    msg = (
-        'mesh must be a PyVista dataset, an actor, a trimesh mesh or scene or a path, '
-        f'not {type(mesh).__name__}.'
-    )
+    kinds = 'a PyVista dataset, an actor, a trimesh mesh or scene or a path'
+    msg = f'mesh must be {kinds}, not {type(mesh).__name__}.'
     raise TypeError(msg)
 
 
@@ -196,10 +191,8 @@ def _check_points(dataset):
         raise ValueError(msg)
     bad = np.flatnonzero(~np.isfinite(dataset.points).all(axis=1))
     if bad.size:
-        msg = (
-            f'mesh.points[{bad[0]}] is {dataset.points[bad[0]].tolist()}; it must be finite '
-            f'({bad.size} such points). Remove them or set them.'
-        )
+        first = f'mesh.points[{bad[0]}] is {dataset.points[bad[0]].tolist()}'
+        msg = f'{first}; it must be finite ({bad.size} such points). Remove them or set them.'
         raise ValueError(msg)
 
 
@@ -233,10 +226,7 @@ def _triangles(dataset):
         )
     surface = dataset if _is_triangulated(dataset) else dataset.triangulate()
     if not surface.n_cells:
-        msg = (
-            'mesh has no triangles, only points or lines. '
-            'Make a surface of it first, with .tube() or .glyph().'
-        )
+        msg = 'mesh has only points or lines: make a surface of it with .tube() or .glyph().'
         raise ValueError(msg)
     if active.name is not None and active.association.name in ('POINT', 'CELL'):
         surface.set_active_scalars(active.name, preference=active.association.name.lower())
@@ -381,12 +371,17 @@ def _copied(actor, mapper, shown, cutoff=None):
     copy.SetProperty(_copied_property(actor.GetProperty()))
     if actor.GetBackfaceProperty() is not None:
         copy.SetBackfaceProperty(_copied_property(actor.GetBackfaceProperty()))
+    _dress(copy, actor)
+    copy.user_matrix = pv.array_from_vtkmatrix(actor.GetMatrix())
+    return _finished(copy, cutoff)
+
+
+def _dress(copy, actor):
+    """Give an actor the texture, the opacity modes and the shader of another."""
     copy.SetTexture(actor.GetTexture())
     copy.SetForceOpaque(actor.GetForceOpaque())
     copy.SetForceTranslucent(actor.GetForceTranslucent())
     copy.GetShaderProperty().DeepCopy(actor.GetShaderProperty())
-    copy.user_matrix = pv.array_from_vtkmatrix(actor.GetMatrix())
-    return _finished(copy, cutoff)
 
 
 def _copied_mapper(mapper):

@@ -59,10 +59,8 @@ class Landscape:
     def path(self, frames, start=0.0, stop=1.0):
         """Return camera positions along the trail."""
         if frames < 1 or not 0 <= start <= stop <= 1:
-            msg = (
-                f'frames is {frames}, start {start}, stop {stop}; '
-                'they must be at least 1 and 0 <= start <= stop <= 1.'
-            )
+            given = f'frames is {frames}, start {start}, stop {stop}'
+            msg = f'{given}; they must be at least 1 and 0 <= start <= stop <= 1.'
             raise ValueError(msg)
         share = np.linspace(start, stop, frames)
         eye, focus = self.trail(share), self.trail(share + 0.07)

@@ -60,10 +60,7 @@ def _frame_track(clip, frames):
         raise ValueError(msg)
     if frames.interpolation not in ('linear', 'step') or frames.period is not None:
         kind = frames.interpolation if frames.period is None else f'period of {frames.period} s'
-        msg = (
-            f'key frames of {kind} are no morph targets of glTF: make linear ones of '
-            'Figure.series first.'
-        )
+        msg = f'key frames of {kind} are no morph targets: make linear ones of Figure.series.'
         raise ValueError(msg)
     times, values = frames.times, one_hot(frames)
     keep = times <= clip.duration
