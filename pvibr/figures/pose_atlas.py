@@ -274,8 +274,8 @@ def _baked(sampler, motions, counts, poses, grid, advance):
     geometry, albedo = (np.stack(p) for p in zip(*pictures, strict=True))
     firsts = np.cumsum([0, *counts])
     bins = [m.bins(n) + f for m, n, f in zip(motions, counts, firsts, strict=False)]
-    grid = np.zeros(3), radius, box - sampler.center, VIEWS, tile
-    atlas = PoseAtlas(geometry, albedo, *grid, bins=np.array(bins, np.float32))
+    views = np.zeros(3), radius, box - sampler.center, VIEWS, tile
+    atlas = PoseAtlas(geometry, albedo, *views, bins=np.array(bins, np.float32))
     atlas.errors = _measured(sampler, motions, counts, atlas)
     atlas.center, atlas.box = sampler.center, box
     atlas.seconds = time.perf_counter() - start
