@@ -37,51 +37,35 @@ class Kind:
     height: float
     trunk: float
     girth: float
-    levels: tuple[Level, ...]
-    leaf: tuple[float, float]
     bark: tuple[int, int, int]
     leaves: tuple[tuple[int, int, int], tuple[int, int, int]]
+    leaf: tuple[float, float] = (0.36, 0.36)
 
 
+#: Levels of branches by species, those on the trunk first.
+LEVELS = {
+    'broadleaf': (
+        Level(16, (0.32, 0.99), (0.68, 0.40), (70, 20), 0.10, 0.10, 10, 7),
+        Level(9, (0.18, 0.99), (0.50, 0.30), (54, 38), 0.04, 0.18, 6, 4),
+        Level(5, (0.15, 1.00), (0.50, 0.40), (55, 42), 0.00, 0.24, 4, 3),
+    ),
+    'conifer': (
+        Level(170, (0.06, 0.995), (0.205, 0.006), (98, 42), 0.035, 0.05, 6, 3),
+        Level(11, (0.14, 0.97), (0.40, 0.14), (58, 46), -0.05, 0.08, 3, 3, flat=True),
+    ),
+    'poplar': (
+        Level(70, (0.07, 0.985), (0.19, 0.055), (42, 24), 0.18, 0.06, 6, 4),
+        Level(5, (0.15, 0.98), (0.46, 0.30), (40, 30), 0.14, 0.14, 4, 3),
+        Level(3, (0.20, 1.00), (0.50, 0.40), (44, 34), 0.08, 0.20, 3, 3),
+    ),
+}
+#: Height, trunk, girth, colour of the bark, colours of leaves, size of leaves.
 KINDS = {
-    'broadleaf': Kind(
-        height=14.0,
-        trunk=0.66,
-        girth=0.026,
-        levels=(
-            Level(16, (0.32, 0.99), (0.68, 0.40), (70, 20), 0.10, 0.10, 10, 7),
-            Level(9, (0.18, 0.99), (0.50, 0.30), (54, 38), 0.04, 0.18, 6, 4),
-            Level(5, (0.15, 1.00), (0.50, 0.40), (55, 42), 0.00, 0.24, 4, 3),
-        ),
-        leaf=(0.36, 0.36),
-        bark=(124, 104, 84),
-        leaves=((70, 100, 40), (168, 206, 86)),
-    ),
+    'broadleaf': Kind(14.0, 0.66, 0.026, (124, 104, 84), ((70, 100, 40), (168, 206, 86))),
     'conifer': Kind(
-        height=20.0,
-        trunk=1.0,
-        girth=0.017,
-        levels=(
-            Level(170, (0.06, 0.995), (0.205, 0.006), (98, 42), 0.035, 0.05, 6, 3),
-            Level(11, (0.14, 0.97), (0.40, 0.14), (58, 46), -0.05, 0.08, 3, 3, flat=True),
-        ),
-        leaf=(0.32, 0.56),
-        bark=(112, 88, 70),
-        leaves=((48, 82, 54), (120, 164, 102)),
+        20.0, 1.0, 0.017, (112, 88, 70), ((48, 82, 54), (120, 164, 102)), leaf=(0.32, 0.56)
     ),
-    'poplar': Kind(
-        height=22.0,
-        trunk=0.97,
-        girth=0.016,
-        levels=(
-            Level(70, (0.07, 0.985), (0.19, 0.055), (42, 24), 0.18, 0.06, 6, 4),
-            Level(5, (0.15, 0.98), (0.46, 0.30), (40, 30), 0.14, 0.14, 4, 3),
-            Level(3, (0.20, 1.00), (0.50, 0.40), (44, 34), 0.08, 0.20, 3, 3),
-        ),
-        leaf=(0.36, 0.36),
-        bark=(140, 132, 114),
-        leaves=((84, 112, 44), (186, 212, 104)),
-    ),
+    'poplar': Kind(22.0, 0.97, 0.016, (140, 132, 114), ((84, 112, 44), (186, 212, 104))),
 }
 
 
@@ -93,7 +77,7 @@ def tree(kind='broadleaf', seed=0, triangles=50_000, height=None):
         msg = f'height is {height!r}; it must be above 0 (metres).'
         raise ValueError(msg)
     rng = np.random.default_rng([seed, list(KINDS).index(kind)])
-    branches = _grow(form, rng)
+    branches = _grow(form, LEVELS[kind], rng)
     bark = _bark(form, branches, rng)
     cards = (triangles - bark.n_cells + 1) // 2
     if cards < 1:
@@ -158,13 +142,13 @@ class _Branches:
     sides: int
 
 
-def _grow(form, rng):
+def _grow(form, levels, rng):
     """Return the levels of branches of a tree of height one, the trunk first."""
     trunk = _curves(np.zeros((1, 3)), UP[None], np.array([form.trunk]), 24, 0.35, 0.04, rng)
     radii = form.girth * np.linspace(1, 0.12, 24)[None] ** 0.9
     radii[:, :2] *= [1.7, 1.15]  # The foot.
     found = [_Branches(trunk, radii, np.array([form.trunk]), 12)]
-    for level in form.levels:
+    for level in levels:
         found.append(_sprout(found[-1], level, rng))
     return found
 
