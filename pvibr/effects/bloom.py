@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
-from pvibr.gl import Quad, shader_source
+from pvibr.gl import Quad, release, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.feature import sections
 from pvibr.maths.tones import to_display, to_light
@@ -48,20 +48,16 @@ class Bloom(LightSpread):
     threshold = Param(0.8, 'Brightness above which light spreads.', range='[0, inf)')
     operator = Param(
         'soft',
-        'Bright pass for brightness S and threshold T: subtract max(S - T, 0); keep S if S > T '
-        '(stronger, but flickers near T); soft, S times a smooth step around T.',
+        'Bright pass of S above a threshold T: S - T; S (may flicker); S times a smooth step.',
         choices=_OPERATORS,
     )
     firefly_reduction = Param(
         0.0,
-        'Attenuation of isolated bright pixels, which flicker: 0 conserves energy, 1 is the '
-        'partial Karis average.',
+        'Attenuation of isolated bright pixels, up to the partial Karis average.',
         range='[0, 1]',
     )
     knee = Param(0.1, 'Half width of the soft threshold.', range='(0, inf)')
-    saturation = Param(
-        1.0, 'Saturation of the light: 1 keeps its colour, 0 white.', range='[0, 1]'
-    )
+    saturation = Param(1.0, 'Saturation of the light; 0 is white.', range='[0, 1]')
     background = Param(False, 'Include a plain background in the bright pass.')
     needs_hdr = Param(False, 'Use colours above 1; disables multisampling.')
 
@@ -117,6 +113,5 @@ class Bloom(LightSpread):
         return self._bright
 
     def _forget(self):
-        if self._bright is not None:
-            self._bright.release()
+        release(self._bright)
         self._bright, self._made = None, ()

@@ -9,7 +9,7 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, shader_source
+from pvibr.gl import Quad, Target, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.scene.thing import Thing
 
@@ -54,13 +54,10 @@ class DepthOfField(Effect):
         'fast': {'samples': 16},
     }
 
-    f_number = Param(
-        2.8, 'Focal length over aperture diameter; smaller is more blur.', range='(0, inf)'
-    )
+    f_number = Param(2.8, 'Focal length over aperture diameter.', range='(0, inf)')
     focal_length = Param(
         None,
-        'Focal length for the aperture diameter, not for the angle of view; a tenth of the focus '
-        'distance by default.',
+        'Focal length for the aperture only; by default a tenth of the focus distance.',
         range='(0, inf)',
         unit='world',
         kind=float,
@@ -81,20 +78,14 @@ class DepthOfField(Effect):
     )
     limit = Param(
         0.05,
-        'Maximum radius of the circle of confusion, as a fraction of the height of the picture; '
-        'large circles need more samples.',
+        'Maximum radius of the circle of confusion, as a fraction of the height.',
         range='(0, 0.5]',
     )
-    samples = Param(
-        48,
-        'Maximum number of samples per pixel; more is smoother and slower.',
-        range=f'[{_MIN_SAMPLES}, 512]',
-    )
+    samples = Param(48, 'Maximum number of samples per pixel.', range=f'[{_MIN_SAMPLES}, 512]')
     needs_hdr = Param(False, 'Use colours above 1; disables multisampling.')
     debug = Param(
         '',
-        'Intermediate stage to show: circles of confusion (red before, green behind the focus '
-        'plane) or one layer.',
+        'Intermediate stage to show; circles are red before, green behind the focus plane.',
         choices=_STAGES,
     )
 
@@ -243,15 +234,13 @@ class DepthOfField(Effect):
         self._size = size
 
     def _free(self):
-        for target in self._targets.values():
-            target.release()
+        release(*self._targets.values())
         self._targets, self._size = {}, ()
 
     def release(self):
         """Free GPU memory; the context is current."""
         self._free()
-        for quad in self._quads.values():
-            quad.release()
+        release(*self._quads.values())
         self._quads = {}
 
     def state(self) -> dict:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import shader_source
+from pvibr.gl import release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
 from pvibr.images.projected import Shown
@@ -55,8 +55,7 @@ class FullScreen(Effect):
 
     def release(self):
         """Free GPU memory and close films; the context is current."""
-        if self._image is not None:
-            self._image.release()
+        release(self._image)
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
@@ -76,20 +75,10 @@ class FullScreenImage(FullScreen):
 
     neutral = 'opacity', 0
     opacity = Param(1.0, 'Opacity of the image.', range='[0, 1]')
-    fit = Param(
-        'contain',
-        'Fit to the rectangle: whole image, cropped to fill it, or stretched.',
-        choices=('contain', 'cover', 'stretch'),
-    )
-    place = Param(
-        (0.0, 0.0, 1.0, 1.0),
-        'Rectangle of the image: left, bottom, right and top as fractions of the subplot.',
-    )
+    fit = Param('contain', 'Fit to the rectangle.', choices=('contain', 'cover', 'stretch'))
+    place = Param((0.0, 0.0, 1.0, 1.0), 'Left, bottom, right and top, fractions of the subplot.')
     fps = Param(
-        None,
-        "Frames of a sequence per second of pl.ibr.time; the film's own rate by default.",
-        range='(0, inf)',
-        kind=float,
+        None, "Frames per second; the film's rate by default.", range='(0, inf)', kind=float
     )
     loop = Param(True, 'Repeat a sequence after its end, instead of holding the last frame.')
 

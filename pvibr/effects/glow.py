@@ -10,7 +10,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
-from pvibr.gl import Quad, Target, set_fragment_uniforms, shader_source
+from pvibr.gl import Quad, Target, release, set_fragment_uniforms, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, replacements, sections
@@ -86,8 +86,7 @@ class Glow(LightSpread):
     }
     source = Param(
         'color',
-        'Source of the light: colour times opacity; colour times the alpha of the texture, which '
-        'is then drawn opaque; or the emissive texture of physically based materials.',
+        'Source of the light: colour, texture alpha (drawn opaque), or emissive texture (PBR).',
         choices=('color', 'alpha', 'emissive'),
     )
 
@@ -169,9 +168,8 @@ class Glow(LightSpread):
             self._gpu.light(frame, picture, target, side // 2)
 
     def _forget(self):
-        if self._gpu is not None:
-            self._gpu.release()
-            self._gpu = None
+        release(self._gpu)
+        self._gpu = None
 
     def report(self) -> dict:
         """Return the bytes of GPU memory, and why no light was drawn."""
@@ -239,9 +237,8 @@ class Afterglow(Glow):
         self._when = frame.time
 
     def _forget_past(self):
-        if self._past is not None:
-            self._past.release()
-            self._past = None
+        release(self._past)
+        self._past = None
 
     def release(self):
         """Free GPU memory; the context is current."""
@@ -332,8 +329,7 @@ class _Gpu:
 
     def release(self):
         self.detach()
-        for owner in (*self._quads.values(), self.target, self.drawer):
-            owner.release()
+        release(*self._quads.values(), self.target, self.drawer)
 
 
 class _Past:
@@ -358,8 +354,7 @@ class _Past:
         self._before, self._after = self._after, self._before
 
     def release(self):
-        for owner in (self.now, self._before, self._after, self._fade):
-            owner.release()
+        release(self.now, self._before, self._after, self._fade)
 
 
 def _checked_actors(actors):

@@ -8,6 +8,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
+from pvibr.gl import release
 from pvibr.gl.blur import CHAINS, Blur, Light
 from pvibr.gl.scene_pass import is_marker
 
@@ -33,15 +34,13 @@ class LightSpread(Effect):
     )
     chain = Param(
         'gaussian',
-        'Blur filter: separable Gaussians, or the 13-tap and tent filters of Jimenez (SIGGRAPH '
-        '2014), which take fewer passes and have a fixed width.',
+        'Separable Gaussians, or the faster filters of fixed width by Jimenez, SIGGRAPH 2014.',
         choices=CHAINS,
     )
     kernel = Param(5, 'Size of each Gaussian kernel.', choices=tuple(range(3, 33, 2)), unit='px')
     levels = Param(
         None,
-        'Number of blurs, each at half the resolution; chosen by the size of the picture by '
-        'default.',
+        'Number of blurs, each at half the resolution; by the size of the picture by default.',
         kind=int,
         range='[1, 10]',
     )
@@ -153,8 +152,7 @@ class LightSpread(Effect):
         return math.sqrt((side * self._blur.sigma) ** 2 + squares + between)
 
     def _forget_blur(self):
-        if self._blur is not None:
-            self._blur.release()
+        release(self._blur)
         self._blur = self._light = None
         self._seen = ()
 

@@ -10,7 +10,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, Texture, shader_source
+from pvibr.gl import Quad, Target, Texture, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.tiles import SIDE, Tiles, sized
 from pvibr.scene.buffers import Drawn
@@ -63,22 +63,10 @@ class Outline(Effect):
     opacity = Param(1.0, 'Line opacity.', range='[0, 1]')
     ids = Param(True, 'Lines at boundaries between objects.')
     depth = Param(True, 'Lines at depth discontinuities.')
-    jump = Param(
-        4.0,
-        'Minimum depth discontinuity, in pixel sizes at that depth; larger at grazing angles.',
-        range='(0, inf)',
-        unit='px',
-    )
+    jump = Param(4.0, 'Minimum depth discontinuity, in pixel sizes.', range='(0, inf)', unit='px')
     normal = Param(True, 'Lines along creases.')
-    crease = Param(
-        30.0, 'Minimum angle between normals at a crease.', range='(0, 180]', unit='degrees'
-    )
-    grazing = Param(
-        80.0,
-        'Maximum angle between normal and view direction for creases.',
-        range='[0, 90]',
-        unit='degrees',
-    )
+    crease = Param(30.0, 'Minimum angle between normals.', range='(0, 180]', unit='degrees')
+    grazing = Param(80.0, 'Maximum viewing angle for creases.', range='[0, 90]', unit='degrees')
     luminance = Param(False, 'Lines at luminance edges of the picture.')
     contrast = Param(0.2, 'Minimum luminance step, as a fraction of white.', range='(0, inf)')
     hidden = Param(
@@ -87,7 +75,7 @@ class Outline(Effect):
     dash = Param(4.0, 'Length of dashes and of gaps.', range='[1, 100]', unit='px')
     debug = Param(
         '',
-        'Intermediate stage to show: edges to the right red, above green, luminance blue.',
+        'Intermediate stage to show: edges right (red), above (green), luminance (blue).',
         choices=('', 'edges'),
     )
 
@@ -257,9 +245,7 @@ class Outline(Effect):
     def release(self):
         """Free GPU memory; the context is current."""
         marks = self._marks[1] if self._marks else None
-        for owner in (*self._targets(), marks, *self._quads.values()):
-            if owner is not None:
-                owner.release()
+        release(*self._targets(), marks, *self._quads.values())
         self._drawn = self._candidates = self._half = self._tiles = self._marks = None
         self._quads = {}
 

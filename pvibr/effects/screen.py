@@ -9,7 +9,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from pvibr.core.params import Param
 from pvibr.effects.full_screen import FullScreen, FullScreenImage
-from pvibr.gl import Texture
+from pvibr.gl import Texture, release
 from pvibr.images.projected import as_rgba
 
 _BLACK = (0.0, 0.0, 0.0)
@@ -41,9 +41,7 @@ class Vignette(FullScreen):
 
     intensity = Param(0.5, 'Opacity outside the vignette.', range='[0, 1]')
     radius = Param(0.4, 'Inner radius, as a fraction of half the diagonal.', range='[0, 4]')
-    softness = Param(
-        0.6, 'Width of the transition, as a fraction of half the diagonal.', range='(0, 4]'
-    )
+    softness = Param(0.6, 'Transition width, fraction of half the diagonal.', range='(0, 4]')
     center = Param((0.5, 0.5), 'Centre, from (0, 0) at the lower left to (1, 1).')
     color = Param(_BLACK, 'Colour outside the vignette.', range='[0, 1]')
 
@@ -90,11 +88,7 @@ class Flash(FullScreen):
     }
 
     at = Param(
-        None,
-        'Time of the flash on the clock pl.ibr.time; None for no flash.',
-        range='(-inf, inf)',
-        unit='s',
-        kind=float,
+        None, 'Time of the flash on pl.ibr.time.', range='(-inf, inf)', unit='s', kind=float
     )
     duration = Param(0.3, 'Time constant of the decay.', range='(0, inf)', unit='s')
     intensity = Param(1.0, 'Initial opacity.', range='[0, 1]')
@@ -160,12 +154,7 @@ class NightVision(FullScreen):
     intensity = Param(1.0, 'Opacity of the effect.', range='[0, 1]')
     gain = Param(4.0, 'Gain of dark parts; white stays white.', range='(0, 80]')
     grain = Param(0.1, 'Peak-to-peak amplitude of the noise.', range='[0, 1]')
-    rate = Param(
-        25.0,
-        'Rate at which the noise changes, by pl.ibr.time; 0 freezes it.',
-        range='[0, 1000]',
-        unit='Hz',
-    )
+    rate = Param(25.0, 'Frame rate of the noise; 0 freezes it.', range='[0, 1000]', unit='Hz')
     seed = Param(0, 'Seed of the noise.', range='[0, 65535]')
     color = Param((0.35, 1.0, 0.45), 'Colour of the phosphor.', range='[0, 1]')
 
@@ -205,9 +194,7 @@ class Iris(FullScreen):
 
     opening = Param(0.5, 'Opening: 0 is closed, 1 shows the whole picture.', range='[0, 1]')
     center = Param((0.5, 0.5), 'Centre, from (0, 0) at the lower left to (1, 1).', range='[0, 1]')
-    softness = Param(
-        0.0, 'Width of the edge, as a fraction of the height; at least a pixel.', range='[0, 1]'
-    )
+    softness = Param(0.0, 'Edge width, fraction of the height.', range='[0, 1]')
     color = Param(_BLACK, 'Colour outside the opening.', range='[0, 1]')
 
     def __init__(self, shape=None, **settings):
@@ -240,8 +227,7 @@ class Iris(FullScreen):
     def release(self):
         """Free GPU memory; the context is current."""
         super().release()
-        if self._distances is not None:
-            self._distances.release()
+        release(self._distances)
         self._distances = None
 
     def report(self) -> dict:

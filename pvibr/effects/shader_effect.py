@@ -8,7 +8,7 @@ from pathlib import Path
 from pvibr.core.effect import Effect
 from pvibr.core.errors import ShaderError
 from pvibr.core.params import Param, params_of
-from pvibr.gl import Quad, shader_source
+from pvibr.gl import Quad, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.images.projected import Shown
 
@@ -206,15 +206,13 @@ class ShaderEffect(Effect):
         return f'{path}: {error}'
 
     def _forget(self):
-        if self._quad is not None:
-            self._quad.release()
+        release(self._quad)
         self._quad, self._built = None, ()
 
     def release(self):
         """Free GPU memory; the context is current."""
         self._forget()
-        for image in self._images.values():
-            image.release()
+        release(*self._images.values())
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""

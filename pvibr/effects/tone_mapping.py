@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, shader_source
+from pvibr.gl import Quad, Target, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
 from pvibr.maths.tones import CURVES, MIDDLE_GREY
@@ -24,19 +24,17 @@ class ToneMapping(Effect):
     The default curve leaves colours in [0, 1] unchanged, so that they can still be read as data;
     the others change every colour. The curves are those of :func:`pvibr.maths.tones.tone_map`.
 
-    Parameters
-    ----------
-    **settings
-        `curve`, `exposure`, `auto`, `adaptation`, `min_exposure`, `max_exposure`, `white`,
-        `intensity`.
-
-    Notes
-    -----
     Automatic exposure brings the log-average luminance of the whole picture, background
     included, to middle grey (0.18); `exposure` is added. If there is a bloom, the picture is
     metered before its light. The exposure follows ``pl.ibr.time`` with the time constant
     `adaptation`, independent of the frame rate; if time stands still or goes back, it adapts at
     once. Tiles of large screenshots use the exposure of the last frame.
+
+    Parameters
+    ----------
+    **settings
+        `curve`, `exposure`, `auto`, `adaptation`, `min_exposure`, `max_exposure`, `white`,
+        `intensity`.
 
     Examples
     --------
@@ -56,12 +54,7 @@ class ToneMapping(Effect):
         'eye': {'curve': 'agx', 'auto': True},
     }
 
-    curve = Param(
-        'faithful',
-        'Tone curve; faithful keeps colours in [0, 1], the others change colours that encode '
-        'data.',
-        choices=CURVES,
-    )
+    curve = Param('faithful', 'Tone curve; only faithful keeps colours in [0, 1].', choices=CURVES)
     exposure = Param(0.0, 'Exposure compensation.', range='[-32, 32]', unit='stops')
     auto = Param(False, 'Automatic exposure from the luminance of the picture.')
     adaptation = Param(1.0, 'Time constant of automatic exposure.', range='[0, inf)', unit='s')
@@ -138,9 +131,7 @@ class ToneMapping(Effect):
 
     def release(self):
         """Free GPU memory; the context is current."""
-        for owner in (self._quad, self._measured):
-            if owner is not None:
-                owner.release()
+        release(self._quad, self._measured)
         self._quad = self._measured = None
         self.reset()
 

@@ -12,7 +12,7 @@ from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import Target
-from pvibr.gl.texture import Texture
+from pvibr.gl.texture import Texture, release
 
 # llvmpipe samples whole floats faster than half ones, and these images are small.
 _FORMAT = ('rgba32f',)
@@ -25,11 +25,15 @@ CHAINS = tuple(_PASSES)
 
 def halving_taps(kernel):
     """Return the bilinear taps of a Gaussian that halves an image along one axis."""
-    texels = np.arange(2 * kernel) - kernel + 0.5
-    weights = np.exp(-0.5 * (texels * 3 / kernel) ** 2).reshape(-1, 2)
+    texels, weights = (a.reshape(-1, 2) for a in _gaussian(kernel))
     pairs = weights.sum(axis=1)
-    places = (texels.reshape(-1, 2) * weights).sum(axis=1) / pairs
+    places = (texels * weights).sum(axis=1) / pairs
     return places, pairs / pairs.sum()
+
+
+def _gaussian(kernel):
+    texels = np.arange(2 * kernel) - kernel + 0.5
+    return texels, np.exp(-0.5 * (texels * 3 / kernel) ** 2)
 
 
 def halves(size, times=1) -> tuple[int, int]:
@@ -146,8 +150,7 @@ class Blur:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for owner in (*self._quads.values(), *self._targets()):
-            owner.release()
+        release(*self._quads.values(), *self._targets())
 
 
 class _Level:
@@ -176,8 +179,7 @@ def _variance(levels, kernel, chain):
     """Return the variance of the widest blur along an axis, in texels of the first image."""
     down, up = 1.75, 2.75  # of 13 taps, and of a tent between texels
     if chain == 'gaussian':
-        texels = np.arange(2 * kernel) - kernel + 0.5
-        weights = np.exp(-0.5 * (texels * 3 / kernel) ** 2)
+        texels, weights = _gaussian(kernel)
         down, up = (weights * texels**2).sum() / weights.sum(), 0.75
     steps = 4.0 ** np.arange(levels)
     return down * steps.sum() + up * steps[1:].sum()

@@ -6,7 +6,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.gl import enums as gl
-from pvibr.gl.target import Target
+from pvibr.gl.target import Target, blit
 from pvibr.gl.texture import Texture
 
 
@@ -94,16 +94,7 @@ class _Level:
 
 def copy(source: Target | _Level, target: Target | _Level, *, turned=False):
     """Copy colours; pixels of a larger picture are averaged."""
-    state = source.window.GetState()
-    state.Push()
-    state.PushFramebufferBindings()
-    source.object.Bind(gl.READ_FRAMEBUFFER)
-    source.object.ActivateReadBuffer(0)
-    target.object.Bind(gl.DRAW_FRAMEBUFFER)
-    target.object.ActivateDrawBuffer(0)
-    state.vtkglScissor(0, 0, target.width, target.height)
     left, right = (source.width, 0) if turned else (0, source.width)
-    rects = left, 0, right, source.height, 0, 0, target.width, target.height
-    state.vtkglBlitFramebuffer(*rects, gl.COLOR_BUFFER_BIT, gl.LINEAR)
-    state.PopFramebufferBindings()
-    state.Pop()
+    rects = (left, 0, right, source.height), (0, 0, target.width, target.height)
+    state = source.window.GetState()
+    blit(state, source.object, target.object, gl.COLOR_BUFFER_BIT, *rects, gl.LINEAR)

@@ -8,8 +8,8 @@ from typing import Any
 from pvibr.gl import enums as gl
 from pvibr.gl.fused import Pointwise
 from pvibr.gl.scene_pass import like_window
-from pvibr.gl.target import Target
-from pvibr.gl.texture import Texture
+from pvibr.gl.target import Target, blit
+from pvibr.gl.texture import Texture, release
 
 
 class Picture:
@@ -107,22 +107,9 @@ class Picture:
         return x, y, x + width, y + height
 
     def _blit(self, source, target, bits, source_rect, target_rect):
-        state = self.window.GetState()
-        state.Push()
-        state.PushFramebufferBindings()
-        source.Bind(gl.READ_FRAMEBUFFER)
-        source.ActivateReadBuffer(0)
-        target.Bind(gl.DRAW_FRAMEBUFFER)
-        target.ActivateDrawBuffer(0)
-        x0, y0, x1, y1 = target_rect
-        state.vtkglScissor(x0, y0, x1 - x0, y1 - y0)  # the scissor cuts blits too
-        state.vtkglBlitFramebuffer(*source_rect, *target_rect, bits, gl.NEAREST)
-        state.PopFramebufferBindings()
-        state.Pop()
+        blit(self.window.GetState(), source, target, bits, source_rect, target_rect)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for target in self._targets:
-            target.release()
-        self._source.release()
+        release(*self._targets, self._source)
         self._targets, self._drawn, self._pending = [], None, []

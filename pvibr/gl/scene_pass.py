@@ -7,7 +7,7 @@ from typing import Any
 from pvibr.core import _vtk
 from pvibr.gl.enums import COLOR_BUFFER_BIT
 from pvibr.gl.target import Target
-from pvibr.gl.texture import Texture
+from pvibr.gl.texture import Texture, release
 
 _MARK = 'pvibr: '  # begins the names of props that are no part of a scene
 _NAME = f'{_MARK}end of opaque props'
@@ -45,8 +45,7 @@ class ScenePass:
         if needs_hdr:
             size = _extent(frame)
             if self._floats is None or (self._floats.width, self._floats.height) != size:
-                if self._floats is not None:
-                    self._floats.release()
+                release(self._floats)
                 self._floats = like_window(self.window, size, 'rgba32f')
             self.window.GetState().PushFramebufferBindings()
             self.needs_hdr = True
@@ -56,8 +55,7 @@ class ScenePass:
     def attach_surfaces(self, frame) -> Texture:
         """Attach a second colour for opaque props, detached after the last of them."""
         if self._surfaces is None or self._surfaces.size != _extent(frame):
-            if self._surfaces is not None:
-                self._surfaces.release()
+            release(self._surfaces)
             width, height = _extent(frame)
             self._surfaces = Texture(self.window).allocate(width, height, 'rgba32f')
         self._marker = self._marker or _Marker(frame.renderer, self._detach)
@@ -101,9 +99,7 @@ class ScenePass:
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self._detach()
-        for owner in (self._floats, self._surfaces, self._marker):
-            if owner is not None:
-                owner.release()
+        release(self._floats, self._surfaces, self._marker)
         self._floats = self._surfaces = self._marker = None
         self.needs_hdr = False
 

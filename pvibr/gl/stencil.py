@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pvibr.gl import enums as gl
 from pvibr.gl.quad import Quad
 from pvibr.gl.target import Target
-from pvibr.gl.texture import Texture
+from pvibr.gl.texture import Texture, release
 
 _DARK = 'void main() { gl_FragData[0] = vec4(min(uv.x, 0.0)); }\n'
 
@@ -98,7 +98,4 @@ class StencilTarget:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for target in self._targets:
-            target.release()
-        self._depth.release()
-        self._dark.release()
+        release(*self._targets, self._depth, self._dark)

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from pvibr.core import _vtk
-from pvibr.gl.enums import COLOR_BUFFER_BIT, DEPTH_BUFFER_BIT
+from pvibr.gl import enums as gl
 from pvibr.gl.texture import Texture
 
 
@@ -104,13 +104,28 @@ class Target:
         state.vtkglDepthMask(True)
         state.vtkglClearColor(*color)
         state.vtkglClearDepth(1.0)
-        state.vtkglClear(COLOR_BUFFER_BIT | DEPTH_BUFFER_BIT)
+        state.vtkglClear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self.object.ReleaseGraphicsResources(self.window)
         for texture in self._own():
             texture.release()
+
+
+def blit(state, source, target, bits, source_rect, target_rect, filter=gl.NEAREST):
+    """Copy a rectangle of a framebuffer to another; samples are resolved."""
+    state.Push()
+    state.PushFramebufferBindings()
+    source.Bind(gl.READ_FRAMEBUFFER)
+    source.ActivateReadBuffer(0)
+    target.Bind(gl.DRAW_FRAMEBUFFER)
+    target.ActivateDrawBuffer(0)
+    x0, y0, x1, y1 = target_rect
+    state.vtkglScissor(x0, y0, x1 - x0, y1 - y0)  # the scissor cuts blits too
+    state.vtkglBlitFramebuffer(*source_rect, *target_rect, bits, filter)
+    state.PopFramebufferBindings()
+    state.Pop()
 
 
 class _Drawing:

@@ -8,29 +8,20 @@ from pvibr.core import _vtk
 from pvibr.gl import enums as gl
 
 _VTK_TYPES = {'uint8': 'VTK_UNSIGNED_CHAR', 'uint16': 'VTK_UNSIGNED_SHORT', 'float32': 'VTK_FLOAT'}
-# GL's sized formats of a render target: what VTK does not choose by itself from a data type.
+# Render targets: GL's sized format, where VTK does not choose it by the data type, the type,
+# channels, and bytes of a texel.
 _FORMATS = {
-    'rgba8': (None, 'VTK_UNSIGNED_CHAR', 4),
-    'rgb8': (None, 'VTK_UNSIGNED_CHAR', 3),
-    'rgba16f': (0x881A, 'VTK_FLOAT', 4),
-    'rgba32f': (0x8814, 'VTK_FLOAT', 4),
-    'rg32f': (0x8230, 'VTK_FLOAT', 2),
-    'r32f': (0x822E, 'VTK_FLOAT', 1),
-    'r8': (None, 'VTK_UNSIGNED_CHAR', 1),
+    'rgba8': (None, 'VTK_UNSIGNED_CHAR', 4, 4),
+    'rgb8': (None, 'VTK_UNSIGNED_CHAR', 3, 3),
+    'rgba16f': (0x881A, 'VTK_FLOAT', 4, 8),
+    'rgba32f': (0x8814, 'VTK_FLOAT', 4, 16),
+    'rg32f': (0x8230, 'VTK_FLOAT', 2, 8),
+    'r32f': (0x822E, 'VTK_FLOAT', 1, 4),
+    'r8': (None, 'VTK_UNSIGNED_CHAR', 1, 1),
 }
 # Passes that allocate textures bind them to whichever unit was used last: let it be the last one
 # that core profile 3.2 has for certain. VTK hands out the first ones.
 SPARE_UNIT = gl.TEXTURE0 + 47
-_BYTES = {
-    'rgba8': 4,
-    'rgb8': 3,
-    'rgba16f': 8,
-    'rgba32f': 16,
-    'rg32f': 8,
-    'r32f': 4,
-    'r8': 1,
-    'depth32f': 4,
-}
 
 
 def texture_limit(window) -> int:
@@ -43,6 +34,13 @@ def texture_units(window) -> int:
     found = [0]
     window.GetState().vtkglGetIntegerv(gl.MAX_TEXTURE_IMAGE_UNITS, found)
     return max(found[0], 16)
+
+
+def release(*owners):
+    """Free the GPU memory of owners; None has none."""
+    for owner in owners:
+        if owner is not None:
+            owner.release()
 
 
 class Texture:
@@ -82,16 +80,16 @@ class Texture:
     def allocate(self, width, height, format='rgba8') -> Texture:
         """Allocate an empty texture to draw into."""
         if format == 'depth32f':
-            made = self.object.AllocateDepth(width, height, self.object.Float32)
+            texel, made = 4, self.object.AllocateDepth(width, height, self.object.Float32)
         else:
-            internal, kind, channels = _FORMATS[format]
+            internal, kind, channels, texel = _FORMATS[format]
             if internal is not None:
                 self.object.SetInternalFormat(internal)
             made = self.object.Create2D(width, height, channels, getattr(_vtk, kind), False)
         if not made:
             msg = f'the driver refused a {format} target of {width} x {height}'
             raise RuntimeError(msg)
-        self.nbytes = width * height * _BYTES[format]
+        self.nbytes = width * height * texel
         return self
 
     @property

@@ -7,6 +7,7 @@ from typing import Any
 from pvibr.gl.feature import sections
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import Target
+from pvibr.gl.texture import release
 
 SIDE = 16  # pixels along a side of a square
 _MOST = 128  # tiles: what two triangles may become in core profile 3.2
@@ -61,9 +62,7 @@ class Tiles:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for owner in (self._squares, self._tiles, *self._quads.values()):
-            if owner is not None:
-                owner.release()
+        release(self._squares, self._tiles, *self._quads.values())
         self._squares = self._tiles = None
         self._quads = {}
 
@@ -76,6 +75,5 @@ def sized(target, window, size) -> Target:
     """Return a target of 8 bits of a size: the given one where it has it."""
     if target is not None and (target.width, target.height) == tuple(size):
         return target
-    if target is not None:
-        target.release()
+    release(target)
     return Target(window, size[0], size[1], filter='nearest')

@@ -9,6 +9,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core.frame import Frame
+from pvibr.gl import release
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.offscreen import hidden_window
 from pvibr.maths.orthographic import Orthographic
@@ -90,9 +91,7 @@ class _Scene:
         return self._map.texture.download()[..., 0]
 
     def release(self):
-        if self._map is not None:
-            self._map.release()
-        self.drawer.release()
+        release(self._map, self.drawer)
         self.renderer.RemoveAllViewProps()
         for actor in self.actors:
             actor.ReleaseGraphicsResources(self.renderer.GetRenderWindow())

@@ -10,7 +10,7 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import MipTexture, Quad, Target, Texture
+from pvibr.gl import MipTexture, Quad, Target, Texture, release
 from pvibr.gl import enums as gl
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.mipmaps import copy
@@ -183,8 +183,7 @@ class LiveTexture(Effect):
     def _casters(self) -> Casters:
         things = [t for t in self.pipeline.things if t.enabled]
         self._surfaces.update(things)
-        actors, things = self._surfaces.chosen(self.actors, things)
-        return Casters([a for a in actors.values() if a.GetVisibility()], things)
+        return self._surfaces.casters(self.actors, things)
 
     def _seen_lives(self, frame) -> list[LiveTexture]:
         """Return the live textures on the actors that it sees, projected ones and itself too."""
@@ -298,14 +297,7 @@ class LiveTexture(Effect):
     def release(self):
         """Free what it holds on the GPU; the context is current."""
         self.texture.SetTextureObject(None)
-        for target in self._targets.values():
-            target.release()
-        if self._texture is not None:
-            self._texture.release()
-        if self._gray is not None:
-            self._gray.release()
-        if self._drawer is not None:
-            self._drawer.release()
+        release(*self._targets.values(), self._texture, self._gray, self._drawer)
         self._targets, self._keys = {}, {}
         self._gray = self._drawer = self._surfaces = self._texture = None
 

@@ -10,7 +10,7 @@ import numpy as np
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import set_fragment_uniforms, shader_source
+from pvibr.gl import release, set_fragment_uniforms, shader_source
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.maths.cameras import as_camera
@@ -18,7 +18,7 @@ from pvibr.projection.painting import painted, solved_gains
 from pvibr.projection.samples import Samples, sides_of, surface_of
 from pvibr.projection.slide import Slide
 from pvibr.projection.unwrap import texels_of, unwrapped
-from pvibr.scene.casters import Casters, Surfaces
+from pvibr.scene.casters import Surfaces
 from pvibr.scene.depth_view import receiver_shader
 
 #: Pictures on a surface at once: each takes two of the 16 texture units that OpenGL promises, and
@@ -198,7 +198,7 @@ class Projector(Effect):
             self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
         things = [t for t in self.pipeline.things if t.enabled]
         self._surfaces.update(things)
-        casters = self._casters(things)
+        casters = self._surfaces.casters(self.casters, things)
         for slide in self._slides:
             slide.show(frame.window, frame.time, self)
             if self.occlusion:
@@ -206,10 +206,6 @@ class Projector(Effect):
             else:
                 slide.drop_depth()
         self._attach(frame, casters, things)
-
-    def _casters(self, things):
-        actors, things = self._surfaces.chosen(self.casters, things)
-        return Casters([a for a in actors.values() if a.GetVisibility()], things)
 
     def _receivers(self, things) -> dict:
         self._surfaces.update(things)  # for what things made for the cameras' views
@@ -286,10 +282,7 @@ class Projector(Effect):
     def release(self):
         """Free what it holds on the GPU; the context is current."""
         self.deactivate()
-        for slide in self._slides:
-            slide.release()
-        if self._drawer is not None:
-            self._drawer.release()
+        release(*self._slides, self._drawer)
         self._drawer = None
 
     def report(self) -> dict:

@@ -10,7 +10,7 @@ import numpy as np
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.frame import Frame
-from pvibr.gl import Quad, Target, Texture, set_fragment_uniforms
+from pvibr.gl import Quad, Target, Texture, release, set_fragment_uniforms
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet
 from pvibr.gl.scene_pass import is_marker
@@ -155,8 +155,7 @@ class Drawn:
 
     def _sized_target(self, size):
         if self._target is None or (self._target.width, self._target.height) != tuple(size):
-            if self._target is not None:
-                self._target.release()
+            release(self._target)
             window, (width, height), formats = self._drawer.window, size, ('rgba8', 'rgba32f')
             self._target = Target(window, width, height, formats, depth=True, filter='nearest')
         return self._target
@@ -168,11 +167,8 @@ class Drawn:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        self._numbers.release()
-        if self._target is not None:
-            self._target.release()
-            self._target = None
-        self._drawer.release()
+        release(self._numbers, self._target, self._drawer)
+        self._target = None
 
 
 class _Shared:
@@ -305,14 +301,11 @@ class Buffers:
                 quad.draw(planes, {'depth': picture.depth})
             return target.colors[0].download()
         finally:
-            target.release()
-            quad.release()
+            release(target, quad)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for owner in (self._shared, self._drawn):
-            if owner is not None:
-                owner.release()
+        release(self._shared, self._drawn)
         self._shared = self._drawn = self._frame = self._geometry = None
 
 

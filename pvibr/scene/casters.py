@@ -55,6 +55,11 @@ class Surfaces:
         actors = {k: a for k, a in self._free.items() if choice(a)}
         return actors, [t for t in things if choice(t)]
 
+    def casters(self, choice, things=(), frame=None) -> Casters:
+        """Return the chosen actors that are visible, and the chosen things."""
+        actors, things = self.chosen(choice, things)
+        return Casters([a for a in actors.values() if a.GetVisibility()], things, frame)
+
 
 def listed(things) -> list:
     """Return one prop or effect, or several, as a list."""

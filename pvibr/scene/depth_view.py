@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.gl import Target, set_fragment_uniforms, shader_source, texture_limit
+from pvibr.gl import Target, release, set_fragment_uniforms, shader_source, texture_limit
 from pvibr.gl.feature import Feature, FeatureSet, sections
 from pvibr.scene.casters import SPHERES, draws_spheres, sized
 from pvibr.scene.seen_from import seen_from
@@ -133,9 +133,7 @@ class DepthView:
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self._attached.clear()
-        for veil in self.veils:
-            veil.release()
-        self.target.release()
+        release(*self.veils, self.target)
 
 
 def receiver_shader() -> dict[str, str]:

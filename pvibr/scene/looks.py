@@ -50,17 +50,10 @@ def color_table(scalars, cmap=None, clim=None, **options):
     cmap = pv.global_theme.cmap if cmap is None else cmap
     table = pv.LookupTable(values=None, scalar_range=(low, high))
     table.apply_cmap(cmap, options.pop('n_colors', 256))
+    names = {'below_color': 'below_range_color', 'above_color': 'above_range_color'}
     for name, value in options.items():
         if value is not None:
-            setattr(
-                table,
-                'below_range_color'
-                if name == 'below_color'
-                else 'above_range_color'
-                if name == 'above_color'
-                else name,
-                value,
-            )
+            setattr(table, names.get(name, name), value)
     table.BuildSpecialColors()
     return table
 

@@ -20,15 +20,9 @@ class Substitute(Thing):
     web = 'shown', 'its actors, as meshes'
     max_error = Param(1.0, 'Maximum screen-space displacement.', range='(0, inf)', unit='px')
     budget_ms = Param(
-        None,
-        'Time for new images in a frame, the worst first; None for no limit.',
-        range='[0, inf)',
-        unit='ms',
-        kind=float,
+        None, 'Time for new images in a frame.', range='[0, inf)', unit='ms', kind=float
     )
-    only_if_faster = Param(
-        True, 'Replace only actors that are slower to draw themselves, as measured here.'
-    )
+    only_if_faster = Param(True, 'Replace only actors that are measured to be slower themselves.')
     _argument = 'actors'
     _version = 0
     _frame: Frame | None = None

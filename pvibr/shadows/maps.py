@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.gl import release
 from pvibr.gl.feature import DITHER, declared_samplers
 from pvibr.maths.kernels import vogel_disk
 from pvibr.scene.depth_view import DepthView, receiver_shader
@@ -83,11 +84,8 @@ class LightMaps:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        if self.moments is not None:
-            self.moments.release()
-        if self.view is not None:
-            self._released += self.view.bakes
-            self.view.release()
+        self._released = self.bakes
+        release(self.moments, self.view)
         self.view = self.moments = None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pvibr.gl import Quad, Target, shader_source
+from pvibr.gl import Quad, Target, release, shader_source
 
 #: Which moments a method keeps.
 KINDS = {'vsm': 1, 'evsm': 2, 'msm': 3}
@@ -71,7 +71,4 @@ class Moments:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for target in (self.target, self._half):
-            target.release()
-        for quad in self._passes:
-            quad.release()
+        release(self.target, self._half, *self._passes)

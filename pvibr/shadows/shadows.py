@@ -11,7 +11,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import set_fragment_uniforms, shader_source, texture_units
+from pvibr.gl import release, set_fragment_uniforms, shader_source, texture_units
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.scene.casters import Casters, Surfaces, set_surface_uniforms, surface_features
@@ -35,6 +35,11 @@ _MATERIAL = 6  # texture units that are left to materials
 class Shadows(Effect):
     """Cast shadows from the lights of the scene on everything that they light.
 
+    Shadow maps (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978) are redrawn
+    only when the light, the casters or the fit changed. Diffuse and specular light are scaled per
+    light where VTK computes them, so shadows combine with several lights, any material and any
+    other pass. Headlights cast no visible shadows.
+
     Parameters
     ----------
     casts : callable or sequence, optional
@@ -44,13 +49,6 @@ class Shadows(Effect):
         The same for receivers of shadows; by default all that are lit.
     **settings
         Values of the settings.
-
-    Notes
-    -----
-    Shadow maps (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978): depth in
-    the view of each light, redrawn only when the light, the casters or the fit changed. Diffuse
-    and specular light are scaled per light where VTK computes them, so shadows combine with
-    several lights, any material and any other pass. Headlights cast no visible shadows.
 
     Examples
     --------
@@ -75,61 +73,50 @@ class Shadows(Effect):
     }
     method = Param(
         'pcf',
-        'Shadow algorithm: hard or filtered shadow map (pcf), penumbrae by the size of the light '
-        '(pcss), blurred moments of depth (vsm, evsm, msm), or volumes, exact to the pixel.',
+        'Shadow map: hard, filtered (pcf), with penumbrae (pcss) or blurred moments (vsm, evsm, '
+        'msm); or shadow volumes, exact to the pixel.',
         choices=('hard', 'pcf', 'pcss', *KINDS, 'volume'),
     )
     resolution = Param(2048, 'Texels along a side of a shadow map.', range='[16, 16384]')
     filter_radius = Param(
         None,
-        'Radius of the filter of pcf (0.5 by default), or standard deviation of the blur of '
-        'moments (2 by default).',
+        'Filter radius of pcf, by default 0.5; standard deviation of moments, by default 2.',
         range='[0, 64]',
         unit='texels',
         kind=float,
     )
     taps = Param(
         None,
-        'Depth comparisons per pixel of pcf and pcss; by default one per texel of a small pcf '
-        'filter, 16 for a large one, 32 for pcss.',
+        'Samples per pixel; by default one per texel of small pcf filters, else 16; 32 for pcss.',
         range='[1, 64]',
         kind=int,
     )
     angle = Param(
-        0.53,
-        'Angular diameter of directional lights for pcss; that of the sun is 0.53.',
-        range='(0, 90)',
-        unit='degrees',
+        0.53, 'Angular diameter of directional lights for pcss.', range='(0, 90)', unit='degrees'
     )
     radius = Param(
         None,
-        'Radius of spot and point lights for pcss; by default 1/50 of the distance to their '
-        'farthest caster.',
+        "Radius of positional lights for pcss; by default 1/50 of the farthest caster's distance.",
         range='(0, inf)',
         unit='world',
         kind=float,
     )
     bias = Param(
         'plane',
-        'How self-shadowing is avoided: depth is compared on the plane of the receiver, or '
-        'behind a polygon offset.',
+        'Bias against self-shadowing: by the plane of the receiver, or a polygon offset.',
         choices=('plane', 'polygon_offset'),
     )
     polygon_offset = Param(
-        (1.1, 4.0),
-        'Slope factor and depth units of the polygon offset, as in glPolygonOffset.',
-        range='[0, 1e6]',
+        (1.1, 4.0), 'Factor and units of the polygon offset, as in OpenGL.', range='[0, 1e6]'
     )
     faces = Param(
         'both',
-        'Faces that cast: back faces alone leave no acne on closed meshes, but light leaks under '
-        'thin ones.',
+        'Faces that cast; back faces avoid acne, but light leaks under thin meshes.',
         choices=('both', 'back'),
     )
     normal_bias = Param(
         0.35,
-        'Distance by which receivers are moved along their normal: too low shows acne on '
-        'concave surfaces, too high detaches shadows from contacts.',
+        'Offset of receivers along their normal: too low shows acne, too high detaches shadows.',
         range='[0, 16]',
         unit='texels',
     )
@@ -164,8 +151,7 @@ class Shadows(Effect):
         return [t for t in self.pipeline.things if t.enabled]
 
     def _casters(self, frame) -> Casters:
-        actors, things = self._surfaces.chosen(self.casts, self._things())
-        return Casters([a for a in actors.values() if a.GetVisibility()], things, frame)
+        return self._surfaces.casters(self.casts, self._things(), frame)
 
     def _receivers(self) -> dict:
         things = self._things()
@@ -210,11 +196,10 @@ class Shadows(Effect):
         """Draw shadow volumes if that is the method."""
         if self.method == 'volume':
             self._volumes = self._volumes or ShadowVolumes(self._drawer)
-            actors, things = self._surfaces.chosen(None, self._things())
-            shown = Casters([a for a in actors.values() if a.GetVisibility()], things)
+            shown = self._surfaces.casters(None, self._things())
             self._volumes.update(frame, self._casting(), casters, shown)
-        elif self._volumes is not None:
-            self._volumes.release()
+        else:
+            release(self._volumes)
             self._volumes = None
 
     def _match_lights(self):
@@ -334,11 +319,7 @@ class Shadows(Effect):
     def release(self):
         """Free what it holds on the GPU; the context is current."""
         self.deactivate()
-        for maps in self._lights:
-            maps.release()
-        for owner in (self._volumes, self._drawer):
-            if owner is not None:
-                owner.release()
+        release(*self._lights, self._volumes, self._drawer)
         self._lights, self._drawer, self._volumes, self._last = [], None, None, None
 
     def bake_into(self, scene):

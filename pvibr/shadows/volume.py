@@ -10,7 +10,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
-from pvibr.gl import set_fragment_uniforms, set_vertex_uniforms, shader_source
+from pvibr.gl import release, set_fragment_uniforms, set_vertex_uniforms, shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.gl.stencil import StencilTarget
@@ -67,8 +67,7 @@ class ShadowVolumes:
     def _fit(self, size, masks):
         target = self.target
         if target is None or target.size != tuple(size) or target.masks != masks:
-            if target is not None:
-                target.release()
+            release(target)
             width, height = size
             self.target = StencilTarget(self.window, width, height, masks)
 
@@ -171,8 +170,7 @@ class ShadowVolumes:
         """Free the GPU's memory; the context must be alive."""
         for found in self._volumes.values():
             found.release(self.window)
-        if self.target is not None:
-            self.target.release()
+        release(self.target)
         self.target = self._key = None
         self._volumes, self._tables = {}, {}
 
