@@ -186,10 +186,10 @@ MESHES: dict[str, Callable] = {
 }
 
 
-def plot(points):
+def plot(points, figure):
     """Draw the error of billboard clouds by planes, and by bytes beside quadric decimation."""
     meshes = points['meshes']
-    figure, rows = plots.several_axes((4 * len(meshes), 8), 2, len(meshes), squeeze=False)
+    rows = plots.subplots(figure, 2, len(meshes), squeeze=False)
     for name, planes, size in zip(meshes, *rows, strict=True):
         for way, found in meshes[name].items():
             by_bytes = [p | {'kB': p['bytes'] / 1e3} for p in found]
@@ -202,7 +202,6 @@ def plot(points):
         size.set(xscale='log', xlabel='kB', ylim=(0, None))
         for one in (planes, size):
             one.set_ylabel('mean FLIP against the mesh')
-    return figure
 
 
 def _airplane(settings, size, on):

@@ -28,17 +28,14 @@ def orbit(frames, radius, turn=TURN) -> list:
 def fly_by(frames, radius, step=STEP) -> list:
     """Return cameras that go past the origin, looking ahead and down."""
     eyes = np.array([0.3, -1.0, 0.5]) * radius + np.arange(frames)[:, None] * [0, step, 0]
-    return [
-        (e, np.add(e, (-0.3 * radius, radius, -0.5 * radius)), (0, 0, 1)) for e in eyes.tolist()
-    ]
+    ahead = np.array([-0.3, 1.0, -0.5]) * radius
+    return [(eye, ahead + eye, (0, 0, 1)) for eye in eyes.tolist()]
 
 
 def _stage(settings, actors, size=None, samples=1):
     stage = Stage(size or settings.size, samples=samples)
     stage.add(actors)
-    bounds = np.array([a.bounds for a in actors])
-    ends = np.stack([bounds[:, ::2].min(0), bounds[:, 1::2].max(0)], 1)
-    stage.bounds = tuple(ends.ravel().tolist())
+    stage.bounds = stage.renderer.ComputeVisiblePropBounds()
     return stage
 
 
@@ -126,9 +123,9 @@ def _covers(stage, cameras):
 
 def _nailboards(settings, results):
     """Yield errors of depth, and of the line where two objects meet."""
-    (fine, _), (mesh, depths), (card, found) = (
-        _meeting(settings, images, samples) for images, samples in ((0, 4), (0, 1), (1, 1))
-    )
+    fine, _ = _meeting(settings, images=False, samples=4)
+    mesh, depths = _meeting(settings, images=False, samples=1)
+    card, found = _meeting(settings, images=True, samples=1)
     line, off = [0.0], [0.0]
     for k, depth in enumerate(depths):
         both = mesh[k].any(-1) & card[k].any(-1)
@@ -188,9 +185,9 @@ def _hierarchy(settings, results):
         yield Row('hierarchy: memory', told['bytes'] / 2**20, 'MiB', impostor.memory / 2**20)
 
 
-def plot(points):
+def plot(points, figure):
     """Draw time against error: the orbit at the left, outlines at the right."""
-    figure, (cost, error) = plots.several_axes((11, 4.5), 1, 2)
+    cost, error = plots.subplots(figure, 1, 2)
     orbits, outline = points['orbit'], points['outline']
     cost.plot([p['ms'] for p in orbits.values()], list(orbits), 'o-', label='impostors')
     meshes = np.mean([p['full_ms'] for p in orbits.values()])
@@ -199,7 +196,6 @@ def plot(points):
     error.plot(list(outline), list(outline.values()), 'o-', label='measured')
     error.plot(list(outline), [e + 0.5 for e in outline], '--', color='0.5', label='bar')
     error.set(xlabel='max_error, px', ylabel='px', title='largest displacement of an outline')
-    return figure
 
 
 def _scattered(settings, size, on):

@@ -110,9 +110,9 @@ def _depth_of_field(settings, results):
             yield Row(f'pan, all but the nearest blurred by {blur:g} px', found['ms'], 'ms')
 
 
-def plot(points):
+def plot(points, figure):
     """Draw time against error, of both kinds of warps."""
-    figure, both = plots.several_axes((12, 5), 1, 2)
+    both = plots.subplots(figure, 1, 2)
     for axes, name in zip(both, ('pan', 'track'), strict=True):
         for warp, by_error in points[name].items():
             plots.curve(axes, list(by_error.values()), 'ms', 'flip', label=warp)
@@ -124,7 +124,6 @@ def plot(points):
         plots.bar(axes, 0.02)
         axes.set(xscale='log', xlabel='ms a frame', title=f'slow {name}', ylim=(0, None))
         axes.set_ylabel('mean FLIP against full rendering')
-    return figure
 
 
 def _panned(settings, size, on):

@@ -115,18 +115,16 @@ class _Mouse:
         return np.asarray(self.plotter.image)[..., :3] / 255.0
 
 
-def plot(points):
+def plot(points, figure):
     """Draw the time of each frame, one axis a place."""
     drags = points['drags']
-    size = 4 * len(drags), 4
-    figure, (axes,) = plots.several_axes(size, 1, len(drags), sharey=True, squeeze=False)
+    (axes,) = plots.subplots(figure, 1, len(drags), sharey=True, squeeze=False)
     for place, one in zip(drags, axes, strict=True):
         for limit, drag in drags[place].items():
             one.plot(drag['ms'], '.-', label=_name(limit))
         plots.bar(one, 100, label=None)
         one.set(xlabel='frame of the drag', yscale='log', title=f'at {place:.0%} of the trail')
     axes[0].set_ylabel('ms a frame')
-    return figure
 
 
 def _drag(settings, size, on):

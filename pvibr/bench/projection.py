@@ -154,16 +154,15 @@ def _resolution(settings, results):
     for name in settings.scenes:
         scene = SCENES[name]()
         truth = _Truth(scene, settings.windows[-1], camera_of(scene, LENS))
-        found = [truth.errors(resolution=n) for n in settings.resolutions]
-        results.points[name] = [
-            {'texels': n, 'leak': leak, 'hole': hole, 'ms': ms}
-            for n, (leak, hole, ms) in zip(settings.resolutions, found, strict=True)
-        ]
+        found = results.points[name] = []
+        for texels in settings.resolutions:
+            leak, hole, ms = truth.errors(resolution=texels)
+            found.append({'texels': texels, 'leak': leak, 'hole': hole, 'ms': ms})
 
 
-def plot(points):
+def plot(points, figure):
     """Draw leaks and holes against the texels of the depth view."""
-    figure, both = plots.several_axes((10, 5), 1, 2, sharey=True)
+    both = plots.subplots(figure, 1, 2, sharey=True)
     for axes, kind in zip(both, ('leak', 'hole'), strict=True):
         for name, found in points.items():
             plots.curve(axes, found, 'texels', kind, label=name)
@@ -171,7 +170,6 @@ def plot(points):
         axes.set_xscale('log', base=2)
         axes.set_yscale('symlog', linthresh=0.01)
         axes.set(xlabel='texels along a side of the depth view', ylabel=f'{kind}s, % of pixels')
-    return figure
 
 
 def _projected(settings, size, on):

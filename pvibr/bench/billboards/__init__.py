@@ -10,10 +10,9 @@ from pvibr.bench.common.harness import Bench
 from pvibr.bench.common.whole_frames import real_plotter, turning
 
 
-def plot(points):
+def plot(points, figure):
     """Draw times by count, coverage by size, and time against error of the levels of a plant."""
-    figure, axes = plots.several_axes((20, 4.8), 1, 4)
-    times, balls, cover, plant = axes
+    times, balls, cover, plant = axes = plots.subplots(figure, 1, 4)
     for one, name, count in ((times, 'sprites', 'billboards'), (balls, 'spheres', 'spheres')):
         for way, points_ in points[name].items():
             one.plot(*zip(*points_, strict=True), 'o-', label=way)
@@ -28,7 +27,6 @@ def plot(points):
     plant.set(xscale='log', xlabel='ms a tree', ylabel='mean FLIP against 16 samples per pixel')
     for one in axes:
         one.set_ylim(None if one in (times, balls) else 0, None)
-    return figure
 
 
 def _points(own, peer, cameras, settings, size, on):

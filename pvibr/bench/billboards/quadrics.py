@@ -13,13 +13,7 @@ from pvibr.bench.common.peers import glyph_mapper
 from pvibr.bench.common.timing import least_ms
 from pvibr.capture.offscreen import Stage
 from pvibr.core import _vtk
-from pvibr.maths.quadric_rays import (
-    cast,
-    inner,
-    meet_cylinders,
-    meet_ellipsoids,
-    meet_spheres,
-)
+from pvibr.maths.quadric_rays import cast, inner, meet_cylinders, meet_ellipsoids, meet_spheres
 
 #: The camera's positions around a cube of side 2.
 CAMERAS = [((0.1 * k, -7.5, 1), (0, 0, 0), (0, 0, 1)) for k in range(3)]

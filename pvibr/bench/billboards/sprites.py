@@ -108,10 +108,8 @@ def _coverage(settings, results):
     image = foliage()
     share = (image[..., 3] >= 128).mean()
     curves = results.points['coverage'] = {}
-    for way, name, bar in (
-        ('kept', 'levels that keep coverage', 20),
-        ('plain', 'plain levels', None),
-    ):
+    names = {'kept': ('levels that keep coverage', 20), 'plain': ('plain levels', None)}
+    for way, (name, bar) in names.items():
         drawn = {pixels: covered(image, pixels, way) / share for pixels in settings.sprite_sizes}
         curves[way] = list(drawn.items())
         worst = 100 * max(abs(1 - c) for c in drawn.values())

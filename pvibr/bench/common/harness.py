@@ -80,7 +80,7 @@ class Bench:
     """What is measured of one capability, how much of it, and how it is plotted."""
 
     parts: dict[str, Part]
-    plot: Callable  # of the points, returns a figure of matplotlib
+    plot: Callable  # of the points and an empty figure of matplotlib
     outside: dict[str, whole_frames.Maker]
     settings: dict[str, tuple]  # by name, how much is measured in full and by --quick
 
@@ -116,9 +116,14 @@ class Bench:
 
     def write(self, name, results, out):
         """Write the table as JSON, and the plot beside it."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
         out.mkdir(parents=True, exist_ok=True)
         (out / f'bench_{name}.json').write_text(results.to_json() + '\n', encoding='utf-8')
-        figure = self.plot(results.points)
+        figure = Figure(layout='constrained')
+        FigureCanvasAgg(figure)  # needs no screen
+        self.plot(results.points, figure)
         for axes in figure.axes:
             if axes.get_legend_handles_labels()[0]:
                 axes.legend(fontsize='x-small')

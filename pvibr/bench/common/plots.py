@@ -1,16 +1,12 @@
-"""Axes and curves of the benches' plots."""
+"""Curves of the benches' plots."""
 
 from __future__ import annotations
 
 
-def several_axes(size, rows, columns, **options):
-    """Return a figure that needs no screen, and its axes."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size, layout='constrained')
-    FigureCanvasAgg(figure)
-    return figure, figure.subplots(rows, columns, **options)
+def subplots(figure, rows, columns, **options):
+    """Return new axes in a figure of a size that suits them."""
+    figure.set_size_inches(6 * columns, 4.8 * rows)
+    return figure.subplots(rows, columns, **options)
 
 
 def curve(axes, points, x, y, **style):

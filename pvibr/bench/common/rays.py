@@ -118,13 +118,9 @@ class Rays:
         # The way has the light's distance as its unit: what is behind the light hides nothing.
         reach = np.fmin(reach / self.size, _FAR)
         reach = np.broadcast_to(reach[:, None], ways.shape[:2])
-        return self._open(*(_float32(a) for a in (origins, ways, reach))).reshape(reach.shape)
-
-    def _open(self, origins, ways, reach):
-        hits = self._scene.run(
-            origins.reshape(-1, 3), ways.reshape(-1, 3), reach.ravel(), query='OCCLUDED'
-        )
-        return hits < 0
+        origins, ways = (_float32(a).reshape(-1, 3) for a in (origins, ways))
+        hits = self._scene.run(origins, ways, _float32(reach).ravel(), query='OCCLUDED')
+        return (hits < 0).reshape(reach.shape)
 
     def _first_hit(self, origins, ways):
         """Return the triangle that each ray meets, -1 for none, and how far away it is."""

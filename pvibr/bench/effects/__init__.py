@@ -8,10 +8,9 @@ from pvibr.bench.common.whole_frames import real_plotter, turning
 from pvibr.bench.effects import bloom, copies, depth_of_field, outline, together
 
 
-def plot(points):
+def plot(points, figure):
     """Draw what image effects cost, and for each with settings its time against its error."""
-    figure, axes = plots.several_axes((14, 9), 2, 2)
-    (cost, blooms), (outlines, lens) = axes
+    (cost, blooms), (outlines, lens) = plots.subplots(figure, 2, 2)
     cost.barh(list(points['copies']), list(points['copies'].values()))
     cost.axvline(1, color='0.5', ls='--')
     cost.set(xlabel='full-screen copies', title='time of an effect')
@@ -29,7 +28,6 @@ def plot(points):
         plots.curve(lens, same, 'ms', 'psnr', label=f'lens of radius {radius:g}')
     plots.bar(lens, 32)
     lens.set(xlabel='ms', ylabel='PSNR, dB', title='depth of field, against 256 pinholes')
-    return figure
 
 
 def _five(settings, size, on):

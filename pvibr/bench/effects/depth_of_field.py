@@ -15,17 +15,7 @@ from pvibr.maths.octahedral import frame
 
 def measure(settings, results):
     """Yield the error and time of the lens; the bar is for the most samples."""
-    found = results.points['lens'] = _points(settings)
-    for point in found:
-        name = f'depth of field, radius {point["radius"]:g}, {point["samples"]} samples'
-        bar = 32 if point['samples'] == max(settings.samples) else None
-        yield Row(f'{name}: PSNR', point['psnr'], 'dB', bar, at_least=True)
-        yield Row(f'{name}: time', point['ms'], 'ms')
-
-
-def _points(settings):
-    """Return run time and error of settings, against the mean of pinhole pictures."""
-    found = []
+    found = results.points['lens'] = []
     with spheres_in_a_row(settings.lens) as stage:
         camera, effects = stage.plotter.camera, stage.plotter.ibr
         focus = float(np.linalg.norm(np.subtract(camera.focal_point, camera.position)))
@@ -35,12 +25,14 @@ def _points(settings):
             plain = _least_ms(stage)
             for count in settings.samples:
                 lens = effects.add(DepthOfField(radius=radius, samples=count, limit=0.1))
-                on = stage.picture()
-                point = {'radius': radius, 'samples': count, 'ms': _least_ms(stage) - plain}
-                point |= {'psnr': psnr(on, reference), 'psnr_off': psnr(off, reference)}
-                found.append(point)
+                error, ms = psnr(stage.picture(), reference), _least_ms(stage) - plain
                 effects.remove(lens)
-    return found
+                point = {'radius': radius, 'samples': count, 'ms': ms, 'psnr': error}
+                found.append(point | {'psnr_off': psnr(off, reference)})
+                name = f'depth of field, radius {radius:g}, {count} samples'
+                bar = 32 if count == max(settings.samples) else None
+                yield Row(f'{name}: PSNR', error, 'dB', bar, at_least=True)
+                yield Row(f'{name}: time', ms, 'ms')
 
 
 def _least_ms(stage) -> float:
@@ -69,9 +61,8 @@ def accumulated(stage, radius, focus, lenses=256):
     lens, and its picture shifted so that the plane in focus stays where it is.
     """
     camera = stage.plotter.camera
-    eye, focal, span = (
-        np.array(x) for x in (camera.position, camera.focal_point, camera.clipping_range)
-    )
+    eye, focal = np.array(camera.position), np.array(camera.focal_point)
+    span = camera.clipping_range
     right, up, _ = frame((eye - focal) / np.linalg.norm(eye - focal))
     width, height = stage.plotter.window_size
     half = focus * np.tan(np.radians(camera.view_angle) / 2)

@@ -153,20 +153,19 @@ class _Clock:
     def of_python(self):
         """Count what Python takes for a while, and leave out what GL does."""
         # Where Python hands over to GL, and the methods of the pipeline that VTK calls.
-        counted = [(Picture, '_blit', -1), (Texture, 'download', -1), (Drawer, 'draw', -1)]
-        counted += [(Target, '_clear', -1), (Pipeline, '_on_start', 1), (Pipeline, '_on_end', 1)]
+        parts = [(Picture, '_blit', -1), (Texture, 'download', -1), (Drawer, 'draw', -1)]
+        parts += [(Target, '_clear', -1), (Pipeline, '_on_start', 1), (Pipeline, '_on_end', 1)]
         start = Quad.__init__
 
         def started(quad, *args, **options):
             start(quad, *args, **options)
             render, release = quad.helper.Render, quad.helper.ReleaseGraphicsResources
-            quad.helper = SimpleNamespace(
-                Render=self._counted(render, -1), ReleaseGraphicsResources=release
-            )
+            counted = self._counted(render, -1)
+            quad.helper = SimpleNamespace(Render=counted, ReleaseGraphicsResources=release)
 
         with ExitStack() as stack:
             stack.enter_context(patch.object(Quad, '__init__', started))
-            for owner, name, sign in counted:
+            for owner, name, sign in parts:
                 function = self._counted(getattr(owner, name), sign)
                 stack.enter_context(patch.object(owner, name, function))
             yield

@@ -7,9 +7,9 @@ from pvibr.bench.common.harness import Bench
 from pvibr.bench.figures import crowd, errors, solvers, times
 
 
-def plot(points):
+def plot(points, figure):
     """Draw what a new pose costs by vertices, and the time of reaching against its error."""
-    figure, (poses, reaching) = plots.several_axes((13, 5.5), 1, 2)
+    poses, reaching = plots.subplots(figure, 1, 2)
     for way in (name for name in points['poses'][0] if name != 'vertices'):
         plots.curve(poses, points['poses'], 'vertices', way, label=way)
     poses.set(xscale='log', yscale='log', xlabel='vertices', title='posing and upload')
@@ -20,7 +20,6 @@ def plot(points):
     reaching.axvline(2, color='0.5', ls='--')
     reaching.set(xscale='log', yscale='log', xlabel='ms', ylabel='error over reach')
     reaching.set_title('chains of 30 joints with limits')
-    return figure
 
 
 BENCH = Bench(

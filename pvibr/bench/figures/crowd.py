@@ -132,9 +132,8 @@ class _Crowd:
         return np.random.default_rng(seed).permutation(len(self.places))[:count]
 
     def _show(self, stage, some):
-        crowd = stage.plotter.ibr.add_animated(
-            self.figure, self.places[some], times=self.times[some], progress=False
-        )
+        times, add = self.times[some], stage.plotter.ibr.add_animated
+        crowd = add(self.figure, self.places[some], times=times, progress=False)
         stage.look(self.camera)
         return crowd
 

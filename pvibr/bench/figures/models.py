@@ -66,9 +66,8 @@ def swelling(rings, around, *, offset=0.0, frames=5) -> Figure:
         shapes.append(shape + offset)
     still = Figure.from_arrays(shapes[0], faces)
     times = 0.5 * np.arange(frames)
-    body = FigureMesh(
-        still.meshes[0].mesh, frames=VertexAnimation(times, np.stack(shapes), None, 'linear')
-    )
+    moves = VertexAnimation(times, np.stack(shapes), None, 'linear')
+    body = FigureMesh(still.meshes[0].mesh, frames=moves)
     return Figure([body], clips=[Clip('swell', [], times[-1])])
 
 
@@ -77,9 +76,7 @@ def _grid(rings, around):
     angle = np.linspace(0, 2 * np.pi, around, endpoint=False)
     circle = np.stack([RADIUS * np.cos(angle), RADIUS * np.sin(angle)], 1)
     height = np.linspace(0, LENGTH, rings)
-    points = np.concatenate(
-        [np.tile(circle, (rings, 1)), np.repeat(height, around)[:, None]], axis=1
-    )
+    points = np.column_stack([np.tile(circle, (rings, 1)), np.repeat(height, around)])
     low = np.arange(around) + around * np.arange(rings - 1)[:, None]
     next_ = (np.arange(around) + 1) % around + around * np.arange(rings - 1)[:, None]
     faces = np.stack([low, next_, next_ + around, low, next_ + around, low + around], -1)

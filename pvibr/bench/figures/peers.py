@@ -22,10 +22,8 @@ def reader_error(path, figure, times, clips) -> float:
             meshes = meshes_at(reader, time)
             theirs = [np.array(m.points, np.float64)[m.regular_faces] for m in meshes]
             pose = figure.sample(time, clip, loop=False)
-            ours = [
-                figure.posed(i, pose)[0][body.mesh.regular_faces]
-                for i, body in enumerate(figure.meshes)
-            ]
+            faces = [body.mesh.regular_faces for body in figure.meshes]
+            ours = [figure.posed(i, pose)[0][cells] for i, cells in enumerate(faces)]
             if [len(part) for part in ours] != [len(part) for part in theirs]:
                 msg = f'{path.name}: vtkGLTFReader finds other triangles'
                 raise ValueError(msg)

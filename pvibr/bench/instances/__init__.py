@@ -7,7 +7,7 @@ from functools import cache
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench
 from pvibr.bench.common.whole_frames import turning
-from pvibr.bench.instances import crowd, precision, single, walk
+from pvibr.bench.instances import crowd, single, walk
 from pvibr.capture.offscreen import mesh_actors
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import scenery
@@ -15,12 +15,11 @@ from pvibr.scenes.scenery import scenery
 _landscape = cache(landscape)  # drawn in several plotters
 
 
-def plot(points):
+def plot(points, figure):
     """Draw the walk at the left, single meshes at the right."""
-    figure, (left, right) = plots.several_axes((12, 5), 1, 2)
+    left, right = plots.subplots(figure, 1, 2)
     _walk(left, points)
     _single(right, points.get('single', {}))
-    return figure
 
 
 def _walk(axes, points):
@@ -63,7 +62,7 @@ BENCH = Bench(
         'walk': walk.measure,
         'single meshes': single.measure,
         'crowd': crowd.measure,
-        'precision': precision.measure,
+        'precision': single.measure_precision,
     },
     plot=plot,
     outside={'trees as instances': _forest},

@@ -10,9 +10,9 @@ from pvibr.bench.common.whole_frames import turning
 from pvibr.bench.shadows import contact, errors, times
 
 
-def plot(points):
+def plot(points, figure):
     """Draw what shadows add to a frame against their error: hard ones left, soft ones right."""
-    figure, (left, right) = plots.several_axes((13, 5.5), 1, 2)
+    left, right = plots.subplots(figure, 1, 2)
     points = points['plot']
     _curves(left, points['hard'], 0.2)
     left.set_yscale('symlog', linthresh=0.01)
@@ -20,7 +20,6 @@ def plot(points):
     _curves(right, points['soft'], 0.03)
     right.set(ylabel='mean absolute error of the lit share', ylim=(0, None))
     right.set(title=f'light of a size, against 256 rays per pixel ({points["rays"]:.1f} s)')
-    return figure
 
 
 def _curves(axes, curves, bar):

@@ -80,11 +80,8 @@ def acne_on_ball(kind, setting) -> int:
 def gap(thick, kind, setting) -> float:
     """Return the widest light between a wall's foot and its shadow, in texels."""
     floor = bare(pv.Plane(i_size=12, j_size=12))
-    wall = (
-        pv.Box((-2, 2, -thick, 0, 0, 2))
-        if thick
-        else pv.Plane(center=(0, 0, 1), direction=(0, 1, 0), i_size=2, j_size=4)
-    )
+    sheet = pv.Plane(center=(0, 0, 1), direction=(0, 1, 0), i_size=2, j_size=4)
+    wall = pv.Box((-2, 2, -thick, 0, 0, 2)) if thick else sheet
     around = np.radians(20.0)  # so that the texels lie across the wall
     toward = np.array([np.sin(around), -np.cos(around), 1.0]) / np.sqrt(2)
     lamp = _lamp(kind, toward, 9.0)

@@ -53,9 +53,8 @@ class Sight:
     def unsure(self, asked) -> np.ndarray:
         """Return where the reference is not sure, for a light without size."""
         rng = np.random.default_rng(1)
-        points, normals, lit = (
-            a[asked] for a in (self.surface.points, self.surface.normals, self.lit)
-        )
+        surface = self.surface
+        points, normals, lit = surface.points[asked], surface.normals[asked], self.lit[asked]
         found = np.zeros(len(points), bool)
         for _ in range(_TRIES):
             aside = rng.normal(size=points.shape) * _NEAR * self.rays.size
@@ -200,18 +199,14 @@ def measure_soft(settings, results):
         rays = Rays(scene.meshes)
         for light, share in EXTENTS.items():
             extent = share * (scene.size if light == 'spot' else 1.0)
+            where = f'{name}, {light}'
             with sight(scene, rays, light, settings.small, extent=extent) as found:
                 for method, tried in _tried(settings).items():
-                    errors = {
-                        blur: light_error(found, drawn(found, sized(c, extent), _LEAST))
-                        for blur, c in tried.items()
-                    }
-                    every.setdefault(method, {})[f'{name}, {light}'] = errors
+                    errors = {b: soft_error(found, c, extent, _LEAST) for b, c in tried.items()}
+                    every.setdefault(method, {})[where] = errors
                 surface, lamp = found.surface, scene.lights[light]
                 fewer = rays.lit(surface.points, surface.normals, lamp, extent=extent, samples=64)
-                every.setdefault('64 rays', {})[f'{name}, {light}'] = {
-                    '': light_error(found, fewer)
-                }
+                every.setdefault('64 rays', {})[where] = {'': light_error(found, fewer)}
     results.points['soft'] = every
     for method, views in every.items():
         # The blur that fits best in each view; of the views, the worst.
@@ -230,9 +225,10 @@ def _tried(settings) -> dict:
     return plain | blurred | {VTK: {'': VTK}}
 
 
-def sized(setting, extent):
-    """Return a setting with the size of a light, as pcss takes it."""
-    return setting if setting == VTK else setting | {'angle': extent, 'radius': extent}
+def soft_error(found, setting, extent, least=0.02) -> float:
+    """Return the error of a setting by a light of a size, as pcss takes it."""
+    sized = setting if setting == VTK else setting | {'angle': extent, 'radius': extent}
+    return light_error(found, drawn(found, sized, least))
 
 
 def light_error(found, lit) -> float:

@@ -13,16 +13,8 @@ from pvibr.bench.common.harness import Row
 from pvibr.bench.common.light_scenes import SCENES
 from pvibr.bench.common.rays import Rays
 from pvibr.bench.common.timing import spent, timed
-from pvibr.bench.shadows.errors import (
-    EXTENTS,
-    VTK,
-    drawn,
-    light_error,
-    shown,
-    sight,
-    sized,
-    wrong_share,
-)
+from pvibr.bench.shadows import errors
+from pvibr.bench.shadows.errors import EXTENTS, VTK, shown, sight
 from pvibr.maths.silhouettes import LitMesh, edge_table
 
 #: What is allowed over what VTK adds.
@@ -148,14 +140,12 @@ def measure_plot(settings, results):
     once = SimpleNamespace(**vars(settings) | {'repeats': 1})  # each point is one of many
     times = extra_ms(scene, 'spot', choices, once, ('camera',))
     with sight(scene, rays, 'spot', settings.screen) as found:
-        shown_hard = _curves(hard, times, lambda c: wrong_share(found, c))
+        shown_hard = _curves(hard, times, lambda c: errors.wrong_share(found, c))
     extent = EXTENTS['spot'] * scene.size
     start = time.perf_counter()
     with sight(scene, rays, 'spot', settings.small, extent=extent) as found:
         reference = time.perf_counter() - start
-        shown_soft = _curves(
-            soft, times, lambda c: light_error(found, drawn(found, sized(c, extent)))
-        )
+        shown_soft = _curves(soft, times, lambda c: errors.soft_error(found, c, extent))
     results.points['plot'] = {'hard': shown_hard, 'soft': shown_soft, 'rays': reference}
 
 
