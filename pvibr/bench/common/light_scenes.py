@@ -31,9 +31,7 @@ class LightScene:
     @property
     def bounds(self) -> np.ndarray:
         """Of all meshes, (6,)."""
-        low = np.min([np.array(mesh.bounds)[::2] for mesh in self.meshes], axis=0)
-        high = np.max([np.array(mesh.bounds)[1::2] for mesh in self.meshes], axis=0)
-        return np.stack([low, high], 1).ravel()
+        return np.array(pv.MultiBlock(self.meshes).bounds)
 
     @property
     def size(self) -> float:

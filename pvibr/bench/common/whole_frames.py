@@ -46,25 +46,20 @@ def turning(plotter, degrees=0.2) -> Callable[[int], object]:
 def measured(make, settings, size, pairs) -> dict[int, dict[str, list[float]]]:
     """Return the ms of frames with and without, in pairs, by samples per pixel."""
     both = {name: make(settings, size, name == 'with') for name in ('with', 'without')}
-    found = {}
+    found: dict[int, dict[str, list[float]]] = {}
     for samples in SAMPLES:
         for plotter, _ in both.values():
             plotter.render_window.SetMultiSamples(samples)
             plotter.show(auto_close=False)
-        found[samples] = _pairs(both, pairs)
+        times = found[samples] = {name: [] for name in both}
+        for k in range(-2, pairs):
+            for name, (plotter, draw) in both.items():
+                ms = 1e3 * seconds(plotter.render_window, partial(draw, k))
+                if k >= 0:  # the first two upload, compile and settle
+                    times[name].append(ms)
     for plotter, _ in both.values():
         plotter.close()
     return found
-
-
-def _pairs(both, pairs) -> dict[str, list[float]]:
-    times: dict[str, list[float]] = {name: [] for name in both}
-    for k in range(-2, pairs):
-        for name, (plotter, draw) in both.items():
-            ms = 1e3 * seconds(plotter.render_window, partial(draw, k))
-            if k >= 0:  # the first two upload, compile and settle
-                times[name].append(ms)
-    return times
 
 
 def told(times) -> Iterator[tuple[str, float, str]]:

@@ -48,10 +48,7 @@ def measure(settings, results):
     results.points['copies'] = {'Bloom': times['bloom']}
     for name, copies in stages.items():
         yield Row(f'bloom: {name}, over a copy', copies, 'x')
-    points = results.points['bloom'] = _errors(size, rounds)
-    for point in points:
-        name = f'bloom, {point["name"]}: mean error against a Gaussian of {point["sigma"]:.0f} px'
-        yield Row(name, point['error'], '/255', 0.5)
+    yield from _errors(size, rounds, results)
 
 
 class _Staged(Bloom):
@@ -70,10 +67,10 @@ class _Staged(Bloom):
         }
 
 
-def _errors(size, rounds) -> list[dict]:
+def _errors(size, rounds, results):
     """Compare the widest blur alone with the Gaussian of its width, and time the bloom."""
     picture = natural(size)
-    found = []
+    found = results.points['bloom'] = []
     with hidden_window() as (window, _):
         timed, seen = Stand(window, _squares(size)), Stand(window, picture)
         blooms = [Bloom(**one) for one in SETTINGS]
@@ -89,11 +86,12 @@ def _errors(size, rounds) -> list[dict]:
             name = ', '.join(f'{k} {v}' for k, v in one.items()) or 'as it comes'
             error = 255 * float(np.abs(shown - true).mean())
             found.append({'name': name, 'sigma': sigma, 'error': error, 'copies': copies[i]})
+            name = f'bloom, {name}: mean error against a Gaussian of {sigma:.0f} px'
+            yield Row(name, error, '/255', 0.5)
         for bloom in blooms:
             bloom.release()
         for stand in (timed, seen):
             stand.release()
-    return found
 
 
 def natural(size, seed=0):

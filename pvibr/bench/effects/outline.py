@@ -79,9 +79,7 @@ def _stage(size, mesh, **look):
 def measure(settings, results):
     """Yield precision and recall of lines, and what kinds of lines cost."""
     yield from _silhouettes(settings.screen)
-    points = results.points['outline'] = _kinds(settings.screen, settings.rounds)
-    for point in points:
-        yield Row(f'outline, {point["name"]}, over a copy', point['copies'], 'x')
+    yield from _kinds(settings.screen, settings.rounds, results)
 
 
 def _silhouettes(size):
@@ -119,8 +117,8 @@ KINDS: dict[str, dict] = {
 }
 
 
-def _kinds(size, rounds):
-    """Return what kinds of lines cost of a frame, and how far they are from the silhouettes."""
+def _kinds(size, rounds, results):
+    """Yield what kinds of lines cost of a frame, and how far they are from the silhouettes."""
     effects: dict[str, Effect] = {'copy': Copy()}
     effects |= {name: Outline(**kind) for name, kind in KINDS.items()}
     drawn: dict = {}
@@ -141,7 +139,7 @@ def _kinds(size, rounds):
         best = least(rounds, {name: partial(shown, name) for name in ('base', *effects)})
     base = best.pop('base')
     copy = best.pop('copy') - base
-    found = []
+    found = results.points['outline'] = []
     for name, spent in best.items():
         lines = drawn[name].max(2) < 100
         wide = 0.5 + KINDS[name].get('width', 2.0) / 2  # half a line, and half a pixel's corner
@@ -149,4 +147,4 @@ def _kinds(size, rounds):
         error = 1 - 2 * precision * recall / max(precision + recall, 1e-9)
         ms, copies = 1e3 * (spent - base), (spent - base) / copy
         found.append({'name': name, 'ms': ms, 'copies': copies, 'error': error})
-    return found
+        yield Row(f'outline, {name}, over a copy', copies, 'x')

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -50,7 +48,7 @@ def morphs(settings, results):
     (around, rings), count, rounds = settings.face, settings.targets, settings.rounds
     shapes = models.targets(count, around * rings)
     face = models.tube(rings, around, 2, morphs=shapes, look=LOOK)
-    way = _Way.of(settings.screen, _by_weights, face)
+    way = _Way(settings.screen, _by_weights, face)
     actives, nones = [], []
     for i in range(rounds + 2):
         # New weights in each frame, of targets that were active before.
@@ -80,18 +78,13 @@ def moving(settings, size, on):
     return plotter, draw
 
 
-class _Way(NamedTuple):
+class _Way:
     """A window with a figure, and the function that poses it at a time."""
 
-    stage: Stage
-    pose: Callable[[float], None]
-
-    @classmethod
-    def of(cls, screen, add, source):
-        stage = Stage(screen)
-        pose = add(stage.plotter, source)
-        stage.look(CAMERA)
-        return cls(stage, pose)
+    def __init__(self, screen, add, source):
+        self.stage = Stage(screen)
+        self.pose = add(self.stage.plotter, source)
+        self.stage.look(CAMERA)
 
     def ms(self, moment=None) -> float:
         """Return the time of a frame, of a new pose if a time is given."""
@@ -108,9 +101,9 @@ def _in_turns(figure, screen, rounds):
         path = Path(folder) / 'figure.glb'
         figure.save(path)
         ways = {
-            'pvibr': _Way.of(screen, _by_gpu, figure),
-            'numpy': _Way.of(screen, _by_numpy, figure),
-            'vtkGLTFReader': _Way.of(screen, _by_reader, path),
+            'pvibr': _Way(screen, _by_gpu, figure),
+            'numpy': _Way(screen, _by_numpy, figure),
+            'vtkGLTFReader': _Way(screen, _by_reader, path),
         }
         least = {name: np.full(2, np.inf) for name in ways}
         for i, moment in enumerate(models.SECONDS * np.linspace(0.05, 0.9, rounds + 1)):

@@ -147,16 +147,12 @@ def _moved(pictures, truth):
 
 def measure_precision(settings, results):
     """Yield mean differences from the picture at the origin."""
-    truth = _far_picture(0.0, 1.0)
-    for offset in OFFSETS[: settings.extremes]:
-        yield _far_row(f'at {offset:g} of its size', _far_picture(offset, 1.0), truth)
-    for scale in SCALES[: settings.extremes]:
-        yield _far_row(f'{scale:g} as large', _far_picture(0.0, scale), truth)
-
-
-def _far_row(name, picture, truth):
-    away = 255 * np.abs(picture - truth).mean()
-    return Row(f'precision: {name}, mean difference', away, '/255', 1)
+    truth, n = _far_picture(0.0, 1.0), settings.extremes
+    cases = [(f'at {offset:g} of its size', offset, 1.0) for offset in OFFSETS[:n]]
+    cases += [(f'{scale:g} as large', 0.0, scale) for scale in SCALES[:n]]
+    for name, offset, scale in cases:
+        away = 255 * np.abs(_far_picture(offset, scale) - truth).mean()
+        yield Row(f'precision: {name}, mean difference', away, '/255', 1)
 
 
 def _far_picture(offset, scale):

@@ -84,35 +84,37 @@ def extra_ms(scene, light, choices, settings, moves=('camera', 'light')) -> dict
     return extra
 
 
-def _frames(scene, stage, found, settings):
-    """Add the seconds, on the wall and of the processors, of frames."""
-    step = _STEP * scene.size
+def _cameras(scene, frames) -> list:
+    """Return the scene's camera, and cameras that go sideways from it."""
     eye, focus, up = scene.camera
-    lamp = stage.renderer.lights[0]
-    position = lamp.position
-    stage.draw()
-    stage.draw()  # the first made textures and shaders
-    for k in range(settings.frames):
-        stage.look((_aside(eye, step * k), focus, up))
-        found['camera'].append(spent(stage))
-    for k in range(settings.frames if 'light' in found else 0):
-        lamp.position = _aside(position, step * (k + 1))
-        found['light'].append(spent(stage))
-    lamp.position = position
+    return [(_aside(eye, _STEP * scene.size * k), focus, up) for k in range(frames)]
 
 
 def _aside(place, way) -> tuple:
     return place[0] + way, *place[1:]
 
 
+def _frames(scene, stage, found, settings):
+    """Add the seconds, on the wall and of the processors, of frames."""
+    lamp = stage.renderer.lights[0]
+    position = lamp.position
+    stage.draw()
+    stage.draw()  # the first made textures and shaders
+    for camera in _cameras(scene, settings.frames):
+        stage.look(camera)
+        found['camera'].append(spent(stage))
+    for k in range(settings.frames if 'light' in found else 0):
+        lamp.position = _aside(position, _STEP * scene.size * (k + 1))
+        found['light'].append(spent(stage))
+    lamp.position = position
+
+
 def _bakes(scene, light, window) -> int:
-    eye, focus, up = scene.camera
-    step = _STEP * scene.size
     with scene.stage(light, window) as stage, shown(stage, {}) as effect:
         stage.draw()
         before = effect.report()['views drawn']
-        for k in range(1, 5):
-            stage.look((_aside(eye, step * k), focus, up))
+        for camera in _cameras(scene, 5)[1:]:
+            stage.look(camera)
             stage.draw()
         return effect.report()['views drawn'] - before
 
