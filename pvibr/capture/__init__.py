@@ -1,1 +1,1 @@
-"""Frames in time: the clock, adaptive quality, tiled screenshots, movies, off-screen stages."""
+"""The clock, adaptive quality, tiled screenshots, movies, off-screen stages."""

@@ -1,1 +1,1 @@
-"""What everything else stands on: settings, effects, frames, reports, errors, files."""
+"""Foundations: settings, effects, frames, reports, errors, files."""

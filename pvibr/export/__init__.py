@@ -1,1 +1,1 @@
-"""Scenes for browsers and files that know no pvibr."""
+"""Conversion to plain actors, GLB and HTML."""

@@ -1,1 +1,1 @@
-"""Parts of a scene drawn as images that are reused from frame to frame."""
+"""Parts of a scene drawn as images that are reused between frames."""

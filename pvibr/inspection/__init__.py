@@ -1,1 +1,1 @@
-"""What is under the mouse, and how a frame was drawn."""
+"""Overlays that show how a frame was drawn."""

@@ -1,1 +1,1 @@
-"""One mesh many times, within an error."""
+"""Many copies of a mesh, within a screen-space error."""

@@ -1,1 +1,1 @@
-"""Meshes of any kind as parts, and where they stand."""
+"""Meshes of any kind as parts, and their poses."""

@@ -81,7 +81,7 @@ def as_dataset(mesh, pbr=False, textures=None):
     """Return a trimesh as PolyData, and the add_mesh keywords of its material."""
     dataset = pv.PolyData.from_regular_faces(np.array(mesh.vertices), np.array(mesh.faces))
     # Only normals from the file: the public property computes missing ones.
-    normals = mesh._cache.cache.get('vertex_normals')
+    normals = mesh._cache.cache.get('vertex_normals')  # noqa: SLF001
     if normals is not None and len(normals) == dataset.n_points:
         dataset.point_data.active_normals = np.array(normals)
     textures = {} if textures is None else textures

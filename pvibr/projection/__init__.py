@@ -1,1 +1,1 @@
-"""Pictures projected on meshes, and what is visible from where."""
+"""Images projected onto meshes, and visibility."""

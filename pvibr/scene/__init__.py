@@ -1,1 +1,1 @@
-"""What things in a scene share: anchors, casters, lights, buffers, picking."""
+"""Shared by things in a scene: casters, lights, views, buffers, looks, picking."""

@@ -1,1 +1,1 @@
-"""Scenes that pvibr grows itself: heavy, free of files, the same for the same seed."""
+"""Procedural scenes: heavy, without files, reproducible from a seed."""
