@@ -107,6 +107,7 @@ class Billboards(CardSet):
 
     Examples
     --------
+    >>> import numpy as np
     >>> import pyvista as pv
     >>> import pvibr
     >>> pl = pv.Plotter(off_screen=True)

@@ -43,6 +43,7 @@ class Ellipsoids(PointQuadrics):
     --------
     >>> import pyvista as pv
     >>> import pvibr
+    >>> import numpy as np
     >>> tensor = np.diag([1.0, 4.0, 9.0])
     >>> values, vectors = np.linalg.eigh(tensor)
     >>> pl = pv.Plotter(off_screen=True)
