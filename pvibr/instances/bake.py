@@ -17,10 +17,18 @@ from pvibr.maths.views import orthographic
 from pvibr.meshes.parts import copy_property
 from pvibr.meshes.turntable import Turntable
 
+_FLAT = 0  # VTK_FLAT
+#: Settings of a VTK texture, by the names of their methods.
+TEXTURE_MODES = (
+    *('Interpolate', 'Mipmap', 'Wrap', 'ColorMode', 'BlendingMode', 'PremultipliedAlpha'),
+    *('UseSRGBColorSpace', 'RestrictPowerOf2ImageSmaller'),
+)
+
 # Lighting is computed by VTK and thrown away: what is kept is the colour before light, which
 # VTK then multiplies by the texture, and the normal after VTK's own flips for two-sided surfaces.
+# Ambient light is none, but VTK sets the colours of back faces only where its uniforms are used.
 _UNLIT = """//VTK::Light::Impl
-  fragOutput0 = vec4(diffuseColor, opacity);
+  fragOutput0 = vec4(ambientColor + diffuseColor, opacity);
   vec3 ibr_normal = normalVCVSOutput;
 """
 _CUT = """
@@ -139,17 +147,12 @@ def unlit_actor(part, closed=None):
     actor = _vtk.vtkActor()
     actor.SetMapper(part.polydata_mapper())
     actor.ForceOpaqueOn()
-    prop = actor.GetProperty()
-    copy_property(prop, part.actor.GetProperty())
-    prop.SetInterpolationToPhong()
-    prop.LightingOn()
-    prop.SetAmbient(0.0)
-    prop.SetDiffuse(1.0)
-    prop.SetSpecular(0.0)
-    prop.SetOpacity(1.0)
-    prop.EdgeVisibilityOff()
-    if closed:
+    prop = _unlit(part.actor.GetProperty())
+    if closed and not prop.GetFrontfaceCulling():
         prop.BackfaceCullingOn()  # all hidden: a third of the work
+    actor.SetProperty(prop)
+    if part.actor.GetBackfaceProperty() is not None:
+        actor.SetBackfaceProperty(_unlit(part.actor.GetBackfaceProperty()))
     texture = copy_texture(part.actor.GetTexture())
     if texture is not None:
         actor.SetTexture(texture)
@@ -165,17 +168,32 @@ def unlit_actor(part, closed=None):
     return actor
 
 
+def _unlit(prop):
+    """Return a material with the colour and the shading of normals of another."""
+    copy = _vtk.vtkProperty()
+    copy_property(copy, prop)
+    if prop.GetInterpolation() != _FLAT:
+        copy.SetInterpolationToPhong()
+    copy.LightingOn()
+    copy.SetAmbient(0.0)
+    copy.SetDiffuse(1.0)
+    copy.SetSpecular(0.0)
+    copy.SetOpacity(1.0)
+    copy.EdgeVisibilityOff()
+    return copy
+
+
 def copy_texture(texture):
     """Return a new texture with the same image, for another window."""
     if texture is None or texture.GetInput() is None:
         return None
     copy = _vtk.vtkTexture()
     copy.SetInputData(texture.GetInput())
-    copy.SetInterpolate(texture.GetInterpolate())
-    copy.SetMipmap(texture.GetMipmap())
-    copy.SetRepeat(texture.GetRepeat())
-    copy.SetWrap(texture.GetWrap())
-    copy.SetColorMode(texture.GetColorMode())
+    copy.SetLookupTable(texture.GetLookupTable())
+    copy.SetTransform(texture.GetTransform())
+    copy.SetBorderColor(texture.GetBorderColor())
+    for name in TEXTURE_MODES:
+        getattr(copy, f'Set{name}')(getattr(texture, f'Get{name}')())
     return copy
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.core.errors import PvibrWarning
 from pvibr.instances.atlas import Atlas
-from pvibr.instances.bake import bake_parts
+from pvibr.instances.bake import TEXTURE_MODES, bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
 from pvibr.instances.measure import measure
@@ -21,7 +21,7 @@ from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 
-VERSION = 21  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 22  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARES = (0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
 _SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
 _HEAVY = 2000  # triangles from which stand-ins pay
@@ -66,6 +66,8 @@ class LodModel:
 
     levels: list
     atlas: Atlas
+    #: Why it has no pictures, empty if it has.
+    unbaked: str = ''
     _limits: dict = field(default_factory=dict)
 
     def limits(self, max_error) -> Limits:
@@ -77,6 +79,8 @@ class LodModel:
     def describe(self, limits) -> str:
         """Return views, bake time and the sizes at which levels change, in one line."""
         a = self.atlas
+        if self.unbaked:
+            return f'{self.levels[0].triangles} triangles at any size, not baked: {self.unbaked}'
         sides = [(f'{n} from the side', *span) for n, *span in limits.level if n in _SIDES]
         cards = [
             f'{name} to {high:.0f} px' for name, low, high in (*sides, *limits.cards) if high > low
@@ -177,6 +181,9 @@ def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **l
 
 def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=128) -> LodModel:
     """Return the levels of a mesh, baked and measured, or cached."""
+    why = next((part.ineligibility for part in parts if part.ineligibility), '')
+    if why:
+        return unbaked(parts, why)
     levels = _levels(parts)
     folder = None if cache in (True, False) else cache
     store = AtlasCache(folder) if cache is not False else None
@@ -195,10 +202,16 @@ def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=1
             'the graphics driver.'
         )
         warnings.warn(msg, PvibrWarning, stacklevel=3)
-        return LodModel(levels, Atlas.blank(np.concatenate([p.mesh.points for p in parts])))
+        return unbaked(parts, str(error))
     if store is not None:
         store.put(key, model.atlas.to_arrays())
     return model
+
+
+def unbaked(parts, why) -> LodModel:
+    """Return a mesh without pictures, drawn as it is at every size."""
+    blank = Atlas.blank(np.concatenate([p.mesh.points for p in parts]))
+    return LodModel([MeshLevel(list(parts))], blank, why)
 
 
 def _baked(levels, progress, **grid):
@@ -278,8 +291,11 @@ def _mesh_values(mesh):
 def look_values(actor) -> list:
     """Return the values of an actor's look that its atlas depends on."""
     prop, mapper, texture = actor.GetProperty(), actor.GetMapper(), actor.GetTexture()
-    values = [list(prop.GetColor()), prop.GetInterpolation(), prop.GetRepresentation()]
-    values += [prop.GetBackfaceCulling(), prop.GetFrontfaceCulling(), prop.GetOpacity()]
+    back = actor.GetBackfaceProperty()
+    values = [list(prop.GetDiffuseColor()), prop.GetInterpolation(), prop.GetRepresentation()]
+    values += [None if back is None else list(back.GetDiffuseColor())]
+    values += [prop.GetShowTexturesOnBackface(), prop.GetBackfaceCulling()]
+    values += [prop.GetFrontfaceCulling(), prop.GetOpacity()]
     values += [mapper.GetScalarVisibility(), mapper.GetScalarMode(), mapper.GetColorMode()]
     if mapper.GetScalarVisibility():
         values += [list(mapper.GetScalarRange()), mapper.GetInterpolateScalarsBeforeMapping()]
@@ -288,7 +304,8 @@ def look_values(actor) -> list:
         image = texture.GetInput()
         scalars = image.GetPointData().GetScalars()
         values += [list(image.GetDimensions()), _vtk.vtk_to_numpy(scalars)]
-        values += [texture.GetInterpolate(), texture.GetRepeat()]
+        values += [getattr(texture, f'Get{name}')() for name in TEXTURE_MODES]
+        values += [list(texture.GetBorderColor()), *_table_values(texture.GetLookupTable())]
     return values
 
 

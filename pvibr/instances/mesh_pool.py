@@ -178,4 +178,9 @@ def _turn_normals(actor, there):
 
 
 def _has_normals(actor):
-    return actor.GetMapper().GetInput().GetPointData().GetNormals() is not None
+    """Return True if VTK lights all that it draws of an actor by normals of its points."""
+    data, prop = actor.GetMapper().GetInput(), actor.GetProperty()
+    if prop.GetRepresentation() == 0 or prop.GetVertexVisibility():  # VTK_POINTS
+        return False
+    others = data.GetNumberOfVerts() + data.GetNumberOfLines()
+    return data.GetPointData().GetNormals() is not None and not others

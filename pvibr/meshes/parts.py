@@ -11,12 +11,21 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.signatures import takes
-from pvibr.maths.transforms import transform_normals, transform_points
+from pvibr.meshes.surfaces import (
+    check_points,
+    clipped,
+    drop_unseen,
+    moved,
+    surface_of,
+    triangles_of,
+)
 from pvibr.meshes.trimesh_meshes import as_dataset, is_trimesh, read_mesh, scene_instances
 from pvibr.meshes.turntable import Turns
 
 #: Names of arrays given by value, to pass through surface filters.
 SCALARS, OPACITY = 'pvibr_scalars', 'pvibr_opacity'
+
+_SURFACE = 2  # VTK_SURFACE
 
 #: Arguments of add_mesh that add more actors, which instances do not support.
 EXTRAS = ('silhouette', 'show_vertices', 'multi_colors')
@@ -43,13 +52,31 @@ FIXED = {
 
 @dataclass
 class Part:
-    """A triangle mesh with one look."""
+    """A triangle mesh with one look.
+
+    The actor draws the same mesh, or all of the polygons, lines and vertices that it is made of.
+    """
 
     actor: pv.Actor
     mesh: pv.PolyData
     alpha_cutoff: float | None = None
     stand_ins: tuple = ()
     turns: Turns | None = None
+
+    @property
+    def ineligibility(self) -> str:
+        """Why images cannot show it, empty if they can."""
+        prop, back = self.actor.GetProperty(), self.actor.GetBackfaceProperty()
+        drawn = self.actor.GetMapper().GetInput()
+        if prop.GetRepresentation() != _SURFACE:
+            return f"its style is '{prop.GetRepresentationAsString().lower()}'"
+        if prop.GetEdgeVisibility():
+            return 'its edges are shown'
+        if drawn is not None and drawn.GetNumberOfVerts() + drawn.GetNumberOfLines():
+            return 'it has vertices or lines'
+        if back is not None and _lighting_of(back) != _lighting_of(prop):
+            return 'its back faces have a material of their own'
+        return ''
 
     @cached_property
     def locator(self):
@@ -131,6 +158,12 @@ def are_parts(mesh) -> bool:
     return is_list and bool(mesh) and all(isinstance(part, Part) for part in mesh)
 
 
+def _lighting_of(prop):
+    """Return what a material has but its colours."""
+    lights = prop.GetAmbient(), prop.GetDiffuse(), prop.GetSpecular(), prop.GetSpecularPower()
+    return (*lights, prop.GetOpacity(), prop.GetInterpolation())
+
+
 class _Maker(pv.BasePlotter):
     """A plotter without a window, whose add_mesh makes looks without OpenGL."""
 
@@ -180,20 +213,9 @@ def _parts_of(mesh, look, maker):
 
 
 def _from_dataset(dataset, look, maker):
-    _check_points(dataset)
+    check_points(dataset)
     dataset, look = _with_arrays(dataset, look)
-    return maker.make(_triangles(dataset), look)
-
-
-def _check_points(dataset):
-    if not dataset.n_points:
-        msg = 'mesh is empty: it has no points.'
-        raise ValueError(msg)
-    bad = np.flatnonzero(~np.isfinite(dataset.points).all(axis=1))
-    if bad.size:
-        first = f'mesh.points[{bad[0]}] is {dataset.points[bad[0]].tolist()}'
-        msg = f'{first}; it must be finite ({bad.size} such points). Remove them or set them.'
-        raise ValueError(msg)
+    return maker.make(surface_of(dataset), look)
 
 
 def _with_arrays(dataset, look):
@@ -212,31 +234,6 @@ def _with_arrays(dataset, look):
         look[keyword] = name
         look.setdefault('preference', 'point' if on_points else 'cell')
     return dataset, look
-
-
-def _triangles(dataset):
-    """Return the surface of a dataset as triangles, with its active arrays."""
-    active = dataset.active_scalars_info
-    if isinstance(dataset, pv.PointSet):
-        dataset = dataset.cast_to_polydata(deep=False)
-    if not isinstance(dataset, pv.PolyData):
-        # The filter within add_mesh's mapper.
-        dataset = dataset.extract_surface(
-            algorithm='dataset_surface', pass_pointid=False, pass_cellid=False
-        )
-    surface = dataset if _is_triangulated(dataset) else dataset.triangulate()
-    if not surface.n_cells:
-        msg = 'mesh has only points or lines: make a surface of it with .tube() or .glyph().'
-        raise ValueError(msg)
-    if active.name is not None and active.association.name in ('POINT', 'CELL'):
-        surface.set_active_scalars(active.name, preference=active.association.name.lower())
-    return surface
-
-
-def _is_triangulated(surface):
-    return not (surface.n_verts or surface.n_lines or surface.n_strips) and (
-        surface.is_all_triangles
-    )
 
 
 def _from_blocks(blocks, look, maker):
@@ -295,7 +292,7 @@ def _from_scene(scene, look, maker):
         dataset, own = known[which]
         # Every part costs a draw call: equal looks are merged.
         key = tuple(map(_comparable, own.items())) + tuple(dataset.array_names)
-        alike.setdefault(key, (own, []))[1].append(_moved(dataset, matrix))
+        alike.setdefault(key, (own, []))[1].append(moved(dataset, matrix))
     return [
         _from_dataset(_joined(pieces), _merged(own, look), maker) for own, pieces in alike.values()
     ]
@@ -364,10 +361,10 @@ def _set_block_look(part, attributes, block):
 
 
 def _copied(actor, mapper, shown, cutoff=None):
-    _check_points(shown)
+    check_points(shown)
     copy = pv.Actor()
     copy.mapper = _copied_mapper(mapper)
-    copy.mapper.dataset = _triangles(shown.copy(deep=False))
+    copy.mapper.dataset = surface_of(shown.copy(deep=False))
     copy.SetProperty(_copied_property(actor.GetProperty()))
     if actor.GetBackfaceProperty() is not None:
         copy.SetBackfaceProperty(_copied_property(actor.GetBackfaceProperty()))
@@ -413,53 +410,29 @@ def copy_property(copy, prop):
 
 
 def _finished(actor, cutoff):
-    """Return the part of an actor: matrix applied, unused arrays dropped, cut-outs cut."""
-    actor.mapper.Update()
-    mesh = pv.wrap(actor.mapper.GetInputDataObject(0, 0)).copy(deep=False)
-    mesh = _moved(mesh, pv.array_from_vtkmatrix(actor.GetMatrix()))
+    """Return the part of an actor: matrix and planes applied, unused arrays dropped."""
+    mapper = actor.mapper
+    mapper.Update()
+    drawn = pv.wrap(mapper.GetInputDataObject(0, 0)).copy(deep=False)
+    drawn = moved(drawn, pv.array_from_vtkmatrix(actor.GetMatrix()))
     actor.user_matrix = np.eye(4)
-    _drop_unseen(mesh, actor.mapper)
+    # The planes are those of the actor where it is; instances are elsewhere.
+    drawn = clipped(drawn, mapper.GetClippingPlanes())
+    mapper.SetClippingPlanes(_vtk.vtkPlaneCollection())
+    drop_unseen(drawn, mapper)
+    mesh = triangles_of(drawn)
     # Bypass the mapper's filters: smooth shading is applied already.
-    actor.mapper.dataset = mesh
+    mapper.dataset = drawn if _draws_more(actor, drawn) else mesh
     if cutoff is not None:
         _cut_out(actor, cutoff)
     return Part(actor, mesh, cutoff)
 
 
-def _moved(mesh, matrix):
-    if np.array_equal(matrix, np.eye(4)):
-        return mesh
-    moved = mesh.copy(deep=False)
-    # A shallow copy shares its vtkPoints: the points setter would change the original.
-    moved.SetPoints(pv.vtk_points(transform_points(matrix, mesh.points)))
-    for old, new in ((mesh.point_data, moved.point_data), (mesh.cell_data, moved.cell_data)):
-        if old.active_normals is not None:
-            new.active_normals = transform_normals(matrix, old.active_normals)
-    if np.linalg.det(matrix[:3, :3]) < 0:
-        # A mirroring matrix reverses the winding; restore it.
-        faces = moved.regular_faces if _is_triangulated(moved) else None
-        moved = moved.flip_faces() if faces is None else _with_faces(moved, faces[:, ::-1])
-    return moved
-
-
-def _with_faces(mesh, faces):
-    mesh.regular_faces = np.ascontiguousarray(faces)
-    return mesh
-
-
-def _drop_unseen(mesh, mapper):
-    if mapper.GetArrayAccessMode() == 0 and mapper.GetScalarMode() in (3, 4):
-        return  # the array is selected by index, which dropping others would change
-    shown = {mapper.GetArrayName()} if mapper.GetScalarVisibility() else set()
-    for mode, data in ((1, mesh.point_data), (2, mesh.cell_data)):
-        keep = shown | {data.active_normals_name, data.active_texture_coordinates_name}
-        if mapper.GetScalarVisibility() and mapper.GetScalarMode() in (0, mode):
-            keep.add(data.active_scalars_name)
-        tangents = data.VTKObject.GetTangents()
-        keep.add(tangents.GetName() if tangents is not None else None)
-        for name in set(data.keys()) - keep:
-            del data[name]
-    mesh.clear_field_data()
+def _draws_more(actor, drawn) -> bool:
+    """Return True if VTK draws more of a mesh than its triangles."""
+    prop = actor.GetProperty()
+    whole = prop.GetRepresentation() == _SURFACE and not prop.GetEdgeVisibility()
+    return not whole or bool(drawn.n_verts or drawn.n_lines)
 
 
 def _cut_out(actor, cutoff):
