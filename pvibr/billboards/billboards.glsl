@@ -12,7 +12,7 @@
 uniform sampler2D ibr_points;     // xyz and rotation; the rest of xyz and the image; width, height
                                   // of the card, yaw; where each has its own, axis or quaternion
 uniform sampler2D ibr_looks;      // rgb that multiplies the image; opacity, 0 hidden
-uniform sampler2D ibr_order;      // what is drawn: blocks, or points, in their order
+uniform sampler2D ibr_entries;      // what is drawn: blocks, or points, in their order
 uniform sampler2D ibr_rects;      // left, bottom, right, top of each image, texels
 uniform int ibr_count;            // points
 uniform int ibr_unit;             // points of an entry
@@ -105,7 +105,7 @@ mat3 ibr_axes(vec3 c, vec4 turn)
     int entry = slot / ibr_unit;
     bool live = entry < ibr_end;
     ivec2 at = live ? ivec2(entry % 1024, entry / 1024) : ivec2(0);
-    int i = int(texelFetch(ibr_order, at, 0).r) * ibr_unit + slot % ibr_unit;
+    int i = int(texelFetch(ibr_entries, at, 0).r) * ibr_unit + slot % ibr_unit;
     live = live && i < ibr_count;
     if (live)
     {

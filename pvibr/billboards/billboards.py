@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pyvista as pv
 
 from pvibr.billboards.cards import BillboardLayout, as_anchor, checked_cutout, checked_opacity
 from pvibr.billboards.images import LiveImage, SheetImages
-from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
 from pvibr.core.frame import Frame
 from pvibr.core.params import Param
 from pvibr.core.signatures import takes
-from pvibr.gl import Texture, set_uniforms, shader_source
+from pvibr.gl import Texture, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
 from pvibr.images.sheet import as_images
-from pvibr.instances.cards import card_mesh, pack
+from pvibr.maths.blocks import BLOCK
 from pvibr.scene.item_set import CardSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
-from pvibr.scene.shader_actor import draw_actor, observe_shader
+from pvibr.scene.shader_draws import ROW, ShaderDraws, pack
 from pvibr.scene.translucent import MOST
 
 _CHUNK = 65_536  # billboards of one draw
-_ROW, _WIDE = 1024, 3072  # texels; the second is a multiple of 3 and of 4
+_WIDE = 3072  # texels; a multiple of 3 and of 4
 _HIT = 0.05  # alpha from which a blended billboard can be picked
 
 
@@ -188,29 +185,29 @@ class Billboards(CardSet):
         self._begin_drawing()
         self._uniforms: dict = {}
         self._window = None
-        self._landed, self._failure = False, ''
         self._drawn_count = 0
         opacity = float(self._opacity) if np.ndim(self._opacity) == 0 else 1.0
         look = {'lighting': bool(lighting), 'opacity': opacity, 'interpolation': 'Gouraud'}
         self.prop = pv.Property(color='white', **look)
-        self._feature = _feature()
-        self._mapper = _vtk.vtkPolyDataMapper()
-        self._mapper.ScalarVisibilityOff()
-        observe_shader(self._mapper, self._set_shader)
-        draws = -(-max(len(self), 1) // _CHUNK)
+        slots = max(-(-len(self) // BLOCK), 1) * BLOCK
+        self._chunk, draws = min(slots, _CHUNK), -(-slots // _CHUNK)
         # Blended draws, and for lights those of texels that are at least half opaque.
-        self._draws = self._actors(draws + MOST * self.blends, self.blends)
-        self._dense = self._actors(draws, False) if self.blends else []
+        self._draws = self._made(draws + MOST * self.blends, self.blends)
+        self._dense = self._made(draws, False) if self.blends else None
         self._dressed = tuple(self.actors())
         self._fit()
 
-    def _actors(self, count, blends) -> list:
-        look = {'prop': self.prop, 'feature': self._feature, 'translucent': blends}
-        return [draw_actor(self._mapper, **look) for _ in range(count)]
+    def _made(self, draws, blends) -> ShaderDraws:
+        look = {'prop': self.prop, 'feature': _feature(), 'translucent': blends}
+        return ShaderDraws(draws=draws, chunk=self._chunk, binder=self.binder, **look)
+
+    def _both(self) -> list:
+        return [draws for draws in (self._draws, self._dense) if draws is not None]
 
     def _fit(self):
         self._set_bounds(self.layout.bounds)
-        self._mapper.SetInputData(card_mesh(min(len(self), _CHUNK), 4, self.layout.reach_bounds()))
+        for draws in self._both():
+            draws.place_cards(self.layout.reach_bounds())
 
     # -- what they are ------------------------------------------------------------------------
 
@@ -283,15 +280,15 @@ class Billboards(CardSet):
 
     def actors(self) -> list:
         """Return the actors that draw them, invisible ones included."""
-        return self._draws + self._dense
+        return [actor for draws in self._both() for actor in draws.actors]
 
     def drawn(self) -> list:
         """Return the visible actors; none of blended billboards in shadow maps."""
-        return [a for a in self._draws if a.GetVisibility()]
+        return [a for a in self._draws.actors if a.GetVisibility()]
 
     def depths(self) -> list:
         """Return the actors that cast shadows."""
-        return [a for a in self._dense or self._draws if a.GetVisibility()]
+        return [a for a in (self._dense or self._draws).actors if a.GetVisibility()]
 
     @property
     def cast_bounds(self) -> np.ndarray:
@@ -304,45 +301,34 @@ class Billboards(CardSet):
 
     def prepare(self, frame):
         """Choose which items are drawn, and in which order."""
-        if self._failure:
-            raise ShaderError(self._failure)
+        failure = next((draws.failure for draws in self._both() if draws.failure), None)
+        if failure:
+            raise ShaderError(failure)
         super().prepare(frame)
 
     def _choice_key(self) -> tuple:
         return *super()._choice_key(), self._step()
 
     def _choose(self, frame, others):
-        dense = self._dense if frame.casting else []
-        sort = self.blends and not dense
+        dense = self._dense if frame.casting else None
+        sort = self.blends and dense is None
         entries, unit, cuts = self.layout.chosen(frame, [d for d, _ in others], sort=sort)
         self._drawn_count = min(len(entries) * unit, len(self))
-        if len(entries):
-            table = np.zeros((len(entries), 1), np.float32)
-            table[:, 0] = entries
-            self.textures.setdefault('ibr_order', Texture(self._window))
-            self.textures['ibr_order'].upload(pack(table, _ROW, 1))
         self._uniforms |= self.layout.view_uniforms(frame) | {
             'ibr_unit': unit,
             'ibr_step': self._step(),
             'ibr_eye_from_world': frame.view_from_world[:3, :3],
             'ibr_clip_from_eye': frame.clip_from_view,
             'ibr_parallel': int(frame.parallel),
-            'ibr_least': 0.5 / max(self.prop.GetOpacity(), 1e-6) if dense else 0.5 / 255,
+            'ibr_least': 0.5 / 255 if dense is None else 0.5 / max(self.prop.GetOpacity(), 1e-6),
         }
-        parts = [_spans(first, end, unit) for first, end in pairwise(cuts)]
-        spans = [span for part in parts for span in part]
-        for actor in self._draws if dense else self._dense:
-            actor.VisibilityOff()
-        for i, actor in enumerate(dense or self._draws):
-            actor.SetVisibility(i < len(spans))
-            if i < len(spans):
-                uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-                uniforms.SetUniformi('ibr_first', spans[i][0])
-                uniforms.SetUniformi('ibr_end', spans[i][1])
+        shown, other = (self._draws, self._dense) if dense is None else (dense, self._draws)
+        if other is not None:
+            other.show_spans(())
+        shown.upload(self._window, np.asarray(entries, np.float32).reshape(-1, 1))
+        parts = shown.show_parts(cuts, unit)
         if others:
-            free = iter(self._draws)
-            groups = [[next(free) for _ in part] for part in parts]
-            self._sorted_draws.arrange(frame.renderer, groups, [actor for _, actor in others])
+            self._sorted_draws.arrange(frame.renderer, parts, [actor for _, actor in others])
 
     # -- the GPU ------------------------------------------------------------------------------
 
@@ -355,8 +341,8 @@ class Billboards(CardSet):
             self._images.upload(window)
         arrays = {
             'ibr_points': (self.layout.rows, _WIDE, 4),
-            'ibr_looks': (self._looks, _ROW, 4),
-            'ibr_rects': (self._images.rects, _ROW, 4),
+            'ibr_looks': (self._looks, ROW, 4),
+            'ibr_rects': (self._images.rects, ROW, 4),
         }
         for name in made:
             make, width, channels = arrays[name]
@@ -367,6 +353,9 @@ class Billboards(CardSet):
             'ibr_cutout': float(self.cutout or 0.0),
             'ibr_straight': int(isinstance(self._images, LiveImage)),
         }
+        for draws in self._both():
+            draws.textures = {**self.textures, 'ibr_sheet': self._images.texture}
+            draws.uniforms = self._uniforms
 
     def _looks(self):
         looks = np.full((len(self), 4), 255, np.uint8)
@@ -377,31 +366,19 @@ class Billboards(CardSet):
         looks[~self.visible, 3] = 0
         return looks[self.layout.order]
 
-    def _set_shader(self, program):
-        """Bind textures and set uniforms of a program that is about to draw."""
-        textures = self.textures | {'ibr_sheet': self._images.texture}
-        set_uniforms(program, self.binder.bind(self, textures))
-        set_uniforms(program, self._uniforms)
-        if not self._landed:
-            self._landed = True
-            if not self._feature.landed(program):
-                self._failure = 'the shader text of the billboards did not land'
-
     def release(self):
         """Free GPU memory; the context is current."""
-        self.binder.unbind()
-        if self._window is not None:
-            self._mapper.ReleaseGraphicsResources(self._window)
-            for actor in self.actors():
-                actor.ReleaseGraphicsResources(self._window)
+        for draws in self._both():
+            draws.release(self._window)
         for owner in (*self.textures.values(), self._images):
             owner.release()
         self.textures, self._window, self._content_key = {}, None, None
 
     def report(self) -> dict:
         """Return GPU memory, counts, and the size of the texture."""
+        owners = *self.textures.values(), *self._both(), self._images
         return {
-            'bytes': sum(t.nbytes for t in self.textures.values()) + self._images.nbytes,
+            'bytes': sum(t.nbytes for t in owners),
             'billboards': len(self),
             'drawn': self._drawn_count,
             'images': self.layout.n_images,
@@ -476,9 +453,3 @@ def _feature() -> Feature:
         'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
     }
     return Feature('billboards', vertex, fragment)
-
-
-def _spans(first, end, unit):
-    """Return first slot and last entry of the draws of a range."""
-    step = _CHUNK // unit
-    return [(a * unit, min(a + step, end)) for a in range(first, end, step)]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core.frame import Frame
-from pvibr.instances.cards import BLOCK
-from pvibr.maths.blocks import Blocks, morton_order
+from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.facing import FACINGS, TOWARDS, azimuths, cards
 from pvibr.maths.vectors import as_units
 from pvibr.scene.translucent import depths_of

@@ -10,8 +10,8 @@ import numpy as np
 from pvibr.figures.shapes import MeshShapes, ShapeStore
 from pvibr.gl import Quad, Target, Texture, shader_source, texture_limit
 from pvibr.gl.feature import Feature, declared_samplers, sections
-from pvibr.instances.cards import pack
 from pvibr.maths import skinning
+from pvibr.scene.shader_draws import pack
 
 #: Vertices of a row of the textures.
 WIDTH = 1024

@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.gl import Quad, Target, Texture, shader_source, texture_limit
 from pvibr.gl.feature import sections
-from pvibr.instances.cards import pack
+from pvibr.scene.shader_draws import pack
 
 #: Memory budget for the shapes of one mesh, in bytes.
 BUDGET = 2**28

@@ -6,8 +6,7 @@ import numpy as np
 
 from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
-from pvibr.instances.cards import card_mesh
-from pvibr.scene.shader_actor import ShaderActor
+from pvibr.scene.shader_draws import ShaderDraws
 
 
 def layer_feature(*, blends) -> Feature:
@@ -31,7 +30,7 @@ def layer_feature(*, blends) -> Feature:
     )
 
 
-class LayerCard(ShaderActor):
+class LayerCard(ShaderDraws):
     """A quad for one image at a time."""
 
     def __init__(self):
@@ -41,14 +40,14 @@ class LayerCard(ShaderActor):
 
     def show(self, frame, picture, warp, turn, bounds):
         """Draw an image in a frame."""
-        self._attach(layer_feature(blends=picture.blends))
+        self.set_feature(layer_feature(blends=picture.blends))
         bounds = tuple(map(float, bounds))
         if bounds != self._bounds:
             self._bounds = bounds
-            self.mapper.SetInputData(card_mesh(1, 4, bounds))
-        self._textures = {'ibr_picture': picture.color, 'ibr_deep': picture.depth}
-        self._uniforms = _uniforms(frame, picture, warp, turn)
-        self.actor.VisibilityOn()
+            self.place_cards(bounds)
+        self.textures = {'ibr_picture': picture.color, 'ibr_deep': picture.depth}
+        self.uniforms = _uniforms(frame, picture, warp, turn)
+        self.show_spans([(0, 1)])
 
 
 def _uniforms(frame, picture, warp, turn) -> dict:

@@ -6,8 +6,7 @@ import numpy as np
 
 from pvibr.gl import Texture, shader_source
 from pvibr.gl.feature import Feature, sections
-from pvibr.instances.cards import DULL, card_mesh
-from pvibr.scene.shader_actor import ShaderActor
+from pvibr.scene.shader_draws import DULL, ShaderDraws
 
 _ROW, _TEXELS = 128, 5  # cards of a row of the table, texels of a card
 
@@ -34,12 +33,12 @@ def card_feature(*, depth, shiny, several) -> Feature:
     )
 
 
-class ImpostorCards(ShaderActor):
+class ImpostorCards(ShaderDraws):
     """The actor that draws all cards."""
 
     def __init__(self):
-        super().__init__()
-        self._room, self._bounds = 0, np.array([1.0, -1.0] * 3)
+        super().__init__(chunk=0)
+        self._bounds = np.array([1.0, -1.0] * 3)
         self._gpu: tuple[Texture, Texture] | None = None  # a row per card, and materials
         self._known = 0
 
@@ -55,19 +54,20 @@ class ImpostorCards(ShaderActor):
             np.maximum(bounds[1::2], self._bounds[1::2]),
         )
         kept = self._bounds
-        if self._room:
+        if self.chunk:
             inside = (bounds[::2] >= kept[::2]).all() and (bounds[1::2] <= kept[1::2]).all()
-            if count <= self._room and inside:
+            if count <= self.chunk and inside:
                 return
         else:
             low, high = bounds[::2], bounds[1::2]
-        self._room = max(self._room, count)
+        self.chunk = max(self.chunk, count)
         self._bounds = np.stack([low, high], 1).ravel()
-        self.mapper.SetInputData(card_mesh(self._room, 4, self._bounds))
+        self.place_cards(self._bounds)
 
     def attach(self, *, depth, materials):
         """Attach the shader text, and set the materials."""
-        self._attach(card_feature(depth=depth, shiny=materials.shiny, several=len(materials) > 1))
+        several = len(materials) > 1
+        self.set_feature(card_feature(depth=depth, shiny=materials.shiny, several=several))
         if self._gpu is not None and len(materials) != self._known:
             self._gpu[1].upload(materials.table())
         self._known = len(materials)
@@ -84,14 +84,14 @@ class ImpostorCards(ShaderActor):
         table[: len(rows)] = rows
         cards.upload(table.reshape(height, _ROW * _TEXELS, 4))
         clip, view = frame.clip_from_view, frame.view_from_world
-        self._textures = {**pool.textures, 'ibr_cards': cards, 'ibr_materials': matter}
-        self._uniforms = {
+        self.textures = {**pool.textures, 'ibr_cards': cards, 'ibr_materials': matter}
+        self.uniforms = {
             'ibr_count': len(rows),
             'ibr_clip_from_eye': clip,
             'ibr_eye_from_world': view[:3, :3],
             'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
         }
-        self.actor.SetVisibility(bool(len(rows)))
+        self.show_spans([(0, len(rows))])
 
     def release(self, window):
         """Free GPU memory; the context is current."""

@@ -12,8 +12,8 @@ from pvibr.core.params import Param
 from pvibr.impostors.impostor import Impostor
 from pvibr.inspection.marks import Marks, edges, outlines, projected
 from pvibr.inspection.tiles import FLASH, Sheet, as_bytes, has_images
-from pvibr.instances.cards import BLOCK
 from pvibr.instances.instances import Instances
+from pvibr.maths.blocks import BLOCK
 
 #: What draws, from hot to cold. Okabe and Ito, "Color Universal Design", 2008: told apart also by
 #: those who do not see some colours.

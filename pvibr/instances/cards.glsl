@@ -16,7 +16,7 @@
 
 //@vertex.declare
 uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
-uniform sampler2D ibr_blocks;     // visible blocks: origin in eye space, index of the block
+uniform sampler2D ibr_entries;     // visible blocks: origin in eye space, index of the block
 uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as baked, 255 coloured
 uniform int ibr_count;            // instances
 uniform int ibr_unit;             // instances of a block
@@ -123,7 +123,7 @@ mat3 ibr_frame(vec3 d)
     int corner = gl_VertexID % CORNERS;
     int entry = slot / ibr_unit;
     bool live = entry < ibr_end;
-    vec4 block = texelFetch(ibr_blocks, live ? ivec2(entry % 1024, entry / 1024) : ivec2(0), 0);
+    vec4 block = texelFetch(ibr_entries, live ? ivec2(entry % 1024, entry / 1024) : ivec2(0), 0);
     int i = int(block.w) * ibr_unit + slot % ibr_unit;
     live = live && i < ibr_count;
     if (live)

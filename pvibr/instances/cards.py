@@ -7,29 +7,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from pvibr.core import _vtk
-from pvibr.gl import Texture, set_uniforms, shader_source
-from pvibr.gl.feature import Feature, sections
+from pvibr.gl import Texture, shader_source
+from pvibr.gl.feature import DITHER, Feature, sections
 from pvibr.instances.atlas import MARGIN, pyramid
+from pvibr.maths.blocks import BLOCK
 from pvibr.meshes.turntable import LEVEL
-from pvibr.scene.shader_actor import draw_actor, observe_shader
+from pvibr.scene.shader_draws import DULL, PBR, ROW, ShaderDraws, pack
 
-BLOCK = 64  # instances that are culled, sorted and chosen together
 _CHUNK = 8192  # cards of one draw
 _POSE_WIDTH = 3072  # texels; a multiple of 3, so that a pose stays in one row
-_ROW = 1024
-PBR = 3  # VTKPBR
-_PROGRAM_POINT_SIZE = 0x8642  # GL enum
 # Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
 _SOFT_LIGHT = '#define max(a, b) ibr_lit(a, b)\n//VTK::Light::Impl\n#undef max\n'
-# Interleaved gradient noise: Jimenez, "Next Generation Post Processing in Call of Duty: Advanced
-# Warfare", SIGGRAPH 2014, slide 123. The same picture every time.
-DITHER = (
-    '#define IBR_DITHER fract(52.9829189 * fract(dot(gl_FragCoord.xy, '
-    'vec2(0.06711056, 0.00583715))))\n'
-)
-# VTK computes highlights also where the material has none; the compiler drops what follows.
-DULL = '#define pow(a, b) 0.0\n', '#undef pow\n'
 
 
 @dataclass(frozen=True)
@@ -102,39 +90,6 @@ def ends(low, high, fade) -> tuple:
     return low, low * fade if low > 0 else 0.0, high, high * fade
 
 
-def card_mesh(count, corners, bounds):
-    """Return the polydata of unplaced cards: the shader places them by their vertex number."""
-    low, high = np.asarray(bounds, float).reshape(3, 2).T
-    points = np.empty((count * corners, 3))
-    points[0::2], points[1::2] = low, high
-    cell = np.array([0]) if corners == 1 else np.array([0, 1, 2, 0, 2, 3])
-    cells = (np.arange(count)[:, None] * corners + cell).astype(np.int32).ravel()
-    mesh = _vtk.vtkPolyData()
-    vertices = _vtk.vtkPoints()
-    vertices.SetData(_vtk.numpy_to_vtk(points, deep=True))
-    mesh.SetPoints(vertices)
-    polys = _vtk.vtkCellArray()
-    offsets = np.arange(0, len(cells) + 1, 1 if corners == 1 else 3, dtype=np.int32)
-    polys.SetData(*(_vtk.numpy_to_vtk(a, deep=True) for a in (offsets, cells)))
-    if corners == 1:
-        # VTK lights points that have normals, whatever these are.
-        mesh.SetVerts(polys)
-        normals = _vtk.numpy_to_vtk(np.zeros((count, 3), np.float32), deep=True)
-        mesh.GetPointData().SetNormals(normals)
-    else:
-        mesh.SetPolys(polys)
-    return mesh
-
-
-def pack(values, width, channels) -> np.ndarray:
-    """Return values as an image, padded with zeros."""
-    flat = values.reshape(-1, channels)
-    height = max(1, -(-len(flat) // width))
-    out = np.zeros((height * width, channels), values.dtype)
-    out[: len(flat)] = flat
-    return out.reshape(height, width, channels)
-
-
 def slabs(depths, turns, unit) -> list[np.ndarray]:
     """Divide the blocks of several meshes into alternating draws from far to near."""
     total, capacity = sum(len(d) for d in depths), _CHUNK // unit
@@ -192,7 +147,7 @@ class Cards:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        blocks = sum(layer.blocks.nbytes for layer in self.layers.values() if layer.blocks)
+        blocks = sum(layer.nbytes for layer in self.layers.values())
         pictures = [*self.textures.values(), *self.turned.values()]
         return sum(t.nbytes for t in pictures) + blocks
 
@@ -231,11 +186,11 @@ class Cards:
         """Upload per-instance colours."""
         self.uniforms['ibr_has_looks'] = int(looks is not None)
         if looks is not None and self.window is not None:
-            self.textures['ibr_looks'].upload(pack(looks, _ROW, 4))
+            self.textures['ibr_looks'].upload(pack(looks, ROW, 4))
 
     def move(self, moves):
         """Upload the motion of instances of an animated atlas."""
-        self.textures['ibr_moves'].upload(pack(moves, _ROW, 4))
+        self.textures['ibr_moves'].upload(pack(moves, ROW, 4))
 
     def view(self, frame):
         """Set the uniforms of a frame's camera."""
@@ -258,7 +213,7 @@ class Cards:
     def hide(self):
         """Draw nothing."""
         for layer in self.layers.values():
-            layer.show(np.zeros((0, 4), np.float32), (0.0, 0.0, 1.0, 1.0), np.zeros(1, int))
+            layer.hide()
 
     def release(self):
         """Free GPU memory; the context is current."""
@@ -270,82 +225,47 @@ class Cards:
         self.textures, self.turned, self.window = {}, {}, None
 
 
-class _Layer:
-    """The cards of one shader: chunks that share one mapper."""
+class _Layer(ShaderDraws):
+    """The cards of one shader."""
 
     def __init__(self, cards, shader, prop, draws, bounds):
         self.cards, self.shader = cards, shader
         shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
         turned = cards.atlas.turntable is not None
-        self.feature = shader.feature(shiny, cards.atlas.animated, turned)
-        self.blocks: Texture | None = None
+        feature = shader.feature(shiny, cards.atlas.animated, turned)
+        whole = -(-cards.uniforms['ibr_count'] // cards.unit) * cards.unit
+        look = {'prop': prop, 'feature': feature, 'binder': cards.binder}
+        super().__init__(draws=draws, chunk=min(_CHUNK, whole), **look)
+        self.place_cards(bounds, shader.corners)
         self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
         self.dithered, self.unit = False, cards.unit
         self.tint: tuple | None = None  # a colour for all that it draws
-        self.failure: str | None = None
-        self.checked = False
-        self.mapper = _vtk.vtkPolyDataMapper()
-        self.mapper.ScalarVisibilityOff()
-        observe_shader(self.mapper, self._set_shader)
-        self.mapper.SetInputData(card_mesh(self._most(), shader.corners, bounds))
-        self.actors = [draw_actor(self.mapper, prop, self.feature) for _ in range(draws)]
-        self.spans = [(0, 0)] * draws  # of each actor: first card, end of the blocks
-
-    def _most(self):
-        """Return the number of cards of the largest draw."""
-        unit = self.cards.unit
-        return min(_CHUNK, -(-self.cards.uniforms['ibr_count'] // unit) * unit)
 
     def show(self, blocks, sizes, cuts):
+        """Draw blocks between cuts."""
         self.sizes = sizes
-        if len(blocks):
-            self.blocks = self.blocks or Texture(self.cards.window)
-            self.blocks.upload(pack(blocks, _ROW, 4))
+        self.upload(self.cards.window, blocks)
         ends = pairwise(np.asarray(cuts).tolist())
-        spans = [(begin * self.unit, end) if end > begin else (0, 0) for begin, end in ends]
-        spans += [(0, 0)] * (len(self.actors) - len(spans))
-        for actor, span, before in zip(self.actors, spans, self.spans, strict=True):
-            if span != before:  # most stay while the camera moves
-                first, end = span
-                actor.SetVisibility(end > 0)
-                uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-                uniforms.SetUniformi('ibr_first', first)
-                uniforms.SetUniformi('ibr_end', end)
-        self.spans = spans
+        self.show_spans(
+            [(first * self.unit, end) if end > first else (0, 0) for first, end in ends]
+        )
 
-    def _set_shader(self, program):
-        """Bind textures and set uniforms of a program that is about to draw."""
-        cards = self.cards
-        if self.shader.corners == 1:
-            cards.window.GetState().SetEnumState(_PROGRAM_POINT_SIZE, True)
-        textures = {**cards.textures, 'ibr_blocks': self.blocks}
-        if self.shader.sides:
-            textures |= cards.turned
-        set_uniforms(program, cards.binder.bind(self, textures))
-        set_uniforms(program, cards.uniforms)
-        if self.shader.sides:
-            turns = cards.atlas.turntable
-            program.SetUniformi('ibr_views', turns.turns.columns)
-            program.SetUniformi('ibr_tile', turns.tile)
-            views = 1 if self.shader.sides == 1 else turns.turns.views
-            program.SetUniformi('ibr_turn_views', views)
-        program.SetUniform4f('ibr_range', self.sizes)
-        program.SetUniform4f('ibr_turn_range', self.level)
-        program.SetUniformf('ibr_dithered', float(self.dithered))
-        program.SetUniformi('ibr_unit', self.unit)
-        program.SetUniform4f('ibr_tint', (*self.tint, 1.0) if self.tint else (0.0, 0.0, 0.0, 0.0))
+    def _inputs(self):
+        cards, textures = self.cards, self.cards.textures
+        uniforms = cards.uniforms | {
+            'ibr_range': self.sizes,
+            'ibr_turn_range': self.level,
+            'ibr_dithered': float(self.dithered),
+            'ibr_unit': self.unit,
+            'ibr_tint': (*self.tint, 1.0) if self.tint else (0.0, 0.0, 0.0, 0.0),
+        }
         if self.tint:
-            program.SetUniformi('ibr_multiply', 0)
-        if not self.checked:
-            self.checked = True
-            if not self.feature.landed(program):
-                self.failure = f'the shader text {self.feature.name} did not land'
-
-    def release(self, window):
-        if window is not None:
-            self.mapper.ReleaseGraphicsResources(window)
-            for actor in self.actors:
-                actor.ReleaseGraphicsResources(window)
-        if self.blocks is not None:
-            self.blocks.release()
-            self.blocks = None
+            uniforms['ibr_multiply'] = 0
+        if self.shader.sides:
+            turns, textures = cards.atlas.turntable, {**textures, **cards.turned}
+            uniforms |= {
+                'ibr_views': turns.turns.columns,
+                'ibr_tile': turns.tile,
+                'ibr_turn_views': 1 if self.shader.sides == 1 else turns.turns.views,
+            }
+        return textures, uniforms

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.instances.cards import BLOCK, Cards, ends
+from pvibr.instances.cards import Cards, ends
 from pvibr.instances.mesh_pool import MeshPool
-from pvibr.maths.blocks import Blocks, morton_order
+from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.meshes.parts import copy_property
 from pvibr.meshes.turntable import LEVEL
 

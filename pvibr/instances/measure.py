@@ -215,7 +215,7 @@ class _Sheet:
         blocks = np.column_stack([origins, index]).astype(np.float32)
         cards.show(shader, blocks, (0.0, 0.0, 1e9, 1e9), np.array([0, len(blocks)]))
         picture = self._picture()
-        if not cards.layers[shader].checked:
+        if not cards.layers[shader].landed:
             msg = f'the cards of shader {shader!r} are not drawn by this driver'
             raise ShaderError(msg)
         return picture

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.gl.feature import Feature
-from pvibr.instances.cards import DITHER, DULL, PBR
+from pvibr.gl.feature import DITHER, Feature
+from pvibr.scene.shader_draws import DULL, PBR
 
 # The colour of an instance replaces what scalars and texture give, or multiplies it; a cut-out
 # keeps its holes. Lit colour is what VTK has before it multiplies by the texture.

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+#: Instances that are culled, sorted and chosen together.
+BLOCK = 64
+
 
 def morton_order(points):
     """Return the order of points along a Morton (Z-order) curve, of 21 bits per axis.

@@ -18,7 +18,7 @@
 //@vertex.declare
 uniform sampler2D ibr_items;      // TEXELS of each
 uniform sampler2D ibr_looks;      // LOOKS of each; see pvibr.quadrics.quadrics
-uniform sampler2D ibr_blocks;     // of each entry: middle of its block, eye space; its number
+uniform sampler2D ibr_entries;     // of each entry: middle of its block, eye space; its number
 uniform int ibr_count;
 uniform int ibr_unit;             // items of an entry
 uniform int ibr_parallel;
@@ -87,7 +87,7 @@ vec2 ibr_ndc(vec2 p, vec2 way)
     int slot = ibr_first + gl_VertexID / CORNERS;
     int entry = slot / ibr_unit;
     bool live = entry < ibr_end;
-    vec4 block = ibr_fetched(ibr_blocks, live ? entry : 0);
+    vec4 block = ibr_fetched(ibr_entries, live ? entry : 0);
     int i = int(block.w) * ibr_unit + slot % ibr_unit;
     live = live && i < ibr_count;
     i = live ? i : 0;

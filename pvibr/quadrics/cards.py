@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import pyvista as pv
 
-from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
-from pvibr.gl import Texture, set_uniforms, shader_source
 from pvibr.gl import enums as gl
+from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
-from pvibr.instances.cards import BLOCK, DULL, card_mesh, pack
-from pvibr.maths.blocks import frustum_planes
-from pvibr.scene.shader_actor import draw_actor, observe_shader
+from pvibr.maths.blocks import BLOCK, frustum_planes
+from pvibr.scene.shader_draws import DULL, ShaderDraws
 from pvibr.scene.translucent import MOST
 
-ROW = 1024  # texels of a row
 _LARGEST_SMALL = 4.0  # px: those are edges all over, and their depths differ by two pixels
 
 
@@ -96,31 +92,28 @@ DRAW_MODES = (QUADS, POINTS, SMALL, DOTS)
 _DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
 
 
-class Layer:
-    """The items of one draw mode: chunks that share one mapper."""
+class Layer(ShaderDraws):
+    """The items of one draw mode."""
 
     def __init__(self, quadrics, mode):
-        self._owner = weakref.proxy(quadrics)
-        self.mode = mode
-        self._feature = mode.feature(quadrics.shape)
-        self._landed, self._shiny = False, True
-        self.failure = ''
-        self.entries: Texture | None = None
-        self.drawn = 0
-        self._mapper = _vtk.vtkPolyDataMapper()
-        self._mapper.ScalarVisibilityOff()
-        observe_shader(self._mapper, self._set_shader)
+        self._owner, self.mode = weakref.proxy(quadrics), mode
         slots = max(-(-len(quadrics) // BLOCK), 1) * BLOCK
-        self._chunk = min(mode.chunk, slots)
+        chunk = min(mode.chunk, slots)
+        super().__init__(
+            draws=-(-slots // chunk) + (MOST if mode.blends else 0),
+            chunk=chunk,
+            prop=pv.Property(lighting=False) if mode.hides else quadrics.prop,
+            feature=mode.feature(quadrics.shape),
+            translucent=mode.blends,
+            binder=quadrics.binder,
+        )
+        self._shiny = True
+        self.drawn = 0
         self.bound(quadrics.bounds)
-        draws = -(-slots // self._chunk) + (MOST if mode.blends else 0)
-        prop = pv.Property(lighting=False) if mode.hides else quadrics.prop
-        look = {'prop': prop, 'feature': self._feature, 'translucent': mode.blends}
-        self.actors = [draw_actor(self._mapper, **look) for _ in range(draws)]
 
     def bound(self, bounds):
         """Set the bounds that VTK culls by."""
-        self._mapper.SetInputData(card_mesh(self._chunk, self.mode.corners, bounds))
+        self.place_cards(bounds, self.mode.corners)
 
     def set_shiny(self, shiny):
         """Switch specular highlights."""
@@ -132,54 +125,15 @@ class Layer:
             self._shiny = shiny
 
     def show(self, entries, unit=BLOCK, cuts=()):
-        """Draw items."""
-        count, owner = len(entries), self._owner
-        self.drawn = min(count * unit, len(owner))
-        if count:
-            self.entries = self.entries or Texture(owner.window)
-            self.entries.upload(pack(entries.astype(np.float32), ROW, 4))
-        step, free = self._chunk // unit, iter(self.actors)
-        parts: list = []
-        for first, end in pairwise((0, *cuts, count)):
-            starts = range(first, end, step)
-            parts.append([_span(next(free), k * unit, min(k + step, end)) for k in starts])
-        for actor in free:
-            actor.VisibilityOff()
-        return parts
+        """Draw items; return the actors of the parts between cuts."""
+        self.drawn = min(len(entries) * unit, len(self._owner))
+        self.upload(self._owner.window, entries.astype(np.float32))
+        return self.show_parts((0, *cuts, len(entries)), unit)
 
-    def _set_shader(self, program):
-        """Bind textures and set uniforms of a program that is about to draw."""
+    def _inputs(self):
         owner = self._owner
-        state = owner.window.GetState()
-        if self.mode.corners == 1:
-            state.SetEnumState(gl.PROGRAM_POINT_SIZE, True)
-        textures = {**owner.textures, 'ibr_blocks': self.entries}
-        set_uniforms(program, owner.binder.bind(self, textures))
-        set_uniforms(program, owner.uniforms)
-        set_uniforms(program, _pixel_uniforms(state, owner.uniforms))
-        if not self._landed:
-            self._landed = True
-            if not self._feature.landed(program):
-                self.failure = f'the shader text of {self._feature.name} did not land'
-
-    def release(self, window):
-        """Free GPU memory; the context is current."""
-        if window is not None:
-            self._mapper.ReleaseGraphicsResources(window)
-            for actor in self.actors:
-                actor.ReleaseGraphicsResources(window)
-        if self.entries is not None:
-            self.entries.release()
-            self.entries = None
-
-
-def _span(actor, first, end):
-    """Set the range that an actor draws."""
-    actor.VisibilityOn()
-    uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-    uniforms.SetUniformi('ibr_first', first)
-    uniforms.SetUniformi('ibr_end', end)
-    return actor
+        pixels = _pixel_uniforms(owner.window.GetState(), owner.uniforms)
+        return owner.textures, owner.uniforms | pixels
 
 
 @dataclass

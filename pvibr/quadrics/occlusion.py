@@ -51,9 +51,8 @@ class Occlusion:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        held = [layer.entries for layer in self.layers]
-        held += [self._gpu.target, self._gpu.coarse] if self._gpu is not None else []
-        return sum(one.nbytes for one in held if one is not None)
+        held = [self._gpu.target, self._gpu.coarse] if self._gpu is not None else []
+        return sum(one.nbytes for one in (*self.layers, *held))
 
     def hidden(self, owner, frame, seen) -> np.ndarray:
         """Return a mask of the hidden blocks."""

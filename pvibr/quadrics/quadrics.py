@@ -10,13 +10,11 @@ import pyvista as pv
 from pvibr.billboards.cards import as_points, checked_opacity
 from pvibr.core.signatures import takes
 from pvibr.gl import Texture
-from pvibr.instances.cards import BLOCK, PBR, pack
-from pvibr.maths.blocks import Blocks, morton_order
+from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.quadric_rays import Meeting
 from pvibr.quadrics.cards import (
     BLENDED,
     DRAW_MODES,
-    ROW,
     Layer,
     Shape,
     seen_blocks,
@@ -26,6 +24,7 @@ from pvibr.quadrics.occlusion import Occlusion
 from pvibr.scene.item_set import CardSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
+from pvibr.scene.shader_draws import PBR, ROW, pack
 from pvibr.scene.translucent import depths_of
 
 # Opacities in the alpha of looks: up to this with the material's colour, from the next on their
@@ -280,9 +279,10 @@ class Quadrics(CardSet):
 
     def report(self) -> dict:
         """Return GPU memory and counts by draw mode."""
-        textures = [*self.textures.values(), *(t for a in self._layers if (t := a.entries))]
+        textures = sum(texture.nbytes for texture in self.textures.values())
+        entries = sum(layer.nbytes for layer in self._layers)
         return {
-            'bytes': sum(t.nbytes for t in textures) + self._occlusion.nbytes,
+            'bytes': textures + entries + self._occlusion.nbytes,
             self.shape.name: len(self),
             **{layer.mode.name: layer.drawn for layer in self._layers},
             'hidden': self._hidden,

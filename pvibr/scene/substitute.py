@@ -28,7 +28,7 @@ class Substitute(Thing):
     _frame: Frame | None = None
 
     def _cards(self) -> list:
-        """Return the ShaderActors that show the images."""
+        """Return the ShaderDraws that show the images."""
         raise NotImplementedError
 
     def _stood_for(self) -> list:

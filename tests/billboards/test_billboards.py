@@ -405,7 +405,7 @@ def test_of_those_that_blend_what_is_half_opaque_throws_shadows(looks, casts, se
     x, y = pixels(pl, [[-3.5, 0, 3]])[0].astype(int)
     assert picture[y, x, 0] > picture[y, x, 2]
     assert len(thing.drawn()) >= 1
-    assert all(actor in thing._draws for actor in thing.drawn())
+    assert all(actor in thing._draws.actors for actor in thing.drawn())
     pl.close()
 
 
