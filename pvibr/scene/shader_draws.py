@@ -21,12 +21,10 @@ DULL = '#define pow(a, b) 0.0\n', '#undef pow\n'
 
 
 class ShaderDraws:
-    """Actors of one mapper, visible within frames only, each of which draws a span of entries.
+    """Actors of one mapper, visible within frames only, each of which draws a span of entries."""
 
-    The shader has the entries as `ibr_entries`, in rows of 1024 texels, and of each actor
-    `ibr_first`, the number of its first item, and `ibr_end`, the entry after its last. Textures
-    and uniforms of the whole are bound and set as it draws.
-    """
+    # The shader has the entries as ibr_entries, in rows of 1024 texels, and of each actor
+    # ibr_first, the number of its first item, and ibr_end, the entry after its last.
 
     def __init__(
         self, *, draws=1, chunk=1, prop=None, feature=None, translucent=None, binder=None
