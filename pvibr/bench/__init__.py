@@ -24,9 +24,19 @@ BENCHES = {
 }
 
 
-def main(name, *, out=Path('out'), quick=False) -> list:
-    """Run a bench: print its table and write it as JSON with a plot beside it."""
+#: Benches of which a survey can be made from a seed.
+SURVEYS = ('instances',)
+
+
+def main(name, *, out=Path('out'), quick=False, survey=None) -> list:
+    """Run a bench, or its survey of a seed: print the tables and write them beside a plot."""
     if name not in BENCHES:
         msg = f'name is {name!r}; it must be one of {", ".join(BENCHES)}.'
         raise ValueError(msg)
-    return import_module(f'pvibr.bench.{name}').BENCH.run(name, Path(out), quick=quick)
+    if survey is None:
+        return import_module(f'pvibr.bench.{name}').BENCH.run(name, Path(out), quick=quick)
+    if name not in SURVEYS:
+        msg = f'survey is {survey}; it must be None but for {", ".join(SURVEYS)}.'
+        raise ValueError(msg)
+    bench = import_module(f'pvibr.bench.{name}.survey').survey(survey)
+    return bench.run(f'{name}_survey_{survey}', Path(out), quick=quick)

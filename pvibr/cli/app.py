@@ -13,7 +13,7 @@ from cyclopts import App, CycloptsError, Parameter
 from cyclopts.types import ExistingFile
 
 import pvibr
-from pvibr.bench import BENCHES
+from pvibr.bench import BENCHES, SURVEYS
 from pvibr.core.errors import PvibrError
 
 OK, WANTING, FAILED, INTERRUPTED = 0, 1, 2, 130
@@ -22,6 +22,12 @@ OK, WANTING, FAILED, INTERRUPTED = 0, 1, 2, 130
 def _positive(type_: type, value: float | None) -> None:
     if value is not None and not (value > 0 and math.isfinite(value)):
         msg = 'Must be a positive number.'
+        raise ValueError(msg)
+
+
+def _seed(type_: type, value: int | None) -> None:
+    if value is not None and value < 0:
+        msg = 'Must be a seed, 0 or more.'
         raise ValueError(msg)
 
 
@@ -178,15 +184,29 @@ def _bench_command(name):
     return command
 
 
+def _surveyed_command(name):
+    def command(
+        *,
+        out: _Folder = Path('out'),
+        quick: bool = False,
+        survey: Annotated[int | None, Parameter(validator=_seed)] = None,
+    ) -> None:
+        """Measure, and write the tables and the plot; or survey what is made from a seed."""
+        _measure(name, out, quick, survey=survey)
+
+    return command
+
+
 for _name, _help in BENCHES.items():
-    bench.command(_bench_command(_name), name=_name, help=_help)
+    _make = _surveyed_command if _name in SURVEYS else _bench_command
+    bench.command(_make(_name), name=_name, help=_help)
 
 
-def _measure(name, out, quick):
+def _measure(name, out, quick, **survey):
     from pvibr.bench import main
 
     _require_gl()
-    main(name, out=out, quick=quick)
+    main(name, out=out, quick=quick, **survey)
 
 
 def main(tokens: Sequence[str] | None = None) -> int:

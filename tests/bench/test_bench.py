@@ -111,4 +111,4 @@ def test_single_meshes_are_triangles(name):
 def test_quick_bench_runs(tmp_path):
     rows = main('instances', out=tmp_path, quick=True)
     assert len(rows) > 15
-    assert {file.suffix for file in tmp_path.iterdir()} == {'.json', '.png'}
+    assert {file.suffix for file in tmp_path.iterdir()} == {'.json', '.png', '.txt'}

@@ -133,7 +133,14 @@ def test_a_window_needs_a_display(called, capsys, monkeypatch):
     assert '--window needs a display' in fails(capsys, 'demo', '--window')
 
 
-@pytest.mark.parametrize('name', ['instances', 'shadows', 'projection'])
+def test_bench_passes_the_seed_of_a_survey_on(called, capsys):
+    assert cli.main(['bench', 'instances', '--survey', '7']) == 0
+    assert called == [(('instances',), {'out': Path('out'), 'quick': False, 'survey': 7})]
+    assert 'seed' in fails(capsys, 'bench', 'instances', '--survey', '-1')
+    assert '--survey' in fails(capsys, 'bench', 'shadows', '--survey', '1')
+
+
+@pytest.mark.parametrize('name', ['moving', 'shadows', 'projection'])
 def test_bench_passes_its_options_on(called, name):
     assert cli.main(['bench', name, '--quick', '-o', 'b']) == 0
     assert called == [((name,), {'out': Path('b'), 'quick': True})]

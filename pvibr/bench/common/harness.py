@@ -83,6 +83,7 @@ class Bench:
     plot: Callable  # of the points and an empty figure of matplotlib
     outside: dict[str, whole_frames.Maker]
     settings: dict[str, tuple]  # by name, how much is measured in full and by --quick
+    tables: Callable = lambda points: []  # of the points, more to print and to write as text
 
     def extent(self, *, quick=False) -> SimpleNamespace:
         """Return how much is measured."""
@@ -100,7 +101,7 @@ class Bench:
             results.rows.extend(measure(settings, results) or ())
             console.print(f'{part}: {time.perf_counter() - start:.0f} s')
         self.write(name, results, out)
-        Console().print(results.table())
+        Console().print(*self.tables(results.points), results.table())
         return results.rows
 
     def _whole_frames(self, settings, results):
@@ -115,12 +116,14 @@ class Bench:
                     yield Row(f'{title}: {what}', value, unit)
 
     def write(self, name, results, out):
-        """Write the table as JSON, and the plot beside it."""
+        """Write everything as JSON, the tables as text, and the plot beside them."""
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         out.mkdir(parents=True, exist_ok=True)
         (out / f'bench_{name}.json').write_text(results.to_json() + '\n', encoding='utf-8')
+        with (out / f'bench_{name}.txt').open('w', encoding='utf-8') as file:
+            Console(file=file, width=160).print(*self.tables(results.points), results.table())
         figure = Figure(layout='constrained')
         FigureCanvasAgg(figure)  # needs no screen
         self.plot(results.points, figure)

@@ -7,7 +7,7 @@ from functools import cache
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench
 from pvibr.bench.common.whole_frames import turning
-from pvibr.bench.instances import crowd, single, walk
+from pvibr.bench.instances import costs, crowd, order, single, walk
 from pvibr.capture.offscreen import mesh_actors
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import scenery
@@ -63,6 +63,8 @@ BENCH = Bench(
         'single meshes': single.measure,
         'crowd': crowd.measure,
         'precision': single.measure_precision,
+        'order': order.measure,
+        'costs': costs.measure,
     },
     plot=plot,
     outside={'trees as instances': _forest},
@@ -78,5 +80,7 @@ BENCH = Bench(
         'directions': (6, 2),
         'crowd': (1_000_000, 20_000),
         'extremes': (2, 1),
+        'scenes': (20, 2),
+        'moved': ((10_000, 1_000_000), (1_000, 2_000)),
     },
 )
