@@ -29,11 +29,10 @@ _FLOOR = 1e-4  # mean FLIP below which a ratio says nothing: nothing can be seen
 
 
 def directions(count, half=False):
-    """Return directions spread over the sphere, off the grid of views.
+    """Return directions spread over the sphere, off the grid of views: (count, 3) unit vectors.
 
-    Returns ------- numpy.ndarray, shape (count, 3) Unit vectors, the spherical Fibonacci points of
-    Keinert et al., "Spherical Fibonacci Mapping", SIGGRAPH Asia 2015, turned by an irrational
-    angle.
+    Spherical Fibonacci points of Keinert et al., "Spherical Fibonacci Mapping", SIGGRAPH Asia
+    2015, turned by an irrational angle.
     """
     k = np.arange(count) + 0.5
     z = 1 - (1.0 if half else 2.0) * k / count
