@@ -13,8 +13,8 @@ from pvibr.animation.figure_mesh import FigureMesh, Skin
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
 from pvibr.core.errors import PvibrWarning
+from pvibr.formats.trimesh_meshes import as_dataset
 from pvibr.maths.skinning import MAX_INFLUENCES
-from pvibr.meshes.trimesh_meshes import as_dataset
 
 #: Data that follow from the points and are computed again.
 _DERIVED = ('Normals', 'Tangents')

@@ -10,7 +10,7 @@ import pyvista as pv
 from pvibr.animation.figure import Figure
 from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.sources import series_of
-from pvibr.meshes.trimesh_meshes import as_dataset, is_trimesh
+from pvibr.formats.trimesh_meshes import as_dataset, is_trimesh
 
 
 def as_figure(thing):

@@ -112,13 +112,6 @@ class GltfFile:
         self._room += _GROWTH * len(data)
         return data
 
-    def check_places(self):
-        """Check that external files lie in the folder, for readers that do not."""
-        for kind in ('buffers', 'images'):
-            for i, thing in enumerate(getattr(self.document, kind)):
-                if thing.uri is not None and thing.uri[:5].lower() != 'data:':
-                    self._located(thing.uri, f'{kind}[{i}].uri')
-
     def _buffer(self, index, place):
         if index not in self._buffers:
             buffer = follow(self.document.buffers, index, place, 'buffers')

@@ -125,9 +125,16 @@ class LightIndex(_Thing, frozen=True):
     light: Index
 
 
+class Instancing(_Thing, frozen=True):
+    """Accessors of the transforms of a node's instances."""
+
+    attributes: dict[str, Index] = {}
+
+
 class NodeExtensions(_Thing, frozen=True):
     """Extensions of a node."""
 
+    instancing: Instancing | None = field(default=None, name='EXT_mesh_gpu_instancing')
     lights: LightIndex | None = field(default=None, name='KHR_lights_punctual')
 
 
@@ -228,6 +235,14 @@ class EmissiveStrength(_Thing, frozen=True):
     emissive_strength: NotNegative = 1.0
 
 
+class SpecularGlossiness(_Thing, frozen=True):
+    """Specular-glossiness shading, as files before metallic-roughness have it."""
+
+    diffuse_factor: Vec4 = (1.0, 1.0, 1.0, 1.0)
+    diffuse_texture: TextureInfo | None = None
+    glossiness_factor: Number = 1.0
+
+
 class Unlit(_Thing, frozen=True):
     """Marks an unlit material."""
 
@@ -237,6 +252,9 @@ class MaterialExtensions(_Thing, frozen=True):
 
     emissive: EmissiveStrength = field(
         default=EmissiveStrength(), name='KHR_materials_emissive_strength'
+    )
+    specular_glossiness: SpecularGlossiness | None = field(
+        default=None, name='KHR_materials_pbrSpecularGlossiness'
     )
     unlit: Unlit | None = field(default=None, name='KHR_materials_unlit')
 
@@ -264,11 +282,24 @@ class Sampler(_Named, frozen=True):
     wrap_t: Literal[33071, 33648, 10497] = 10497
 
 
+class TextureSource(_Thing, frozen=True):
+    """The WebP image of a texture."""
+
+    source: Index
+
+
+class TextureExtensions(_Thing, frozen=True):
+    """Extensions of a texture."""
+
+    webp: TextureSource | None = field(default=None, name='EXT_texture_webp')
+
+
 class Texture(_Named, frozen=True):
     """An image and its sampler."""
 
     source: Index | None = None
     sampler: Index | None = None
+    extensions: TextureExtensions = TextureExtensions()
 
 
 class Image(_Named, frozen=True):

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pvibr.formats.trimesh_meshes import is_trimesh
+from pvibr.meshes.files import scene_instances
 from pvibr.meshes.parts import are_parts
 from pvibr.meshes.pose_files import read_poses_and
-from pvibr.meshes.trimesh_meshes import is_trimesh, scene_instances
 
 
 def poses_and_scalars(poses, scalars):
@@ -24,11 +25,11 @@ def poses_and_scalars(poses, scalars):
     return poses, values
 
 
-def meshes_and_poses(mesh, poses, index):
+def meshes_and_poses(mesh, poses, index, pbr=False):
     """Return a list of meshes, poses and index; without poses, those of the scene graph."""
     if poses is None:
         if is_trimesh(mesh, 'Scene') or isinstance(mesh, str | Path):
-            meshes, index, matrices = scene_instances(mesh)
+            meshes, index, matrices = scene_instances(mesh, pbr)
             return meshes, matrices, index
         msg = 'poses is missing: give (n, 3) points or (n, 4, 4) matrices'
         raise TypeError(msg)

@@ -143,7 +143,7 @@ class Instances(ItemSet):
         self.name = name
         self.force_level = force_level
         poses, scalars = poses_and_scalars(poses, scalars)
-        meshes, poses, index = meshes_and_poses(mesh, poses, index)
+        meshes, poses, index = meshes_and_poses(mesh, poses, index, mesh_kwargs.get('pbr'))
         poses = as_poses(poses)
         index = checked_index(index, len(poses), len(meshes))
         mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}

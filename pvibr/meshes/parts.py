@@ -11,6 +11,9 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.signatures import takes
+from pvibr.formats.trimesh_meshes import as_dataset, is_trimesh
+from pvibr.meshes.files import has_graph, read_mesh, scene_instances
+from pvibr.meshes.materials import look_key, merged_look
 from pvibr.meshes.surfaces import (
     check_points,
     clipped,
@@ -19,7 +22,6 @@ from pvibr.meshes.surfaces import (
     surface_of,
     triangles_of,
 )
-from pvibr.meshes.trimesh_meshes import as_dataset, is_trimesh, read_mesh, scene_instances
 from pvibr.meshes.turntable import Turns
 
 #: Names of arrays given by value, to pass through surface filters.
@@ -192,13 +194,12 @@ class _Maker(pv.BasePlotter):
 
 
 def _parts_of(mesh, look, maker):
-    if isinstance(mesh, str | Path):
+    if isinstance(mesh, str | Path) and not has_graph(mesh):
         mesh = read_mesh(mesh)
-    if is_trimesh(mesh, 'Scene'):
+    if has_graph(mesh):
         return _from_scene(mesh, look, maker)
-    if is_trimesh(mesh, 'Trimesh'):
-        dataset, own = as_dataset(mesh, pbr=look.get('pbr'))
-        return [_from_dataset(dataset, _merged(own, look), maker)]
+    if is_trimesh(mesh, 'Trimesh') or hasattr(mesh, 'surfaces'):
+        return [_from_surface(d, own, look, maker) for d, own in _surfaces(mesh, look)]
     if isinstance(mesh, _vtk.vtkActor):
         return _from_actor(mesh, look)
     if isinstance(mesh, _vtk.vtkDataObject):
@@ -284,39 +285,39 @@ def _share_range(blocks, looks):
 
 
 def _from_scene(scene, look, maker):
-    meshes, index, matrices = scene_instances(scene)
+    meshes, index, matrices = scene_instances(scene, look.get('pbr'))
     textures: dict = {}
     alike: dict = {}
-    known = [as_dataset(mesh, look.get('pbr'), textures) for mesh in meshes]
+    known = [_surfaces(mesh, look, textures) for mesh in meshes]
     for which, matrix in zip(index, matrices, strict=True):
-        dataset, own = known[which]
-        # Every part costs a draw call: equal looks are merged.
-        key = tuple(map(_comparable, own.items())) + tuple(dataset.array_names)
-        alike.setdefault(key, (own, []))[1].append(moved(dataset, matrix))
-    return [
-        _from_dataset(_joined(pieces), _merged(own, look), maker) for own, pieces in alike.values()
-    ]
+        for dataset, own in known[which]:
+            # Every part costs a draw call: equal looks are merged.
+            key = look_key(own) + tuple(dataset.array_names)
+            alike.setdefault(key, (own, []))[1].append(moved(dataset, matrix))
+    return [_from_surface(_joined(pieces), own, look, maker) for own, pieces in alike.values()]
 
 
-def _comparable(item):
-    name, value = item
-    return name, id(value) if isinstance(value, _vtk.vtkObject) else value
+def _surfaces(mesh, look, textures=None):
+    """Return the datasets of a mesh of a file or of trimesh, each with its own look."""
+    if hasattr(mesh, 'surfaces'):
+        return mesh.surfaces
+    return [as_dataset(mesh, look.get('pbr'), textures)]
+
+
+def _from_surface(dataset, own, look, maker):
+    """Return the part of a surface with the look of its material."""
+    merged = merged_look(own, look)
+    # smooth_shading would replace the normals of a file.
+    phong = merged.get('smooth_shading') and own.get('smooth_shading')
+    phong = phong and not look.get('split_sharp_edges')
+    part = _from_dataset(dataset, merged | ({'smooth_shading': False} if phong else {}), maker)
+    if phong and not merged.get('pbr'):
+        part.actor.prop.interpolation = 'Phong'
+    return part
 
 
 def _joined(pieces):
     return pieces[0] if len(pieces) == 1 else pieces[0].append_polydata(*pieces[1:])
-
-
-def _merged(own, look):
-    """Let the user's arguments override the material; a colour also replaces textures."""
-    if any(look.get(name) is not None for name in ('color', 'scalars', 'texture')):
-        own = {
-            key: own[key] for key in own if key not in ('color', 'scalars', 'rgb', 'preference')
-        }
-        if look.get('texture') is None:
-            own.pop('texture', None)
-            own.pop('alpha_cutoff', None)
-    return own | {name: value for name, value in look.items() if value is not None}
 
 
 def _from_actor(actor, look):

@@ -6,8 +6,8 @@ import pyvista as pv
 import trimesh
 from PIL import Image
 
+from pvibr.meshes.files import scene_instances
 from pvibr.meshes.parts import Part, as_meshes, as_parts, copy_property
-from pvibr.meshes.trimesh_meshes import scene_instances
 
 
 def _picture(fill):
@@ -307,15 +307,6 @@ def test_real_files(data_dir, file, parts):
     assert len(found) == parts
     assert all(np.isfinite(part.mesh.points).all() for part in found)
     assert (found[0].actor.texture is None) == file.endswith('.obj')
-
-
-def test_instances_in_a_gltf_file(data_dir):
-    meshes, index, matrices = scene_instances(data_dir / 'gltf/SimpleInstancing.glb')
-    assert len(meshes) == 1
-    assert not index.any()
-    assert matrices.shape == (125, 4, 4)
-    np.testing.assert_allclose(matrices[:, :3, 3].max(axis=0), 10)
-    np.testing.assert_allclose(np.linalg.norm(matrices[:, :3, :3], axis=1).max(axis=0), 2)
 
 
 def test_copies_of_a_property_share_its_textures():

@@ -6,11 +6,12 @@ import io
 import math
 from typing import Any
 
+import msgspec
 import numpy as np
 import pyvista as pv
 
 from pvibr.formats.gltf_file import GltfError, GltfFile, MissingFileError, follow
-from pvibr.formats.gltf_schema import Material, Sampler, TextureInfo
+from pvibr.formats.gltf_schema import Material, Metallic, Sampler, TextureInfo
 from pvibr.maths.tones import to_display
 
 #: Name of the array of vertex colours.
@@ -43,7 +44,19 @@ class Looks:
         """Return a material."""
         if index is None:
             return Material()
-        return follow(self._file.document.materials, index, place, 'materials')
+        material = follow(self._file.document.materials, index, place, 'materials')
+        older = material.extensions.specular_glossiness
+        if older is None:
+            return material
+        if self._pbr:
+            self._file.leave_out('specular colours', f'materials[{index}]')
+        surface = Metallic(
+            base_color_factor=older.diffuse_factor,
+            base_color_texture=older.diffuse_texture,
+            metallic_factor=0.0,
+            roughness_factor=1.0 - older.glossiness_factor,
+        )
+        return msgspec.structs.replace(material, pbr_metallic_roughness=surface)
 
     def look(self, material, place, *, coordinates, colors, mirrored):
         """Return the keywords for ``add_mesh``."""
@@ -154,11 +167,13 @@ class Looks:
         sampler = Sampler()
         if texture.sampler is not None:
             sampler = follow(document.samplers, texture.sampler, f'{place}.sampler', 'samplers')
-        if texture.source is None:
+        webp = texture.extensions.webp
+        source = texture.source if webp is None else webp.source
+        if source is None:
             msg = f'{place} has no source.'
             raise GltfError(msg)
-        follow(document.images, texture.source, f'{place}.source', 'images')
-        pixels = self._pixels(texture.source)
+        follow(document.images, source, f'{place}.source', 'images')
+        pixels = self._pixels(source)
         if channels != 'RGB':
             pixels = pixels.copy()
             pixels[..., [i for i, name in enumerate('RGB') if name not in channels]] = 255

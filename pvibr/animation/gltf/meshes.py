@@ -26,7 +26,7 @@ _SETS = ('JOINTS_1', 'WEIGHTS_1')
 _MORPHED = dict(zip(('POSITION', 'NORMAL', 'TANGENT', 'COLOR_0'), WIDTHS, strict=True))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Surface:
     """A primitive as a mesh, and whether it has texture coordinates and vertex colours."""
 

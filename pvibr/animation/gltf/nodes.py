@@ -10,7 +10,9 @@ from pvibr.animation.skeleton import Skeleton
 from pvibr.formats.gltf_accessors import Accessors
 from pvibr.formats.gltf_file import GltfError, GltfFile, follow, naming
 from pvibr.maths import quaternions
+from pvibr.maths.transforms import trs
 
+INSTANCING = 'EXT_mesh_gpu_instancing'
 #: Maximum depth of the scene graph.
 _DEEPEST = 1024
 #: Bytes of a node's matrices.
@@ -103,10 +105,10 @@ def skeleton_of(file: GltfFile, parents, up):
     rotation = np.array([node.rotation for node in nodes], np.float64).reshape(-1, 4)
     scale = np.array([node.scale for node in nodes], np.float64).reshape(-1, 3)
     rotation = rotation[:, [3, 0, 1, 2]]
-    for i, node in enumerate(nodes):
-        if node.matrix is not None:
-            parts = _apart(node.matrix, f'nodes[{i}].matrix')
-            translation[i], rotation[i], scale[i] = parts
+    given = [i for i, node in enumerate(nodes) if node.matrix is not None]
+    if given:
+        parts = _apart([nodes[i].matrix for i in given], given)
+        translation[given], rotation[given], scale[given] = parts
     names = [node.name or f'node{i}' for i, node in enumerate(nodes)]
     if up == 'z':
         parents = np.append(np.where(parents < 0, len(nodes), parents), -1)
@@ -124,20 +126,57 @@ def skeleton_of(file: GltfFile, parents, up):
     return skeleton
 
 
-def _apart(matrix, place):
-    """Return translation, quaternion and scale of a column-major matrix."""
-    matrix = np.array(matrix).reshape(4, 4).T
-    linear, lengths = matrix[:3, :3], np.linalg.norm(matrix[:3, :3], axis=0)
-    if not lengths.all() or np.abs(matrix[3] - [0, 0, 0, 1]).max() > _SHEAR:
-        msg = f'{place} is singular or not affine.'
-        raise GltfError(msg)
-    left, _, right = np.linalg.svd(linear / lengths)
+def _apart(matrices, numbers):
+    """Return translations, quaternions and scales of column-major matrices (n, 16)."""
+    matrices = np.array(matrices).reshape(-1, 4, 4).swapaxes(1, 2)
+    linear = matrices[:, :3, :3]
+    lengths = np.linalg.norm(linear, axis=1)
+    last = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(1)
+    _refuse(~lengths.all(1) | (last > _SHEAR), numbers, 'is singular or not affine')
+    left, _, right = np.linalg.svd(linear / lengths[:, None])
     rotation = left @ right
-    if np.abs(rotation * lengths - linear).max() > _SHEAR * lengths.max():
-        msg = f'{place} is sheared, which glTF forbids.'
+    shear = np.abs(rotation * lengths[:, None] - linear).max((1, 2))
+    _refuse(shear > _SHEAR * lengths.max(1), numbers, 'is sheared, which glTF forbids')
+    sign = np.ones((len(matrices), 3))
+    sign[np.linalg.det(rotation) < 0, 2] = -1
+    rotation = quaternions.from_matrices(rotation * sign[:, None])
+    return matrices[:, :3, 3], rotation, lengths * sign
+
+
+def _refuse(bad, numbers, fault):
+    if bad.any():
+        msg = f'nodes[{numbers[bad.argmax()]}].matrix {fault}.'
         raise GltfError(msg)
-    sign = np.array([1.0, 1.0, -1.0 if np.linalg.det(rotation) < 0 else 1.0])
-    return matrix[:3, 3], quaternions.from_matrices(rotation * sign), lengths * sign
+
+
+def copies_of(file: GltfFile, accessors: Accessors, nodes):
+    """Return the matrices of instances, (k, 4, 4), of the nodes that have some."""
+    copies = {}
+    for number in nodes:
+        node, place = file.document.nodes[number], f'nodes[{number}].extensions.{INSTANCING}'
+        instancing = node.extensions.instancing
+        if instancing is not None and node.skin is not None:
+            file.leave_out('instances of a skinned mesh', place)
+        elif instancing is not None:
+            copies[number] = _copies(file, accessors, instancing.attributes, place)
+    return copies
+
+
+def _copies(file, accessors, attributes, place):
+    counts = {accessors.count(index, place) for index in attributes.values()}
+    if len(counts) != 1:
+        msg = f'{place} has {len(counts)} counts of instances; all must be the same.'
+        raise GltfError(msg)
+    (count,) = counts
+    file.spend(_NODE * count, place)
+    parts = [
+        accessors.floats(attributes[name], f'{place}.{name}', kind) if name in attributes else None
+        for name, kind in (('TRANSLATION', 'VEC3'), ('ROTATION', 'VEC4'), ('SCALE', 'VEC3'))
+    ]
+    moves, spins, sizes = parts
+    spins = None if spins is None else spins[:, [3, 0, 1, 2]]
+    with naming(place):
+        return trs(np.zeros((count, 3)) if moves is None else moves, spins, sizes)
 
 
 def bind_of(file: GltfFile, accessors: Accessors, index):

