@@ -163,6 +163,12 @@ class Crowd(Instances):
     def _group(self, *args):
         return CrowdGroup(self._crowd_state, *args)
 
+    def _replace(self, poses, index):
+        if len(poses) != len(self):
+            msg = f'poses has {len(poses)} rows; a crowd keeps its {len(self)} figures'
+            raise ValueError(msg)
+        super()._replace(poses, index)
+
     # -- what each one plays -----------------------------------------------------------------
 
     @property
@@ -224,7 +230,7 @@ class Crowd(Instances):
         playback.offset[ids] = -speed * start
         if len(self._clips) > known:
             self._models = self._baked()
-            self._rebuild(self._poses)
+            self._rebuild()
         self._moved()
 
     def _moved(self):

@@ -55,10 +55,18 @@ class CrowdGroup(InstanceGroup):
             PosedPool(level, self.state.mesh_actors, self.state.skinning) for level in self.levels
         ]
 
-    def upload(self, window):
-        """Upload atlas and instances; the context is current."""
-        super().upload(window)
-        self._era = None
+    def _placed(self, rows=None):
+        super()._placed(rows)
+        self.moved()
+
+    def release(self):
+        """Release all GPU resources; the context must be alive."""
+        window = self.cards.window
+        super().release()
+        self.moved()
+        if window is not None:
+            for pool in self.pools:
+                pool.release(window)
 
     def moved(self):
         """Upload the playback again with the next frame."""
@@ -97,14 +105,6 @@ class CrowdGroup(InstanceGroup):
     def nbytes(self) -> int:
         """Bytes on the GPU."""
         return self.cards.nbytes + sum(pool.nbytes for pool in self.pools)
-
-    def release(self):
-        """Release all GPU resources; the context must be alive."""
-        window = self.cards.window
-        super().release()
-        if window is not None:
-            for pool in self.pools:
-                pool.release(window)
 
 
 class CrowdState:

@@ -1,6 +1,8 @@
-"""A texture with mip levels, uploaded or copied from a target."""
+"""Levels and rows of textures: uploaded, or copied from a target."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -98,3 +100,23 @@ def copy(source: Target | _Level, target: Target | _Level, *, turned=False):
     rects = (left, 0, right, source.height), (0, 0, target.width, target.height)
     state = source.window.GetState()
     blit(state, source.object, target.object, gl.COLOR_BUFFER_BIT, *rects, gl.LINEAR)
+
+
+def put_rows(texture, array, rows):
+    """Replace rising rows of a texture by those of an array that is as large."""
+    height, width = array.shape[:2]
+    if 2 * len(rows) > height:
+        texture.upload(array)
+        return
+    part = Texture(texture.window).upload(array[rows])
+    source = _Level(texture.window, part.object, 0, width, len(rows))
+    target = _Level(texture.window, texture.object, 0, width, height)
+    starts = np.flatnonzero(np.diff(rows, prepend=-2) != 1).tolist()
+    for a, b in pairwise([*starts, len(rows)]):
+        row = int(rows[a])
+        rects = (0, a, width, b), (0, row, width, row + b - a)
+        state = texture.window.GetState()
+        blit(state, source.object, target.object, gl.COLOR_BUFFER_BIT, *rects)
+    for level in (source, target):
+        level.object.ReleaseGraphicsResources(texture.window)
+    part.release()

@@ -188,6 +188,8 @@ class Impostor(Substitute):
 
     def _update(self):
         self._forget_removed()
+        if any(owner.outgrown() for owner in self._leaves.sets):
+            self._begin_again(self.things)
         changed = self._leaves.update()
         if not changed:
             return
@@ -204,8 +206,10 @@ class Impostor(Substitute):
         self._props_time = time
         present = addresses(self.pipeline.renderer.GetViewProps())
         kept = [thing for thing in self.things if address(thing) in present]
-        if len(kept) == len(self.things):
-            return
+        if len(kept) < len(self.things):
+            self._begin_again(kept)
+
+    def _begin_again(self, kept):
         self._leaves.release(self.pipeline.window)
         self._stand_for(kept)
         self._version += 1

@@ -31,6 +31,7 @@ class InstanceSet:
             for number, group in enumerate(thing.groups)
             for first in range(0, len(group), self.per)
         ]
+        self._counts = [len(group) for group in thing.groups]
         self._content_key: tuple | None = None
         self._imaged = b''
         self._pools: dict = {}
@@ -40,6 +41,10 @@ class InstanceSet:
         """Return True if anything changed since the last call."""
         content_key, self._content_key = self._content_key, self.thing.content_key()
         return content_key != self._content_key
+
+    def outgrown(self) -> bool:
+        """Return True if the set has other instances in its blocks."""
+        return [len(group) for group in self.thing.groups] != self._counts
 
     def update(self):
         """Update positions and looks of the instances."""

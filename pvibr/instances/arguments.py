@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.formats.trimesh_meshes import is_trimesh
 from pvibr.meshes.files import scene_instances
+from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import are_parts
 from pvibr.meshes.pose_files import read_poses_and
 
@@ -51,6 +52,66 @@ def checked_index(index, n, meshes):
         msg = f'index[{i}] is {index[i]}; there are {meshes} meshes: it must be 0 to {meshes - 1}'
         raise ValueError(msg)
     return index
+
+
+def index_of_phase(phase, meshes):
+    """Return the meshes that phases, modulo 1, show."""
+    phase = np.asarray(phase)
+    if phase.dtype.kind not in 'fiu' or not np.isfinite(phase).all():
+        msg = f'phase has dtype {phase.dtype}; it must be finite numbers'
+        raise ValueError(msg)
+    return np.minimum((phase % 1.0 * meshes).astype(int), meshes - 1)
+
+
+def index_for(count, before, meshes):
+    """Return the meshes of so many instances that show what they did before."""
+    if count == len(before):
+        return before
+    if meshes == 1:
+        return np.zeros(count, int)
+    if np.array_equal(before, np.arange(len(before)) % meshes):
+        return np.arange(count) % meshes
+    msg = (
+        f'poses has {count} rows, index has {len(before)}: give both, '
+        'as in update(poses=..., index=...)'
+    )
+    raise ValueError(msg)
+
+
+def checked_ids(ids, count):
+    """Return the indices of some of so many instances."""
+    if isinstance(ids, slice):
+        return np.arange(*ids.indices(count))
+    ids = np.atleast_1d(np.asarray(ids))
+    if ids.dtype == bool and ids.shape == (count,):
+        return np.flatnonzero(ids)
+    if ids.size == 0:
+        return np.zeros(0, int)
+    if ids.ndim != 1 or ids.dtype.kind not in 'iu':
+        msg = f'ids has shape {ids.shape}, dtype {ids.dtype}; it must be (k,) integers'
+        raise IndexError(msg)
+    wrong = ids[(ids < -count) | (ids >= count)]
+    if len(wrong):
+        msg = f'ids has {wrong[0]}; there are {count} instances'
+        raise IndexError(msg)
+    return ids % count
+
+
+def repeated(name, values, count):
+    """Return one value for each of so many instances; a single one is that of all."""
+    values = np.asarray(values)
+    rows = values[None] if values.ndim == 0 else values
+    if len(rows) not in (1, count):
+        msg = f'{name} has {len(rows)} rows; it must be one, or one for each of {count} instances'
+        raise ValueError(msg)
+    return np.broadcast_to(rows, (count, *rows.shape[1:]))
+
+
+def same_kind(poses, others):
+    """Return points and matrices both as matrices, two of a kind as they are."""
+    if poses.ndim == others.ndim:
+        return poses, others
+    return tuple(trs(a) if a.ndim == 2 else a for a in (poses, others))
 
 
 def checked_blend(blend):

@@ -9,13 +9,14 @@ import numpy as np
 
 from pvibr.gl import Texture, shader_source
 from pvibr.gl.feature import DITHER, Feature, sections
+from pvibr.gl.mipmaps import put_rows
 from pvibr.instances.atlas import MARGIN, pyramid
+from pvibr.instances.placement import WIDTH
 from pvibr.maths.blocks import BLOCK
 from pvibr.meshes.turntable import LEVEL
 from pvibr.scene.shader_draws import DULL, PBR, ROW, ShaderDraws, pack
 
 _CHUNK = 8192  # cards of one draw
-_POSE_WIDTH = 3072  # texels; a multiple of 3, so that a pose stays in one row
 # Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
 _SOFT_LIGHT = '#define max(a, b) ibr_lit(a, b)\n//VTK::Light::Impl\n#undef max\n'
 
@@ -81,6 +82,7 @@ TURNTABLE = CardShader('turntable', views=1, steps=0, sides=2)
 #: In the order of their cost, those of a turntable included.
 ALL_CARD_SHADERS = (SPLAT, BILLBOARD, TURNTABLE, FLAT, PARALLAX, BLENDED)
 _NEVER = (1e30, 1e30, 0.0, 0.0)
+_EVERYWHERE = (-1e30, 1e30) * 3  # VTK culls draws by their bounds, and blocks are culled already
 
 
 def ends(low, high, fade) -> tuple:
@@ -114,11 +116,15 @@ def slab_counts(instances, meshes, turned=False) -> dict[str, int]:
 class Cards:
     """The instances of one atlas as cards."""
 
-    def __init__(self, atlas, count, unit, draws, bounds, prop, binder):
+    def __init__(self, atlas, capacity, unit, draws, prop, binder):
         self.atlas, self.binder, self.window = atlas, binder, None
         self.textures: dict[str, Texture] = {}
+        self._poses = np.zeros((1, WIDTH, 4), np.float32)
+        self._looks = np.zeros((1, 1, 4), np.uint8)
+        # What changed since it was uploaded: its rows, None for all.
+        self._stale: dict[str, list | None] = {}
         self.uniforms = {
-            'ibr_count': count,
+            'ibr_count': 0,
             'ibr_views': atlas.views,
             'ibr_half': int(atlas.half),
             'ibr_tile': atlas.tile,
@@ -140,9 +146,10 @@ class Cards:
                 'ibr_turn_start': tuple(map(float, sides[0])),
             }
         self.unit = unit
-        draws = draws or slab_counts(count, 1, turntable is not None)
+        draws = draws or slab_counts(capacity, 1, turntable is not None)
+        most = min(_CHUNK, max(1, -(-capacity // unit)) * unit)
         used = [p for p in ALL_CARD_SHADERS if p.name in draws]
-        self.layers = {p.name: _Layer(self, p, prop, draws[p.name], bounds) for p in used}
+        self.layers = {p.name: _Layer(self, p, prop, draws[p.name], most) for p in used}
 
     @property
     def nbytes(self) -> int:
@@ -164,8 +171,32 @@ class Cards:
         """Return all actors in drawing order, far cards first."""
         return [a for layer in self.layers.values() for a in layer.actors]
 
-    def upload(self, window, rows):
-        """Upload images and poses; the context is current."""
+    def place(self, placement, rows=None):
+        """Take over the poses of a placement, or some rows of them, with the next upload."""
+        self.uniforms |= {'ibr_count': len(placement.ids), 'ibr_texels': placement.texels}
+        self._poses, stale = placement.rows, self._stale.get('ibr_poses', ())
+        self._stale['ibr_poses'] = None if rows is None or stale is None else [*stale, rows]
+
+    def look(self, looks):
+        """Take over colours of instances with the next upload."""
+        self.uniforms['ibr_has_looks'] = int(looks is not None)
+        self._looks = np.zeros((1, 1, 4), np.uint8) if looks is None else pack(looks, ROW, 4)
+        self._stale['ibr_looks'] = None
+
+    def upload(self, window):
+        """Upload what changed; the context is current."""
+        if self.window is None:
+            self._begin(window)
+        images = {'ibr_poses': self._poses, 'ibr_looks': self._looks}
+        for name, rows in self._stale.items():
+            if rows is None:
+                self.textures[name].upload(images[name])
+            else:
+                put_rows(self.textures[name], images[name], np.unique(np.concatenate(rows)))
+        self._stale = {}
+
+    def _begin(self, window):
+        """Upload what stays as it is."""
         self.window = window
         names = ('ibr_geometry', 'ibr_albedo')
         for name, picture in zip(names, self.atlas.textures(), strict=True):
@@ -174,19 +205,12 @@ class Cards:
             for name, picture in zip(names, (turns.geometry, turns.albedo), strict=True):
                 texture = Texture(window, filter='linear')
                 self.turned[name] = texture.upload(pyramid(picture, turns.tile))
-        self.textures['ibr_poses'] = Texture(window).upload(pack(rows, _POSE_WIDTH, 4))
-        self.textures['ibr_looks'] = Texture(window).upload(np.zeros((1, 1, 4), np.uint8))
-        self.uniforms['ibr_texels'] = 1 if rows.ndim == 2 else 3
         if self.atlas.animated:
             self.textures['ibr_bins'] = Texture(window).upload(self.atlas.bins)
             self.textures['ibr_moves'] = Texture(window)
             self.uniforms['ibr_pages'] = self.atlas.pages
-
-    def look(self, looks):
-        """Upload per-instance colours."""
-        self.uniforms['ibr_has_looks'] = int(looks is not None)
-        if looks is not None and self.window is not None:
-            self.textures['ibr_looks'].upload(pack(looks, ROW, 4))
+        self.textures |= {name: Texture(window) for name in ('ibr_poses', 'ibr_looks')}
+        self._stale = dict.fromkeys(('ibr_poses', 'ibr_looks'))
 
     def move(self, moves):
         """Upload the motion of instances of an animated atlas."""
@@ -228,15 +252,14 @@ class Cards:
 class _Layer(ShaderDraws):
     """The cards of one shader."""
 
-    def __init__(self, cards, shader, prop, draws, bounds):
+    def __init__(self, cards, shader, prop, draws, most):
         self.cards, self.shader = cards, shader
         shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
         turned = cards.atlas.turntable is not None
         feature = shader.feature(shiny, cards.atlas.animated, turned)
-        whole = -(-cards.uniforms['ibr_count'] // cards.unit) * cards.unit
         look = {'prop': prop, 'feature': feature, 'binder': cards.binder}
-        super().__init__(draws=draws, chunk=min(_CHUNK, whole), **look)
-        self.place_cards(bounds, shader.corners)
+        super().__init__(draws=draws, chunk=most, **look)
+        self.place_cards(_EVERYWHERE, shader.corners)
         self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
         self.dithered, self.unit = False, cards.unit
         self.tint: tuple | None = None  # a colour for all that it draws

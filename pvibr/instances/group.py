@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.instances.cards import Cards, ends
 from pvibr.instances.mesh_pool import MeshPool
-from pvibr.maths.blocks import BLOCK, Blocks, morton_order
+from pvibr.instances.placement import Placement, spheres
+from pvibr.maths.blocks import BLOCK, Blocks
 from pvibr.meshes.parts import copy_property
 from pvibr.meshes.turntable import LEVEL
 
@@ -46,12 +46,6 @@ class Choice:
         return max(self.sizes[3], self.level[3])
 
 
-def stretches(axes):
-    """Return bounds on the stretch of matrices, exact if their columns are orthogonal."""
-    squares = np.swapaxes(axes, 1, 2) @ axes
-    return np.sqrt(np.abs(squares).sum(2).max(1))
-
-
 def unit_of(count) -> int:
     """Return the number of instances that are culled and sorted together."""
     return 1 if count <= SORTED else BLOCK
@@ -60,17 +54,13 @@ def unit_of(count) -> int:
 class InstanceGroup:
     """Instances of one mesh."""
 
-    def __init__(self, model, ids, poses, binder, unit=1, draws=None):
-        self.model, self.levels, self.atlas, self.poses = model, model.levels, model.atlas, poses
-        self.unit = unit
-        centers, radii = self._spheres(ids)
-        order = morton_order(centers)
-        self.ids = ids[order].astype(np.int32)
-        self.radii = radii[order].astype(np.float32)
-        self.blocks = Blocks.of(centers[order], radii[order], unit)
+    def __init__(self, model, binder, unit, capacity, draws=None):
+        self.model, self.levels, self.atlas = model, model.levels, model.atlas
+        self.unit, self.poses = unit, np.zeros((0, 3))
+        self.placement = Placement(self.atlas, unit)
         self.pools = self._pools()
         prop = _card_property(self.levels[0].parts)
-        self.cards = Cards(self.atlas, len(ids), self.unit, draws, self.bounds, prop, binder)
+        self.cards = Cards(self.atlas, capacity, unit, draws, prop, binder)
         self.looks: np.ndarray | None = None
         self.near: dict[int, int] = {}
         self.counts: dict[str, int] = {}
@@ -79,6 +69,43 @@ class InstanceGroup:
     def __len__(self):
         return len(self.ids)
 
+    @property
+    def ids(self) -> np.ndarray:
+        """Index of the instance in each slot."""
+        return self.placement.ids
+
+    @property
+    def radii(self) -> np.ndarray:
+        """Radius of the bounding sphere of each slot, world units."""
+        return self.placement.radii
+
+    @property
+    def blocks(self) -> Blocks:
+        """Slots that are culled and chosen together."""
+        return self.placement.blocks
+
+    def put(self, poses, ids):
+        """Show some of the poses, in an order that keeps neighbours together."""
+        self.poses = poses
+        self.placement.put(poses, ids)
+        self._placed()
+
+    def move(self, poses, slots):
+        """Take over new poses of some slots."""
+        self.poses = poses
+        blocks = np.unique(slots // self.unit)
+        self.placement.move(poses, blocks)
+        self._placed(self.placement.rows_of(blocks))
+
+    def _placed(self, rows=None):
+        self.cards.place(self.placement, rows)
+        self._lend_anew()
+
+    def _lend_anew(self):
+        self.near, self.seen = {}, np.zeros(0, int)
+        for pool in self.pools:
+            pool.show((), self.matrix, self._look)
+
     def _pools(self) -> list:
         return [MeshPool(level) for level in self.levels]
 
@@ -86,18 +113,9 @@ class InstanceGroup:
         """Return the meshes of an instance for ray casting, as Parts in model coordinates."""
         return self.levels[0].parts
 
-    def _spheres(self, ids):
-        """Return centres and radii of the bounding spheres of instances, world units."""
-        center, radius = self.atlas.center, self.atlas.radius
-        poses = self.poses[ids]
-        if poses.ndim == 2:
-            return poses + center, np.full(len(poses), radius)
-        axes = poses[:, :3, :3]
-        return axes @ center + poses[:, :3, 3], stretches(axes) * radius
-
     def centers(self, slots):
         """Return the centres of the bounding spheres of some slots, world units."""
-        return self._spheres(self.ids[slots])[0]
+        return spheres(self.poses, self.ids[slots], self.atlas.center, self.atlas.radius)[0].T
 
     def matrix(self, slot):
         """Return the pose of a slot as a matrix, shape (4, 4)."""
@@ -111,33 +129,15 @@ class InstanceGroup:
     @property
     def bounds(self):
         """World bounds of all bounding spheres: x, y and z, low and high."""
+        if not len(self):
+            return np.array([1.0, -1.0] * 3)
         reach = (self.blocks.reach + self.blocks.largest)[:, None]
         low, high = (self.blocks.centers - reach).min(0), (self.blocks.centers + reach).max(0)
         return np.stack([low, high], 1).ravel()
 
     def upload(self, window):
-        """Upload atlas and poses; the context is current."""
-        self.cards.upload(window, self._rows())
-        self.cards.look(self.looks)
-
-    def _rows(self):
-        """Return the poses for the GPU: float32, relative to the block's origin."""
-        local = self._local.T
-        if self.poses.ndim == 2:
-            rows = np.zeros((len(local), 4), np.float32)
-            rows[:, :3] = local
-            return rows
-        rows = np.empty((len(local), 3, 4), np.float32)
-        rows[:, :, :3] = self.poses[self.ids, :3, :3]
-        rows[:, :, 3] = local
-        return rows
-
-    @cached_property
-    def _local(self):
-        """Centres relative to the block's origin, shape (3, n), float32."""
-        centers, _ = self._spheres(self.ids)
-        origins = np.repeat(self.blocks.centers, self.unit, 0)[: len(centers)]
-        return np.ascontiguousarray((centers - origins).T, np.float32)
+        """Upload what changed; the context is current."""
+        self.cards.upload(window)
 
     def set_looks(self, looks, multiply=False):
         """Set the looks of instances."""
@@ -208,7 +208,7 @@ class InstanceGroup:
         slots = slots[slots < len(self)]
         turn = frame.view_from_world[:3, :3].astype(np.float32)
         # Not by the threads of a matrix product, which take longer where a machine is busy.
-        eye = np.einsum('ij,jn->in', turn, self._local.take(slots, 1))
+        eye = np.einsum('ij,jn->in', turn, self.placement.local(slots))
         eye += choice.table[:, :3].T.take(entries, 1)
         away = np.maximum(_lengths(eye), 1e-30)
         size = 2 * frame.pixel_scale * self.radii[slots] / (1.0 if frame.parallel else away)
@@ -279,9 +279,7 @@ class InstanceGroup:
     def hide(self):
         """Hide all instances."""
         self.cards.hide()
-        self.near, self.seen = {}, np.zeros(0, int)
-        for pool in self.pools:
-            pool.show((), self.matrix, self._look)
+        self._lend_anew()
 
     def release(self):
         """Free GPU memory; the context is current."""

@@ -9,27 +9,27 @@ import numpy as np
 from pvibr.core.errors import PvibrWarning
 from pvibr.core.params import Param
 from pvibr.core.signatures import takes
-from pvibr.gl.binder import Binder
 from pvibr.instances.arguments import (
     checked_blend,
     checked_index,
     checked_views,
+    index_of_phase,
     meshes_and_poses,
     poses_and_scalars,
+    repeated,
 )
-from pvibr.instances.cards import slab_counts, slabs
-from pvibr.instances.group import SORTED_SEEN, InstanceGroup, unit_of
-from pvibr.instances.levels import Limits, checked_force, forced_limits, limits_of, make_model
+from pvibr.instances.cards import slabs
+from pvibr.instances.group import SORTED_SEEN
+from pvibr.instances.levels import Limits, checked_force, forced_limits, limits_of
+from pvibr.instances.posed_set import PosedSet
 from pvibr.meshes.parts import as_meshes, as_parts
 from pvibr.meshes.poses import as_poses
 from pvibr.scene import looks as look
-from pvibr.scene.item_set import ItemSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import nearest_hit
-from pvibr.scene.thing import joined_bounds
 
 
-class Instances(ItemSet):
+class Instances(PosedSet):
     """A mesh, or several, drawn at many poses: near as a mesh, far as images on cards.
 
     Parameters
@@ -42,6 +42,8 @@ class Instances(ItemSet):
         :func:`pvibr.read_poses`.
     index : array_like of int, shape (n,), optional
         Mesh of each instance if there are several; in turn by default.
+    phase : array_like of float, shape (n,), or float, optional
+        The same as a fraction of all meshes, modulo 1, for meshes that are phases of a motion.
     max_error : float
         Maximum distance of the outline from that of the mesh, in pixels.
     name : str, optional
@@ -91,12 +93,9 @@ class Instances(ItemSet):
     """
 
     FOR_USERS: tuple[str, ...] = (
-        'n_instances',
-        'poses',
         'bounds',
         'atlases',
         'force_level',
-        'update',
         'pick',
         'instance_of',
         'actors',
@@ -105,9 +104,6 @@ class Instances(ItemSet):
     web = 'baked', 'meshes, far ones billboard clouds'
     presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
     moved_by = 'set its poses'
-    #: Indices of instances that another thing draws in frames of the scene's own camera.
-    covered: np.ndarray | None = None
-    _applied: np.ndarray | None = None
     _force_level: str | dict | None = None
     _forced: dict[str, tuple] = {}
 
@@ -123,6 +119,7 @@ class Instances(ItemSet):
         poses=None,
         *,
         index=None,
+        phase=None,
         max_error=1.0,
         name=None,
         scalars=None,
@@ -145,16 +142,15 @@ class Instances(ItemSet):
         poses, scalars = poses_and_scalars(poses, scalars)
         meshes, poses, index = meshes_and_poses(mesh, poses, index, mesh_kwargs.get('pbr'))
         poses = as_poses(poses)
+        if phase is not None:
+            index = index_of_phase(repeated('phase', phase, len(poses)), len(meshes))
+            self._wanted = frozenset(range(len(meshes)))
         index = checked_index(index, len(poses), len(meshes))
         mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
         asked = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
-        parts = as_meshes(meshes, theme=theme, **asked)
-        used = np.unique(index)
-        models = {
-            int(k): make_model(parts[k], half=checked_views(views), cache=cache, progress=progress)
-            for k in used
-        }
-        self._begin(poses, index, models, pickable)
+        meshes = as_meshes(meshes, theme=theme, **asked)
+        baking = {'half': checked_views(views), 'cache': cache, 'progress': progress}
+        self._begin(poses, index, {}, pickable, meshes, baking)
         self._paint(scalars, colors)
 
     def _ask(self, count, scalars, colors, blend, asked) -> dict:
@@ -170,72 +166,11 @@ class Instances(ItemSet):
             asked = {'scalars': scalars, **asked}
         return {k: v for k, v in asked.items() if v is not None}
 
-    def _begin(self, poses, index, models, pickable):
-        self._models = models
-        self._binder = Binder()
-        self._failure: str | None = None
-        self.pickable = pickable
-        self._scalars = self._colors = self._visible = self.table = None
-        self._set_poses(poses, index)
-
     def _paint(self, scalars, colors):
         if scalars is not None and not isinstance(scalars, str):
             self.scalars = scalars
         elif colors is not None:
             self.colors = colors
-
-    # -- what it is made of ------------------------------------------------------------------
-
-    @property
-    def n_instances(self) -> int:
-        """Number of instances."""
-        return len(self._poses)
-
-    def __len__(self):
-        return len(self._poses)
-
-    @property
-    def poses(self) -> np.ndarray:
-        """Points (n, 3) or matrices (n, 4, 4), world units; setting them bakes nothing."""
-        return self._poses
-
-    @poses.setter
-    def poses(self, poses):
-        poses = as_poses(poses)
-        if len(poses) != len(self._poses):
-            msg = f'poses has {len(poses)} rows; it must keep its {len(self._poses)} instances'
-            raise ValueError(msg)
-        self._rebuild(poses)
-
-    def _rebuild(self, poses):
-        """Build again what depends on poses and models."""
-        pipeline = self.pipeline
-        if pipeline is not None:
-            pipeline.make_current()
-        for group in self.groups:
-            group.release()
-        if pipeline is not None:
-            self._take_out(pipeline.renderer)
-        self._set_poses(poses, self._index)
-        self._repaint()
-        if pipeline is not None:
-            self._put_in(pipeline.renderer)
-
-    def _set_poses(self, poses, index):
-        self._poses, self._index = poses, index
-        #: What draws the instances of each mesh: its cards, its meshes, what is seen of them.
-        self.groups: list = []
-        ids = {k: np.flatnonzero(index == k) for k in self._models}
-        turned = any(model.atlas.turntable is not None for model in self._models.values())
-        unit, draws = unit_of(len(poses)), slab_counts(len(poses), len(ids), turned)
-        for k, model in self._models.items():
-            self.groups.append(self._group(model, ids[k], poses, self._binder, unit, draws))
-        self._uploaded = False
-        self._touch()
-        self._set_bounds(joined_bounds([tuple(g.bounds) for g in self.groups]))
-
-    def _group(self, *args):
-        return InstanceGroup(*args)
 
     @property
     def atlases(self) -> list:
@@ -262,68 +197,6 @@ class Instances(ItemSet):
         if self._failure or not model.atlas.errors:
             return limits_of({}, count, 1)
         return forced_limits(self._forced, count) if self._forced else model.limits(self.max_error)
-
-    @property
-    def multiplies(self) -> bool:
-        """Whether colours of instances multiply those of the mesh."""
-        return self._blend == 'multiply'
-
-    # -- looks of single instances -----------------------------------------------------------
-
-    def update(self, ids, *, scalars=None, colors=None, visible=None):
-        """Change some instances; nothing is baked.
-
-        Parameters
-        ----------
-        ids : array_like of int
-            Instances to change.
-        scalars, colors, visible : optional
-            New values.
-
-        Raises
-        ------
-        IndexError
-            If an instance does not exist.
-        ValueError
-            If the number of values is wrong.
-        """
-        ids, changed = np.asarray(ids), {}
-        if scalars is not None:
-            before = self._scalars
-            changed['scalars'] = np.full(len(self), np.nan) if before is None else before.copy()
-            changed['scalars'][ids] = scalars
-        if colors is not None:
-            rows = np.atleast_2d(np.asarray(colors))
-            changed['colors'] = self._base_colors()
-            changed['colors'][ids] = look.as_colors(rows, len(rows))
-        if visible is not None:
-            changed['visible'] = self.visible.copy()
-            changed['visible'][ids] = visible
-        for name, values in changed.items():
-            setattr(self, name, values)
-
-    def _base_colors(self):
-        if self._colors is not None:
-            return self._colors.copy()
-        prop = self.groups[0].levels[0].parts[0].actor.GetProperty()
-        return np.tile(np.rint(np.array(prop.GetColor()) * 255).astype(np.uint8), (len(self), 1))
-
-    def _repaint(self):
-        self._apply_looks(self._applied)
-        self._touch()
-
-    def _apply_looks(self, covered):
-        """Upload the looks, without what others draw."""
-        self._applied = covered
-        shown = self._visible
-        if covered is not None:
-            shown = self.visible.copy()
-            shown[covered] = False
-        merged = look.merge(len(self), self._colors, shown)
-        if self.pipeline is not None:
-            self.pipeline.make_current()
-        for group in self.groups:
-            group.set_looks(merged, self.multiplies)
 
     def scalar_mapper(self):
         """Return a mapper with the table of the shown scalars, None without scalars."""
@@ -368,15 +241,12 @@ class Instances(ItemSet):
 
     def prepare(self, frame):
         """Choose levels again if camera, size or settings changed."""
-        if not self._uploaded:
-            for group in self.groups:
-                group.upload(frame.window)
-            self._uploaded = True
         self._keep_last(frame.renderer)
         covered = self.covered if frame.own and not frame.picking else None
         if covered is not self._applied:
             self._apply_looks(covered)
             self._content_key = None
+        self._upload(frame.window)
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         how = frame.picking, frame.casting, frame.quality
         content_key = (*camera, frame.size, self.revision, *how)

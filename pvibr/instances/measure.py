@@ -165,7 +165,8 @@ class _Sheet:
         atlas = model.atlas
         self.spacing = 2 * atlas.radius * _CELL
         poses = _poses(atlas, self.spacing, views)
-        self.group = InstanceGroup(model, np.arange(len(poses)), poses, Binder())
+        self.group = InstanceGroup(model, Binder(), 1, len(poses))
+        self.group.put(poses, np.arange(len(poses), dtype=np.int32))
         self.group.upload(self.window)
         for actor in self.group.cards.actors():
             self.renderer.AddViewProp(actor)

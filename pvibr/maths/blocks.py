@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 #: Instances that are culled, sorted and chosen together.
 BLOCK = 64
+_CHILDREN = 64  # blocks that are culled together first
+_FEW = 1024  # blocks up to which this does not pay
 
 
 def morton_order(points):
@@ -98,6 +100,23 @@ class Blocks:
     reach: np.ndarray
     largest: np.ndarray
     smallest: np.ndarray
+    _parents: Blocks | None = field(default=None, repr=False)
+
+    @classmethod
+    def empty(cls, count) -> Blocks:
+        """Return blocks to be filled.
+
+        Parameters
+        ----------
+        count : int
+            Their number.
+
+        Returns
+        -------
+        Blocks
+            The blocks.
+        """
+        return cls(np.empty((count, 3)), *np.empty((3, count)))
 
     @classmethod
     def of(cls, centers, radii, size) -> Blocks:
@@ -115,17 +134,48 @@ class Blocks:
         Blocks
             The groups.
         """
-        starts = np.arange(0, len(centers), size)
-        low = np.minimum.reduceat(centers, starts)
-        high = np.maximum.reduceat(centers, starts)
-        middle = (low + high) / 2
-        away = np.linalg.norm(centers - np.repeat(middle, size, 0)[: len(centers)], axis=1)
-        return cls(
-            middle,
-            np.maximum.reduceat(away, starts),
-            np.maximum.reduceat(radii, starts).astype(float),
-            np.minimum.reduceat(radii, starts).astype(float),
-        )
+        slots = members(np.arange(-(-len(centers) // size)), size, len(centers))
+        blocks = cls.empty(len(slots))
+        blocks.fill(slice(None), centers.T.take(slots, 1), radii[slots])
+        return blocks
+
+    def fill(self, where, centers, radii) -> np.ndarray:
+        """Set the spheres in some blocks.
+
+        Parameters
+        ----------
+        where : slice or array_like of int
+            The k blocks.
+        centers, radii : numpy.ndarray, shape (3, k, size) and (k, size), float64
+            Bounding spheres of their instances, world units.
+
+        Returns
+        -------
+        numpy.ndarray, shape (3, k, size)
+            Centres relative to those of the blocks.
+        """
+        self._parents = None
+        if centers.shape[2] == 1:
+            self.centers[where], self.reach[where] = centers[:, :, 0].T, 0.0
+            self.largest[where] = self.smallest[where] = radii[:, 0]
+            return np.zeros_like(centers)
+        middle = (centers.min(2) + centers.max(2)) / 2
+        local = centers - middle[:, :, None]
+        self.centers[where] = middle.T
+        self.reach[where] = np.sqrt((local * local).sum(0).max(1))
+        self.largest[where], self.smallest[where] = radii.max(1), radii.min(1)
+        return local
+
+    @property
+    def neighborhoods(self) -> Blocks:
+        """Blocks of 64 blocks each."""
+        if self._parents is None:
+            count = len(self.centers)
+            slots = members(np.arange(-(-count // _CHILDREN)), _CHILDREN, count)
+            radii = (self.reach + self.largest)[slots]
+            self._parents = Blocks.empty(len(slots))
+            self._parents.fill(slice(None), self.centers.T.take(slots, 1), radii)
+        return self._parents
 
     def seen(self, frame):
         """Return the blocks that a camera may see and the sizes of their instances on screen.
@@ -143,23 +193,68 @@ class Blocks:
             Bounds of the on-screen diameter of their instances, pixels.
         """
         view = frame.view_from_world
-        # Coordinates lie in rows, each one piece of memory: that is several times faster.
-        origins = view[:3, :3] @ self.centers.T + view[:3, 3:]
         planes = frustum_planes(frame.clip_from_view)
         planes = planes[:4]  # near and far follow what is drawn: they cull nothing
-        around = self.reach + self.largest
-        inside = (planes[:, :3] @ origins + planes[:, 3:]).min(0) > -around
-        if not frame.parallel:
-            inside &= origins[2] < around  # no plane stands behind the eye
-        index = np.flatnonzero(inside)
+        some = self._near(view, planes, frame.parallel)
+        # Coordinates lie in rows, each one piece of memory: that is several times faster.
+        origins = view[:3, :3] @ self.centers[some].T + view[:3, 3:]
+        around = self.reach[some] + self.largest[some]
+        found = np.flatnonzero(_inside(origins, around, planes, frame.parallel))
+        origins = origins.take(found, 1)
         depths = origins[2] if frame.parallel else -np.sqrt((origins * origins).sum(0))
-        index = index[np.argsort(depths[index])]
-        origins = origins.take(index, 1).T
+        order = np.argsort(depths)
+        origins, depths, found = origins.take(order, 1).T, depths[order], found[order]
+        index = found if isinstance(some, slice) else some[found]
         scale = 2 * frame.pixel_scale
         if frame.parallel:
             near = far = 1.0
         else:
-            reach, away = self.reach[index], -depths[index]
+            reach, away = self.reach[index], -depths
             near, far = np.maximum(away - reach, 1e-300), away + reach
         small, large = self.smallest[index] / far, self.largest[index] / near
         return index, origins, scale * small, scale * large
+
+    def _near(self, view, planes, parallel):
+        """Return the blocks whose neighbourhoods are in view: what is not costs nothing."""
+        count = len(self.centers)
+        if count < _FEW:
+            return slice(None)
+        parents = self.neighborhoods
+        origins = view[:3, :3] @ parents.centers.T + view[:3, 3:]
+        inside = _inside(origins, parents.reach + parents.largest, planes, parallel)
+        if inside.all():
+            return slice(None)
+        some = (np.flatnonzero(inside)[:, None] * _CHILDREN + np.arange(_CHILDREN)).ravel()
+        return some[some < count]
+
+
+def members(blocks, size, count) -> np.ndarray:
+    """Return the members of blocks, the last one instead of those that are missing.
+
+    Parameters
+    ----------
+    blocks : numpy.ndarray of int, shape (k,)
+        Blocks.
+    size, count : int
+        Members of a block, and of all.
+
+    Returns
+    -------
+    numpy.ndarray, shape (k, size), intp
+        Their indices.
+
+    Examples
+    --------
+    >>> from pvibr.maths.blocks import members
+    >>> members(np.array([0, 1]), 2, 3).tolist()
+    [[0, 1], [2, 2]]
+    """
+    return np.minimum(np.asarray(blocks)[:, None] * size + np.arange(size), count - 1)
+
+
+def _inside(origins, around, planes, parallel):
+    """Return which spheres, in view space, reach into a frustum."""
+    inside = (planes[:, :3] @ origins + planes[:, 3:]).min(0) > -around
+    if not parallel:
+        inside &= origins[2] < around  # no plane stands behind the eye
+    return inside

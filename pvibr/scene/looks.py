@@ -37,6 +37,15 @@ def as_scalars(scalars, n):
     return array.astype(float)
 
 
+def as_mask(visible, n):
+    """Return which of n items are visible, None for all."""
+    mask = np.asarray(visible)
+    if mask.dtype != bool or mask.shape not in ((), (n,)):
+        msg = f'visible has shape {mask.shape}, dtype {mask.dtype}; it must be bool, one or ({n},)'
+        raise ValueError(msg)
+    return None if mask.all() else np.broadcast_to(mask, (n,)).copy()
+
+
 def color_table(scalars, cmap=None, clim=None, **options):
     """Return the table that colours scalars as ``add_mesh`` would."""
     finite = scalars[np.isfinite(scalars)]

@@ -65,7 +65,7 @@ class Painted(Thing):
         elif colors is not None:
             self._colors = self._as_colors(colors)
         if visible is not None:
-            self._visible = self._as_mask(visible)
+            self._visible = look.as_mask(visible, len(self))
 
     def _map(self, scalars):
         values = self._as_scalars(scalars)
@@ -138,18 +138,8 @@ class Painted(Thing):
 
     @visible.setter
     def visible(self, visible):
-        self._visible = self._as_mask(visible)
+        self._visible = look.as_mask(visible, len(self))
         self._repaint()
-
-    def _as_mask(self, visible):
-        mask = np.asarray(visible)
-        if mask.dtype != bool or mask.shape not in ((), (len(self),)):
-            msg = (
-                f'visible has shape {mask.shape}, dtype {mask.dtype}; it must be bool, '
-                f'one or ({len(self)},)'
-            )
-            raise ValueError(msg)
-        return None if mask.all() else np.broadcast_to(mask, (len(self),)).copy()
 
     def scalar_mapper(self):
         """Return the actor's mapper with the table of the scalars, None without scalars."""

@@ -1,0 +1,341 @@
+"""Items at poses, each showing one of several meshes: any of it changes without baking."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.gl.binder import Binder
+from pvibr.instances.arguments import (
+    checked_ids,
+    checked_index,
+    index_for,
+    index_of_phase,
+    repeated,
+    same_kind,
+)
+from pvibr.instances.cards import slab_counts
+from pvibr.instances.group import InstanceGroup, unit_of
+from pvibr.instances.levels import make_model
+from pvibr.instances.placement import put_centers
+from pvibr.maths.blocks import morton_order
+from pvibr.meshes.poses import as_poses
+from pvibr.scene import looks as look
+from pvibr.scene.item_set import ItemSet
+from pvibr.scene.thing import joined_bounds
+
+_SPREAD = 2.0  # growth of the blocks at which their instances are no neighbours any more
+
+
+class PosedSet(ItemSet):
+    """Items at poses, in groups of one mesh each.
+
+    Parameters are those of :class:`pvibr.Effect`.
+    """
+
+    FOR_USERS: tuple[str, ...] = ('n_instances', 'poses', 'index', 'phase', 'update')
+    #: Indices of instances that another thing draws in frames of the scene's own camera.
+    covered: np.ndarray | None = None
+    #: What draws the instances of each mesh: its cards, its meshes, what is seen of them.
+    groups: list[InstanceGroup]
+    _applied: np.ndarray | None = None
+    _blend = 'replace'
+    #: Meshes to be baked whether or not an instance shows them.
+    _wanted: frozenset = frozenset()
+    _capacity = 0
+
+    def _begin(self, poses, index, models, pickable, meshes=(), baking=None):
+        """Take over checked arguments; models that lack are baked of the meshes."""
+        self._models, self._meshes, self._baking = models, meshes, baking or {}
+        self._binder = Binder()
+        self._failure: str | None = None
+        self.pickable = pickable
+        self._scalars = self._colors = self._visible = self.table = None
+        self._poses, self._index, self._order = poses, index, np.zeros(0, np.int32)
+        self._owned = False  # whether the poses are no array of the user's
+        self._make_groups()
+
+    # -- poses and meshes ----------------------------------------------------------------------
+
+    @property
+    def n_instances(self) -> int:
+        """Number of instances."""
+        return len(self._poses)
+
+    def __len__(self):
+        return len(self._poses)
+
+    @property
+    def poses(self) -> np.ndarray:
+        """Points (n, 3) or matrices (n, 4, 4), world units, read-only; see :meth:`update`."""
+        return _read_only(self._poses)
+
+    @poses.setter
+    def poses(self, poses):
+        self.update(poses=poses)
+
+    @property
+    def index(self) -> np.ndarray:
+        """Mesh of each instance, shape (n,), read-only; see :meth:`update`."""
+        return _read_only(self._index)
+
+    @index.setter
+    def index(self, index):
+        self.update(index=index)
+
+    @property
+    def phase(self) -> np.ndarray:
+        """Mesh of each instance as a fraction of all meshes, 0 to 1; setting it repeats them."""
+        return self._index / max(len(self._meshes), 1)
+
+    @phase.setter
+    def phase(self, phase):
+        self.update(phase=phase)
+
+    def update(
+        self,
+        ids=None,
+        *,
+        poses=None,
+        index=None,
+        phase=None,
+        scalars=None,
+        colors=None,
+        visible=None,
+    ):
+        """Change all instances, or some; what is baked is kept.
+
+        Parameters
+        ----------
+        ids : array_like of int or bool, or slice, optional
+            Instances to change; without, all are replaced, by any number of them.
+        poses : array_like, shape (k, 3) or (k, 4, 4), optional
+            New points or matrices, or one for all `ids`.
+        index : array_like of int, shape (k,), or int, optional
+            Meshes to show. A mesh is baked when an instance first shows it. For another number
+            of instances it is required, unless there is one mesh.
+        phase : array_like of float, shape (k,), or float, optional
+            The same as a fraction of all meshes, modulo 1.
+        scalars, colors, visible : optional
+            New values. If the number of instances changes, those that are not given are reset.
+
+        Raises
+        ------
+        IndexError
+            If an instance does not exist.
+        ValueError
+            If the number of values is wrong.
+        """
+        if phase is not None:
+            index = index_of_phase(phase, len(self._meshes))
+            self._wanted = frozenset(range(len(self._meshes)))
+        if ids is None:
+            self._update_all(poses, index, scalars, colors, visible)
+            return
+        ids = checked_ids(ids, len(self))
+        looks = self._with_looks(ids, scalars, colors, visible)
+        self._update_some(ids, poses, index)
+        for name, values in looks.items():
+            setattr(self, name, values)
+
+    def _update_all(self, poses, index, scalars, colors, visible):
+        poses = self._poses if poses is None else as_poses(poses)
+        count, meshes = len(poses), max(len(self._meshes), 1)
+        if index is not None:
+            index = checked_index(repeated('index', index, count), count, meshes)
+        else:
+            index = index_for(count, self._index, meshes)
+        looks: dict = {}
+        if scalars is not None:
+            looks['scalars'] = look.as_scalars(scalars, count)
+        if colors is not None:
+            looks['colors'] = look.as_colors(colors, count)
+        if visible is not None:
+            look.as_mask(visible, count)
+            looks['visible'] = visible
+        if poses is not self._poses or index is not self._index:
+            self._owned = self._owned and poses is self._poses
+            self._replace(poses, index)
+        for name, values in looks.items():
+            setattr(self, name, values)
+
+    def _update_some(self, ids, poses, index):
+        if index is not None:
+            index = repeated('index', index, len(ids))
+            checked_index(index, len(ids), max(len(self._meshes), 1))
+        if poses is not None:
+            poses = repeated('poses', as_poses(poses), len(ids))
+            kept, poses = same_kind(self._poses, poses)
+            if kept is not self._poses or not self._owned:
+                kept, self._owned = np.array(kept), True
+            kept[ids] = poses
+        else:
+            kept = self._poses
+        if index is not None:
+            index, new = self._index.copy(), index
+            index[ids] = new
+            self._replace(kept, index)
+        elif poses is not None:
+            same, self._poses = kept.ndim == self._poses.ndim, kept
+            if same:
+                self._move(ids)
+            else:
+                self._replace(kept, self._index)
+
+    def _replace(self, poses, index):
+        """Have other poses, any number of them, and meshes."""
+        count, before = len(poses), len(self._poses)
+        self._poses, self._index = poses, index
+        if count != before:
+            new = np.arange(before, count, dtype=np.int32)
+            self._order = np.concatenate([self._order[self._order < count], new])
+            self._scalars = self._colors = self._visible = None
+            self.covered = self._applied = None
+        if self._fits():
+            self._put_groups()
+            self._keep_neighbors()
+            self._repaint()
+        else:
+            self._rebuild()
+
+    def _move(self, ids):
+        """Take over changed poses of some instances."""
+        if self._slots is None:
+            self._slots = np.empty(len(self), np.int32)
+            for group in self.groups:
+                self._slots[group.ids] = np.arange(len(group), dtype=np.int32)
+        meshes = self._index[ids]
+        for k, group in zip(self._models, self.groups, strict=True):
+            if len(some := ids[meshes == k]):
+                group.move(self._poses, self._slots[some])
+        self._moved_groups()
+        self._keep_neighbors()
+
+    # -- groups of one mesh --------------------------------------------------------------------
+
+    def _fits(self) -> bool:
+        """Return True if the groups can show the instances as they are."""
+        count = len(self._poses)
+        same_unit = all(group.unit == unit_of(count) for group in self.groups)
+        return same_unit and count <= self._capacity and self._used() <= self._models.keys()
+
+    def _used(self) -> set:
+        return self._wanted | set(np.flatnonzero(np.bincount(self._index)).tolist())
+
+    def _rebuild(self):
+        """Build the groups again."""
+        pipeline = self.pipeline
+        if pipeline is not None:
+            pipeline.make_current()
+        for group in self.groups:
+            group.release()
+        if pipeline is not None:
+            self._take_out(pipeline.renderer)
+        self._make_groups()
+        self._repaint()
+        if pipeline is not None:
+            self._put_in(pipeline.renderer)
+
+    def _make_groups(self):
+        for k in sorted(self._used() - self._models.keys()):
+            self._models[k] = make_model(self._meshes[k], **self._baking)
+        self._models = dict(sorted(self._models.items()))
+        count = len(self._poses)
+        if count > self._capacity:
+            self._capacity = max(count, 2 * self._capacity)
+        turned = any(model.atlas.turntable is not None for model in self._models.values())
+        draws = slab_counts(self._capacity, len(self._models), turned)
+        how = self._binder, unit_of(count), self._capacity, draws
+        self.groups = [self._group(model, *how) for model in self._models.values()]
+        self._sort()
+
+    def _group(self, *args):
+        return InstanceGroup(*args)
+
+    def _sort(self):
+        """Place the instances in an order that keeps neighbours together."""
+        centers = np.empty((len(self._poses), 3))
+        for k, model in self._models.items():
+            put_centers(centers, self._poses, np.flatnonzero(self._index == k), model.atlas)
+        self._order = morton_order(centers).astype(np.int32)
+        self._put_groups()
+        self._spread = self._spread_now()
+
+    def _keep_neighbors(self):
+        """Sort the instances again if they have gone far from one another."""
+        if self._spread_now() > _SPREAD * self._spread:
+            self._sort()
+            self._repaint()
+
+    def _spread_now(self) -> float:
+        """Return how far neighbours are from one another, on average."""
+        return sum(group.placement.spread for group in self.groups) / max(len(self), 1)
+
+    def _put_groups(self):
+        self._slots: np.ndarray | None = None  # of each instance, once asked for
+        index = self._index[self._order] if len(self.groups) > 1 else None
+        for k, group in zip(self._models, self.groups, strict=True):
+            group.put(self._poses, self._order if index is None else self._order[index == k])
+        self._moved_groups()
+
+    def _moved_groups(self):
+        self._uploaded = False
+        self._touch()
+        self._set_bounds(joined_bounds([tuple(g.bounds) for g in self.groups]))
+
+    # -- looks of single instances -------------------------------------------------------------
+
+    @property
+    def multiplies(self) -> bool:
+        """Whether colours of instances multiply those of the mesh."""
+        return self._blend == 'multiply'
+
+    def _with_looks(self, ids, scalars, colors, visible) -> dict:
+        """Return all looks with those of some instances changed."""
+        changed = {}
+        if scalars is not None:
+            before = self._scalars
+            changed['scalars'] = np.full(len(self), np.nan) if before is None else before.copy()
+            changed['scalars'][ids] = scalars
+        if colors is not None:
+            rows = np.atleast_2d(np.asarray(colors))
+            changed['colors'] = self._base_colors()
+            changed['colors'][ids] = look.as_colors(rows, len(rows))
+        if visible is not None:
+            changed['visible'] = self.visible.copy()
+            changed['visible'][ids] = visible
+        return changed
+
+    def _base_colors(self):
+        if self._colors is not None:
+            return self._colors.copy()
+        prop = self.groups[0].levels[0].parts[0].actor.GetProperty()
+        return np.tile(np.rint(np.array(prop.GetColor()) * 255).astype(np.uint8), (len(self), 1))
+
+    def _repaint(self):
+        self._apply_looks(self._applied)
+        self._touch()
+
+    def _apply_looks(self, covered):
+        """Take over the looks, without what others draw."""
+        self._applied = covered
+        shown = self._visible
+        if covered is not None:
+            shown = self.visible.copy()
+            shown[covered] = False
+        merged = look.merge(len(self), self._colors, shown)
+        for group in self.groups:
+            group.set_looks(merged, self.multiplies)
+        self._uploaded = False
+
+    def _upload(self, window):
+        """Upload what changed; the context is current."""
+        if not self._uploaded:
+            for group in self.groups:
+                group.upload(window)
+            self._uploaded = True
+
+
+def _read_only(array):
+    view = array.view()
+    view.flags.writeable = False
+    return view
