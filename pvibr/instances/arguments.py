@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from pvibr.formats.trimesh_meshes import is_trimesh
-from pvibr.meshes.files import scene_instances
 from pvibr.maths.transforms import trs
+from pvibr.meshes.files import scene_instances
 from pvibr.meshes.parts import are_parts
 from pvibr.meshes.pose_files import read_poses_and
 

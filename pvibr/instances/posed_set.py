@@ -36,7 +36,9 @@ class PosedSet(ItemSet):
     #: Indices of instances that another thing draws in frames of the scene's own camera.
     covered: np.ndarray | None = None
     #: What draws the instances of each mesh: its cards, its meshes, what is seen of them.
-    groups: list[InstanceGroup]
+    groups: list
+    #: Slot of each instance in its group, once asked for.
+    _slots: np.ndarray | None = None
     _applied: np.ndarray | None = None
     _blend = 'replace'
     #: Meshes to be baked whether or not an instance shows them.
@@ -199,14 +201,15 @@ class PosedSet(ItemSet):
 
     def _move(self, ids):
         """Take over changed poses of some instances."""
-        if self._slots is None:
-            self._slots = np.empty(len(self), np.int32)
+        slots = self._slots
+        if slots is None:
+            slots = self._slots = np.empty(len(self), np.int32)
             for group in self.groups:
-                self._slots[group.ids] = np.arange(len(group), dtype=np.int32)
+                slots[group.ids] = np.arange(len(group), dtype=np.int32)
         meshes = self._index[ids]
         for k, group in zip(self._models, self.groups, strict=True):
             if len(some := ids[meshes == k]):
-                group.move(self._poses, self._slots[some])
+                group.move(self._poses, slots[some])
         self._moved_groups()
         self._keep_neighbors()
 
@@ -219,7 +222,7 @@ class PosedSet(ItemSet):
         return same_unit and count <= self._capacity and self._used() <= self._models.keys()
 
     def _used(self) -> set:
-        return self._wanted | set(np.flatnonzero(np.bincount(self._index)).tolist())
+        return {*self._wanted, *np.flatnonzero(np.bincount(self._index)).tolist()}
 
     def _rebuild(self):
         """Build the groups again."""
@@ -271,7 +274,7 @@ class PosedSet(ItemSet):
         return sum(group.placement.spread for group in self.groups) / max(len(self), 1)
 
     def _put_groups(self):
-        self._slots: np.ndarray | None = None  # of each instance, once asked for
+        self._slots = None
         index = self._index[self._order] if len(self.groups) > 1 else None
         for k, group in zip(self._models, self.groups, strict=True):
             group.put(self._poses, self._order if index is None else self._order[index == k])
