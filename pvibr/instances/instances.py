@@ -71,7 +71,7 @@ class Instances(PosedSet):
         Defaults of the looks.
     force_level : str or dict of str to (float, float), optional
         Level of detail drawn at every size, or on-screen diameters, in pixels, between which each
-        level is drawn: 'splat', 'flat', 'parallax', 'blended', 'mesh', 'mesh1' or 'mesh2' (lighter
+        level is drawn: 'splat', 'flat', 'parallax', 'blended', 'mesh', 'mesh1' and on (lighter
         meshes), 'billboard' or 'turntable'. By default levels are chosen by their measured error.
     **mesh_kwargs
         As in :meth:`pyvista.Plotter.add_mesh`, for the mesh itself.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 import warnings
@@ -21,10 +22,10 @@ from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 
-VERSION = 22  # of what is kept in the cache: a change of bake, measure or decimation raises it
-SHARES = (0.25, 0.1)  # of the mesh's triangles, in its lighter stand-ins
+VERSION = 23  # of what is kept in the cache: a change of bake, measure or decimation raises it
+SHARE = 0.25  # of a level's triangles, in the next lighter
 _SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
-_HEAVY = 2000  # triangles from which stand-ins pay
+_LIGHTEST = 150  # triangles of the lightest level, at least
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
 _SLACK = 0.5  # px over max_error in the table, whose distances are whole pixels apart
 _CAUTION = 0.7  # of the way to where interpolation between two sizes meets the bound
@@ -125,10 +126,11 @@ def checked_force(level) -> dict[str, tuple]:
     if level is None:
         return {}
     ranges = level if isinstance(level, dict) else {level: (0.0, _LARGEST)}
-    known = [*(p.name for p in ALL_CARD_SHADERS), 'mesh', 'mesh1', 'mesh2']
+    known = [*(p.name for p in ALL_CARD_SHADERS), 'mesh']
     for name, sizes in ranges.items():
-        if name not in known:
-            msg = f'force_level has {name!r}; it must be None, or levels of {", ".join(known)}'
+        if name not in known and not re.fullmatch('mesh[1-9]', name):
+            allowed = ', '.join([*known, 'mesh1 to mesh9'])
+            msg = f'force_level has {name!r}; it must be None, or levels of {allowed}'
             raise ValueError(msg)
         if np.shape(sizes) != (2,) or not 0 <= sizes[0] <= sizes[1]:
             msg = f'force_level[{name!r}] is {sizes!r}; it must be two rising sizes in pixels'
@@ -243,13 +245,11 @@ def _levels(parts):
             [q for p in parts for q in (p.stand_ins or ((p,),) * given)[k]] for k in range(given)
         ]
         return levels + [MeshLevel(level) for level in coarser]
-    if levels[0].triangles < _HEAVY:
-        return levels
-    for share in SHARES:
-        lighter_parts = [lighter(p, share) or p for p in parts]
-        level = MeshLevel(lighter_parts)
-        if level.triangles < 0.8 * levels[-1].triangles:
-            levels.append(level)
+    while levels[-1].triangles * SHARE > _LIGHTEST:
+        level = MeshLevel([lighter(p, SHARE) or p for p in levels[-1].parts])
+        if level.triangles > 0.5 * levels[-1].triangles:
+            break
+        levels.append(level)
     return levels
 
 
@@ -272,7 +272,7 @@ def _bake_parts(levels):
 
 def content_key(parts, views, tile, half) -> str:
     """Return a hash of everything that the atlas of a mesh depends on."""
-    values = [VERSION, views, tile, half, SHARES, _turns(parts)]
+    values = [VERSION, views, tile, half, SHARE, _turns(parts)]
     stand_ins = [q for p in parts for level in p.stand_ins for q in level]
     for part in [*parts, *stand_ins]:
         values += [part.alpha_cutoff, *_mesh_values(part.mesh), *look_values(part.actor)]

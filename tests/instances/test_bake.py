@@ -151,15 +151,6 @@ def test_a_driver_without_cards_gets_meshes_and_one_warning(monkeypatch):
     assert model.limits(1.0).mesh == 0
 
 
-def test_surfaces_are_simplified_in_place():
-    (part,) = as_parts(pv.Sphere(theta_resolution=60, phi_resolution=60), smooth_shading=True)
-    light = lighter(part, 0.25).mesh
-    assert light.n_cells == pytest.approx(0.25 * part.mesh.n_cells, rel=0.1)
-    np.testing.assert_allclose(np.linalg.norm(light.points, axis=1), 0.5, rtol=0.02)
-    normals = np.asarray(light.point_data.active_normals)
-    assert (normals * light.points).sum(1).min() > 0
-
-
 def test_scattered_matter_is_thinned_and_keeps_its_area():
     rng = np.random.default_rng(1)
     leaves = pv.merge([pv.Triangle().scale(0.02).translate(p) for p in rng.uniform(size=(400, 3))])
@@ -167,8 +158,3 @@ def test_scattered_matter_is_thinned_and_keeps_its_area():
     light = lighter(part, 0.25).mesh
     assert light.n_cells == 100
     assert light.area == pytest.approx(part.mesh.area, rel=0.02)
-
-
-def test_textured_surfaces_have_no_stand_in():
-    (part,) = as_parts(pv.Plane(i_resolution=40, j_resolution=40))
-    assert lighter(part, 0.25) is None
