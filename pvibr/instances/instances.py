@@ -22,8 +22,8 @@ from pvibr.instances.cards import slabs
 from pvibr.instances.group import SORTED_SEEN
 from pvibr.instances.levels import Limits, checked_force, forced_limits, limits_of
 from pvibr.instances.posed_set import PosedSet
-from pvibr.meshes.parts import as_meshes, as_parts
-from pvibr.meshes.poses import as_poses
+from pvibr.meshes.parts import as_meshes, as_parts, two_sided
+from pvibr.meshes.poses import as_poses, mirror
 from pvibr.scene import looks as look
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import nearest_hit
@@ -149,6 +149,8 @@ class Instances(PosedSet):
         mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
         asked = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
         meshes = as_meshes(meshes, theme=theme, **asked)
+        if mirror(poses):  # VTK culls by the winding that it sees, which they turn around
+            meshes = [two_sided(parts) for parts in meshes]
         baking = {'half': checked_views(views), 'cache': cache, 'progress': progress}
         self._begin(poses, index, {}, pickable, meshes, baking)
         self._paint(scalars, colors)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -152,6 +152,18 @@ def _numbered(place, mesh, kwargs):
     except ValueError as error:
         msg = f'meshes[{place}]: {error}'
         raise ValueError(msg) from error
+
+
+def two_sided(parts):
+    """Return parts that cull no faces."""
+    return [_unculled(part) if part.actor.prop.culling != 'none' else part for part in parts]
+
+
+def _unculled(part):
+    actor = part.new_actor(part.actor.GetMapper())
+    actor.SetProperty(_copied_property(actor.GetProperty()))
+    actor.prop.culling = 'none'
+    return replace(part, actor=actor)
 
 
 def are_parts(mesh) -> bool:

@@ -19,6 +19,11 @@ def as_poses(poses):
     return array
 
 
+def mirror(poses) -> bool:
+    """Return True if any pose mirrors."""
+    return poses.ndim == 3 and bool((np.linalg.det(poses[:, :3, :3]) < 0).any())
+
+
 def _as_array(poses):
     try:
         array = np.asarray(poses, dtype=np.float64)

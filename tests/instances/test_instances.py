@@ -362,6 +362,18 @@ def test_several_meshes_by_index(scenes, see, bean):
     assert len(things.atlases) == 2
 
 
+@pytest.mark.parametrize('level', ['mesh', 'parallax'])
+def test_mirrored_poses_are_not_culled_inside_out(scenes, see, level):
+    bowl = pv.Sphere(theta_resolution=12, phi_resolution=12, end_phi=120)
+    poses = np.diag([-1.0, 1, 1, 1])[None]
+    pictures = []
+    for culling in ('back', 'none'):
+        options = {'culling': culling, 'level': level, 'camera': CAMERA, 'size': SIZE}
+        pl, _ = scenes.instances(bowl, poses, **options)
+        pictures.append(see.grab(pl))
+    assert off(*pictures) == 0
+
+
 def test_scene_of_trimesh(scenes, see):
     box = trimesh.creation.box()
     box.visual.face_colors = [200, 30, 30, 255]
