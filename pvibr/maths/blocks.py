@@ -1,4 +1,4 @@
-"""Instances in blocks: an order that keeps neighbours together, and what a camera sees of it."""
+"""Blocks of instances along a space-filling curve, and their frustum culling."""
 
 from __future__ import annotations
 
@@ -215,7 +215,7 @@ class Blocks:
         return index, origins, scale * small, scale * large
 
     def _near(self, view, planes, parallel):
-        """Return the blocks whose neighbourhoods are in view: what is not costs nothing."""
+        """Return the blocks whose neighbourhoods are in view; others cost nothing."""
         count = len(self.centers)
         if count < _FEW:
             return slice(None)
@@ -253,7 +253,7 @@ def members(blocks, size, count) -> np.ndarray:
 
 
 def _inside(origins, around, planes, parallel):
-    """Return which spheres, in view space, reach into a frustum."""
+    """Return the spheres, in view space, that intersect a frustum."""
     inside = (planes[:, :3] @ origins + planes[:, 3:]).min(0) > -around
     if not parallel:
         inside &= origins[2] < around  # no plane stands behind the eye
