@@ -8,6 +8,7 @@ import numpy as np
 
 #: Instances that are culled, sorted and chosen together.
 BLOCK = 64
+_AT_ONCE = 4096  # points whose numbers stay in the processor's cache
 _CHILDREN = 64  # blocks that are culled together first
 _FEW = 1024  # blocks up to which this does not pay
 
@@ -38,11 +39,13 @@ def morton_order(points):
         return np.zeros(0, np.intp)
     low = points.min(0)
     extent = float((points.max(0) - low).max()) or 1.0
-    cells = ((points - low) * ((2**21 - 1) / extent)).astype(np.uint64)
-    code = np.zeros(len(points), np.uint64)
-    for axis in range(3):
-        code |= _spread(cells[:, axis]) << np.uint64(axis)
-    return np.argsort(code, kind='stable')
+    code = np.empty(len(points), np.uint64)
+    for start in range(0, len(points), _AT_ONCE):
+        part = slice(start, start + _AT_ONCE)
+        cells = ((points[part] - low).T * ((2**21 - 1) / extent)).astype(np.uint64)
+        x, y, z = _spread(cells)
+        code[part] = x | y << np.uint64(1) | z << np.uint64(2)
+    return np.argsort(code)
 
 
 def _spread(x):
