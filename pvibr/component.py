@@ -164,7 +164,7 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         if mapper is None or not hasattr(self._plotter, 'add_scalar_bar'):
             return
         if wanted is None:
-            wanted = self._plotter.theme.show_scalar_bar
+            wanted = self._plotter.theme.show_scalar_bar and thing.has_bar()
         if wanted:
             options = {'title': thing.scalar_title()} | (options or {})
             self._plotter.add_scalar_bar(mapper=mapper, render=False, **options)

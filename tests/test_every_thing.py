@@ -81,7 +81,9 @@ class Case(NamedTuple):
 
 EVERY = {
     'Instances': Case(
-        lambda pl: pl.ibr.add_instances(BALL, PLACES, name='it', **LOOK), balls, SOFT_EDGES
+        lambda pl: pl.ibr.add_instances(BALL, PLACES, name='it', bake=True, **LOOK),
+        balls,
+        SOFT_EDGES,
     ),
     'Crowd': Case(
         lambda pl: pl.ibr.add_animated(FIGURE, PLACES, name='it', **LOOK),

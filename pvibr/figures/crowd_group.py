@@ -55,6 +55,10 @@ class CrowdGroup(InstanceGroup):
             PosedPool(level, self.state.mesh_actors, self.state.skinning) for level in self.levels
         ]
 
+    def tight_bounds(self) -> tuple:
+        """Return the bounds of the spheres in which the figures move."""
+        return tuple(self.bounds)
+
     def _placed(self, rows=None):
         super()._placed(rows)
         self.moved()

@@ -11,6 +11,7 @@ from pvibr.instances.cards import Cards, ends
 from pvibr.instances.mesh_pool import MeshPool
 from pvibr.instances.placement import Placement, spheres
 from pvibr.maths.blocks import BLOCK, Blocks
+from pvibr.maths.posed_bounds import posed_bounds
 from pvibr.meshes.parts import copy_property
 from pvibr.meshes.turntable import LEVEL
 
@@ -131,9 +132,17 @@ class InstanceGroup:
         """World bounds of all bounding spheres: x, y and z, low and high."""
         if not len(self):
             return np.array([1.0, -1.0] * 3)
-        reach = self.blocks.reach + self.blocks.largest
-        centers = np.ascontiguousarray(self.blocks.centers.T)
-        return np.stack([(centers - reach).min(1), (centers + reach).max(1)], 1).ravel()
+        reach = (self.blocks.reach + self.blocks.largest)[:, None]
+        low, high = (self.blocks.centers - reach).min(0), (self.blocks.centers + reach).max(0)
+        return np.stack([low, high], 1).ravel()
+
+    def tight_bounds(self) -> tuple:
+        """Return the world bounds of the points of all instances: x, y and z, low and high."""
+        if not len(self):
+            return (1.0, -1.0) * 3
+        model, center, poses = self.model, self.atlas.center, self.poses[self.ids]
+        found = spheres(self.poses, self.ids, center, self.atlas.radius)
+        return tuple(posed_bounds(model.corners, poses, center, found).T.ravel().tolist())
 
     def upload(self, window):
         """Upload what changed; the context is current."""

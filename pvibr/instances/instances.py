@@ -20,7 +20,15 @@ from pvibr.instances.arguments import (
 )
 from pvibr.instances.cards import slabs
 from pvibr.instances.group import SORTED_SEEN
-from pvibr.instances.levels import Limits, checked_force, forced_limits, limits_of
+from pvibr.instances.levels import (
+    Limits,
+    checked_force,
+    forced_limits,
+    limits_of,
+    make_model,
+    needs_images,
+    unbaked,
+)
 from pvibr.instances.posed_set import PosedSet
 from pvibr.meshes.parts import as_meshes, as_parts, two_sided
 from pvibr.meshes.poses import as_poses, mirror
@@ -61,6 +69,10 @@ class Instances(PosedSet):
         As in ``add_mesh``. Translucent sets are drawn as meshes at every size.
     pickable : bool
         Allow picking.
+    bake : bool, optional
+        Draw far instances as images. By default only if that pays: light meshes, and a single
+        instance, are drawn as meshes at every size, and so is what images cannot show (edges,
+        lines, points); the report says why.
     cache : bool or path
         Keep atlases on disk, or the folder to keep them in.
     progress : bool, optional
@@ -96,6 +108,7 @@ class Instances(PosedSet):
         'bounds',
         'atlases',
         'force_level',
+        'bake',
         'pick',
         'instance_of',
         'actors',
@@ -106,6 +119,7 @@ class Instances(PosedSet):
     moved_by = 'set its poses'
     _force_level: str | dict | None = None
     _forced: dict[str, tuple] = {}
+    _models: dict = {}
 
     max_error = Param(
         1.0, 'Maximum distance of the outline from that of the mesh.', range='(0, inf)', unit='px'
@@ -129,6 +143,7 @@ class Instances(PosedSet):
         clim=None,
         opacity=None,
         pickable=True,
+        bake=None,
         cache=True,
         progress=None,
         views='full',
@@ -152,6 +167,7 @@ class Instances(PosedSet):
         if mirror(poses):  # VTK culls by the winding that it sees, which they turn around
             meshes = [two_sided(parts) for parts in meshes]
         baking = {'half': checked_views(views), 'cache': cache, 'progress': progress}
+        self._bake = bake
         self._begin(poses, index, {}, pickable, meshes, baking)
         self._paint(scalars, colors)
 
@@ -167,6 +183,22 @@ class Instances(PosedSet):
         else:
             asked = {'scalars': scalars, **asked}
         return {k: v for k, v in asked.items() if v is not None}
+
+    def _model(self, k):
+        """Return the levels of a mesh, baked if that is wanted or pays."""
+        if self._bake is False:
+            return unbaked(self._meshes[k], 'bake is False')
+        always = self._bake or needs_images(self._forced)
+        count = None if always else np.count_nonzero(self._index == k)
+        return make_model(self._meshes[k], count=count, **self._baking)
+
+    def bake(self):
+        """Bake images of the meshes that have none; what images cannot show stays as it is."""
+        self._bake = True
+        new = {k: self._model(k) for k, model in self._models.items() if model.unbaked}
+        if any(not model.unbaked for model in new.values()):
+            self._models |= new
+            self._rebuild()
 
     def _paint(self, scalars, colors):
         if scalars is not None and not isinstance(scalars, str):
@@ -187,6 +219,8 @@ class Instances(PosedSet):
     @force_level.setter
     def force_level(self, level):
         self._forced, self._force_level = checked_force(level), level
+        if self._models and needs_images(self._forced):
+            self.bake()
         self._touch()
 
     @property
@@ -205,6 +239,10 @@ class Instances(PosedSet):
         if self.table is not None:
             return super().scalar_mapper()
         return self._with_table_of(self._parts())
+
+    def has_bar(self) -> bool:
+        """Return True if it has scalars that are not those of an actor, which has its own bar."""
+        return self.table is not None or not all(part.of_actor for part in self._parts())
 
     def bake_into(self, scene):
         """Add the instances to a scene without pvibr."""

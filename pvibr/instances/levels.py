@@ -8,6 +8,7 @@ import time
 import warnings
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
 from pvibr.instances.measure import measure
 from pvibr.instances.mesh_pool import MeshLevel
+from pvibr.instances.worth import why_not
+from pvibr.maths.posed_bounds import hull_corners
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 
@@ -70,6 +73,11 @@ class LodModel:
     #: Why it has no pictures, empty if it has.
     unbaked: str = ''
     _limits: dict = field(default_factory=dict)
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """Points on the convex hull of the mesh, model coordinates."""
+        return hull_corners(np.concatenate([part.drawn_points() for part in self.levels[0].parts]))
 
     def limits(self, max_error) -> Limits:
         """Return the sizes at which levels change, for a greatest error in pixels."""
@@ -138,6 +146,11 @@ def checked_force(level) -> dict[str, tuple]:
     return {name: tuple(map(float, sizes)) for name, sizes in ranges.items()}
 
 
+def needs_images(ranges) -> bool:
+    """Return True if forced levels are other than the mesh itself."""
+    return bool(set(ranges) - {'mesh'})
+
+
 def forced_limits(ranges, mesh_levels) -> Limits:
     """Return limits by which each level is drawn between its own sizes."""
     cards = tuple((p.name, *ranges.get(p.name, (0.0, 0.0))) for p in CARD_SHADERS)
@@ -181,9 +194,16 @@ def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **l
     return make_model(parts, cache=cache, progress=progress, **grid).atlas
 
 
-def make_model(parts, *, half=False, cache=True, progress=None, views=16, tile=128) -> LodModel:
-    """Return the levels of a mesh, baked and measured, or cached."""
+def make_model(
+    parts, *, count=None, half=False, cache=True, progress=None, views=16, tile=128
+) -> LodModel:
+    """Return the levels of a mesh, baked and measured, or cached.
+
+    With a `count` of instances it is baked only if that pays.
+    """
     why = next((part.ineligibility for part in parts if part.ineligibility), '')
+    if not why and count is not None and _turns(parts) is None:
+        why = why_not(MeshLevel(parts).triangles, count)
     if why:
         return unbaked(parts, why)
     levels = _levels(parts)

@@ -1,4 +1,4 @@
-"""Errors of a picture against a reference: colour, coverage, silhouette."""
+"""How far a picture is from a reference: colour, coverage, outline."""
 
 from __future__ import annotations
 

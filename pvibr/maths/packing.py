@@ -1,4 +1,4 @@
-"""Packing of rectangles into a square."""
+"""Rectangles side by side in a square."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def shelves(sizes, width):
-    """Pack rectangles on shelves in order of descending height.
+    """Put rectangles on shelves from the highest to the lowest.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Closedness of triangle meshes."""
+"""What the triangles of a surface enclose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""sRGB transfer functions and tone mapping curves of colour arrays."""
+"""From light to what a display shows: curves of tone mapping, on colours as arrays."""
 
 from __future__ import annotations
 

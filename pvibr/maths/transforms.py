@@ -44,7 +44,7 @@ def trs(translations, quaternions=None, scales=None):
 
 
 def transform_points(matrix, points):
-    """Return points transformed by a matrix.
+    """Return points moved by one matrix.
 
     Parameters
     ----------

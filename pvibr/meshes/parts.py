@@ -64,6 +64,8 @@ class Part:
     alpha_cutoff: float | None = None
     stand_ins: tuple = ()
     turns: Turns | None = None
+    #: Made from an actor, which may have a scalar bar.
+    of_actor: bool = False
 
     @property
     def ineligibility(self) -> str:
@@ -87,6 +89,12 @@ class Part:
         locator.SetDataSet(self.mesh)
         locator.BuildLocator()
         return locator
+
+    def drawn_points(self):
+        """Return the points of its cells."""
+        if self.actor.GetMapper().GetInput() is not self.mesh:
+            return self.mesh.points  # lines and vertices have points, too
+        return self.mesh.points[np.unique(self.mesh.regular_faces)]
 
     def polydata_mapper(self):
         """Return a new ``vtkPolyDataMapper`` with the look of the actor's own mapper."""
@@ -258,10 +266,18 @@ def _from_blocks(blocks, look, maker):
     if not found:
         msg = 'mesh is empty: no block has points.'
         raise ValueError(msg)
+    if look.get('scalars') is None and len({b.active_scalars_name for b in found}) > 1:
+        found = [_without_active(block) for block in found]  # add_mesh shows what all share
     looks = [_for_block(block, look) for block in found]
     if look.get('clim') is None and not look.get('rgb'):
         _share_range(found, looks)
     return [_from_dataset(block, own, maker) for block, own in zip(found, looks, strict=True)]
+
+
+def _without_active(block):
+    block = block.copy(deep=False)
+    block.set_active_scalars(None)
+    return block
 
 
 def _for_block(block, look):
@@ -383,7 +399,9 @@ def _copied(actor, mapper, shown, cutoff=None):
         copy.SetBackfaceProperty(_copied_property(actor.GetBackfaceProperty()))
     _dress(copy, actor)
     copy.user_matrix = pv.array_from_vtkmatrix(actor.GetMatrix())
-    return _finished(copy, cutoff)
+    part = _finished(copy, cutoff)
+    part.of_actor = True
+    return part
 
 
 def _dress(copy, actor):
@@ -401,7 +419,7 @@ def _copied_mapper(mapper):
     # Its own lookup table: recolouring the user's actor must not recolour the instances.
     table = mapper.GetLookupTable()
     if table is not None:
-        own = table.NewInstance()
+        own = pv.LookupTable() if isinstance(table, pv.LookupTable) else table.NewInstance()
         own.DeepCopy(table)
         copy.SetLookupTable(own)
     return copy

@@ -118,6 +118,10 @@ class Thing(Effect, pv.Actor):
         """Return the title of the scalar bar."""
         return self._scalar_name
 
+    def has_bar(self) -> bool:
+        """Return True if it gets a scalar bar where none was asked for, as the theme says."""
+        return True
+
     # -- the actor that stands for it --------------------------------------------------------
 
     # PyVista checks each access in Python for VTK's own names, which frames cannot afford.
@@ -267,7 +271,9 @@ class Thing(Effect, pv.Actor):
         first = next(shown, None)
         if first is None:
             return None
-        self._scalar_name = first.GetArrayName() or ''
+        # PyVista shows the magnitude of vectors in an array of its own.
+        name = first.GetArrayName() or first.dataset.active_scalars_name or ''
+        self._scalar_name = name.removesuffix('-normed')
         return self._with_table(first.lookup_table, first.scalar_range)
 
 

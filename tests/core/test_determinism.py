@@ -31,7 +31,7 @@ for _ in range(2):
     pl.ibr.add(pvibr.Bloom(threshold=0.5))
     pl.ibr.add(pvibr.ToneMapping())
     pl.subplot(0, 1)
-    pl.ibr.add_instances(pv.Cone(resolution=40), np.random.default_rng(0).uniform(-9, 9, (200, 3)))
+    pl.ibr.add_instances(pv.Cone(resolution=40), np.random.default_rng(0).uniform(-9, 9, (200, 3)), bake=True)
     pl.ibr.add(pvibr.NightVision())
     pl.ibr.add(pvibr.DepthOfField())
     pl.add_mesh(pv.Plane(i_size=20, j_size=20), color='white')

@@ -274,7 +274,10 @@ IN_THE_SCENE = {
     'volumes': lambda pl: pl.ibr.add(pvibr.Shadows(method='volume')),
     'projector': lambda pl: pl.ibr.add(pvibr.Projector(SMOOTH, camera_above())),
     'instances': lambda pl: pl.ibr.add_instances(
-        pv.Sphere(radius=0.1), np.random.default_rng(0).uniform(-1, 1, (40, 3)), color='red'
+        pv.Sphere(radius=0.1),
+        np.random.default_rng(0).uniform(-1, 1, (40, 3)),
+        color='red',
+        bake=True,
     ),
 }
 

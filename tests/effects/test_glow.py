@@ -308,7 +308,7 @@ def test_instances_shine(max_error):
     pl = dark((320, 192))
     ball = pv.Sphere(radius=0.2)
     points = [(-0.5, 0, 0), (0.5, 0.3, 0)]
-    balls = pl.ibr.add_instances(ball, points, color='white', max_error=max_error)
+    balls = pl.ibr.add_instances(ball, points, color='white', max_error=max_error, bake=True)
     pl.add_mesh(pv.Plane(center=(0.5, 0.3, 1.0), i_size=0.6, j_size=0.6), color='black')
     pl.show(auto_close=False)
     before = grab(pl)

@@ -167,7 +167,7 @@ def test_instances_that_become_meshes_have_lines_at_once():
     pl.enable_anti_aliasing('msaa')
     places = np.random.default_rng(0).uniform(-190, 190, (60, 3)) * (1, 1, 0)
     cone = pv.Cone(radius=8, height=30, direction=(0, 0, 1))
-    pl.ibr.add_instances(cone, places, color='white')
+    pl.ibr.add_instances(cone, places, color='white', bake=True)
     pl.ibr.add(pvibr.Outline(color=RED))
     pl.camera_position = [(-120, -220, 90), (20, 20, 25), (0, 0, 1)]
     pl.show(auto_close=False)

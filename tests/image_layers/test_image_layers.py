@@ -403,7 +403,7 @@ def test_instances_beside_have_their_soft_edges_before_layers(bean, atlases):
     places = [(0, -4, 0), (2, 0, 0.2), (-2, 3, 0.1)]
 
     def setup(pl):
-        pl.ibr.add_instances(bean, places, color='purple', cache=atlases)
+        pl.ibr.add_instances(bean, places, color='purple', cache=atlases, bake=True)
 
     scene = Scene(setup=setup)
     plain, drawn = scene.pictures()

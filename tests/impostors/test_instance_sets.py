@@ -31,7 +31,13 @@ def make(*, images, extra=True, **settings):
     pl = pv.Plotter(off_screen=True, window_size=(320, 240))
     pl.ren_win.SetMultiSamples(0)
     rings = pl.ibr.add_instances(
-        MESH, poses(), colors=COLORS, max_error=1e-6, smooth_shading=True, progress=False
+        MESH,
+        poses(),
+        colors=COLORS,
+        max_error=1e-6,
+        smooth_shading=True,
+        progress=False,
+        bake=True,
     )
     things = [rings]
     if extra:

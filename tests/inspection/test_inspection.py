@@ -50,7 +50,12 @@ def row(empty, atlases):
         across = np.array([-0.7, -0.35, 0, 0.35, 0.7]) * np.tan(np.pi / 6) * SIZE[0] / SIZE[1]
         points = np.stack([across * away, np.zeros(5), -away], 1)
         cubes = pl.ibr.add_instances(
-            pv.Cube(), points, cache=atlases, lighting=False, **{'color': 'tan'} | kwargs
+            pv.Cube(),
+            points,
+            cache=atlases,
+            bake=True,
+            lighting=False,
+            **{'color': 'tan'} | kwargs,
         )
         spans = dict(zip(ENDS, pairwise([0.0, *ENDS.values()]), strict=True))
         cubes.force_level = {**spans, 'mesh': (ENDS['blended'], 1e9)}
@@ -243,7 +248,7 @@ def test_cells_follow_the_camera(row):
 def test_cells_hold_their_instances(empty, atlases):
     rng = np.random.default_rng(2)
     pl = empty()
-    cubes = pl.ibr.add_instances(pv.Cube(), rng.uniform(-9, 9, (200, 3)), cache=atlases)
+    cubes = pl.ibr.add_instances(pv.Cube(), rng.uniform(-9, 9, (200, 3)), cache=atlases, bake=True)
     view = pl.ibr.inspect()
     see(pl)
     group = cubes.groups[0]
@@ -305,7 +310,9 @@ def test_tiles_in_use_are_the_nearest_views(empty, atlases, level, turned):
     pl = empty()
     pose = np.eye(4)[None].copy()
     pose[0, :3, :3] = pv.transform.Transform().rotate_z(50).rotate_x(20).matrix[:3, :3]
-    cubes = pl.ibr.add_instances(pv.Cube(), pose if turned else [[0, 0, 0]], cache=atlases)
+    cubes = pl.ibr.add_instances(
+        pv.Cube(), pose if turned else [[0, 0, 0]], cache=atlases, bake=True
+    )
     pl.camera_position = [(5, -9, 7), (0, 0, 0), (0, 0, 1)]
     group = cubes.groups[0]
     cubes.force_level = level
@@ -381,7 +388,11 @@ def test_colours_are_not_kept_in_images(empty, atlases):
     for inspected in (False, True):
         pl = empty()
         cubes = pl.ibr.add_instances(
-            TORUS, 3.2 * np.indices((3, 4, 1)).reshape(3, -1).T, color='tan', cache=atlases
+            TORUS,
+            3.2 * np.indices((3, 4, 1)).reshape(3, -1).T,
+            color='tan',
+            cache=atlases,
+            bake=True,
         )
         pl.camera_position = [(3, -40, 14), (3, 5, 0), (0, 0, 1)]
         pl.ibr.add_impostor(cubes, hierarchical=True, only_if_faster=False)

@@ -49,7 +49,7 @@ class Scenes:
     def instances(self, mesh, poses, *, level=None, size=(120, 90), camera=None, **kwargs):
         """Return a plotter with instances and the instances."""
         pl = self.empty(size)
-        kwargs.setdefault('show_scalar_bar', False)
+        kwargs = {'show_scalar_bar': False, 'bake': True} | kwargs
         things = pl.ibr.add_instances(mesh, poses, cache=self.folder, force_level=level, **kwargs)
         return (place(pl, **camera) if camera else pl), things
 

@@ -170,3 +170,54 @@ def test_what_images_cannot_show_is_drawn_as_meshes(scenes, see, mesh, look, why
     plain = see.grab(scenes.actors(mesh, POSES, camera=CAMERA, **look))
     assert np.ptp(plain) > 0
     np.testing.assert_allclose(drawn, plain, atol=1.01 / 255)
+
+
+def with_arrays(**arrays):
+    ball = pv.Sphere(theta_resolution=9, phi_resolution=9)
+    for name, values in arrays.items():
+        ball[name] = values(ball.points)
+    return ball
+
+
+def height(points):
+    return points[:, 2]
+
+
+def same(points):
+    return points
+
+
+BARS = {
+    'active': (with_arrays(h=height), {}, ['h']),
+    'colour': (with_arrays(h=height), {'color': 'red'}, []),
+    'vectors': (with_arrays(wind=same), {}, ['wind']),
+    'hidden': (with_arrays(h=height), {'show_scalar_bar': False}, []),
+    'blocks': (pv.MultiBlock([with_arrays(h=height), with_arrays(h=height)]), {}, ['h']),
+    'blocks unlike': (pv.MultiBlock([with_arrays(h=height), with_arrays(k=height)]), {}, []),
+}
+
+
+@pytest.mark.parametrize(('mesh', 'look', 'bars'), BARS.values(), ids=BARS)
+def test_scalar_bars_are_those_of_add_mesh(mesh, look, bars):
+    pictures = []
+    for add in ('add_mesh', 'add_instances'):
+        pl = pv.Plotter(off_screen=True, window_size=(160, 160))
+        args = {'poses': [[0, 0, 0]], 'bake': False} if add == 'add_instances' else {}
+        getattr(pl.ibr if args else pl, add)(mesh.copy(), **args, **look)
+        assert list(pl.scalar_bars.keys()) == bars
+        pl.camera_position = 'iso'
+        pictures.append(grab(pl))
+        pl.close()
+    assert np.abs(pictures[0] - pictures[1]).mean() < 1e-3
+
+
+def test_an_actor_keeps_its_own_scalar_bar():
+    pl = pv.Plotter(off_screen=True)
+    actor = pl.add_mesh(with_arrays(h=height))
+    assert list(pl.scalar_bars.keys()) == ['h']
+    pl.ibr.add_instances(actor, [[3, 0, 0]])
+    assert list(pl.scalar_bars.keys()) == ['h']
+    pl.remove_actor(actor)
+    pl.ibr.add_instances(actor, [[3, 0, 0]], show_scalar_bar=True)
+    assert list(pl.scalar_bars.keys()) == ['h']
+    pl.close()

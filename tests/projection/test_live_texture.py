@@ -157,7 +157,9 @@ def test_a_mirror_shows_what_a_twin_behind_it_would():
 
 def test_instances_are_seen_too():
     pl = plotter()
-    trees = pl.ibr.add_instances(pv.Sphere(radius=0.4), [[0, 0, 0], [1, 0, 0]], color='lime')
+    trees = pl.ibr.add_instances(
+        pv.Sphere(radius=0.4), [[0, 0, 0], [1, 0, 0]], color='lime', bake=True
+    )
     live = pl.ibr.add(pvibr.LiveTexture(camera(), actors=[trees], size=SIZE))
     screen(pl, live)
     look_down(pl, 12)

@@ -321,7 +321,7 @@ def test_receivers_and_casters_are_chosen(stage):
 def test_instances_receive(stage):
     pl = stage(floor())
     places = [[-0.5, 0, 0.5], [0.5, 0, 0.5]]
-    pl.ibr.add_instances(pv.Sphere(radius=0.2), places, color='white', progress=False)
+    pl.ibr.add_instances(pv.Sphere(radius=0.2), places, color='white', progress=False, bake=True)
     before = shot(pl)
     photo = pl.ibr.add(pvibr.Projector(GREEN, ABOVE))
     assert np.abs(shot(pl) - before).max() > 0.5

@@ -498,7 +498,9 @@ def test_instances_cast_and_receive():
     scene = Scene(light(at=(0.8, 0.5, 4.0)))
     scene.disk.SetVisibility(False)
     places = np.array([[0.0, 0, 1], [-1.5, 0, 1], [1.5, -1, 1]])
-    balls = scene.pl.ibr.add_instances(pv.Sphere(radius=0.4), places, color='white', cache=False)
+    balls = scene.pl.ibr.add_instances(
+        pv.Sphere(radius=0.4), places, color='white', cache=False, bake=True
+    )
     shadows = scene.pl.ibr.add(pvibr.Shadows())
     lit = scene.lit(shadows)
     points = scene.floor_points()

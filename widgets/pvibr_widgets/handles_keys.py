@@ -1,57 +1,57 @@
-"""Keyboard focus of the controls in a window: Tab moves it, Escape releases it."""
+"""Which control in a window has the keys: Tab goes from one to the next, Escape lets go."""
 
 from __future__ import annotations
 
 _NEXT, _PREVIOUS = ('Tab', 'period'), ('ISO_Left_Tab', 'comma')
-_FIRST = 20.0  # before interactor styles, which may use the same keys
+_FIRST = 20.0  # before plotters and styles, whose keys these may be too
 
 
 class Control:
-    """A control that can have the keyboard focus."""
+    """What may have the keys of a window."""
 
     @property
     def usable(self) -> bool:
-        """Whether the control can take the focus."""
+        """Whether it can be reached now."""
         return True
 
     def focus(self, on):
-        """Show the keyboard focus."""
+        """Show whether it has the keys."""
 
     def press(self, key, fine) -> bool:
-        """Handle a key while the control has the focus."""
+        """Take a key while it has the keys."""
         return False
 
     def overhear(self, key) -> bool:
-        """Handle a key that the focused control ignored."""
+        """Take a key that nothing else wants."""
         return False
 
 
 class OwnersControl(Control):
-    """The keyboard focus of an owner that is a single control."""
+    """The keys of something that is one control as a whole."""
 
     def __init__(self, owner, stage, hears):
         self._owner, self._stage, self._hears = owner, stage, hears
 
     @property
     def usable(self) -> bool:
-        """Whether the owner is enabled."""
+        """Whether its owner is on."""
         return self._owner.enabled
 
     def focus(self, on):
-        """Redraw the owner, which shows the keyboard focus."""
+        """Draw its owner anew, which shows whether it has the keys."""
         self._stage.draw()
 
     def press(self, key, fine) -> bool:
-        """Forward a key."""
+        """Hand a key on."""
         return self._owner.press(key, fine)
 
     def overhear(self, key) -> bool:
-        """Forward the key that the owner always handles."""
+        """Hand on the one key that it always hears."""
         return key == self._hears and self.usable and self._owner.press(key, False)
 
 
 class Ring:
-    """The controls of a window in tab order."""
+    """The controls of a window, one after the other."""
 
     def __init__(self, interactor):
         self._interactor = interactor
@@ -60,13 +60,13 @@ class Ring:
         self.current: Control | None = None
 
     def add(self, control):
-        """Append a control."""
+        """Put a control behind the others."""
         self._controls.append(control)
         if self._tag is None:
             self._tag = self._interactor.AddObserver('KeyPressEvent', self._on_key, _FIRST)
 
     def drop(self, control):
-        """Remove a control."""
+        """Take a control out."""
         self.lose(control)
         self._controls.remove(control)
         if not self._controls and self._tag is not None:
@@ -74,12 +74,12 @@ class Ring:
             self._tag = None
 
     def lose(self, control):
-        """Take the focus from a control that reports itself disabled."""
+        """Take the keys from a control that is off, and tells so itself."""
         if self.current is control:
             self.current = None
 
     def take(self, control):
-        """Focus a control."""
+        """Give the keys to a control."""
         old, self.current = self.current, control
         if old is control:
             return
@@ -89,13 +89,13 @@ class Ring:
 
     def _on_key(self, interactor, _event):
         key, fine = interactor.GetKeySym() or '', bool(interactor.GetShiftKey())
-        tag = self._tag  # a control may remove itself
+        tag = self._tag  # a control may take itself out
         command = interactor.GetCommand(tag)
         if self.hear(key, fine) and command is not None:
             command.AbortFlagOn()
 
     def hear(self, key, fine=False) -> bool:
-        """Handle a key."""
+        """Take a key."""
         if key in (*_NEXT, *_PREVIOUS):
             return self._step(-1 if key in _PREVIOUS or (key == 'Tab' and fine) else 1)
         current = self.current
@@ -107,7 +107,7 @@ class Ring:
         return any(control.overhear(key) for control in reversed(self._controls))
 
     def _step(self, step) -> bool:
-        """Focus the next control; after the last one nothing is focused, so that Tab can leave."""
+        """Give the keys to the next; after the last nothing has them, so that nobody is caught."""
         ring = [None, *(c for c in self._controls if c.usable)]
         place = ring.index(self.current) if self.current in ring else 0
         self.take(ring[(place + step) % len(ring)])

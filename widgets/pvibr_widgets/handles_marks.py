@@ -1,4 +1,4 @@
-"""2D lines, markers and a label over the picture, unaffected by effects and shadows."""
+"""Lines, marks and a word, flat on the picture: sharp, over everything, in nobody's shadow."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WIDTH = 2  # pixels of a line, with as many around it
 
 
 class Marks:
-    """The 2D graphics of handles."""
+    """What handles look like."""
 
     def __init__(self, renderer):
         self._renderer = renderer
@@ -38,7 +38,7 @@ class Marks:
         renderer.AddViewProp(self._text)
 
     def draw_lines(self, frame, groups):
-        """Show lines."""
+        """Have lines drawn."""
         pixels = [lines_to_pixels(frame, segments) for segments, _ in groups]
         self._under.actor.GetProperty().SetLineWidth(3 * _WIDTH * frame.scale)
         self._lines.actor.GetProperty().SetLineWidth(_WIDTH * frame.scale)
@@ -50,7 +50,7 @@ class Marks:
         self._lines.show(flat.reshape(-1, 2), rows, lines=cells)
 
     def draw_marks(self, marks):
-        """Show markers."""
+        """Have marks drawn."""
         polygons = []
         for place, shape, color, size in marks:
             for radius, paint in ((size / 2, DARK), (size / 2 - 3, color)):
@@ -58,26 +58,26 @@ class Marks:
         self.draw_polygons(polygons)
 
     def draw_polygons(self, polygons):
-        """Show polygons instead of markers."""
+        """Have polygons drawn, in place of marks."""
         ends = np.cumsum([0, *(len(corners) for corners, _ in polygons)])
         cells = [np.arange(a, b) for a, b in itertools.pairwise(ends)]
         corners = np.concatenate([np.zeros((0, 2)), *(c for c, _ in polygons)])
         self._marks.show(corners, [color for _, color in polygons], faces=cells)
 
     def say(self, text, place=None):
-        """Show a label beside a point."""
+        """Have a word drawn beside a place."""
         self._text.SetInput(f' {text} ' if text else '')
         if place is not None:
             self._text.SetPosition(*(float(x) for x in place))
 
     def hide(self):
-        """Hide everything."""
+        """Have nothing drawn."""
         for flat in (self._under, self._lines, self._marks):
             flat.show((), ())
         self.say('')
 
     def remove(self):
-        """Remove all actors from the renderer."""
+        """Take all of it out of the renderer."""
         for prop in (self._under.actor, self._lines.actor, self._marks.actor, self._text):
             self._renderer.RemoveViewProp(prop)
 

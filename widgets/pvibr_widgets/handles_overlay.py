@@ -1,4 +1,4 @@
-"""Base of controls in the scene: updated every frame, removed with their subject."""
+"""What controls in the scene have in common: they follow it frame by frame, and go with it."""
 
 from __future__ import annotations
 
@@ -43,26 +43,26 @@ class Overlay:
     # -- what a subclass does ---------------------------------------------------------------------
 
     def _is_gone(self) -> bool:
-        """Return True if the thing was removed."""
+        """Return True if the thing is no longer there."""
         return False
 
     def _prepare(self, frame):
-        """Prepare before a frame is drawn."""
+        """Do what must be done before anything is made of a frame."""
 
     def _update(self, frame):
-        """Move the controls to the thing for the next frame."""
+        """Have all of it where the thing is, in the frame that is about to be drawn."""
 
     def _rest(self):
-        """Hide the controls until the next `_update`."""
+        """Be off, until the next `_update`."""
 
     def _free(self):
-        """Remove the controls from the scene without rendering."""
+        """Take what is its own out of the scene; the window is kept still."""
 
     # -- what users do ----------------------------------------------------------------------------
 
     @property
     def enabled(self) -> bool:
-        """Whether the controls are shown and usable."""
+        """Whether it is shown and can be used."""
         return self._enabled
 
     @enabled.setter
@@ -89,14 +89,14 @@ class Overlay:
     # -- following --------------------------------------------------------------------------------
 
     def _leave(self):
-        """Remove the controls with the thing."""
+        """Go with the thing."""
         if self._is_gone():
             self.remove()
         elif self._enabled and not self._is_idle():
             self._prepare(self._stage.frame())
 
     def _is_idle(self) -> bool:
-        """Return True for frames nobody sees: picking passes, and tiles outside of the subplot."""
+        """Return True if nobody sees this: what is drawn to pick, tiles beside the subplot."""
         renderer = self._stage.renderer
         if renderer.GetSelector() is not None or not renderer.IsActiveCameraCreated():
             return True  # a camera that VTK makes with the first frame is set to show everything
@@ -114,7 +114,7 @@ class Overlay:
 
 
 class Touch:
-    """An invisible region that takes mouse events: VTK's handle widget."""
+    """A place that takes the mouse: VTK's widget for handles, which has no look of its own."""
 
     def __init__(self, stage, tolerance, begin, drag, end, *, area=None, priority=_PLACE):
         self._stage, self._press = stage, None
@@ -138,7 +138,7 @@ class Touch:
             self._press = add('LeftButtonPressEvent', weakly(self._meet), priority + _LOOK)
 
     def _meet(self):
-        """Take a press within the area before other observers; ignore others."""
+        """Be under a press that is in the area, before it is handed on; else leave it alone."""
         area, pixel = self._area(), self._stage.interactor.GetEventPosition()
         hit = bool(self._widget.GetEnabled() and area is not None and area(pixel))
         self.reach(hit)
@@ -148,26 +148,26 @@ class Touch:
 
     @property
     def usable(self) -> bool:
-        """Whether the region takes mouse events."""
+        """Whether it takes the mouse."""
         return bool(self._widget.GetEnabled() and self._widget.GetProcessEvents())
 
     def switch(self, on):
-        """Add the region to the window or remove it."""
+        """Have it in the window or not."""
         if bool(self._widget.GetEnabled()) != bool(on):
             with self._stage.still():
                 self._widget.SetEnabled(bool(on))
 
     def reach(self, on):
-        """Enable or disable mouse events."""
+        """Have it take the mouse or not."""
         self._widget.SetProcessEvents(bool(on))
 
     def place(self, point):
-        """Move the region."""
+        """Have it somewhere."""
         self._rep.SetWorldPosition([float(x) for x in point])
         self._rep.BuildRepresentation()  # it is touched where it was built
 
     def remove(self):
-        """Remove the region from the scene."""
+        """Take it out of the scene."""
         self.switch(False)
         if self._press is not None:
             self._stage.interactor.RemoveObserver(self._press)
@@ -177,7 +177,7 @@ class Touch:
 
 
 def weakly(method):
-    """Return an observer that holds only a weak reference."""
+    """Return an observer that keeps nobody alive."""
     found = weakref.WeakMethod(method)
 
     def call(*_):

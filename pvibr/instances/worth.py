@@ -1,0 +1,25 @@
+"""Whether images of a mesh pay: a cost model of triangles, pixels and instances.
+
+The times are those of llvmpipe on two cores, see ``pvibr bench instances``. On a GPU triangles
+cost much less, so that a bake pays there even later.
+"""
+
+from __future__ import annotations
+
+_TRIANGLE = 80.0  # ns
+_ACTOR = 50_000.0  # ns of an instance that is drawn as a mesh, before its triangles
+_CARD = 1_300.0  # ns
+_PIXEL = 8.0  # ns of a card
+_PIXELS = 300  # of a card that is 24 px high: sizes at which images serve most
+_BAKE = 3e9  # ns, more of heavy meshes
+_FRAMES = 60  # in which a bake must have paid
+
+
+def why_not(triangles, count) -> str:
+    """Return why images of a mesh do not pay, empty if they do."""
+    if count < 2:
+        return 'it is a single instance'
+    saved = count * (_ACTOR + triangles * _TRIANGLE - _CARD - _PIXELS * _PIXEL)
+    if saved * _FRAMES >= _BAKE:
+        return ''
+    return f'{count:,} instances are drawn as fast as their images'

@@ -1,0 +1,64 @@
+"""Images are baked where they pay."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from pvibr.instances.worth import why_not
+
+
+def test_more_triangles_and_more_instances_pay_more():
+    pays = [[not why_not(t, n) for n in (1, 30, 1000, 100_000)] for t in (6, 200, 10**4, 10**6)]
+    assert pays == np.maximum.accumulate(np.maximum.accumulate(pays, 0), 1).tolist()
+    assert not any(row[0] for row in pays)
+    assert pays[2][2]
+    assert pays[3][1]
+    assert not pays[1][1]
+
+
+@pytest.fixture
+def unbaked(monkeypatch):
+    """Let nothing be baked."""
+
+    def bake(*_args, **_kwargs):
+        raise AssertionError('baked')
+
+    monkeypatch.setattr('pvibr.instances.levels.bake_parts', bake)
+
+
+@pytest.mark.parametrize('count', [1, 50])
+@pytest.mark.parametrize('mesh', [pv.Cone(), pv.Cube(), pv.Arrow()], ids=['cone', 'cube', 'arrow'])
+def test_light_meshes_are_drawn_as_they_are(scenes, see, mesh, count, unbaked):
+    poses = np.random.default_rng(3).uniform(-2, 2, (count, 3))
+    camera = {'eye': (0.0, -40.0, 9.0)}
+    pl, things = scenes.instances(mesh, poses, bake=None, camera=camera)
+    drawn = see.grab(pl)
+    assert 'not baked' in things.report()['atlas 0']
+    pl.close()
+    np.testing.assert_array_equal(drawn, see.grab(scenes.actors(mesh, poses, camera=camera)))
+
+
+def test_what_was_not_baked_can_be(scenes, see, bean):
+    poses = [[0, 0, 0], [2, 0, 0]]
+    camera = {'eye': (1.0, -30.0, 0.0), 'focus': (1, 0, 0)}
+    pl, things = scenes.instances(bean, poses, bake=False, camera=camera)
+    meshes = see.grab(pl)
+    assert 'bake is False' in things.report()['atlas 0']
+    things.bake()
+    images = see.grab(pl)
+    assert 'not baked' not in things.report()['atlas 0']
+    assert 0 < np.abs(images - meshes).mean() < 0.01
+    pl.close()
+
+
+def test_a_forced_image_is_baked(scenes, see, bean):
+    pl, things = scenes.instances(bean, [[0, 0, 0]], bake=None)
+    assert 'single instance' in things.report()['atlas 0']
+    things.force_level = 'mesh'
+    assert 'single instance' in things.report()['atlas 0']
+    things.force_level = 'flat'
+    assert 'views of 128' in things.report()['atlas 0']
+    see.grab(pl)
+    pl.close()
