@@ -1,4 +1,4 @@
-"""A look at how a frame is drawn: which level draws what, from which images, how long it takes."""
+"""An overlay of levels of detail, impostor images and timings of a frame."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ LEVELS = {
     'splat': (0.0, 0.447, 0.698),
 }
 IMAGE = (0.5, 0.5, 0.5)
-_SMALLEST = 40.0  # boxes that are smaller on the screen, in pixels, say nothing
-_TAKEN = ('rendered', 'taken')  # what reports call how many images were drawn
-_NAME, _LINE = 16, 26  # letters of a name, and of a line
+_SMALLEST = 40.0  # pixels: smaller boxes are omitted
+_TAKEN = ('rendered', 'taken')  # keys of the number of rendered images in reports
+_NAME, _LINE = 16, 26  # maximum lengths of names and lines, characters
 
 
 class Inspection(Effect):
     """Shows how a subplot is drawn; :meth:`pl.ibr.inspect <IBRComponent.inspect>` makes it."""
 
     web = 'lost', 'tells how frames are drawn here, and a browser draws its own'
-    before = 'Tap'  # all that may be looked at has chosen by then what it draws
+    before = 'Tap'  # all inspected things have chosen their levels by then
 
     levels = Param(True, 'Whether instances have the colour of the level that draws them.')
     cells = Param(True, 'Whether boxes show what is drawn or left out together.')
@@ -61,37 +61,37 @@ class Inspection(Effect):
 
     @property
     def props(self) -> tuple:
-        """The flat props that it has in the subplot."""
+        """The 2D actors of the overlay."""
         return tuple(self._marks.actors)
 
     def attach(self, pipeline):
-        """Put its marks into the subplot."""
+        """Add the overlay to the subplot."""
         super().attach(pipeline)
         for actor in self.props:
             pipeline.renderer.AddViewProp(actor)
         self._observer = pipeline.renderer.AddObserver('EndEvent', self._on_end, 0.0)
 
     def detach(self):
-        """Take its marks out of the subplot."""
+        """Remove the overlay from the subplot."""
         for actor in self.props:
             self.pipeline.renderer.RemoveViewProp(actor)
         self.pipeline.renderer.RemoveObserver(self._observer)
         super().detach()
 
     def deactivate(self):
-        """Draw nothing."""
+        """Hide the overlay."""
         self._untint()
         self._marks.hide()
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
+        """Release GPU resources; the OpenGL context is current."""
         self.deactivate()
         window = self.pipeline.window
         if window is not None:
             self._marks.release(window)
 
     def report(self) -> dict:
-        """Return what the last frame had."""
+        """Return the statistics of the last frame."""
         return {'bytes': 0, **self._told}
 
     def _on_end(self, renderer, _event):
@@ -101,7 +101,7 @@ class Inspection(Effect):
     # -- a frame -----------------------------------------------------------------------------
 
     def prepare(self, frame):
-        """Look at what all others chose for a frame, and mark it."""
+        """Update the overlay with the levels and images chosen for a frame."""
         report = self.pipeline.report()
         pairs = list(zip(self.pipeline.effects, report.rows, strict=True))
         drawn = [effect for effect, row in pairs if row.state == 'ran']
@@ -110,7 +110,7 @@ class Inspection(Effect):
         self._tint(groups)
         self._show_cells(frame, groups, impostors)
         if not self._rows or frame.tile == (0.0, 0.0, 1.0, 1.0):
-            # In a picture of several tiles the words are those of one frame.
+            # The tiles of a screenshot share the text of one frame.
             self._told = {
                 'levels': level_counts(groups),
                 'cells': self._cell_counts(groups),
@@ -121,7 +121,7 @@ class Inspection(Effect):
         self._show_atlas(frame, self._chosen(drawn))
 
     def finish(self, frame):
-        """Give everyone their own colours back."""
+        """Restore the colours of all things."""
         self._untint()
 
     def _tint(self, groups):
@@ -136,7 +136,7 @@ class Inspection(Effect):
         while self._tinted:
             self._tinted.pop().tint({})
 
-    # -- words -------------------------------------------------------------------------------
+    # -- text --------------------------------------------------------------------------------
 
     def _legend(self) -> list:
         if not self.levels:
@@ -164,7 +164,7 @@ class Inspection(Effect):
         return shown, sum(-(-len(group) // BLOCK) for group in groups)
 
     def _newly_taken(self, frame, pairs) -> int:
-        """Return how many images were drawn for this frame, or since the last one."""
+        """Return the number of images rendered since the last frame."""
         before, self._taken, new = self._taken, {}, 0
         for number, (effect, row) in enumerate(pairs):
             total = next((int(row.details[n]) for n in _TAKEN if n in row.details), None)
@@ -193,7 +193,7 @@ class Inspection(Effect):
         self._marks.boxes.show(places, colors[large][kept // 12])
 
     def _cells(self, group, ink):
-        """Return corners and colours of a group's cells: strong where any of it is drawn."""
+        """Return corners and colours of a group's cells, stronger where instances are visible."""
         if group not in self._boxes:
             centers, radii = group.centers(np.arange(len(group))), group.radii[:, None]
             starts = np.arange(0, len(group), BLOCK)
@@ -209,7 +209,7 @@ class Inspection(Effect):
     # -- images ------------------------------------------------------------------------------
 
     def _chosen(self, drawn):
-        """Return whose images are shown."""
+        """Return the thing whose images are shown."""
         if not self.atlas:
             return None
         able = [e for e in drawn if isinstance(e, Instances | Impostor)]
@@ -241,7 +241,7 @@ def level_counts(groups) -> dict[str, int]:
 
 
 def _shown(impostor, frame):
-    """Return which images of an impostor a frame shows."""
+    """Return the images of an impostor that a frame shows."""
     images = impostor.images
     if images is None:
         return np.zeros(0, bool)
@@ -249,18 +249,18 @@ def _shown(impostor, frame):
 
 
 def _cells_seen(group):
-    """Return which cells of a group hold anything that is drawn."""
+    """Return the cells of a group with visible instances."""
     return np.unique(group.seen * group.unit // BLOCK)
 
 
 def _count_taken(impostor, frame) -> int:
-    """Return how many images of an impostor were drawn for a frame."""
+    """Return the number of impostor images rendered for a frame."""
     images = impostor.images
     return 0 if images is None else int((images.taken[images.alive] == frame.index).sum())
 
 
 def _image_boxes(impostor, frame):
-    """Return corners and colours of what an impostor draws as images."""
+    """Return the corners and colours of the boxes that an impostor draws as images."""
     images, shown = impostor.images, np.flatnonzero(_shown(impostor, frame))
     if not len(shown):
         return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 4))
@@ -271,20 +271,20 @@ def _image_boxes(impostor, frame):
 
 
 def _diameters(frame, low, high):
-    """Return about how large boxes are on the screen, pixels."""
+    """Return the approximate on-screen diameters of boxes, in pixels."""
     away = np.linalg.norm((low + high) / 2 - frame.eye, axis=1)
     away = 1.0 if frame.parallel else np.maximum(away, frame.near)
     return np.linalg.norm(high - low, axis=1) * frame.pixel_scale / away
 
 
 def _ink(renderer):
-    """Return a colour that is seen on a renderer's background."""
+    """Return a colour that contrasts with a renderer's background."""
     light = np.dot(renderer.GetBackground(), (0.3, 0.6, 0.1)) > 0.5
     return (0, 0, 0) if light else (255, 255, 255)
 
 
 def _milliseconds(report) -> list[str]:
-    """Return a line for each effect: its time, or what became of it."""
+    """Return a line per effect: its time, or its status."""
     told = [f'{row.ms:.1f}' if row.state == 'ran' else row.state for row in report.rows]
     return [_row(row.effect, value) for row, value in zip(report.rows, told, strict=True)]
 
@@ -295,7 +295,7 @@ def _row(name, value) -> str:
 
 
 def toggle(pipeline, on, atlas, *, levels, cells, table) -> Inspection | None:
-    """Show how a subplot is drawn, or stop; by default whichever it does not now."""
+    """Enable or disable the inspection of a subplot; by default toggle it."""
     if on is not None and not isinstance(on, bool):
         msg = f'on = {on!r}: must be True, False or None; atlas says whose images are shown'
         raise TypeError(msg)

@@ -1,4 +1,4 @@
-"""Flat marks on a subplot: lines, boxes of colour, words, a picture of a texture."""
+"""2D overlays of a subplot: lines, filled boxes, text, and a view of a texture."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pvibr.core import _vtk
 _FONT = 14.0  # pixels at most
 _LEAST = 8.0  # and at least
 _WIDE = 0.62  # width of a letter of the fixed font over its size
-_PITCH = 1.4  # of lines of words
+_PITCH = 1.4  # line spacing
 _PAD = 6.0
 _PANEL = (0, 0, 0, 190)
-_PICTURE = 0.34  # side of the picture over the shorter one of the subplot
+_PICTURE = 0.34  # side of the texture view, relative to the subplot's shorter side
 
 
 def edges(low, high) -> np.ndarray:
@@ -24,9 +24,9 @@ def edges(low, high) -> np.ndarray:
 
 
 def projected(frame, ends):
-    """Return lines as a camera sees them, cut where they pass the eye."""
+    """Return projected lines, clipped at the near plane."""
     view = frame.view_from_world
-    # Less the eye first: places may be far from the origin.
+    # Subtract the eye first: points may be far from the origin.
     eye = (ends - frame.eye) @ view[:3, :3].T
     clip = eye @ frame.clip_from_view[:, :3].T + frame.clip_from_view[:, 3]
     w = clip[..., 3]
@@ -44,13 +44,13 @@ def projected(frame, ends):
 
 
 def _order(w):
-    """Return which end of each line is farther, and which is nearer."""
+    """Return the far and the near end of each line."""
     farther = w.argmax(1)
     return farther, 1 - farther
 
 
 class Shapes:
-    """Lines or quads, each of one colour."""
+    """Lines or quads with a colour each."""
 
     def __init__(self, corners, width=1.0):
         self.corners = corners
@@ -61,7 +61,7 @@ class Shapes:
         self.show(np.zeros((0, corners, 2)), np.zeros((0, 4)))
 
     def show(self, places, colors):
-        """Draw these."""
+        """Show these items."""
         places = np.asarray(places, float).reshape(-1, 2)
         mesh = _mesh(places, self.corners)
         table = np.ascontiguousarray(colors, np.uint8).reshape(-1, 4)
@@ -71,7 +71,7 @@ class Shapes:
 
 
 class Words:
-    """Lines of a fixed font, made as they are needed."""
+    """Lines of monospaced text, created on demand."""
 
     def __init__(self, count):
         self._scale = 1
@@ -84,7 +84,7 @@ class Words:
             how.SetVerticalJustificationToCentered()
 
     def show(self, lines, font, scale=1):
-        """Draw these."""
+        """Show these items."""
         again, self._scale = scale != self._scale, scale
         for k, actor in enumerate(self.actors):
             actor.SetVisibility(k < len(lines))
@@ -93,12 +93,12 @@ class Words:
                 actor.SetInput(text)
                 actor.GetTextProperty().SetFontSize(font)
                 actor.SetPosition(x, y)
-                if again:  # VTK keeps words that it has drawn, however large
+                if again:  # VTK caches rendered text of any size
                     actor.GetTextProperty().Modified()
 
 
 class TexturePicture:
-    """A texture of the GPU, shown as it is."""
+    """A view of a GPU texture."""
 
     def __init__(self):
         self.actor = _vtk.vtkTexturedActor2D()
@@ -109,7 +109,7 @@ class TexturePicture:
         self.hide()
 
     def show(self, texture, part, box):
-        """Draw a part of a texture."""
+        """Show a region of a texture."""
         mesh = _mesh(_corners(box), 4)
         places = _corners(np.array([(0.0, 0.0), part])).astype(np.float32)
         mesh.GetPointData().SetTCoords(_vtk.numpy_to_vtk(places, deep=True))
@@ -118,13 +118,13 @@ class TexturePicture:
         self.actor.VisibilityOn()
 
     def hide(self):
-        """Draw nothing, and know no texture."""
+        """Hide the view and forget the texture."""
         self.texture.SetTextureObject(None)
         self.actor.VisibilityOff()
 
 
 class Marks:
-    """All that an inspection draws, in the order in which it is drawn."""
+    """The 2D actors of an inspection, in drawing order."""
 
     def __init__(self):
         self.boxes = Shapes(2)
@@ -138,13 +138,13 @@ class Marks:
             actor.PickableOff()
 
     def hide(self):
-        """Draw nothing."""
+        """Hide all items."""
         self.picture.hide()
         for actor in self.actors:
             actor.VisibilityOff()
 
     def write(self, size, rows, titled, scale=1):
-        """Draw a panel of words with a patch of colour before some, and the frame of a picture."""
+        """Show a panel of text with colour patches, and the frame of a texture view."""
         sheet = _Sheet(size)
         sheet.write(rows)
         box = None if titled is None else sheet.frame(*titled)
@@ -153,14 +153,14 @@ class Marks:
         return None if box is None else box / size
 
     def release(self, window):
-        """Free the GPU's memory; the context must be alive."""
+        """Release GPU resources; the OpenGL context must exist."""
         self.picture.hide()
         for actor in self.actors:
             actor.ReleaseGraphicsResources(window)
 
 
 class _Sheet:
-    """Where panels, patches and words are in a subplot, in its pixels."""
+    """The layout of panels, colour patches and text in a subplot, in pixels."""
 
     def __init__(self, size):
         self.size = np.asarray(size, float)
@@ -170,7 +170,7 @@ class _Sheet:
         self.lines: list[tuple[str, float, float]] = []
 
     def write(self, rows):
-        """Put rows into the upper left corner; those without room are left out."""
+        """Lay out rows in the upper left corner; rows that do not fit are omitted."""
         pitch, top = self.font * _PITCH, self.size[1] - _PAD
         rows = rows[: max(int((top - 2 * _PAD) / pitch), 0)]
         if not rows:
@@ -186,7 +186,7 @@ class _Sheet:
             self._line(text, x + 1.4 * self.font, y)
 
     def frame(self, title, ratio):
-        """Put a picture's panel into the lower right corner; return its corners."""
+        """Lay out a panel in the lower right corner and return its corners."""
         side, pitch = _PICTURE * self.size.min(), self.font * _PITCH
         sides = side * np.array([min(1.0, 1 / ratio), min(1.0, ratio)])
         high = np.array([self.size[0] - 2 * _PAD, 2 * _PAD + sides[1]])
@@ -211,14 +211,14 @@ def _corners(box):
 
 
 def outlines(low, high) -> np.ndarray:
-    """Return the sides of flat boxes."""
+    """Return the edges of 2D boxes."""
     (x0, y0), (x1, y1) = low.T, high.T
     corners = np.stack([np.stack(c, 1) for c in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))], 1)
     return np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2, 2)
 
 
 def _mapper():
-    """Return a mapper of points that are shares of a subplot."""
+    """Return a mapper of points in normalized viewport coordinates."""
     mapper = _vtk.vtkPolyDataMapper2D()
     place = _vtk.vtkCoordinate()
     place.SetCoordinateSystemToNormalizedViewport()

@@ -1,4 +1,4 @@
-"""The images that a thing is drawn from, and which of them are in use."""
+"""The atlas or image that a thing is drawn from, and its tiles in use."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pvibr.meshes.turntable import LEVEL
 
 #: Of images that were drawn for this frame.
 FLASH = (1.0, 0.0, 1.0)
-_MOST = 16_384  # instances that are asked, spread over those that are seen
+_MOST = 16_384  # maximum number of sampled instances
 _ONE = ('splat', 'flat', 'parallax')  # shaders that show one view
 
 
 class Sheet:
-    """The images of a thing as they lie on the GPU, and the tiles of it that matter."""
+    """The image texture of a thing and its relevant tiles."""
 
     def __init__(self, thing, frame):
         if isinstance(thing, Impostor):
@@ -45,19 +45,19 @@ class Sheet:
 
 
 def has_images(thing) -> bool:
-    """Tell whether there are images to show."""
+    """Return True if there are images to show."""
     if isinstance(thing, Impostor):
         return thing.images is not None and thing.images.pool is not None
     return bool(thing.groups) and 'ibr_albedo' in thing.groups[0].cards.textures
 
 
 def as_bytes(color) -> tuple[int, ...]:
-    """Return a colour in bytes."""
+    """Return a colour as bytes."""
     return tuple(round(255 * c) for c in color)
 
 
 def used_views(group, frame) -> np.ndarray:
-    """Return the views that the cards of a frame are drawn from."""
+    """Return the atlas views that the cards of a frame use."""
     slots = _slots(group)
     if not len(slots):
         return np.zeros((0, 2), int)
@@ -76,7 +76,7 @@ def used_views(group, frame) -> np.ndarray:
 
 
 def _slots(group):
-    """Return instances that are seen and not hidden, or some of them."""
+    """Return a sample of the visible instances."""
     slots = (group.seen[:, None] * group.unit + np.arange(group.unit)).ravel()
     slots = slots[slots < len(group)]
     slots = slots[:: max(1, len(slots) // _MOST)]
@@ -84,7 +84,7 @@ def _slots(group):
 
 
 def _toward(group, slots, frame):
-    """Return directions to the eye in model space, how far it is above level, and its distance."""
+    """Return directions to the eye in model space, its elevation and its distance."""
     away = np.ones(len(slots))
     if frame.parallel:
         eye = np.tile(frame.view_from_world[2, :3], (len(slots), 1))

@@ -132,9 +132,9 @@ class InstanceGroup:
         """World bounds of all bounding spheres: x, y and z, low and high."""
         if not len(self):
             return np.array([1.0, -1.0] * 3)
-        reach = (self.blocks.reach + self.blocks.largest)[:, None]
-        low, high = (self.blocks.centers - reach).min(0), (self.blocks.centers + reach).max(0)
-        return np.stack([low, high], 1).ravel()
+        reach = self.blocks.reach + self.blocks.largest
+        centers = np.ascontiguousarray(self.blocks.centers.T)
+        return np.stack([(centers - reach).min(1), (centers + reach).max(1)], 1).ravel()
 
     def tight_bounds(self) -> tuple:
         """Return the world bounds of the points of all instances: x, y and z, low and high."""

@@ -16,11 +16,15 @@ def spheres(poses, ids, center, radius):
     return _spheres(_columns(poses, ids), center, radius)
 
 
-def put_centers(out, poses, ids, atlas):
-    """Set the rows of some instances, shape (n, 3), to the centres of their spheres."""
+def centers_of(poses, ids, atlas):
+    """Return the centres of the bounding spheres of some instances, shape (n, 3)."""
+    if poses.ndim == 2:
+        return poses[ids] + atlas.center
+    out = np.empty((len(ids), 3))
     for start in range(0, len(ids), _AT_ONCE):
-        some = ids[start : start + _AT_ONCE]
-        out[some] = spheres(poses, some, atlas.center, atlas.radius)[0].T
+        part = slice(start, start + _AT_ONCE)
+        out[part] = spheres(poses, ids[part], atlas.center, atlas.radius)[0].T
+    return out
 
 
 def _columns(poses, ids):
@@ -96,12 +100,6 @@ class Placement:
         """Return centres of some slots relative to those of their blocks, shape (3, n)."""
         rows = self.rows.reshape(-1, 4 * self.texels).take(slots, 0)
         return rows.T[:3] if self.texels == 1 else rows.T[3::4]
-
-    @property
-    def spread(self) -> float:
-        """How far neighbours lie from one another, in all."""
-        blocks = self.blocks if self.unit > 1 else self.blocks.neighborhoods
-        return float(blocks.reach.sum())
 
 
 def _run(blocks, unit):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.determinism import is_deterministic
 from pvibr.gl.binder import Binder
 from pvibr.instances.arguments import (
     checked_ids,
@@ -16,14 +17,15 @@ from pvibr.instances.arguments import (
 from pvibr.instances.cards import slab_counts
 from pvibr.instances.group import InstanceGroup, unit_of
 from pvibr.instances.levels import make_model
-from pvibr.instances.placement import put_centers
-from pvibr.maths.blocks import morton_order
+from pvibr.instances.placement import centers_of
+from pvibr.maths.blocks import BLOCK, members, morton_order
 from pvibr.meshes.poses import as_poses
 from pvibr.scene import looks as look
 from pvibr.scene.item_set import ItemSet
 from pvibr.scene.thing import joined_bounds
 
-_SPREAD = 2.0  # growth of the blocks at which their instances are no neighbours any more
+_SPREAD = 2.0  # growth of most blocks at which their instances are no neighbours any more
+_SAMPLE = 64  # blocks that are asked
 
 
 class PosedSet(ItemSet):
@@ -140,6 +142,7 @@ class PosedSet(ItemSet):
             setattr(self, name, values)
 
     def _update_all(self, poses, index, scalars, colors, visible):
+        moved = poses is not None or index is not None
         poses = self._poses if poses is None else as_poses(poses)
         count, meshes = len(poses), max(len(self._meshes), 1)
         if index is not None:
@@ -154,7 +157,7 @@ class PosedSet(ItemSet):
         if visible is not None:
             look.as_mask(visible, count)
             looks['visible'] = visible
-        if poses is not self._poses or index is not self._index:
+        if moved:  # also by the same array: it may hold other numbers now
             self._owned = self._owned and poses is self._poses
             self._replace(poses, index)
         for name, values in looks.items():
@@ -192,12 +195,14 @@ class PosedSet(ItemSet):
             self._order = np.concatenate([self._order[self._order < count], new])
             self._scalars = self._colors = self._visible = None
             self.covered = self._applied = None
-        if self._fits():
-            self._put_groups()
-            self._keep_neighbors()
-            self._repaint()
-        else:
+        if not self._fits():
             self._rebuild()
+            return
+        if self._are_scattered():
+            self._sort()
+        else:
+            self._put_groups()
+        self._repaint()
 
     def _move(self, ids):
         """Take over changed poses of some instances."""
@@ -210,8 +215,11 @@ class PosedSet(ItemSet):
         for k, group in zip(self._models, self.groups, strict=True):
             if len(some := ids[meshes == k]):
                 group.move(self._poses, slots[some])
-        self._moved_groups()
-        self._keep_neighbors()
+        if self._are_scattered():
+            self._sort()
+            self._repaint()
+        else:
+            self._moved_groups()
 
     # -- groups of one mesh --------------------------------------------------------------------
 
@@ -259,22 +267,36 @@ class PosedSet(ItemSet):
 
     def _sort(self):
         """Place the instances in an order that keeps neighbours together."""
-        centers = np.empty((len(self._poses), 3))
-        for k, model in self._models.items():
-            put_centers(centers, self._poses, np.flatnonzero(self._index == k), model.atlas)
+        centers = self._centers(np.arange(len(self._poses)))
         self._order = morton_order(centers).astype(np.int32)
-        self._put_groups()
         self._spread = self._spread_now()
+        self._put_groups()
+        self._sorted = True
 
-    def _keep_neighbors(self):
-        """Sort the instances again if they have gone far from one another."""
-        if self._spread_now() > _SPREAD * self._spread:
-            self._sort()
-            self._repaint()
+    def _centers(self, ids):
+        """Return the centres of the spheres of some instances, shape (n, 3)."""
+        if len(self._models) == 1:
+            (model,) = self._models.values()
+            return centers_of(self._poses, ids, model.atlas)
+        centers, meshes = np.empty((len(ids), 3)), self._index[ids]
+        for k, model in self._models.items():
+            these = meshes == k
+            centers[these] = centers_of(self._poses, ids[these], model.atlas)
+        return centers
+
+    def _are_scattered(self) -> bool:
+        """Return True if instances have gone far from those that were their neighbours."""
+        several = unit_of(len(self)) > 1  # else each one is culled and sorted by itself
+        return several and self._spread_now() > _SPREAD * self._spread
 
     def _spread_now(self) -> float:
-        """Return how far neighbours are from one another, on average."""
-        return sum(group.placement.spread for group in self.groups) / max(len(self), 1)
+        """Return the length of most blocks of neighbours, by some of them."""
+        count = len(self)
+        some = np.linspace(0, -(-count // BLOCK) - 1, min(_SAMPLE, count)).astype(int)
+        if not len(some):
+            return 0.0
+        centers = self._centers(self._order[members(some, BLOCK, count).ravel()])
+        return float(np.quantile(np.ptp(centers.reshape(-1, BLOCK, 3), 1).sum(1), 0.9))
 
     def _put_groups(self):
         self._slots = None
@@ -284,7 +306,7 @@ class PosedSet(ItemSet):
         self._moved_groups()
 
     def _moved_groups(self):
-        self._uploaded = False
+        self._sorted = self._uploaded = False
         self._touch()
         self._set_bounds(joined_bounds([g.tight_bounds() for g in self.groups]))
 
@@ -335,6 +357,9 @@ class PosedSet(ItemSet):
 
     def _upload(self, window):
         """Upload what changed; the context is current."""
+        if is_deterministic() and not self._sorted:
+            self._sort()
+            self._repaint()
         if not self._uploaded:
             for group in self.groups:
                 group.upload(window)

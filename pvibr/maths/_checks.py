@@ -1,4 +1,4 @@
-"""Checks of what cameras are given: errors name the value and what is allowed."""
+"""Checks of camera arguments: errors name the value and the allowed ones."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def freeze(camera, **values):
 
 
 def finite(name, values):
-    """Return values that must be finite."""
+    """Return values; raise ValueError if one is not finite."""
     if not np.isfinite(values).all():
         msg = f'{name} is {values.tolist()}; all numbers must be finite.'
         raise ValueError(msg)

@@ -1,4 +1,4 @@
-"""Few planes that come close to all triangles of a mesh: billboard clouds.
+"""Billboard clouds: few planes that approximate all triangles of a mesh.
 
 Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification", SIGGRAPH
 2003: each triangle votes for the planes that all of its corners are near to, and the plane with
@@ -208,18 +208,18 @@ class _Surface:
         return group.reshape(-1), first
 
     def away(self, normal, offset):
-        """Return how far the farthest corner of each triangle is from a plane."""
+        """Return the largest distance of the corners of each triangle from a plane."""
         return np.abs(self.points @ normal - offset)[self.faces].max(1)
 
     def own_plane(self, face):
-        """Return the plane of a triangle: also of one that is but a line or a point."""
+        """Return the plane of a triangle, degenerate ones included."""
         a, b, c = self.corners[face]
         _, _, axes = np.linalg.svd(np.stack([b - a, c - a, c - b]))
         return axes[2], float(axes[2] @ (a + b + c)) / 3
 
 
 class _Votes:
-    """Votes of triangles for planes of some directions, as differences from offset to offset."""
+    """Votes of triangles for planes of some directions, as differences between offset bins."""
 
     def __init__(self, directions, bound, low, width, count):
         self.directions, self.bound = directions, bound
@@ -280,7 +280,7 @@ class _Votes:
 
 
 class _Greedy:
-    """The plane with the most votes again and again, until every triangle has one."""
+    """Greedy selection of the plane with the most votes, until every triangle has one."""
 
     def __init__(self, surface, bound):
         self.surface, self.bound = surface, bound
@@ -316,7 +316,7 @@ class _Greedy:
         self.weight[: len(left)] = left
 
     def _next(self):
-        """Return a plane and the triangles that it takes: one or more."""
+        """Return a plane and the triangles assigned to it, at least one."""
         normal, offset, votes = self.votes.best()
         if votes > 0:
             normal, offset = self._refined(normal, offset)
@@ -361,7 +361,7 @@ class _Greedy:
 
 
 def _main_normals(surface, count=64):
-    """Return the directions in which most of the area looks: those of walls, exactly."""
+    """Return the normals with the most area, exact for walls."""
     largest = np.abs(surface.normals).argmax(1)[:, None]
     sign = np.take_along_axis(surface.normals, largest, 1)  # the same for similar normals
     normals = surface.normals * np.where(sign < 0, -1, 1)
@@ -389,7 +389,7 @@ def _polished(surface, normals, offsets, bound):
 
 
 def _needed(surface, normals, offsets, bound):
-    """Return the planes without those whose triangles all have another; the smallest go first."""
+    """Return the planes without redundant ones, the smallest removed first."""
     near = np.empty((len(surface), len(offsets)), bool)
     for rows, away, _ in _blocks(surface, normals, offsets):
         near[rows] = away.max(1) <= bound
@@ -417,7 +417,7 @@ def _assigned(surface, normals, offsets, scale, bound):
 
 
 def _blocks(surface, normals, offsets):
-    """Yield rows, distances (m, 3, k) and cosines (m, k) of triangles, some at a time."""
+    """Yield rows, distances (m, 3, k) and cosines (m, k) of triangles in batches."""
     block = max(1, _CHUNK // len(offsets))
     for start in range(0, len(surface), block):
         rows = slice(start, start + block)
@@ -428,7 +428,7 @@ def _blocks(surface, normals, offsets):
 
 
 def _fitted(surface, normals, offsets, owner, bound):
-    """Return planes through the middle of their triangles, turned as far as the bound allows."""
+    """Return planes through the centroids of their triangles, rotated within the bound."""
     weight = surface.areas
     count = len(offsets)
     total = np.maximum(np.bincount(owner, weight, count), 1e-300)

@@ -76,7 +76,7 @@ class Camera:
         raise NotImplementedError
 
     def texel(self, points):
-        """Return the size of a pixel at points, across the view and without lens distortion.
+        """Return the size of a pixel at points, parallel to the image plane, undistorted.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The camera of a picture, from what users have: PyVista's cameras, calibrations, orthophotos."""
+"""Conversion of PyVista's cameras, calibrations and orthophoto extents to cameras."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pvibr.maths.pinhole import GUESSED, Pinhole, check_principal_point
 
 
 def as_camera(camera, size):
-    """Return the camera of a picture from what users have.
+    """Return the camera of a picture.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def as_camera(camera, size):
 
 
 def _from_view(camera, size):
-    """Return what a ``pyvista.Camera`` sees, read by its attributes."""
+    """Return the camera equal to a ``pyvista.Camera``, read by its attributes."""
     position = _checks.numbers('camera.position', camera.position, (3,))
     focal = _checks.numbers('camera.focal_point', camera.focal_point, (3,))
     ahead = _checks.direction('camera.focal_point - camera.position', focal - position)
@@ -90,7 +90,7 @@ def _from_view(camera, size):
 
 
 def _check_plain(camera):
-    """Raise for what VTK's cameras can do beyond a pinhole: their picture would not be ours."""
+    """Raise ValueError if VTK's camera is more than a pinhole: its picture would differ."""
     identity = [float(i == j) for i in range(4) for j in range(4)]
     plain = {
         'ModelTransformMatrix': identity,

@@ -15,7 +15,7 @@ _TERMS = (0, 4, 5, 8)
 
 
 def distort(xy, distortion):
-    """Return where a lens puts points of the ideal image plane.
+    """Return the distorted positions of points of the ideal image plane.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def distort(xy, distortion):
 
 
 def undistort(xy, distortion):
-    """Return the points of the ideal image plane that a lens puts at given points.
+    """Return the ideal positions of distorted points.
 
     Newton's method with halved steps. The Jacobian is symmetric and, within the valid radius,
     positive definite, so each step goes down and the point found is the only one.
@@ -175,7 +175,7 @@ def _distorted(xy, lens):
 
 
 def _newton(xy, miss, lens):
-    """Return the steps that would mend the misses if the lens were linear."""
+    """Return the Newton steps that reduce the residuals."""
     k1, k2, p1, p2, k3, k4, k5, k6 = lens
     x, y = xy.T
     s = x * x + y * y

@@ -1,4 +1,4 @@
-"""Several pictures on one surface: looked up, weighted, blended, and made equally bright.
+"""Projection of several pictures on one surface: sampling, weights, blending, exposure.
 
 Arrays over views start with the view: v views, n points, c channels.
 """
@@ -205,7 +205,7 @@ def blend(colors, weights):
 
 
 def exposure_gains(colors, weights=None, limits=(0.0, 255.0), common=False):
-    """Return gains that make views of the same points equally bright.
+    """Return gains that equalize the exposure of overlapping views.
 
     For each two views, the median difference of the logarithms is one observation of the
     difference of their gains, weighted by the spread of the samples. The gains are the least

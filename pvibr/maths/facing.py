@@ -1,4 +1,4 @@
-"""Which way cards face: rotations toward an eye, and the eye recovered from a view matrix."""
+"""Orientation of cards toward an eye, and the eye of a view matrix."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CLOSE = 0.9
 
 
 class Eye(NamedTuple):
-    """A camera's place and axes, world space.
+    """A camera's position and axes, world space.
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ def _toward(points, eye, plane):
 
 
 def _upright(toward, axis, camera_right, about_axis):
-    """Return axes of cards whose up is as near to an axis as can be, or is the axis."""
+    """Return axes of cards whose up is closest to an axis, or the axis itself."""
     axis = np.broadcast_to(axis, toward.shape)
     right = np.cross(axis, toward)
     sine = np.linalg.norm(right, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""How far a picture is from a reference: colour, coverage, outline."""
+"""Errors of a picture against a reference: colour, coverage, silhouette."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far an image of an object, drawn on a card, is from the object itself."""
+"""Cards of impostors, and the parallax error of an image on a card."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SHARES = np.array([[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
 def _icosahedral() -> np.ndarray:
-    """Return the corners and the middles of the edges of an icosahedron, one of each pair."""
+    """Return the corners and edge midpoints of an icosahedron, one of each antipodal pair."""
     gold = (1 + 5**0.5) / 2
     first: list[tuple[float, ...]] = [(0, 1, gold), (0, 1, -gold), (1, 0, 0)]
     first += [(1, j * gold, k * (gold + 1)) for j in (1, -1) for k in (1, -1)]
@@ -29,7 +29,7 @@ _BLOCK = 2**16  # points that are looked at together
 
 
 class Card(NamedTuple):
-    """The planes through the middles of objects that face the eye, and the covered rectangles.
+    """The planes through the centres of objects that face the eye, and the covered rectangles.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Card(NamedTuple):
 
 
 def box_corners(half) -> np.ndarray:
-    """Return the corners of boxes of any orientation, from their middles.
+    """Return the corners of oriented boxes, relative to their centres.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def _ends(points):
 
 
 def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:
-    """Lay a card through the middle of each object, across the line of sight (Schaufler 1995).
+    """Fit cards through the centres of objects, facing the eye (Schaufler 1995).
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:
 
 
 def _facing(back, up):
-    """Return right, up and back, (n, 3, 3), upward as far as that goes."""
+    """Return right, up and back, (n, 3, 3), as upright as possible."""
     other = np.eye(3)[np.argmin(np.abs(back), axis=1)]
     steep = np.abs(back @ up) > 0.999 * np.linalg.norm(up)
     right = np.cross(np.where(steep[:, None], other, up), back)
@@ -265,7 +265,7 @@ def displacement(card, eye, toward=None) -> np.ndarray:
 
 
 def stretch_of(middle, radius, tangent) -> np.ndarray:
-    """Return the magnification of small angles on the screen, relative to its middle.
+    """Return the magnification of small angles on the screen, relative to its centre.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which key frames are shown at a time, and how much of each: numpy only, float64."""
+"""Interpolation weights of key frames: numpy only, float64."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SAME = 1e-6  # of the span: a gap from last to first that is only rounding
 
 
 def frame_weights(keys, times, interpolation='linear', period=None):
-    """Return the frames that are shown at times, and their weights.
+    """Return the key frames blended at given times, and their weights.
 
     'step' shows the last frame that began; 'linear' is ``(1 - w) A + w B``; 'quadratic' is the
     parabola through the frame before and the two around the time, continuous but not smooth at
@@ -166,13 +166,13 @@ def blend_directions(frames, indices, weights):
 
 
 class _Line:
-    """Keys that are shown once, numbered 0 to f - 1."""
+    """Keys of a finite clip, numbered 0 to f - 1."""
 
     def __init__(self, keys):
         self.keys, self.last = keys, len(keys) - 1
 
     def degree(self, interpolation):
-        """Return the highest degree up to that asked for that so many keys allow."""
+        """Return the requested degree, limited by the number of keys."""
         # A cubic is made of parabolas, so that three keys are enough.
         return min(SLOTS[interpolation] - 1, self.last if self.last < 2 else 3)
 
@@ -191,7 +191,7 @@ class _Line:
         return self.keys[numbers]
 
     def around(self, numbers):
-        """Return the first of the three keys whose parabola serves at a key."""
+        """Return the first of the three keys of the parabola at a key."""
         return np.clip(numbers - 1, 0, self.last - 2)
 
     def frames(self, numbers):
@@ -199,7 +199,7 @@ class _Line:
 
 
 class _Ring:
-    """Keys that come again and again, numbered from minus to plus infinity."""
+    """Keys of a periodic clip, numbered from minus to plus infinity."""
 
     def __init__(self, keys, period):
         span = keys[-1] - keys[0]
@@ -268,7 +268,7 @@ _WEIGHTS = (_step, _linear, _quadratic, _cubic)
 
 
 def _part(line, first, times):
-    """Return how far times are from one key to the next, 0 to 1."""
+    """Return the fractions of times between two keys, 0 to 1."""
     a, b = line.key(first), line.key(first + 1)
     return (times - a) / (b - a)
 

@@ -1,4 +1,4 @@
-"""Warps of a picture to another view: the best fit of points, and how wrong it is.
+"""Warps of a picture to another view: least squares fits and their errors.
 
 Pixels are counted from the lower left corner of the screen; warps are (3, 3) matrices that take
 homogeneous pixels of the picture to those of the screen.
@@ -76,7 +76,7 @@ def extents(clip_from_world, bounds, size) -> np.ndarray:
 
 
 def part_of(clip_from_view, size, rect) -> np.ndarray:
-    """Return the projection whose picture is a rectangle of the screen, or beyond it.
+    """Return the projection of a rectangle of the screen, or beyond it.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def moved(warp, points) -> np.ndarray:
 
 
 def fit_affine(source, target) -> np.ndarray:
-    """Return the affine warp that takes points nearest to others, by least squares.
+    """Return the affine warp between points, by least squares.
 
     Directions that the points do not determine are kept.
 
@@ -166,7 +166,7 @@ def _solved(x, y):
 
 
 def fit_plane(pixels, inverse_depth) -> np.ndarray:
-    """Return the plane nearest to points in a picture, by least squares.
+    """Return the plane of points in a picture, by least squares.
 
     Parameters
     ----------
@@ -267,7 +267,7 @@ def reaches(warp, rect, open_sides, size) -> bool:
 
 
 def split_by_depth(nearest, farthest, count, *, ratio=True) -> np.ndarray:
-    """Return the layers that boxes belong to, by distance.
+    """Return the depth layers of boxes.
 
     Layers have equal ranges of the logarithm of the distance, so of equal parallax. Boxes longer
     than two such ranges and twice the median, as the ground, share an additional layer.

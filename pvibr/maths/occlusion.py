@@ -1,4 +1,4 @@
-"""Which spheres are hidden: guessed from what is in front of them, and proven by depths."""
+"""Occlusion of spheres: an estimate by the number in front, and a proof by depths."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _STEP = 1e-6  # what 32 bits may lose, of window depth and of distances
 
 
 def on_screen(frame, centers, radii):
-    """Return the rectangles that hold the pictures of spheres.
+    """Return the bounding rectangles of projected spheres.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def on_screen(frame, centers, radii):
 
 
 def likely_seen(pixels, areas, layers, tile=32) -> np.ndarray:
-    """Guess which actors are visible: those with little in front of them.
+    """Estimate the visible actors: those with little in front of them.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def likely_seen(pixels, areas, layers, tile=32) -> np.ndarray:
 
 
 def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
-    """Return which spheres are certainly hidden by what is drawn.
+    """Return the spheres certainly hidden by a depth buffer.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def _largest_within(values, low, high):
 
 
 def _with_next(values, step, axis):
-    """Return the larger of each value and the one so many further on."""
+    """Return the maximum of each value and the one at an offset."""
     out = values.copy()
     here, there = (np.moveaxis(a, axis, 0) for a in (out, values))
     np.maximum(here[:-step], there[step:], out=here[:-step])

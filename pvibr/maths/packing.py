@@ -1,4 +1,4 @@
-"""Rectangles side by side in a square."""
+"""Packing of rectangles into a square."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def shelves(sizes, width):
-    """Put rectangles on shelves from the highest to the lowest.
+    """Pack rectangles on shelves in order of descending height.
 
     Parameters
     ----------

@@ -179,7 +179,7 @@ class Pinhole(Camera):
         return matrix + 0.0
 
     def resized(self, size):
-        """Return the camera of the same picture with other pixels.
+        """Return the camera of a resized picture.
 
         Parameters
         ----------
@@ -266,7 +266,7 @@ def check_principal_point(K, size, allowed):
 
 
 def _unit(vectors):
-    """Return unit vectors; NaN for a vector of length zero, which has no direction."""
+    """Return unit vectors, NaN for zero vectors."""
     with np.errstate(invalid='ignore'):
         return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 

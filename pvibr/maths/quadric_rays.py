@@ -1,4 +1,4 @@
-"""Rays against spheres, ellipsoids and cylinders, in double precision: what shaders must show.
+"""Intersections of rays with spheres, ellipsoids and cylinders: the float64 reference of shaders.
 
 Directions of rays may have any length; distances are counted in it. All arrays are broadcast
 against each other: many rays meet one thing, or one ray many things.
@@ -165,7 +165,7 @@ def meet_cylinders(starts, ways, middles, halves, radii, caps='flat') -> Meeting
 
 
 def _flat(t, walls, within, up, rise, length, units):
-    """Cut the part of a ray within an endless cylinder by the planes of both ends."""
+    """Clip the part of a ray within an infinite cylinder by the planes of both ends."""
     steep = np.broadcast_to(np.where(np.abs(rise) < 1e-30, 1e-30, rise), t[0].shape)
     planes = np.sort(np.stack([(-length - up) / steep, (length - up) / steep]), 0)
     capped = np.stack([planes[0] > t[0], planes[1] < t[1]])
@@ -176,7 +176,7 @@ def _flat(t, walls, within, up, rise, length, units):
 
 
 def _round(t, walls, within, heights, off, ways, length, units, radii):
-    """Put half a sphere on each end of the part of an endless cylinder."""
+    """Extend the part of a ray within an infinite cylinder by hemispherical caps."""
     side = np.where(heights < 0, -1.0, 1.0)
     beyond = np.abs(heights) > length
     away = off - (side * length)[..., None] * units
@@ -191,7 +191,7 @@ def _round(t, walls, within, heights, off, ways, length, units, radii):
 
 
 def _foot(ways, off):
-    """Return how far along a ray it is next to a point, and where that is from the point."""
+    """Return the ray parameter nearest to a point, and the offset from the point."""
     along = -(off * ways).sum(-1) / (ways**2).sum(-1)
     return along, off + along[..., None] * ways
 
@@ -246,7 +246,7 @@ def cast(frame, meet, *things):
 
 
 def _rays(frame):
-    """Return where the ray of each pixel starts and, per unit of depth, where it goes."""
+    """Return the origin of the ray of each pixel, and its direction per unit of depth."""
     width, height = frame.size
     x = (np.arange(width) + 0.5) / width * 2 - 1
     y = 1 - (np.arange(height) + 0.5) / height * 2

@@ -39,7 +39,7 @@ def normalized(quaternions):
 
 
 def multiply(a, b):
-    """Return products of quaternions: the rotation b, and then a.
+    """Return products of quaternions: rotation b, then a.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def conjugate(quaternions):
 
 
 def rotate(quaternions, vectors):
-    """Return vectors turned by unit quaternions.
+    """Return vectors rotated by unit quaternions.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def from_matrices(matrices):
 
 
 def from_axis_angle(axes, angles):
-    """Return the quaternions that turn about axes.
+    """Return the quaternions of rotations about axes.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def from_axis_angle(axes, angles):
 
 
 def between(u, v):
-    """Return the shortest rotations that take the directions u to the directions v.
+    """Return the shortest rotations from directions u to directions v.
 
     Parameters
     ----------
@@ -266,7 +266,7 @@ def between(u, v):
 
 
 def slerp(a, b, t):
-    """Return rotations on the shortest way from one to another, at constant speed.
+    """Interpolate rotations along the shortest arc at constant angular speed.
 
     Parameters
     ----------
@@ -391,12 +391,12 @@ def _length(vectors):
 
 
 def _positive(quaternions):
-    """Return each or its negative, so that w is not negative."""
+    """Return quaternions with non-negative w."""
     return np.where(quaternions[..., :1] < 0, -quaternions, quaternions) + 0.0
 
 
 def _units(name, vectors, size):
-    """Return unit vectors of so many components."""
+    """Return unit vectors of a given number of components."""
     v = np.asarray(vectors, dtype=np.float64)
     if v.shape[-1:] != (size,):
         msg = f'{name} is of shape {v.shape}; the last axis must be of {size}.'

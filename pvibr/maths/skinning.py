@@ -1,4 +1,4 @@
-"""Blending of joints per vertex: linear, and by dual quaternions; numpy only, float64.
+"""Linear blend and dual quaternion skinning; numpy only, float64.
 
 Both give one affine matrix per vertex, which moves the vertex and, by its cofactors, the normal.
 Dual quaternions: Kavan, Collins, Zara and O'Sullivan, "Geometric Skinning with Approximate Dual
@@ -199,7 +199,7 @@ def rigid(real, dual):
 
 
 def moved_points(matrices, points):
-    """Return points, each moved by its own matrix.
+    """Return points, each transformed by its own matrix.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def moved_points(matrices, points):
 
 
 def moved_normals(matrices, normals):
-    """Return unit normals of points, each moved by its own matrix.
+    """Return unit normals of points, each transformed by its own matrix.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def _after(second, first):
 
 
 def _polar(linear):
-    """Return rotation and symmetric stretch; a mirror goes to the stretch."""
+    """Return the polar decomposition: rotation, and stretch with any reflection."""
     u, s, vt = np.linalg.svd(linear)
     sign = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
     u[..., 2] *= sign[..., None]

@@ -1,4 +1,4 @@
-"""Thin slabs that hold points, and covers of triangles by few of them."""
+"""Thin slabs that contain points, and covers of triangles by few slabs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _HOPELESS = 3.0  # times too thick is a slab that turning will not mend
 
 
 def hemisphere(step) -> np.ndarray:
-    """Return unit vectors of half a sphere, about an angle apart.
+    """Return unit vectors of a hemisphere, about an angle apart.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def turned(normal, step) -> np.ndarray:
 
 
 def thinnest(points, starts, enough):
-    """Return the thinnest slab that holds points, near some directions.
+    """Return the thinnest slab that contains points, near some directions.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def thinnest(points, starts, enough):
 
 
 class Cover:
-    """Triangles, and slabs of one thickness that hold all of them.
+    """Triangles, and slabs of one thickness that contain all of them.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class Cover:
         return self.normals, self.offsets
 
     def _merge(self) -> bool:
-        """Merge the first two that can be, the least needed first; remember those that cannot."""
+        """Merge the first possible pair, the least needed first; remember failed pairs."""
         times = self.holds.sum(1)
         alone = self.holds & (times == 1)[:, None]
         cores = [self._extremes(alone[:, k]) for k in range(len(self.offsets))]
@@ -149,7 +149,7 @@ class Cover:
         return False
 
     def _extremes(self, chosen):
-        """Return the points of triangles that are farthest out: a slab of them holds all."""
+        """Return the extreme points of triangles: a slab of them contains all."""
         points = self.points[np.unique(self.faces[chosen])]
         directions = hemisphere(_SPREAD)
         if len(points) <= len(directions):
@@ -158,7 +158,7 @@ class Cover:
         return points[np.unique(np.concatenate([along.argmin(0), along.argmax(0)]))]
 
     def _of_two(self, pair, core, times):
-        """Return a slab that holds what two alone hold, or None."""
+        """Return a slab that contains what only two slabs contain, or None."""
         thick = 2 * self.bound
         if len(core) and thinnest(core, self.normals[list(pair)], thick)[2] > thick:
             return None

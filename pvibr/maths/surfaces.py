@@ -1,4 +1,4 @@
-"""What the triangles of a surface enclose."""
+"""Closedness of triangle meshes."""
 
 from __future__ import annotations
 

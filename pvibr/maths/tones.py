@@ -1,4 +1,4 @@
-"""From light to what a display shows: curves of tone mapping, on colours as arrays."""
+"""sRGB transfer functions and tone mapping curves of colour arrays."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def trs(translations, quaternions=None, scales=None):
 
 
 def transform_points(matrix, points):
-    """Return points moved by one matrix.
+    """Return points transformed by a matrix.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Views other than the camera's: of lights and projectors, in float64."""
+"""Views of lights and projectors, in float64."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def frustum(low, high, near, far, at=1.0) -> np.ndarray:
 
 
 def around(eye, near, far, tangent=1.0) -> list[View]:
-    """Return the six views all around a point, in the order +x, -x, +y, -y, +z, -z.
+    """Return the six cube map views around a point, in the order +x, -x, +y, -y, +z, -z.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def box_distance(point, bounds) -> float:
 
 
 def may_see(view, bounds) -> np.ndarray:
-    """Return which boxes may intersect a view.
+    """Return the boxes that may intersect a view.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def may_see(view, bounds) -> np.ndarray:
 
 
 def may_see_boxes(view, low, high) -> np.ndarray:
-    """Return which boxes may intersect a view, as :func:`may_see` does.
+    """Return the boxes that may intersect a view, as :func:`may_see` does.
 
     Parameters
     ----------

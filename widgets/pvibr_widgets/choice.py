@@ -58,7 +58,7 @@ def panel(plotter, **settings):
 
 
 def _is_laid_out() -> bool:
-    """Return True while a trame page is laid out: elements are open only then."""
+    """Return True during the layout of a trame page, when a parent element is open."""
     core = sys.modules.get('trame_client.widgets.core')
     return core is not None and bool(core.HTML_CTX.element_stack)
 
@@ -68,7 +68,7 @@ def _is_qt_widget(plotter) -> bool:
 
 
 def _is_notebook() -> bool:
-    """Return True in a kernel."""
+    """Return True in a Jupyter kernel."""
     ipython = sys.modules.get('IPython')
     shell = None if ipython is None else ipython.get_ipython()
     return shell is not None and hasattr(shell, 'kernel')

@@ -1,4 +1,4 @@
-"""Handles in the scene, which one drags, touches or moves by keys."""
+"""Handles in the scene, moved by mouse, touch or keyboard."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pvibr_widgets.handles_keys import Control
 from pvibr_widgets.handles_overlay import Overlay, Touch
 from pvibr_widgets.handles_stage import Pointer, to_pixels
 
-_STEP, _FINE = 10, 1  # pixels that an arrow key moves a handle by
-_NEARER = 0.95  # what a distance is multiplied by
+_STEP, _FINE = 10, 1  # pixels per arrow key press
+_NEARER = 0.95  # factor of the distance per key press
 _ARROWS = {'Left': (-1, 0), 'Right': (1, 0), 'Up': (0, 1), 'Down': (0, -1)}
 _DEPTHS = {'Prior': 1 / _NEARER, 'Next': _NEARER}
 _COLOR, _FOCUS = (255, 205, 60), (90, 220, 255)
 _SHAPES = {'position': 'square', 'roll': 'triangle', 'angle': 'diamond'}
-_MOST = 200  # pixels: what VTK takes for a tolerance
+_MOST = 200  # pixels: largest tolerance of VTK
 
 
 class Handles(Overlay):
-    """Handles of one thing in a scene; made by the functions of this package."""
+    """Handles of one thing in a scene; created by the functions of this package."""
 
     def __init__(self, stage, names, *, callback=None, size=28):
         if not 4 <= size <= _MOST:
@@ -32,10 +32,10 @@ class Handles(Overlay):
         self._grips = {name: Grip(self, stage, name, size / 2) for name in names}
         self._follow()
 
-    # -- what a subclass tells --------------------------------------------------------------------
+    # -- hooks of subclasses ----------------------------------------------------------------------
 
     def _look(self) -> dict:
-        """Return where the handles are, world units, by name; those that are left out are off."""
+        """Return handle positions by name, in world units; missing handles are off."""
         return {}
 
     def _lines(self) -> list:
@@ -43,17 +43,17 @@ class Handles(Overlay):
         return []
 
     def _bound(self, name) -> tuple | None:
-        """Return what a handle stays on, None where it is free."""
+        """Return the constraint of a handle, None if it moves freely."""
         return None
 
     def _put(self, name, point):
-        """Change the thing so that a handle is there; raise where that is not allowed."""
+        """Change the thing to match a handle position; raise ValueError if it is invalid."""
 
-    # -- what users do ----------------------------------------------------------------------------
+    # -- user actions -----------------------------------------------------------------------------
 
     @property
     def pixels(self) -> dict:
-        """Where the handles are in the window: name to x and y from its lower left corner."""
+        """Window positions of the handles by name: x and y from the lower left corner."""
         frame = self._stage.frame()
         self._places = self._looked()
         at = to_pixels(frame, [*self._places.values()]) + frame.origin
@@ -61,16 +61,16 @@ class Handles(Overlay):
 
     @property
     def focused(self) -> str | None:
-        """Name of the handle that has the keys."""
+        """Name of the handle with the keyboard focus."""
         current = self._stage.ring.current
         return next((n for n, grip in self._grips.items() if grip is current), None)
 
     def focus(self, name):
-        """Give a handle the keys, as Tab does."""
+        """Give a handle the keyboard focus, as Tab does."""
         self._stage.ring.take(self._grips[name])
 
     def move(self, name, pixel):
-        """Move a handle as the mouse does."""
+        """Move a handle as dragging does."""
         place = self._places[name]
         pointer = Pointer(self._stage.frame(), pixel)
         kind, *bound = self._bound(name) or ('facing', place)
@@ -85,7 +85,7 @@ class Handles(Overlay):
             self._try(name, goal)
 
     def push(self, name, factor):
-        """Move a handle away from the eye, or nearer."""
+        """Move a handle along the line of sight."""
         place, frame = self._places[name], self._stage.frame()
         pointer = Pointer(frame, to_pixels(frame, [place])[0] + frame.origin)
         kind, *bound = self._bound(name) or ('facing',)
@@ -95,10 +95,10 @@ class Handles(Overlay):
         elif kind == 'sphere':
             self._try(name, pointer.on_sphere(*bound, far=factor > 1))
 
-    # -- following --------------------------------------------------------------------------------
+    # -- updates ----------------------------------------------------------------------------------
 
     def _try(self, name, point):
-        """Change the thing, or leave it where that is not allowed; a drag goes on."""
+        """Change the thing if the position is valid; a drag continues either way."""
         if self._is_gone() or not np.isfinite(point).all():
             return
         try:
@@ -111,7 +111,7 @@ class Handles(Overlay):
     def _looked(self) -> dict:
         try:
             return {name: np.asarray(p, float) for name, p in self._look().items()}
-        except ValueError:  # code may set what is not allowed; its effect says so
+        except ValueError:  # values set by code may be invalid; the effect reports them
             return {}
 
     def _rest(self):
@@ -159,11 +159,11 @@ class Grip(Control):
 
     @property
     def usable(self) -> bool:
-        """Whether it can be reached now."""
+        """Whether the handle is active."""
         return self.touch.usable
 
     def place(self, point):
-        """Have it where it belongs."""
+        """Move the handle to its position."""
         self.touch.switch(point is not None)
         if point is None:
             self._stage.ring.lose(self)
@@ -171,11 +171,11 @@ class Grip(Control):
             self.touch.place(point)
 
     def focus(self, on):
-        """Show whether it has the keys."""
+        """Show the keyboard focus."""
         self._stage.draw()
 
     def press(self, key, fine) -> bool:
-        """Move it by a key."""
+        """Move the handle by a key."""
         if key in _ARROWS:
             step = _FINE if fine else _STEP
             at = np.array(self._owner.pixels[self._name])
@@ -188,7 +188,7 @@ class Grip(Control):
         return True
 
     def _begin(self):
-        # What was touched stays under the finger.
+        # The touched point stays under the finger.
         self._offset = np.subtract(self._owner.pixels[self._name], self._pixel())
         self._stage.ring.take(self)
 
@@ -203,6 +203,6 @@ class Grip(Control):
         return np.array(self._stage.interactor.GetEventPosition(), float)
 
     def remove(self):
-        """Take it out of the scene."""
+        """Remove the handle from the scene."""
         self._stage.ring.drop(self)
         self.touch.remove()

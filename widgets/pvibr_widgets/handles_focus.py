@@ -1,4 +1,4 @@
-"""The plane in focus, picked on the scene."""
+"""Picking of the focal plane."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from pvibr_widgets.handles_stage import Pointer, Stage
 _COLOR, _OPACITY = (0.2, 0.75, 0.9), 0.4
 _MARK = (90, 220, 255)
 _SIZE = 28  # pixels
-_STEP, _FINE = 10, 1  # pixels that an arrow key moves the mark by
-_NEARER = 0.95  # what the distance is multiplied by
+_STEP, _FINE = 10, 1  # pixels per arrow key press
+_NEARER = 0.95  # factor of the distance per key press
 _ARROWS = {'Left': (-1, 0), 'Right': (1, 0), 'Up': (0, 1), 'Down': (0, -1)}
 _DEPTHS = {'Prior': 1 / _NEARER, 'Next': _NEARER}
 
 
 def pick_focus(pl, lens, *, callback=None):
-    """Have what is clicked on in focus, until Escape is pressed.
+    """Focus on clicked points until Escape is pressed.
 
     A click or a drag on the scene sets ``lens.distance``, which is counted along the view. What is
     behind the plane in focus is tinted meanwhile: its edge runs where everything is sharp. A drag
@@ -76,13 +76,13 @@ def pick_focus(pl, lens, *, callback=None):
 
 
 class FocusPick(Overlay):
-    """What sets the plane in focus; see :func:`pick_focus`."""
+    """Picker of the focal plane; see :func:`pick_focus`."""
 
     def __init__(self, stage, lens, callback=None):
         super().__init__(stage, callback)
         self.thing = lens
-        self._pixel = np.zeros(2)  # of the subplot, that was picked
-        self._view: np.ndarray | None = None  # in which it was
+        self._pixel = np.zeros(2)  # the picked pixel of the subplot
+        self._view: np.ndarray | None = None  # view matrix at the pick
         self._depths: np.ndarray | None = None
         self._plane = _Plane(stage.renderer)
         self._keys = OwnersControl(self, stage, 'Escape')
@@ -92,7 +92,7 @@ class FocusPick(Overlay):
         self._follow()
 
     def pick(self, pixel) -> bool:
-        """Have what is seen at a pixel in focus."""
+        """Focus on the point seen at a pixel."""
         away = self._depth_at(pixel)
         if away is None:
             return False
@@ -107,7 +107,7 @@ class FocusPick(Overlay):
         self._tell()
 
     def _depth_at(self, pixel) -> float | None:
-        """Return the distance along the view of what is seen there, None where nothing is."""
+        """Return the view depth at a pixel, None on the background."""
         frame = self._stage.frame()
         x, y = (int(i) for i in np.floor(np.subtract(pixel, frame.origin)))
         if not _is_inside(frame, (x, y)) or self._is_gone():
@@ -118,17 +118,17 @@ class FocusPick(Overlay):
         away = float(depths[len(depths) - 1 - y, x])
         return away if 0 < away < np.inf else None
 
-    # -- by mouse ---------------------------------------------------------------------------------
+    # -- mouse ------------------------------------------------------------------------------------
 
     def _event(self):
         return np.array(self._stage.interactor.GetEventPosition(), float)
 
     def _hits(self, pixel) -> bool:
-        """Return True if a press is on the scene: beside it the camera is turned."""
+        """Return True if a press hits the scene; elsewhere the camera is rotated."""
         self._depths = None
         frame = self._stage.frame()
         if not self._is_gone() and _is_inside(frame, np.subtract(pixel, frame.origin)):
-            # The focus changes no depth: one look is enough for a drag.
+            # The focus changes no depth: one depth image serves a whole drag.
             self._depths = self.thing.pipeline.buffer('depth').array
         return self._depth_at(pixel) is not None
 
@@ -144,10 +144,10 @@ class FocusPick(Overlay):
         self._depths = None
         self._stage.draw(by_widget=True)
 
-    # -- by keys ----------------------------------------------------------------------------------
+    # -- keyboard ---------------------------------------------------------------------------------
 
     def press(self, key, fine) -> bool:
-        """Move the place that is picked, or the plane, or end."""
+        """Move the picked point or the plane, or stop picking."""
         frame = self._stage.frame()
         if key == 'Escape':
             self.remove()
@@ -164,7 +164,7 @@ class FocusPick(Overlay):
         self._stage.draw()
         return True
 
-    # -- following --------------------------------------------------------------------------------
+    # -- updates ----------------------------------------------------------------------------------
 
     def _is_gone(self):
         pipeline = self.thing.pipeline
@@ -184,7 +184,7 @@ class FocusPick(Overlay):
         self._marks.say('focus' if focused else '', at + 0.8 * _SIZE * frame.scale)
 
     def _is_shown(self, frame) -> bool:
-        """Return True if the mark is where it was put: another view shows another place there."""
+        """Return True if the camera has not changed since the pick."""
         return self._view is not None and np.array_equal(self._view, frame.view_from_world)
 
     def _rest(self):
@@ -203,7 +203,7 @@ def _is_inside(frame, pixel) -> bool:
 
 
 class _Plane:
-    """The plane in focus: what is behind it is seen through it."""
+    """The translucent focal plane."""
 
     def __init__(self, renderer):
         square = pv.PolyData([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [4, 0, 1, 2, 3])
@@ -223,7 +223,7 @@ class _Plane:
         renderer.AddViewProp(self.actor)
 
     def show(self, frame, lens):
-        """Have it where the focus is, as large as what is seen there."""
+        """Show the plane at the focal distance, as large as the view there."""
         away = lens.focus(frame)
         self.actor.VisibilityOn()
         whole = frame.origin, np.add(frame.origin, frame.size)

@@ -1,57 +1,57 @@
-"""Which control in a window has the keys: Tab goes from one to the next, Escape lets go."""
+"""Keyboard focus of the controls in a window: Tab moves it, Escape releases it."""
 
 from __future__ import annotations
 
 _NEXT, _PREVIOUS = ('Tab', 'period'), ('ISO_Left_Tab', 'comma')
-_FIRST = 20.0  # before plotters and styles, whose keys these may be too
+_FIRST = 20.0  # before interactor styles, which may use the same keys
 
 
 class Control:
-    """What may have the keys of a window."""
+    """A control that can have the keyboard focus."""
 
     @property
     def usable(self) -> bool:
-        """Whether it can be reached now."""
+        """Whether the control can take the focus."""
         return True
 
     def focus(self, on):
-        """Show whether it has the keys."""
+        """Show the keyboard focus."""
 
     def press(self, key, fine) -> bool:
-        """Take a key while it has the keys."""
+        """Handle a key while the control has the focus."""
         return False
 
     def overhear(self, key) -> bool:
-        """Take a key that nothing else wants."""
+        """Handle a key that the focused control ignored."""
         return False
 
 
 class OwnersControl(Control):
-    """The keys of something that is one control as a whole."""
+    """The keyboard focus of an owner that is a single control."""
 
     def __init__(self, owner, stage, hears):
         self._owner, self._stage, self._hears = owner, stage, hears
 
     @property
     def usable(self) -> bool:
-        """Whether its owner is on."""
+        """Whether the owner is enabled."""
         return self._owner.enabled
 
     def focus(self, on):
-        """Draw its owner anew, which shows whether it has the keys."""
+        """Redraw the owner, which shows the keyboard focus."""
         self._stage.draw()
 
     def press(self, key, fine) -> bool:
-        """Hand a key on."""
+        """Forward a key."""
         return self._owner.press(key, fine)
 
     def overhear(self, key) -> bool:
-        """Hand on the one key that it always hears."""
+        """Forward the key that the owner always handles."""
         return key == self._hears and self.usable and self._owner.press(key, False)
 
 
 class Ring:
-    """The controls of a window, one after the other."""
+    """The controls of a window in tab order."""
 
     def __init__(self, interactor):
         self._interactor = interactor
@@ -60,13 +60,13 @@ class Ring:
         self.current: Control | None = None
 
     def add(self, control):
-        """Put a control behind the others."""
+        """Append a control."""
         self._controls.append(control)
         if self._tag is None:
             self._tag = self._interactor.AddObserver('KeyPressEvent', self._on_key, _FIRST)
 
     def drop(self, control):
-        """Take a control out."""
+        """Remove a control."""
         self.lose(control)
         self._controls.remove(control)
         if not self._controls and self._tag is not None:
@@ -74,12 +74,12 @@ class Ring:
             self._tag = None
 
     def lose(self, control):
-        """Take the keys from a control that is off, and tells so itself."""
+        """Take the focus from a control that reports itself disabled."""
         if self.current is control:
             self.current = None
 
     def take(self, control):
-        """Give the keys to a control."""
+        """Focus a control."""
         old, self.current = self.current, control
         if old is control:
             return
@@ -89,13 +89,13 @@ class Ring:
 
     def _on_key(self, interactor, _event):
         key, fine = interactor.GetKeySym() or '', bool(interactor.GetShiftKey())
-        tag = self._tag  # a control may take itself out
+        tag = self._tag  # a control may remove itself
         command = interactor.GetCommand(tag)
         if self.hear(key, fine) and command is not None:
             command.AbortFlagOn()
 
     def hear(self, key, fine=False) -> bool:
-        """Take a key."""
+        """Handle a key."""
         if key in (*_NEXT, *_PREVIOUS):
             return self._step(-1 if key in _PREVIOUS or (key == 'Tab' and fine) else 1)
         current = self.current
@@ -107,7 +107,7 @@ class Ring:
         return any(control.overhear(key) for control in reversed(self._controls))
 
     def _step(self, step) -> bool:
-        """Give the keys to the next; after the last nothing has them, so that nobody is caught."""
+        """Focus the next control; after the last one nothing is focused, so that Tab can leave."""
         ring = [None, *(c for c in self._controls if c.usable)]
         place = ring.index(self.current) if self.current in ring else 0
         self.take(ring[(place + step) % len(ring)])

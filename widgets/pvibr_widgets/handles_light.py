@@ -1,4 +1,4 @@
-"""Handles of a light: where it is, where it aims, how wide it is; and what its shadows see."""
+"""Handles of a light: position, target and cone; and the frustum of its shadow map."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _EDGES = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
 
 
 def light_handles(pl, light, *, callback=None, size=28):
-    """Put handles on a light, and show the frustum that its shadows are found in.
+    """Add handles to a light, and show the frustum of its shadow map.
 
     A directional light has one for its direction, on a sphere around the scene; a point light one
     for its position, and a spot also for its aim and the angle of its cone. Handles are moved as
@@ -108,7 +108,7 @@ class _LightHandles(Handles):
         return np.array(self.thing.GetTransformedFocalPoint(), float)
 
     def _ends(self):
-        """Return the light's ends and the unit vector between them; raise where there is none."""
+        """Return position, target and unit direction; raise ValueError if there is none."""
         start, end = self._position, self._aim
         length = float(np.linalg.norm(end - start))
         if not length > 0:
@@ -117,7 +117,7 @@ class _LightHandles(Handles):
         return start, end, (end - start) / length
 
     def _across(self, ahead):
-        """Return the unit vector across the light that is seen best."""
+        """Return the unit vector perpendicular to the light that is closest to the image plane."""
         frame = self._stage.frame()
         away = -frame.view_from_world[2, :3]
         if not frame.parallel:
@@ -128,7 +128,7 @@ class _LightHandles(Handles):
         return side / np.linalg.norm(side)
 
     def _sphere(self):
-        """Return middle and radius of a sphere around the scene."""
+        """Return the centre and radius of a sphere around the scene."""
         bounds = np.array(self._renderer.ComputeVisiblePropBounds())
         if bounds[0] > bounds[1]:
             return self._aim, float(np.linalg.norm(self._position - self._aim)) or 1.0

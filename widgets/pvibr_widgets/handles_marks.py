@@ -1,4 +1,4 @@
-"""Lines, marks and a word, flat on the picture: sharp, over everything, in nobody's shadow."""
+"""2D lines, markers and a label over the picture, unaffected by effects and shadows."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WIDTH = 2  # pixels of a line, with as many around it
 
 
 class Marks:
-    """What handles look like."""
+    """The 2D graphics of handles."""
 
     def __init__(self, renderer):
         self._renderer = renderer
@@ -38,7 +38,7 @@ class Marks:
         renderer.AddViewProp(self._text)
 
     def draw_lines(self, frame, groups):
-        """Have lines drawn."""
+        """Show lines."""
         pixels = [lines_to_pixels(frame, segments) for segments, _ in groups]
         self._under.actor.GetProperty().SetLineWidth(3 * _WIDTH * frame.scale)
         self._lines.actor.GetProperty().SetLineWidth(_WIDTH * frame.scale)
@@ -50,7 +50,7 @@ class Marks:
         self._lines.show(flat.reshape(-1, 2), rows, lines=cells)
 
     def draw_marks(self, marks):
-        """Have marks drawn."""
+        """Show markers."""
         polygons = []
         for place, shape, color, size in marks:
             for radius, paint in ((size / 2, DARK), (size / 2 - 3, color)):
@@ -58,26 +58,26 @@ class Marks:
         self.draw_polygons(polygons)
 
     def draw_polygons(self, polygons):
-        """Have polygons drawn, in place of marks."""
+        """Show polygons instead of markers."""
         ends = np.cumsum([0, *(len(corners) for corners, _ in polygons)])
         cells = [np.arange(a, b) for a, b in itertools.pairwise(ends)]
         corners = np.concatenate([np.zeros((0, 2)), *(c for c, _ in polygons)])
         self._marks.show(corners, [color for _, color in polygons], faces=cells)
 
     def say(self, text, place=None):
-        """Have a word drawn beside a place."""
+        """Show a label beside a point."""
         self._text.SetInput(f' {text} ' if text else '')
         if place is not None:
             self._text.SetPosition(*(float(x) for x in place))
 
     def hide(self):
-        """Have nothing drawn."""
+        """Hide everything."""
         for flat in (self._under, self._lines, self._marks):
             flat.show((), ())
         self.say('')
 
     def remove(self):
-        """Take all of it out of the renderer."""
+        """Remove all actors from the renderer."""
         for prop in (self._under.actor, self._lines.actor, self._marks.actor, self._text):
             self._renderer.RemoveViewProp(prop)
 

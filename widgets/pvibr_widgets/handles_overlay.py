@@ -1,4 +1,4 @@
-"""What controls in the scene have in common: they follow it frame by frame, and go with it."""
+"""Base of controls in the scene: updated every frame, removed with their subject."""
 
 from __future__ import annotations
 
@@ -43,26 +43,26 @@ class Overlay:
     # -- what a subclass does ---------------------------------------------------------------------
 
     def _is_gone(self) -> bool:
-        """Return True if the thing is no longer there."""
+        """Return True if the thing was removed."""
         return False
 
     def _prepare(self, frame):
-        """Do what must be done before anything is made of a frame."""
+        """Prepare before a frame is drawn."""
 
     def _update(self, frame):
-        """Have all of it where the thing is, in the frame that is about to be drawn."""
+        """Move the controls to the thing for the next frame."""
 
     def _rest(self):
-        """Be off, until the next `_update`."""
+        """Hide the controls until the next `_update`."""
 
     def _free(self):
-        """Take what is its own out of the scene; the window is kept still."""
+        """Remove the controls from the scene without rendering."""
 
     # -- what users do ----------------------------------------------------------------------------
 
     @property
     def enabled(self) -> bool:
-        """Whether it is shown and can be used."""
+        """Whether the controls are shown and usable."""
         return self._enabled
 
     @enabled.setter
@@ -89,14 +89,14 @@ class Overlay:
     # -- following --------------------------------------------------------------------------------
 
     def _leave(self):
-        """Go with the thing."""
+        """Remove the controls with the thing."""
         if self._is_gone():
             self.remove()
         elif self._enabled and not self._is_idle():
             self._prepare(self._stage.frame())
 
     def _is_idle(self) -> bool:
-        """Return True if nobody sees this: what is drawn to pick, tiles beside the subplot."""
+        """Return True for frames nobody sees: picking passes, and tiles outside of the subplot."""
         renderer = self._stage.renderer
         if renderer.GetSelector() is not None or not renderer.IsActiveCameraCreated():
             return True  # a camera that VTK makes with the first frame is set to show everything
@@ -114,7 +114,7 @@ class Overlay:
 
 
 class Touch:
-    """A place that takes the mouse: VTK's widget for handles, which has no look of its own."""
+    """An invisible region that takes mouse events: VTK's handle widget."""
 
     def __init__(self, stage, tolerance, begin, drag, end, *, area=None, priority=_PLACE):
         self._stage, self._press = stage, None
@@ -138,7 +138,7 @@ class Touch:
             self._press = add('LeftButtonPressEvent', weakly(self._meet), priority + _LOOK)
 
     def _meet(self):
-        """Be under a press that is in the area, before it is handed on; else leave it alone."""
+        """Take a press within the area before other observers; ignore others."""
         area, pixel = self._area(), self._stage.interactor.GetEventPosition()
         hit = bool(self._widget.GetEnabled() and area is not None and area(pixel))
         self.reach(hit)
@@ -148,26 +148,26 @@ class Touch:
 
     @property
     def usable(self) -> bool:
-        """Whether it takes the mouse."""
+        """Whether the region takes mouse events."""
         return bool(self._widget.GetEnabled() and self._widget.GetProcessEvents())
 
     def switch(self, on):
-        """Have it in the window or not."""
+        """Add the region to the window or remove it."""
         if bool(self._widget.GetEnabled()) != bool(on):
             with self._stage.still():
                 self._widget.SetEnabled(bool(on))
 
     def reach(self, on):
-        """Have it take the mouse or not."""
+        """Enable or disable mouse events."""
         self._widget.SetProcessEvents(bool(on))
 
     def place(self, point):
-        """Have it somewhere."""
+        """Move the region."""
         self._rep.SetWorldPosition([float(x) for x in point])
         self._rep.BuildRepresentation()  # it is touched where it was built
 
     def remove(self):
-        """Take it out of the scene."""
+        """Remove the region from the scene."""
         self.switch(False)
         if self._press is not None:
             self._stage.interactor.RemoveObserver(self._press)
@@ -177,7 +177,7 @@ class Touch:
 
 
 def weakly(method):
-    """Return an observer that keeps nobody alive."""
+    """Return an observer that holds only a weak reference."""
     found = weakref.WeakMethod(method)
 
     def call(*_):

@@ -1,4 +1,4 @@
-"""Keys of pages, handed on to what is in the scene."""
+"""Forwarding of key events from web pages to controls in the scene."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NAMES = {
 
 
 def page_keys(pl) -> dict:
-    """Return what a view of trame needs to hand keys on to handles and bars.
+    """Return the arguments of a trame view that forward key events to handles and bars.
 
     By itself such a view tells of mouse and fingers only. In a page Tab goes on to
     what else is there; full stop and comma go from one handle to the next or previous.

@@ -1,4 +1,4 @@
-"""Handles of a projector: where it is, where it aims, how it is rolled, how wide it is."""
+"""Handles of a projector: position, target, roll and field of view."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHORTEST = 1e-9  # of a length over another: what is shorter has no direction
 
 
 def projector_handles(pl, photo, *, view=0, callback=None, size=28):
-    """Put handles on a projector: position, aim, roll and angle; its frustum is drawn.
+    """Add handles to a projector: position, target, roll and angle; its frustum is drawn.
 
     The picture is seen on the scene where it is meanwhile. Handles are dragged by mouse or finger;
     Tab goes from one to the next, arrow keys move it by ten pixels, with Shift by one, page up
@@ -158,7 +158,7 @@ class _ProjectorHandles(Handles):
 
 @dataclass(frozen=True)
 class _Aimed:
-    """Where a camera is and what it looks at; world units, unit vectors."""
+    """Position, direction and target of a camera; world units, unit vectors."""
 
     position: np.ndarray
     aim: np.ndarray
@@ -179,7 +179,7 @@ class _Aimed:
         return cls(position, aim, up)
 
     def turned(self, position, aim, up):
-        """Return another, upright as far as it can be; raise where it would look nowhere."""
+        """Return a rotated, upright copy; raise ValueError without a direction."""
         reach = float(np.linalg.norm(aim - position))
         least = _SHORTEST * float(np.linalg.norm(self.aim - self.position))
         ahead = (aim - position) / max(reach, 1e-300)
@@ -199,7 +199,7 @@ class _Aimed:
 
 
 def _reach(renderer, camera) -> float:
-    """Return how far a camera looks that does not say so: to the middle of the scene."""
+    """Return the default distance of the target: that of the centre of the scene."""
     bounds = np.array(renderer.ComputeVisiblePropBounds())
     aimed = _Aimed.of(None, camera, 1.0)
     if bounds[0] > bounds[1]:
@@ -210,21 +210,21 @@ def _reach(renderer, camera) -> float:
 
 
 def _at(camera, aimed, uv):
-    """Return places of the picture, on the plane through what is aimed at, (n, 3)."""
+    """Return points of the picture on the plane through the target, (n, 3)."""
     starts, ways = camera.rays(np.asarray(uv, float))
     away = (aimed.aim - starts) @ aimed.ahead / (ways @ aimed.ahead)
     return starts + away[:, None] * ways
 
 
 def _side(camera, aimed):
-    """Return the middle of the picture's side that is farther from the axis."""
+    """Return the centre of the picture's side farther from the axis."""
     sides = np.array([[1.0, 0.5], [0.0, 0.5]])
     away = np.abs((_at(camera, aimed, sides) - aimed.aim) @ aimed.right)
     return sides[int(np.nan_to_num(away[1]) > np.nan_to_num(away[0]) * 1.001)]
 
 
 def _half(camera, aimed, up) -> float:
-    """Return how far the picture reaches from the axis along a direction."""
+    """Return the extent of the picture from the axis along a direction."""
     ends = (_at(camera, aimed, [[0.5, 1.0], [0.5, 0.0]]) - aimed.aim) @ up
     return float(np.nanmax(np.abs(ends)))
 
@@ -241,7 +241,7 @@ def _set_view(camera, aimed, widen):
 
 
 def _moved(camera, aimed, widen):
-    """Return a camera like another, elsewhere."""
+    """Return a moved copy of a camera."""
     right, up = aimed.right, aimed.up
     if isinstance(camera, Orthographic):
         width, height = camera.width * widen, camera.height * widen

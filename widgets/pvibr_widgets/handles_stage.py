@@ -1,4 +1,4 @@
-"""Where handles are: a renderer, its camera, and what a pixel is in the scene."""
+"""The renderer and camera of handles, and the rays of pixels."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NEAREST = 1e-9  # of w: what is nearer to the eye's own plane is behind it
 
 
 class Stage:
-    """A subplot that handles are put into."""
+    """A subplot with handles."""
 
     def __init__(self, plotter, renderer=None):
         is_renderer = hasattr(plotter, 'IsA') and plotter.IsA('vtkRenderer')
@@ -41,7 +41,7 @@ class Stage:
 
     @classmethod
     def of(cls, plotter, effect):
-        """Return the subplot that an effect is in."""
+        """Return the subplot of an effect."""
         active = cls(plotter)
         renderer = None if effect.pipeline is None else effect.pipeline.renderer
         window = active.renderer.GetRenderWindow()
@@ -51,11 +51,11 @@ class Stage:
         return cls(plotter, renderer)
 
     def frame(self) -> Frame:
-        """Return the frame that would be drawn now."""
+        """Return the current frame."""
         return Frame.of(self.renderer)
 
     def draw(self, *, by_widget=False):
-        """Show what was changed."""
+        """Render the changes."""
         asked = by_widget and bool(self.interactor.GetEnabled())
         if asked and not has_page(self.plotter):
             return
@@ -66,7 +66,7 @@ class Stage:
 
     @contextlib.contextmanager
     def still(self):
-        """Have widgets put on and off without a frame for each."""
+        """Switch widgets without rendering for each."""
         was = self.interactor.GetEnableRender()
         self.interactor.EnableRenderOff()
         try:
@@ -76,7 +76,7 @@ class Stage:
 
 
 def to_pixels(frame, points):
-    """Return where points are drawn."""
+    """Return the pixels of points."""
     clip = _clip(frame, points)
     shown = clip[:, 3] > _NEAREST * max(frame.far, 1e-300) if not frame.parallel else True
     with np.errstate(divide='ignore', invalid='ignore'):
@@ -85,7 +85,7 @@ def to_pixels(frame, points):
 
 
 def lines_to_pixels(frame, segments):
-    """Return where lines are drawn, without what is nearer than the near plane."""
+    """Return the pixels of lines, clipped at the near plane."""
     segments = np.asarray(segments, float).reshape(-1, 2, 3)
     ends = _clip(frame, segments.reshape(-1, 3)).reshape(-1, 2, 4)
     if not frame.parallel:
@@ -113,7 +113,7 @@ def _clip(frame, points):
 
 
 class Pointer:
-    """A pixel, as the ray that it is in the scene."""
+    """The ray through a pixel."""
 
     def __init__(self, frame, pixel):
         x, y = 2 * (np.asarray(pixel, float) - frame.origin) / frame.size - 1
@@ -127,12 +127,12 @@ class Pointer:
         self.origin = eye + turn @ np.array([*near[:2], 0.0]) if frame.parallel else eye
 
     def facing(self, point):
-        """Return where it meets the plane through a point that is parallel to the picture."""
+        """Return the intersection with the plane through a point parallel to the image plane."""
         away = (np.asarray(point, float) - self.origin) @ self.ahead
         return self.origin + self.direction * away / (self.direction @ self.ahead)
 
     def on_plane(self, point, normal):
-        """Return where the ray meets a plane, or the closest point if they are parallel."""
+        """Return the intersection with a plane, or the closest point if they are parallel."""
         point, normal = np.asarray(point, float), np.asarray(normal, float)
         slope = self.direction @ normal
         if abs(slope) > _EDGE_ON:
@@ -143,7 +143,7 @@ class Pointer:
         return hit - normal * ((hit - point) @ normal)
 
     def on_line(self, point, direction):
-        """Return the point of a line that is nearest to it."""
+        """Return the point of a line nearest to the ray."""
         point, direction = np.asarray(point, float), np.asarray(direction, float)
         cosine = self.direction @ direction
         if 1 - cosine**2 < _EDGE_ON**2:
@@ -153,7 +153,7 @@ class Pointer:
         return point + along * direction
 
     def on_sphere(self, center, place, *, far=None):
-        """Return where it meets the sphere around a point, or its rim where it misses it."""
+        """Return the intersection with a sphere around a point, or the nearest on its rim."""
         center = np.asarray(center, float)
         arm = np.asarray(place, float) - center
         radius = float(np.linalg.norm(arm))

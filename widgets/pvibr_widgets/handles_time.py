@@ -1,4 +1,4 @@
-"""A bar for the time: dragged, played and stopped in the scene."""
+"""A timeline bar in the scene."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pvibr_widgets.handles_marks import DARK
 from pvibr_widgets.handles_overlay import BAR, Overlay, Touch
 from pvibr_widgets.handles_stage import Stage
 
-_TOUCHED = 32  # pixels that a finger finds
-_TRACK = 6  # pixels that the bar is high
+_TOUCHED = 32  # pixels of the touch target
+_TRACK = 6  # pixels of the height of the bar
 _EDGE = 24  # pixels from the border of the subplot
 _STEP, _FINE = 0.01, 0.001  # of the bar, by a key
 _STEPS = {'Left': -1, 'Right': 1, 'Down': -1, 'Up': 1, 'Prior': 10, 'Next': -10}
@@ -20,7 +20,7 @@ _GREY, _DONE, _KNOB, _FOCUS = (150, 150, 150), (255, 205, 60), (255, 205, 60), (
 
 
 def time_bar(pl, start, stop, *, speed=1.0, loop=True, callback=None):
-    """Put a bar for ``pl.ibr.time`` at the lower border of the active subplot.
+    """Add a timeline bar for ``pl.ibr.time`` at the lower border of the active subplot.
 
     The bar is dragged or clicked on; the button at its left or the space bar plays and pauses.
     With keys: Tab to it, then arrows by a hundredth, with Shift by a thousandth, Home and End;
@@ -73,7 +73,7 @@ def time_bar(pl, start, stop, *, speed=1.0, loop=True, callback=None):
 
 
 class TimeBar(Overlay):
-    """What shows and sets the time; see :func:`time_bar`."""
+    """A bar that shows and sets the time; see :func:`time_bar`."""
 
     def __init__(self, stage, start, stop, speed, loop, callback=None):
         super().__init__(stage, callback)
@@ -99,11 +99,11 @@ class TimeBar(Overlay):
 
     @property
     def playing(self) -> bool:
-        """Whether the time goes on."""
+        """Whether the clock is running."""
         return self._stage.ibr.playing
 
     def play(self):
-        """Let the time go on; from the other end, where it is at the last one."""
+        """Start the clock; at the last time restart from the other end."""
         ibr = self._stage.ibr
         first, last = self._way()
         ahead = (last - ibr.time) * (1 if self.speed >= 0 else -1)
@@ -113,7 +113,7 @@ class TimeBar(Overlay):
         ibr.play(self.speed)
 
     def pause(self):
-        """Let the time stand still."""
+        """Stop the clock."""
         self._plays = False
         self._stage.ibr.stop()
 
@@ -122,12 +122,12 @@ class TimeBar(Overlay):
         self.pause() if self.playing else self.play()
 
     def set(self, time):
-        """Show a moment, as the bar does."""
+        """Set the time, as the bar does."""
         self._stage.ibr.time = float(np.clip(time, self.start, self.stop))
         self._tell()
 
     def press(self, key, fine) -> bool:
-        """Take a key."""
+        """Handle a key."""
         span = (self.stop - self.start) * (_FINE if fine else _STEP)
         if key == 'space':
             self.toggle()
@@ -143,7 +143,7 @@ class TimeBar(Overlay):
     # -- by mouse ---------------------------------------------------------------------------------
 
     def hold(self):
-        """Have the time follow the finger."""
+        """Start to drag the time."""
         self._held = self.playing
         if self._held:
             self._stage.ibr.stop()
@@ -151,14 +151,14 @@ class TimeBar(Overlay):
         self.slide()
 
     def slide(self):
-        """Show the moment that the finger is at."""
+        """Set the time under the pointer."""
         left, right, _ = self._place(self._stage.frame())
         x, _ = self._beside(self._stage.interactor.GetEventPosition())
         self.set(self.start + (self.stop - self.start) * (x - left) / (right - left))
         self._stage.draw(by_widget=True)
 
     def let_go(self):
-        """Go on, where it went on before."""
+        """End the drag; resume if the clock was running."""
         if self._held:
             self._stage.ibr.play(self.speed)
         self._held = False
@@ -174,7 +174,7 @@ class TimeBar(Overlay):
         return bool(np.abs(np.subtract(self._beside(pixel), _EDGE)).max() <= _TOUCHED / 2)
 
     def _beside(self, pixel):
-        """Return a pixel of the window as one of the subplot."""
+        """Return a window pixel as a subplot pixel."""
         return np.subtract(pixel, self._stage.frame().origin)
 
     def _shown(self):
@@ -187,7 +187,7 @@ class TimeBar(Overlay):
         return ends if self.speed >= 0 else ends[::-1]
 
     def _prepare(self, frame):
-        """Begin again at the end, or stop there, before anything shows this moment."""
+        """Restart or stop at the end, before the frame is prepared."""
         ibr = self._stage.ibr
         time = ibr.time
         if not (self._plays and ibr.playing) or self.start <= time <= self.stop:
@@ -224,7 +224,7 @@ class TimeBar(Overlay):
         return 2.5 * _EDGE, max(width - _EDGE, 3 * _EDGE), _EDGE
 
     def _glyph(self, low, wider):
-        """Return two bars or a triangle: what the button does."""
+        """Return the pause or play glyph of the button."""
         middle, size = np.array([_EDGE, low]), 9 + wider
         if self.playing or self._held:
             box = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [3 + wider, size]

@@ -1,4 +1,4 @@
-"""The model of a control panel, whatever toolkit draws it."""
+"""The toolkit-independent model of a control panel."""
 
 from __future__ import annotations
 
@@ -144,14 +144,14 @@ class Model:
         return self.plotter.GetRenderWindow()
 
     def close(self):
-        """Follow the plotter no more. Calling it again is fine."""
+        """Stop following the plotter; calling it again is fine."""
         while self._tags:
             window, tag = self._tags.pop()
             window.RemoveObserver(tag)
         self._listeners = []
 
     def listen(self, tell):
-        """Call a function after each change of what is shown.
+        """Call a function after each change of the panel.
 
         Parameters
         ----------
@@ -161,7 +161,7 @@ class Model:
         self._listeners.append(tell)
 
     def refresh(self):
-        """Look at what is in the plotter, and tell listeners where it is not as before."""
+        """Read the plotter, and notify listeners of changes."""
         if self._is_doing:
             return
         before = {(g.key, g.name, id(g.thing)): g for g in self.groups}
@@ -192,7 +192,7 @@ class Model:
             return {}
 
     def _place(self, key) -> str:
-        """Return row and column of a subplot in words, where there are several."""
+        """Return row and column of a subplot as text, if there are several."""
         place_of = self._place_of()
         if place_of is None:
             return ''
@@ -206,7 +206,7 @@ class Model:
     # -- what users do --------------------------------------------------------------------------
 
     def do(self, action, *args):
-        """Do what a control asks for, draw, and show what came of it.
+        """Perform an action of a control, render, and update the panel.
 
         Parameters
         ----------
@@ -219,7 +219,7 @@ class Model:
         self.show()
 
     def act(self, action, *args):
-        """Do what a control asks for; `show` draws it.
+        """Perform an action of a control; `show` renders it.
 
         Parameters
         ----------
@@ -234,7 +234,7 @@ class Model:
             action(*args)
 
     def show(self):
-        """Draw the plotter, unless it is closed, and tell listeners what is shown now."""
+        """Render the plotter, unless it is closed, and notify listeners."""
         if self._window is not None:
             draw = getattr(self.plotter, 'render', None) or self._window.Render
             with self._hearing():
@@ -244,7 +244,7 @@ class Model:
 
     @contextlib.contextmanager
     def _hearing(self):
-        """Keep what pvibr says as the message; listeners are told afterwards, once."""
+        """Keep warnings of pvibr as the message; notify listeners once afterwards."""
         self._is_doing = True
         try:
             with warnings.catch_warnings(record=True) as said:
@@ -263,7 +263,7 @@ class Model:
                 )
 
     def reset(self):
-        """Give everything its defaults."""
+        """Reset all settings."""
         for row in self.own:
             row.reset()
         for group in self.groups:
@@ -305,12 +305,12 @@ class Model:
 
 
 def _look_of(owner, rows) -> tuple:
-    """Return what changes when anything that is shown of settings does."""
+    """Return a key that changes with the shown settings."""
     return id(owner), getattr(owner, 'revision', 0), *(row.error for row in rows)
 
 
 def _size_of(renderer) -> float:
-    """Return the diagonal of what is in a scene, 1 where there is nothing."""
+    """Return the diagonal of a scene, 1 if it is empty."""
     bounds = renderer.ComputeVisiblePropBounds()
     size = math.dist(bounds[::2], bounds[1::2])
     return size if bounds[0] <= bounds[1] and 0 < size < math.inf else 1.0

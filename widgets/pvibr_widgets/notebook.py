@@ -109,7 +109,7 @@ class Panel(W.VBox):
         return [*shown, tools, files, self.code, self._message, *self.rows, self._groups]
 
     def _follow_cells(self):
-        """Look again after each cell: what it changed may not have been drawn."""
+        """Refresh after each cell, whose changes may not have been rendered."""
         with contextlib.suppress(ImportError):
             from IPython import get_ipython
 
@@ -139,7 +139,7 @@ class Panel(W.VBox):
         self.model.message = 'select and copy'
 
     def group(self, name):
-        """Return a group by what the state calls it."""
+        """Return a group by its name in the state."""
         return next(box for box in self.groups if box.group.name == name)
 
     def _changed(self, rebuilt):
@@ -160,7 +160,7 @@ class Panel(W.VBox):
 
 
 class _Home:
-    """Does things where the plotter was made: messages of pages may come in other threads."""
+    """Runs calls in the plotter's thread: messages of pages may arrive in others."""
 
     def __init__(self, model):
         self._model, self._thread = model, threading.get_ident()
@@ -172,11 +172,11 @@ class _Home:
 
     @property
     def is_behind(self) -> bool:
-        """Whether something waits."""
+        """Whether calls are waiting."""
         return bool(self._waiting)
 
     def do(self, action, *args):
-        """Do something, now or soon."""
+        """Run a call now or soon."""
         if self._loop is None or self._thread == threading.get_ident():
             self._model.do(action, *args)
         else:
@@ -192,7 +192,7 @@ class _Home:
 
 
 class GroupBox(W.VBox):
-    """An effect or a thing: its switch, its presets, its rows."""
+    """An effect or a thing: its switch, presets and rows."""
 
     def __init__(self, home, group):
         self.group = group
@@ -241,7 +241,7 @@ class GroupBox(W.VBox):
         return next(view for view in self.rows if view.row.name == name)
 
     def update_rows(self, helps):
-        """Show what is."""
+        """Update the widgets."""
         self.enabled.value = self.group.enabled
         _say(self._why, _ERROR, self.group.why)
         try:
@@ -256,7 +256,7 @@ class GroupBox(W.VBox):
 
 
 class RowView(W.VBox):
-    """A setting: its label, control, tick, and what is said of it."""
+    """A setting: its label, control, check box and message."""
 
     def __init__(self, home, row):
         self.row = row
@@ -312,7 +312,7 @@ class RowView(W.VBox):
         return key, control
 
     def update_value(self, helps):
-        """Show what is."""
+        """Update the widgets."""
         row = self.row
         shown = {'text': row.text, 'switch': bool(row.value), 'derived': row.derived}
         if row.kind in ('choice', 'color'):
@@ -336,7 +336,7 @@ def _say(line, form, text):
 
 
 def _close(box):
-    """Close a widget and all within: the page frees them too."""
+    """Close a widget and its children, in the page too."""
     for child in getattr(box, 'children', ()):
         _close(child)
     for part in (getattr(box, 'style', None), box.layout):
@@ -352,7 +352,7 @@ def _button(text, tooltip, clicked):
 
 
 def _png_of(plotter):
-    """Return the picture of a plotter as a file."""
+    """Return a screenshot of a plotter as PNG."""
     file = io.BytesIO()
     plotter.screenshot(file, return_img=False)
     return file.getvalue()

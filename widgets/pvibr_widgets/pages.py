@@ -1,4 +1,4 @@
-"""The control panel in pages of trame: applications, and notebooks whose pictures trame sends."""
+"""The control panel in trame pages: applications, and notebooks rendered by trame."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pvibr_widgets.model import Group, Model
 from pvibr_widgets.rows import Row
 
 _numbers = itertools.count()
-_QUIET = 0.06  # seconds without a message from the page, after which it is told what is shown
+_QUIET = 0.06  # seconds without a message after which the page is idle
 #: What a page may ask for, and as what its value is taken; None takes none.
 _PAGE_ACTIONS: dict[str, Any] = {'help': bool, 'code': None, 'load': str, 'reset_all': None}
 _GROUP_ACTIONS: dict[str, Any] = {
@@ -38,7 +38,7 @@ _METHODS = {'help': 'show_help', 'code': 'show_code'}
 
 
 def trame_panel(plotter, server=None, *, update=None, presets=None):
-    """Put a control panel where a trame page is being laid out.
+    """Add a control panel to a trame page during its layout.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def trame_panel(plotter, server=None, *, update=None, presets=None):
 
 
 def menu_item(plotter, *, presets=None):
-    """Return what adds a control panel to the menu that PyVista lays over its pages.
+    """Return a function that adds a control panel to the menu of PyVista's pages.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def menu_item(plotter, *, presets=None):
 
 
 class PagePanel:
-    """A control panel in a page; it shows a variable of the server's state."""
+    """A control panel in a page, bound to a variable of the server's state."""
 
     def __init__(self, model, server, update=None):
         self.model, self._server, self._update = model, server, update
@@ -163,7 +163,7 @@ class PagePanel:
 
     @property
     def shown(self) -> dict:
-        """What the page shows, as values that JSON keeps."""
+        """The content of the page as JSON values."""
         return {
             'message': self.model.message,
             'help': self._helps,
@@ -173,15 +173,15 @@ class PagePanel:
         }
 
     def state_text(self) -> str:
-        """Return all settings as the text of a file."""
+        """Return all settings as the content of a state file."""
         return to_text('state', self.model.ibr.state())
 
-    # -- what pages ask for -----------------------------------------------------------------------
+    # -- actions of pages -------------------------------------------------------------------------
 
     def act(self, action, *args) -> str:
-        """Do what a control of a page asks for."""
+        """Perform an action of a control."""
         target, rest = self._target_of(action, args)
-        if target is None:  # gone meanwhile, or nothing that this page has
+        if target is None:  # removed meanwhile, or unknown
             return ''
         if isinstance(target, Group) and action == 'open':
             target.is_open = bool(rest and rest[0])
@@ -193,7 +193,7 @@ class PagePanel:
         return target.text if isinstance(target, Row) else ''
 
     def _target_of(self, action, args):
-        """Return what does an action, and its arguments; None where there is no such thing."""
+        """Return the function of an action and its arguments, None if it does not exist."""
         if action in _PAGE_ACTIONS:
             return self, args
         group = next((g for g in self.model.groups if args[:1] == (_id_of(g),)), None)
@@ -204,25 +204,25 @@ class PagePanel:
         return (row if action in _ROW_ACTIONS else None), args[2:]
 
     def show_help(self, helps):
-        """Show or hide what settings mean."""
+        """Show or hide the help of settings."""
         self._helps = helps
 
     def show_code(self):
-        """Show all of it as Python."""
+        """Show the Python code."""
         self._code = self.model.code()
 
     def load(self, text):
-        """Set all settings to those in the text of a file."""
+        """Load the content of a state file."""
         self.model.ibr.load_state_text(text)
 
     def reset_all(self):
-        """Give everything its defaults."""
+        """Reset all settings."""
         self.model.reset()
 
-    # -- what is told to pages --------------------------------------------------------------------
+    # -- updates of pages -------------------------------------------------------------------------
 
     def _draw_later(self):
-        """Draw once for all that comes until then: sliders are faster than pictures."""
+        """Render once for all pending changes: sliders are faster than frames."""
         self._cancel_push()
         loop = _loop()
         if loop is None:
@@ -237,7 +237,7 @@ class PagePanel:
             self._update()
 
     def _changed(self, _rebuilt):
-        """Tell the page when it is quiet: a slider that is being moved must not be put back."""
+        """Update the page when it is idle: a slider must not jump back while it moves."""
         self._cancel_push()
         loop = _loop()
         if loop is None:
@@ -265,7 +265,7 @@ class PagePanel:
 
 
 def _given(action, values):
-    """Return arguments of an action as it takes them, from what a page sent."""
+    """Return the converted arguments of an action from a page."""
     convert = _PAGE_ACTIONS.get(action) or _GROUP_ACTIONS.get(action) or _ROW_ACTIONS.get(action)
     if convert is None:
         return ()
@@ -306,7 +306,7 @@ def _row_shown(row) -> dict:
 
 
 def _id_of(group) -> str:
-    """Return a name of a group that no other one gets while it is there."""
+    """Return a unique name of a group."""
     return f'{group.key}_{id(group.thing)}'
 
 

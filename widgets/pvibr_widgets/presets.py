@@ -157,7 +157,7 @@ class Presets:
 
 
 def _is_nested(sets) -> bool:
-    """Return True for settings by name by class."""
+    """Return True for a mapping of class to preset to settings."""
     return all(
         isinstance(named, dict) and all(isinstance(s, dict) for s in named.values())
         for named in sets.values()

@@ -1,4 +1,4 @@
-"""What is in a plotter as Python that makes it again."""
+"""Python code that recreates the contents of a plotter."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _place(place) -> str:
 
 
 def _added(thing, call, variable) -> list[str]:
-    """Return lines that add a thing, and say what its constructor does not take."""
+    """Return lines that add a thing, with a comment on what its constructor does not take."""
     more = [] if thing.enabled else ['enabled = False']
     if thing.name != type(thing).__name__:
         more.append(f'name = {thing.name!r}')
@@ -52,7 +52,7 @@ def _wrapped(head, arguments, tail) -> list[str]:
 
 
 def _call_of(thing) -> tuple[str, list[str]] | None:
-    """Return name and arguments of the constructor, None where they are more than values."""
+    """Return name and arguments of the constructor, None if any is not a plain value."""
     kind = type(thing)
     given = _given(thing)
     if getattr(pvibr, kind.__name__, None) is not kind or given is None:
@@ -63,7 +63,7 @@ def _call_of(thing) -> tuple[str, list[str]] | None:
 
 
 def _given(thing) -> dict | None:
-    """Return what the constructor was given beside settings, None where that is no plain value."""
+    """Return the other arguments of the constructor, None if any is not a plain value."""
     found = {}
     for name, parameter in inspect.signature(type(thing)).parameters.items():
         if parameter.kind is not parameter.VAR_KEYWORD:

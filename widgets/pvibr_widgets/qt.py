@@ -11,7 +11,7 @@ QtCore: Any = require('qtpy.QtCore', 'qt', 'Docks in Qt windows')
 QtGui: Any = require('qtpy.QtGui', 'qt', 'Docks in Qt windows')
 QtWidgets: Any = require('qtpy.QtWidgets', 'qt', 'Docks in Qt windows')
 
-_HEIGHT = 28  # of controls, pixels: a finger finds them
+_HEIGHT = 28  # pixels: controls are touch targets
 _LABEL = 110
 _FIXED = QtWidgets.QSizePolicy.Policy.Fixed
 _WIDTHS = {'derived': 64, 'reset': 32}
@@ -19,7 +19,7 @@ _SIDES = {'left': 'LeftDockWidgetArea', 'right': 'RightDockWidgetArea'}
 
 
 def qt_dock(plotter, window=None, *, side='right', presets=None):
-    """Put a control panel into a Qt window, beside the plotter.
+    """Add a control panel to a Qt window, beside the plotter.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class Dock(QtWidgets.QDockWidget):
 
 
 class GroupBox(QtWidgets.QFrame):
-    """An effect or a thing: its switch, its presets, its rows."""
+    """An effect or a thing: its switch, presets and rows."""
 
     def __init__(self, model, group):
         super().__init__()
@@ -200,7 +200,7 @@ class GroupBox(QtWidgets.QFrame):
         return row
 
     def update_rows(self, helps):
-        """Show what is."""
+        """Update the widgets."""
         self.enabled.setChecked(self.group.enabled)
         _say(self._why, self.group.why)
         names, text = self._names(), self.preset.currentText()
@@ -219,7 +219,7 @@ class GroupBox(QtWidgets.QFrame):
 
 
 class RowView(QtWidgets.QWidget):
-    """A setting: its label, control, tick, and what is said of it."""
+    """A setting: its label, control, check box and message."""
 
     def __init__(self, model, row, title):
         super().__init__()
@@ -252,13 +252,13 @@ class RowView(QtWidgets.QWidget):
             if key in _WIDTHS:
                 control.setFixedWidth(_WIDTHS[key])
             line.addWidget(_named(control, f'{name} {key}' if key != 'switch' else name))
-            if key == 'switch':  # a click beside it would do nothing
+            if key == 'switch':  # a click beside the box would do nothing
                 control.setSizePolicy(_FIXED, _FIXED)
                 line.addStretch()
         label.setBuddy(next(iter(self.controls.values())))
 
     def _made(self):
-        """Make the controls of its kind, in the order of tabs."""
+        """Create the controls of the setting, in tab order."""
         row, do = self.row, self._model.do
         if row.kind == 'switch':
             switch = QtWidgets.QCheckBox('on')
@@ -292,7 +292,7 @@ class RowView(QtWidgets.QWidget):
             yield 'color', _button('Colour', self._pick)
 
     def _wrote(self):
-        """Take a text that was changed: leaving a field changes nothing."""
+        """Apply edited text; leaving an unedited field changes nothing."""
         text = self.controls['text'].text()
         if text != self._text():
             self._model.do(self.row.paint if self.row.kind == 'color' else self.row.write, text)
@@ -301,7 +301,7 @@ class RowView(QtWidgets.QWidget):
         return self.row.color if self.row.kind == 'color' else self.row.text
 
     def _pick(self):
-        """Open a palette beside everything else, which goes on working."""
+        """Open a non-modal colour dialog."""
         palette = QtWidgets.QColorDialog(QtGui.QColor(self.row.color), self)
         palette.setAttribute(QtCore.Qt.WidgetAttribute.WA_DeleteOnClose)
         palette.currentColorChanged.connect(lambda c: self._model.do(self.row.paint, c.name()))
@@ -309,14 +309,14 @@ class RowView(QtWidgets.QWidget):
         palette.show()
 
     def eventFilter(self, control, event):
-        """Leave wheels to the page, unless the control has the focus."""
+        """Scroll the page with the wheel unless the control has the focus."""
         if event.type() == QtCore.QEvent.Type.Wheel and not control.hasFocus():
             event.ignore()
             return True
         return super().eventFilter(control, event)
 
     def update_value(self, helps):
-        """Show what is."""
+        """Update the widgets."""
         row, get = self.row, self.controls.get
         for control in self.controls.values():
             control.blockSignals(True)

@@ -1,4 +1,4 @@
-"""Where a number stands on a slider: ends where its range has none, decades where it has many."""
+"""Mapping of numbers to slider stops: finite ends, and decades for wide ranges."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FAR = 50  # a larger ratio of ends, or of an end to the default, is shown in de
 
 @dataclass(frozen=True)
 class Scale:
-    """The ends of a slider, and what lies between them."""
+    """The ends of a slider and its stops."""
 
     low: float
     high: float
@@ -39,7 +39,7 @@ class Scale:
 
     @functools.cached_property
     def numbers(self) -> tuple:
-        """What its stops stand for, from the first to the last; no two are the same."""
+        """The distinct values of the stops, in order."""
         steps = STOPS if self.log or not self.whole else min(STOPS, max(self.high - self.low, 1))
         shares = [i / round(steps) for i in range(round(steps) + 1)]
         if self.log:
@@ -61,14 +61,14 @@ class Scale:
         return self.numbers[min(max(round(stop), 0), self.last)]
 
     def stop(self, number) -> int:
-        """Return the stop that is nearest to a number."""
+        """Return the stop nearest to a number."""
         after = bisect.bisect_left(self.numbers, number)
         if after == 0 or after > self.last:
             return min(after, self.last)
         return after - (number - self.numbers[after - 1] < self.numbers[after] - number)
 
     def holding(self, number) -> Scale:
-        """Return this scale, grown where a number is beyond its ends."""
+        """Return this scale, extended to include a number."""
         if self.low <= number <= self.high:
             return self
         low, high = min(self.low, number), max(self.high, number)
@@ -76,7 +76,7 @@ class Scale:
 
 
 def scale_of(param, size=1.0) -> Scale:
-    """Return the scale of a setting that is a number."""
+    """Return the scale of a numeric setting."""
     interval, whole = param.range or Interval('(-inf, inf)'), param.kind is int
     default = abs(param.default or 0.0)
     default = default if default > _TINY else 0.0
@@ -94,14 +94,14 @@ def scale_of(param, size=1.0) -> Scale:
 
 
 def _decades(interval, default, reach):
-    """Return ends of a range of numbers above 0: decades around what is usual."""
+    """Return the ends of a range of positive numbers: decades around the default."""
     usual, spread = (default, 10.0) if default else (reach, 100.0)
     high = max(usual, interval.low) * spread
     return max(interval.low, usual / spread), min(high, interval.high)
 
 
 def _finite(interval, reach, far):
-    """Return the ends of a range, in place of those that are very far what is within reach."""
+    """Return the ends of a range; very distant ones are moved closer to the default."""
     low, high = interval.low, interval.high
     if math.isinf(high) or high - max(low, 0) > far:
         high = max(low, 0) + reach
@@ -111,7 +111,7 @@ def _finite(interval, reach, far):
 
 
 def _inner(interval, low, high, whole):
-    """Return ends that are in the range themselves, and whole where numbers are."""
+    """Return ends within the range, integers for integer settings."""
     if whole:
         return _whole(interval, math.ceil(low), math.floor(high))
     step = (high - low) / STOPS
@@ -120,7 +120,7 @@ def _inner(interval, low, high, whole):
 
 
 def _whole(interval, low, high):
-    """Return two whole numbers of a range that has two, near its ends."""
+    """Return two integers near the ends of a range."""
     starts = (low, low + 1, low - 1, low - 2)
     low = next((n for n in starts if n in interval and n + 1 in interval), low)
     return low, next((n for n in (high, high - 1) if n in interval and n > low), low + 1)

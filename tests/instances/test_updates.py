@@ -1,0 +1,242 @@
+"""Updates of instances: after any of them the next frame is that of a fresh set, to the bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import pvibr
+from pvibr.gl import Texture
+from pvibr.gl.mipmaps import put_rows
+
+CAMERA = {'eye': (7, -9, 4), 'focus': (0, 0, 0)}
+LOOK = {'color': 'tan', 'blend': 'multiply', 'clim': (0, 1)}
+SIZE = (60, 45)
+
+
+def points(n, rng):
+    return rng.uniform(-2.5, 2.5, (n, 3))
+
+
+def matrices(n, rng):
+    out = np.tile(np.eye(4), (n, 1, 1))
+    turns = Rotation.random(n, random_state=int(rng.integers(1000))).as_matrix()
+    out[:, :3, :3] = turns * rng.uniform(0.2, 0.9, (n, 1, 1))
+    out[:, :3, 3] = points(n, rng)
+    return out
+
+
+class Twin:
+    """Arrays of a set, changed as the set is."""
+
+    def __init__(self, n, rng):
+        self.rng, self.poses, self.index = rng, points(n, rng), np.arange(n) % 2
+        self.scalars = self.colors = self.visible = None
+
+    def given(self) -> dict:
+        names = ('poses', 'index', 'scalars', 'colors', 'visible')
+        return {name: getattr(self, name) for name in names}
+
+    def poses_of_another_kind_and_number(self, things):
+        n = int(self.rng.integers(1, 2 * len(self.poses)))
+        kind = points if self.rng.random() < 0.5 else matrices
+        self.__init__(n, self.rng)
+        self.poses = kind(n, self.rng)
+        things.update(poses=self.poses, index=self.index)
+
+    def poses_moved(self, things):
+        self.poses = self.poses.copy()
+        places = self.poses if self.poses.ndim == 2 else self.poses[:, :3, 3]
+        places += self.rng.normal(size=places.shape) * 0.2
+        things.poses = self.poses
+
+    def poses_scattered(self, things):
+        kind = points if self.poses.ndim == 2 else matrices
+        self.poses = kind(len(self.poses), self.rng)
+        things.poses = self.poses
+
+    def poses_of_some(self, things):
+        ids = np.unique(self.rng.integers(0, len(self.poses), 3))
+        kind = points if self.poses.ndim == 2 else matrices
+        self.poses = self.poses.copy()
+        self.poses[ids] = kind(len(ids), self.rng)
+        things.update(ids, poses=self.poses[ids])
+
+    def meshes(self, things):
+        self.index = self.rng.integers(0, 2, len(self.poses))
+        things.index = self.index
+
+    def scalars_of_all(self, things):
+        self.scalars, self.colors = self.rng.random(len(self.poses)), None
+        things.scalars = self.scalars
+
+    def colors_of_some(self, things):
+        ids = np.unique(self.rng.integers(0, len(self.poses), 3))
+        things.update(ids, colors=self.rng.random((len(ids), 3)))
+        self.scalars, self.colors = None, things.colors
+
+    def some_hidden(self, things):
+        self.visible = self.rng.random(len(self.poses)) < 0.7
+        things.visible = self.visible
+
+
+UPDATES = [name for name in vars(Twin) if name not in ('given', '__init__') and name[0] != '_']
+
+
+@pytest.fixture(scope='module')
+def shapes(bean):
+    return [bean, pv.Sphere(theta_resolution=20, phi_resolution=20)]
+
+
+def frame(see, pl):
+    see.place(pl, **CAMERA)
+    return see.grab(pl)
+
+
+def fresh(scenes, shapes, twin):
+    looks = twin.given()
+    pl, things = scenes.instances(
+        shapes, looks.pop('poses'), index=looks.pop('index'), size=SIZE, **LOOK
+    )
+    things.update(**looks)
+    return pl, things
+
+
+@pytest.mark.parametrize('sorted_up_to', [16_384, 30], ids=['single', 'blocks'])
+@settings(deadline=None, max_examples=5)
+@given(
+    seed=st.integers(0, 999),
+    n=st.sampled_from([1, 40, 150]),
+    steps=st.lists(st.sampled_from(UPDATES), min_size=1, max_size=4),
+)
+def test_an_updated_set_is_a_fresh_one(scenes, see, shapes, sorted_up_to, seed, n, steps):
+    with pytest.MonkeyPatch.context() as patch, pvibr.deterministic():
+        patch.setattr('pvibr.instances.group.SORTED', sorted_up_to)
+        twin = Twin(n, np.random.default_rng(seed))
+        pl, things = fresh(scenes, shapes, twin)
+        frame(see, pl)
+        for step in steps:
+            getattr(twin, step)(things)
+            drawn = frame(see, pl)
+        other, anew = fresh(scenes, shapes, twin)
+        np.testing.assert_array_equal(drawn, frame(see, other))
+        assert things.bounds == anew.bounds
+        picks = [(t.pick(30, 20), t.pick(22, 25)) for t in (things, anew)]
+        assert picks[0] == picks[1]
+        pl.close()
+        other.close()
+
+
+def test_motion_keeps_the_order_until_neighbours_have_parted(scenes, see, shapes, monkeypatch):
+    monkeypatch.setattr('pvibr.instances.group.SORTED', 30)
+    rng = np.random.default_rng(1)
+    places = points(4000, rng)
+    _, things = scenes.instances(shapes[0], places, size=SIZE)
+    before = things.groups[0].ids
+    things.poses = places + rng.normal(size=places.shape) * 0.01
+    assert things.groups[0].ids is before
+    things.poses = points(4000, rng)
+    assert (things.groups[0].ids != before).any()
+
+
+def test_one_pose_uploads_one_row_of_them(scenes, see, shapes, monkeypatch):
+    places = matrices(4000, np.random.default_rng(2))
+    pl, things = scenes.instances(shapes[0], places, size=SIZE)
+    frame(see, pl)
+    sizes, upload = [], Texture.upload
+    monkeypatch.setattr(Texture, 'upload', lambda t, a: (sizes.append(a.size), upload(t, a))[1])
+    monkeypatch.setattr(type(things), '_show_cards', lambda *_: None)
+    things.update(2, poses=places[3])
+    see.grab(pl)
+    assert sizes == [3072 * 4]
+
+
+def test_the_same_array_changed_in_place_is_new(scenes, see, shapes):
+    places = points(20, np.random.default_rng(3))
+    pl, things = scenes.instances(shapes[0], places, size=SIZE)
+    before = frame(see, pl)
+    places += [0.5, 0, 0]
+    things.poses = places
+    assert np.abs(frame(see, pl) - before).max() > 0.1
+    with pytest.raises(ValueError, match='read-only'):
+        things.poses[0] = 1
+
+
+def test_an_update_leaves_the_array_of_the_user(scenes, shapes):
+    places = points(5, np.random.default_rng(4))
+    kept = places.copy()
+    pl, things = scenes.instances(shapes[0], places, size=SIZE)
+    things.update([1], poses=[0, 0, 0])
+    np.testing.assert_array_equal(places, kept)
+    np.testing.assert_array_equal(things.poses[1], 0)
+    pl.close()
+
+
+def test_meshes_are_baked_when_they_are_shown(scenes, shapes):
+    pl, things = scenes.instances(shapes, np.zeros((3, 3)), index=[1, 1, 1], size=SIZE)
+    assert len(things.atlases) == 1
+    things.update([0], index=0)
+    assert len(things.atlases) == 2
+    assert things.index.tolist() == [0, 1, 1]
+    things.phase = [0.1, 0.6, 1.2]
+    assert things.index.tolist() == [0, 1, 0]
+    pl.close()
+
+
+def test_looks_of_another_number_are_reset(scenes, shapes):
+    pl, things = scenes.instances(
+        shapes[0], np.zeros((2, 3)), scalars=[0.0, 1.0], cmap='gray', clim=(0, 2), size=SIZE
+    )
+    things.poses = np.zeros((3, 3))
+    assert things.scalars is None
+    assert things.colors is None
+    assert things.visible.tolist() == [True] * 3
+    things.scalars = [2.0, 1.0, 0.0]
+    assert things.colors[:, 0].tolist() == [255, 128, 0]
+    things.update(poses=np.ones((1, 3)), scalars=[2.0], visible=[False])
+    assert (things.scalars.tolist(), things.visible.tolist()) == ([2.0], [False])
+    pl.close()
+
+
+BAD = {
+    'another number without index': ({'poses': np.zeros((5, 3))}, ValueError, 'index'),
+    'index out of range': ({'index': [0, 1, 2]}, ValueError, 'index'),
+    'poses of some': ({'ids': [0, 1], 'poses': np.zeros((3, 3))}, ValueError, 'poses'),
+    'NaN': ({'poses': np.full((3, 3), np.nan)}, ValueError, 'finite'),
+    'phase': ({'phase': [np.nan] * 3}, ValueError, 'phase'),
+    'ids': ({'ids': [3], 'poses': [0, 0, 0]}, IndexError, '3'),
+    'scalars': ({'poses': np.zeros((3, 3)), 'scalars': [1.0]}, ValueError, 'scalars'),
+    'visible': ({'poses': np.zeros((3, 3)), 'visible': [1, 0, 1]}, ValueError, 'visible'),
+}
+
+
+@pytest.mark.parametrize(('given', 'kind', 'words'), BAD.values(), ids=BAD)
+def test_bad_updates_change_nothing(scenes, shapes, given, kind, words):
+    places = points(3, np.random.default_rng(5))
+    pl, things = scenes.instances(shapes, places, index=[1, 1, 0], size=SIZE)
+    with pytest.raises(kind, match=words):
+        things.update(**given)
+    np.testing.assert_array_equal(things.poses, places)
+    assert things.index.tolist() == [1, 1, 0]
+    assert things.scalars is None
+    pl.close()
+
+
+@pytest.mark.parametrize('dtype', [np.uint8, np.float32])
+@pytest.mark.parametrize('rows', [[0], [9], [2, 3, 4, 7]])
+def test_rows_of_textures(scenes, dtype, rows):
+    pl = scenes.empty((8, 8))
+    pl.show(auto_close=False)
+    rng = np.random.default_rng(6)
+    before, after = (rng.integers(0, 255, (10, 5, 4)).astype(dtype) / dtype(3) for _ in range(2))
+    before, after = before.astype(dtype), after.astype(dtype)
+    texture = Texture(pl.render_window).upload(before)
+    put_rows(texture, after, np.array(rows))
+    before[rows] = after[rows]
+    np.testing.assert_array_equal(texture.download(), before)
+    texture.release()
+    pl.close()
