@@ -3,7 +3,7 @@ A scene of trimesh
 ==================
 
 The graph of a ``trimesh.Scene`` says which mesh stands where: it needs no poses. The same goes for
-the path of a file that trimesh reads, such as a glTF file.
+the path of a file with a scene graph, such as a glTF file.
 """
 
 import numpy as np

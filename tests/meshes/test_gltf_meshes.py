@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from scipy.spatial import cKDTree
 
 from pvibr.core.errors import PvibrWarning
@@ -13,6 +14,7 @@ from pvibr.maths.tones import to_display
 from pvibr.maths.transforms import transform_points, trs
 from pvibr.meshes.files import scene_instances
 from pvibr.meshes.parts import as_parts
+from tests.pictures import grab, plotter
 
 MIRROR = np.diag([-1.0, 1, 1, 1])
 
@@ -281,6 +283,30 @@ def test_backs_are_culled_unless_two_sided(glb):
     assert as_parts(path, culling='none')[0].actor.prop.culling == 'none'
     glb.json['materials'][0]['doubleSided'] = True
     assert as_parts(glb.write())[0].actor.prop.culling == 'none'
+
+
+@pytest.mark.parametrize('mode', ['OPAQUE', 'MASK', 'BLEND'])
+def test_textures_are_those_of_trimesh(tmp_path, mode):
+    rng = np.random.default_rng(5)
+    pixels = rng.integers(0, 256, (16, 16, 4), dtype=np.uint8)
+    if mode == 'MASK':
+        pixels[..., 3] = 255 * (pixels[..., 3] > 127)
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorTexture=Image.fromarray(pixels), alphaMode=mode, doubleSided=True
+    )
+    box = trimesh.creation.box()
+    uv = box.vertices[:, :2] * 1.3 + 0.3
+    box.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    (tmp_path / 'box.glb').write_bytes(box.export(file_type='glb'))
+    pictures = []
+    for mesh in (box, tmp_path / 'box.glb'):
+        pl = plotter((80, 60))
+        for part in as_parts(mesh, lighting=False):
+            pl.add_actor(part.actor)
+        pl.view_isometric()
+        pictures.append(grab(pl))
+    assert pictures[0].std() > 0.1
+    assert np.abs(pictures[0] - pictures[1]).mean() < 1e-3
 
 
 def test_specular_glossiness_has_a_base_colour(glb):
