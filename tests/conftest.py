@@ -5,6 +5,11 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+# Each worker has a core of its own: more threads of OpenMP would wait for each other, spinning.
+# Read as its libraries are loaded, and by the programs that tests start.
+os.environ.setdefault('OMP_NUM_THREADS', '1')
 
 import pytest
 import pyvista as pv
@@ -16,6 +21,16 @@ pv.OFF_SCREEN = True
 # Speed is measured by the bench; a machine that is busy fails no test.
 settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
+
+
+def pytest_configure(config):
+    """Let nothing that is baked here be kept in the user's own cache, or come from it."""
+    if not hasattr(config, 'workerinput'):  # workers share that of the process that starts them
+        folder = TemporaryDirectory(prefix='pvibr-tests-')
+        patch = pytest.MonkeyPatch()
+        patch.setenv('PVIBR_CACHE', folder.name)
+        config.add_cleanup(patch.undo)
+        config.add_cleanup(folder.cleanup)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -43,14 +58,6 @@ def shared_folder(tmp_path_factory) -> Path:
     """A folder of this run that all its workers share: what one bakes, the others read."""
     base = tmp_path_factory.getbasetemp()
     return base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base
-
-
-@pytest.fixture(scope='session', autouse=True)
-def _cache_of_atlases(shared_folder):
-    """Let nothing that is baked here be kept in the user's own cache, or come from it."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('PVIBR_CACHE', str(shared_folder / 'atlases'))
-        yield
 
 
 @pytest.fixture(scope='session')

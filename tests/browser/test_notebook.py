@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from tests.browser import everything
 from tests.browser.pages import JPEG, Reference, View, difference, pixels_of
 
 for _name in ('trame_pyvista', 'nbclient', 'jupyterlab'):
-    pytest.importorskip(_name, reason=f"needs {_name}: pip install 'pvibr[test]'")
+    if find_spec(_name) is None:  # imported where it is used: nbclient takes two seconds
+        pytest.skip(f"needs {_name}: pip install 'pvibr[test]'", allow_module_level=True)
 
 FOLDER = Path(__file__).parent
 BEGIN = f"""

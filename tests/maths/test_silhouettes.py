@@ -79,6 +79,10 @@ OPEN = {
 def hits(points, triangles, starts, ends):
     """Count what lies between; Moeller and Trumbore, an end may be a direction."""
     corner, u_axis, v_axis = points[triangles[:, 0]], *_axes(points, triangles)
+    # What has no area hides nothing, whatever rounding makes of it.
+    area, most = np.cross(u_axis, v_axis), np.abs(u_axis).max(axis=1) * np.abs(v_axis).max(axis=1)
+    some = np.abs(area).max(axis=1) > 1e-12 * most
+    corner, u_axis, v_axis = corner[some], u_axis[some], v_axis[some]
     ways = ends[..., :3] - ends[..., 3:] * starts
     across = np.cross(ways[:, None], v_axis)
     det = np.einsum('tj,ptj->pt', u_axis, across)
