@@ -102,13 +102,14 @@ def meet_ellipsoids(starts, ways, centers, axes) -> Meeting:
     scaled = axes / (axes**2).sum(-2, keepdims=True)
     foot, off = _foot(ways, np.subtract(starts, centers))
     start, way = _to_local(scaled, off), _to_local(scaled, ways)
-    square = (way**2).sum(-1)
-    along = -(start * way).sum(-1) / square
-    rest = 1 - ((start + along[..., None] * way) ** 2).sum(-1)
+    square = _dot(way, way)
+    along = -_dot(start, way) / square
+    nearest = start + along[..., None] * way
+    rest = 1 - _dot(nearest, nearest)
     half = np.sqrt(np.maximum(rest, 0) / square)
     t = np.stack([along - half, along + half])
     local = start + t[..., None] * way
-    normals = (scaled * local[..., None, :]).sum(-1)
+    normals = np.einsum('...ij,...j->...i', scaled, local)
     return Meeting(np.stack([rest > 0] * 2), t + foot, unit_vectors(normals))
 
 
@@ -145,11 +146,12 @@ def meet_cylinders(starts, ways, middles, halves, radii, caps='flat') -> Meeting
     some = length > 0
     units = np.where(some[..., None], halves / np.where(some, length, 1)[..., None], [0, 0, 1.0])
     foot, off = _foot(ways, np.subtract(starts, middles))
-    up, rise = (off * units).sum(-1), (ways * units).sum(-1)
+    up, rise = _dot(off, units), _dot(ways, units)
     start, way = off - up[..., None] * units, ways - rise[..., None] * units
-    square = np.maximum((way**2).sum(-1), 1e-30 * (ways**2).sum(-1))
-    along = -(start * way).sum(-1) / square
-    rest = radii**2 - ((start + along[..., None] * way) ** 2).sum(-1)
+    square = np.maximum(_dot(way, way), 1e-30 * _dot(ways, ways))
+    along = -_dot(start, way) / square
+    nearest = start + along[..., None] * way
+    rest = radii**2 - _dot(nearest, nearest)
     half = np.sqrt(np.maximum(rest, 0) / square)
     t = np.stack([along - half, along + half])
     heights = up + t * rise
@@ -180,9 +182,10 @@ def _round(t, walls, within, heights, off, ways, length, units, radii):
     side = np.where(heights < 0, -1.0, 1.0)
     beyond = np.abs(heights) > length
     away = off - (side * length)[..., None] * units
-    square = (ways**2).sum(-1)
-    along = -(away * ways).sum(-1) / square
-    rest = radii**2 - ((away + along[..., None] * ways) ** 2).sum(-1)
+    square = _dot(ways, ways)
+    along = -_dot(away, ways) / square
+    nearest = away + along[..., None] * ways
+    rest = radii**2 - _dot(nearest, nearest)
     half = np.sqrt(np.maximum(rest, 0) / square)
     ball = along + np.stack([-half[0], half[1]])
     normals = unit_vectors(away + ball[..., None] * ways)
@@ -192,12 +195,17 @@ def _round(t, walls, within, heights, off, ways, length, units, radii):
 
 def _foot(ways, off):
     """Return the ray parameter nearest to a point, and the offset from the point."""
-    along = -(off * ways).sum(-1) / (ways**2).sum(-1)
+    """Return how far along a ray it is next to a point, and where that is from the point."""
+    along = -_dot(off, ways) / _dot(ways, ways)
     return along, off + along[..., None] * ways
 
 
 def _to_local(columns, vectors):
-    return (columns * vectors[..., :, None]).sum(-2)
+    return np.einsum('...ij,...i->...j', columns, vectors)
+
+
+def _dot(a, b):
+    return np.einsum('...i,...i->...', a, b)
 
 
 def cast(frame, meet, *things):
