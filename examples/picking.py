@@ -34,7 +34,8 @@ def mark(hit):
 # 3. By a pixel, counted from the lower left corner: the middle, or the nearest beside it that
 # shows a ring.
 pl.screenshot(return_img=True)
-hits = (rings.pick(x, 270) for x in range(480, 960))
+width, height = pl.window_size
+hits = (rings.pick(x, height // 2) for x in range(width // 2, width))
 mark(next(hit for hit in hits if hit))
 
 # %%

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,6 +16,7 @@ import pytest
 import pyvista as pv
 from hypothesis import settings
 
+from pvibr.scenes.trees import LEVELS
 from tests.instances.scenes import atlases, bean, scenes, see  # noqa: F401
 
 pv.OFF_SCREEN = True
@@ -58,6 +60,16 @@ def shared_folder(tmp_path_factory) -> Path:
     """A folder of this run that all its workers share: what one bakes, the others read."""
     base = tmp_path_factory.getbasetemp()
     return base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base
+
+
+@pytest.fixture
+def small_trees(monkeypatch):
+    """Trees with a third of the branches at each level; 5 000 triangles are enough for them."""
+    levels = {
+        kind: tuple(replace(level, count=max(level.count // 3, 2)) for level in found)
+        for kind, found in LEVELS.items()
+    }
+    monkeypatch.setattr('pvibr.scenes.trees.LEVELS', levels)
 
 
 @pytest.fixture(scope='session')

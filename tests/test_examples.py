@@ -14,7 +14,13 @@ import pyvista as pv
 from pvibr.instances.levels import make_model
 
 FOLDER = Path(__file__).parents[1] / 'examples'
-SMALL = {'COUNT': 120, 'TRIANGLES': 29_000, 'VIEWS': 8, 'SIZE': 120}
+SMALL = {'COUNT': 120, 'TRIANGLES': 6_000, 'VIEWS': 8, 'SIZE': 120}
+#: What an argument becomes, wherever it is.
+SMALLER = {
+    'views': '{0} if isinstance({0}, str) else 6',
+    'resolution': 'min({0}, 1024)',  # of shadow maps
+    'window_size': 'tuple(n // 3 if n > 400 else n for n in {0})',
+}
 #: Extras that not everyone has.
 EXTRAS = {'mujoco': 'simulate', 'trame': 'jupyter', 'trame_pyvista': 'jupyter'}
 #: Those that show what they made with pvibr as plain meshes.
@@ -29,17 +35,13 @@ class _Smaller(ast.NodeTransformer):
         name = getattr(node.targets[0], 'id', None)
         if name in SMALL:
             node.value = ast.copy_location(ast.Constant(SMALL[name]), node.value)
-        return node
+        return self.generic_visit(node)
 
     def visit_keyword(self, node):
-        if node.arg == 'views' and isinstance(getattr(node.value, 'value', None), int):
-            node.value = ast.copy_location(ast.Constant(6), node.value)
-        if node.arg == 'window_size':
-            width, height = ast.literal_eval(node.value)
-            node.value = ast.copy_location(
-                ast.parse(f'({width // 2}, {height // 2})', mode='eval').body, node.value
-            )
-        return node
+        if smaller := SMALLER.get(node.arg):
+            text = smaller.format(ast.unparse(node.value))
+            node.value = ast.copy_location(ast.parse(text, mode='eval').body, node.value)
+        return self.generic_visit(node)
 
 
 def run(path):
@@ -56,7 +58,7 @@ def run(path):
 
 
 @pytest.fixture
-def shown(monkeypatch, shared_folder):
+def shown(monkeypatch, shared_folder, small_trees):
     """Collect of every plotter, as it closes: its report, its picture, and that without pvibr."""
     found = []
     monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
