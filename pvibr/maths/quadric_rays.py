@@ -195,7 +195,6 @@ def _round(t, walls, within, heights, off, ways, length, units, radii):
 
 def _foot(ways, off):
     """Return the ray parameter nearest to a point, and the offset from the point."""
-    """Return how far along a ray it is next to a point, and where that is from the point."""
     along = -_dot(off, ways) / _dot(ways, ways)
     return along, off + along[..., None] * ways
 

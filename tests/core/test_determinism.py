@@ -21,7 +21,7 @@ time.perf_counter = lambda: real() * rate
 pv.OFF_SCREEN = True
 for _ in range(2):
     digest = hashlib.blake2b()
-    pl = pv.Plotter(window_size=(160, 120), shape=(1, 2))
+    pl = pv.Plotter(window_size=(128, 64), shape=(1, 2))
     knots = [pl.add_mesh(pv.ParametricTorus(), color='red') for _ in range(6)]
     for k, knot in enumerate(knots):
         knot.position = (3 * k, 9.0 * (k % 2), 0)
@@ -31,12 +31,13 @@ for _ in range(2):
     pl.ibr.add(pvibr.Bloom(threshold=0.5))
     pl.ibr.add(pvibr.ToneMapping())
     pl.subplot(0, 1)
-    pl.ibr.add_instances(pv.Cone(resolution=40), np.random.default_rng(0).uniform(-9, 9, (200, 3)), bake=True)
+    places = np.random.default_rng(0).uniform(-9, 9, (200, 3))
+    pl.ibr.add_instances(pv.Cone(resolution=40), places, bake=True)
     pl.ibr.add(pvibr.NightVision())
     pl.ibr.add(pvibr.DepthOfField())
     pl.add_mesh(pv.Plane(i_size=20, j_size=20), color='white')
     pl.ibr.add(pvibr.Shadows())
-    for k in range(6):
+    for k in range(4):
         for renderer in pl.renderers:
             renderer.camera_position = [(20, 30 - k, 8), (5, 2, 0), (0, 0, 1)]
         pl.ibr.time = k / 10
