@@ -274,7 +274,7 @@ def _dressed(mesh, welded, columns, points, faces):
         new.point_data[name] = _as_kind(at, kind)
     cells = None
     if mesh.cell_data.keys():
-        cells = welded.cells[surface.nearest(points[faces].mean(1) + _OUTWARD * facets)[0]]
+        cells = welded.cells[surface.nearest(points[place[faces]].mean(1) + _OUTWARD * facets)[0]]
     take_arrays(mesh, new, None, cells)
     return new if columns.normals is None else _upright(new, mesh)
 

@@ -133,6 +133,18 @@ def test_cell_arrays_are_those_of_the_nearest_triangle():
     np.testing.assert_array_equal(less.cell_data['side'][clear], x[clear] > 0)
 
 
+def test_cell_arrays_are_kept_where_points_are_split_at_creases():
+    can = pv.Cylinder(resolution=60).triangulate().subdivide(2)
+    can = can.compute_normals(split_vertices=True, feature_angle=30.0)
+    can['side'] = (np.abs(can.cell_centers().points[:, 0]) < 0.49).astype(float)
+    (part,) = as_parts(can)
+    part.actor.prop.interpolation = 'Phong'
+    mesh = lighter(part, 0.25).mesh
+    middle = np.abs(mesh.cell_centers().points[:, 0])
+    assert (mesh.cell_data['side'][middle < 0.45] == 1).all()
+    assert (mesh.cell_data['side'][middle > 0.499] == 0).all()
+
+
 def test_pages_of_a_book_are_simplified_though_they_share_an_edge():
     page = pv.Plane(i_size=1, j_size=1, i_resolution=16, j_resolution=16).translate((0.5, 0, 0))
     book = pv.merge([page.rotate_y(40.0 * k) for k in range(3)]).extract_surface(algorithm=None)
