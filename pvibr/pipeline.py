@@ -18,6 +18,7 @@ from pvibr.gl.fused import Fused
 from pvibr.gl.picture import Picture
 from pvibr.gl.scene_pass import ScenePass
 from pvibr.scene.buffers import Buffers, Tap
+from pvibr.scene.draw_order import DrawOrder
 from pvibr.scene.thing import Thing
 
 
@@ -35,6 +36,7 @@ class Pipeline:
         self._frames = 0
         self._turn: _Turn | None = None
         self.buffers = Buffers(renderer)
+        self.order = DrawOrder(renderer)
         self._stage = _Stage(renderer, self.buffers)
         self.watch: Any = None
         self._closed = False
@@ -191,6 +193,7 @@ class Pipeline:
             self._call_back(turn)
             entry.begin(turn)
         self._call_back(turn)
+        turn.guard(self._entries, self.order.sort, frame, self.things)
         images = [e for e in self._entries if e.running and e.effect.is_image_effect]
         if images and not frame.picking:
             turn.images = images
@@ -214,6 +217,7 @@ class Pipeline:
         for entry in self._entries:
             if entry.running:
                 turn.guard([entry], entry.effect.finish, turn.frame)
+        self.order.finish()
         self._stage.end(turn)
         turn.warn()
 

@@ -16,11 +16,11 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
 from pvibr.images.sheet import as_images
 from pvibr.maths.blocks import BLOCK
+from pvibr.scene.draw_order import MOST
 from pvibr.scene.item_set import CardSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_draws import ROW, ShaderDraws, pack
-from pvibr.scene.translucent import MOST
 
 _CHUNK = 65_536  # billboards of one draw
 _WIDE = 3072  # texels; a multiple of 3 and of 4
@@ -312,7 +312,7 @@ class Billboards(CardSet):
     def _choose(self, frame, others):
         dense = self._dense if frame.casting else None
         sort = self.blends and dense is None
-        entries, unit, cuts = self.layout.chosen(frame, [d for d, _ in others], sort=sort)
+        entries, unit, cuts = self.layout.chosen(frame, others, sort=sort)
         self._drawn_count = min(len(entries) * unit, len(self))
         self._uniforms |= self.layout.view_uniforms(frame) | {
             'ibr_unit': unit,
@@ -327,8 +327,8 @@ class Billboards(CardSet):
             other.show_spans(())
         shown.upload(self._window, np.asarray(entries, np.float32).reshape(-1, 1))
         parts = shown.show_parts(cuts, unit)
-        if others:
-            self._sorted_draws.arrange(frame.renderer, parts, [actor for _, actor in others])
+        if sort:
+            self._order_parts(frame, others, parts)
 
     # -- the GPU ------------------------------------------------------------------------------
 

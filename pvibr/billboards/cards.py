@@ -8,7 +8,7 @@ from pvibr.core.frame import Frame
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.facing import FACINGS, TOWARDS, azimuths, cards
 from pvibr.maths.vectors import as_units
-from pvibr.scene.translucent import depths_of
+from pvibr.scene.draw_order import depths_of
 
 ANCHORS = {'center': (0.5, 0.5), 'bottom': (0.5, 0.0), 'top': (0.5, 1.0)}
 UNITS = ('world', 'pixel')

@@ -15,7 +15,7 @@ class Annotations:
     def hide(self):
         """Take the flat props out of the list."""
         props = self.renderer.GetViewProps()
-        flat = [p for p in props if p.GetVisibility() and any(p.IsA(c) for c in _FLAT)]
+        flat = [p for p in props if p.GetVisibility() and is_flat(p)]
         for prop in flat:
             props.RemoveItem(prop)
         self._hidden = flat
@@ -40,3 +40,8 @@ class Annotations:
             prop.RenderOverlay(renderer)
         state.Pop()
         self._hidden = []
+
+
+def is_flat(prop) -> bool:
+    """Return whether a prop lies on the screen, as text does."""
+    return any(prop.IsA(kind) for kind in _FLAT)

@@ -59,7 +59,7 @@ class ScenePass:
             width, height = _extent(frame)
             self._surfaces = Texture(self.window).allocate(width, height, 'rgba32f')
         self._marker = self._marker or _Marker(frame.renderer, self._detach)
-        self._marker.go_last()
+        self._marker.add()
         self._attached = framebuffer = self.framebuffer
         framebuffer.AddColorAttachment(1, self._surfaces.object)
         if frame.renderer.GetPreserveColorBuffer():
@@ -123,11 +123,10 @@ class _Marker:
         self.actor.PickableOff()
         self.actor.UseBoundsOff()
 
-    def go_last(self):
-        props = self.renderer.GetViewProps()
-        if props.GetLastProp() is not self.actor:
-            props.RemoveItem(self.actor)
-            props.AddItem(self.actor)
+    def add(self):
+        """Be in the scene: last, and kept there by who orders it."""
+        if not self.renderer.HasViewProp(self.actor):
+            self.renderer.GetViewProps().AddItem(self.actor)
 
     def release(self):
         self.renderer.GetViewProps().RemoveItem(self.actor)
@@ -142,6 +141,11 @@ def hidden_name(name) -> str:
 def is_marker(prop) -> bool:
     """Return whether a prop is no part of the scene: callbacks and markers."""
     return prop.GetObjectName().startswith(_MARK)
+
+
+def is_end(prop) -> bool:
+    """Return whether a prop is the one after all opaque ones."""
+    return prop.GetObjectName() == _NAME
 
 
 def _no_area():

@@ -8,7 +8,6 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.params import Param
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.scene_pass import is_marker
 from pvibr.image_layers.card import LayerCard
 from pvibr.image_layers.layer import Layer, Now, numbers_by_depth
 from pvibr.image_layers.members import Lighting, Member
@@ -16,6 +15,7 @@ from pvibr.image_layers.picture import Settings
 from pvibr.projection.live_texture import LiveTexture
 from pvibr.scene.actor_watch import ActorWatch
 from pvibr.scene.casters import Casters, Surfaces, listed
+from pvibr.scene.draw_order import Stage
 from pvibr.scene.substitute import Substitute, addresses
 from pvibr.scene.thing import Thing, joined_bounds
 
@@ -323,22 +323,21 @@ class ImageLayers(Substitute):
         shown.sort(key=lambda pair: -pair[0].away(pair[1]))
         sharp = [k for k, (layer, _) in enumerate(shown) if not layer.picture.blurred]
         cut = sharp[-1] + 1 if sharp else 0
-        before: list = []
-        for cards, mine in ((self._front, shown[cut:]), (self._back, shown[:cut])):
+        order: list = []
+        for stage, cards, mine in (
+            (Stage.LAYER, self._back, shown[:cut]),
+            (Stage.FRONT, self._front, shown[cut:]),
+        ):
             for _ in range(len(mine) - len(cards)):
                 cards.append(LayerCard())
                 frame.renderer.AddViewProp(cards[-1].actor)
             for card, (layer, fit) in zip(cards, mine, strict=False):
                 bounds = joined_bounds(layer.bounds.tolist())
                 card.show(frame, layer.picture, fit.warp, fit.turn, bounds)
-            _put(frame.renderer, [card.actor for card in cards], before)
-            before = [card.actor for card in cards] + self._soft_edged()
+            order += [((stage, k), card.actor) for k, card in enumerate(cards)]
+        self.order = tuple(order)
         hidden = {m.key for k in self._layers if k.fit is not None for m in k.members if not m.why}
         self._watch.hide([i for i, key in enumerate(self._members) if key in hidden])
-
-    def _soft_edged(self):
-        """Return the actors of things with soft edges."""
-        return [actor for thing in self.pipeline.things for actor in thing.soft_edged()]
 
     # -- memory -----------------------------------------------------------------------------------
 
@@ -388,29 +387,6 @@ def _checked_groups(groups) -> list:
         msg = f'groups = {groups!r}: each must hold an actor or more, and each actor be in one'
         raise ValueError(msg)
     return found
-
-
-def _put(renderer, actors, before):
-    """Draw actors after all others but some."""
-    props = renderer.GetViewProps()
-    end = _end(props, before)
-    there = [props.GetItemAsObject(i) for i in range(max(end - len(actors), 0), end)]
-    if there == actors:
-        return
-    for actor in actors:
-        props.RemoveItem(actor)
-    end = _end(props, before)
-    for actor in reversed(actors):
-        props.InsertItem(end - 1, actor)
-
-
-def _end(props, before) -> int:
-    """Return how many props come before some, and before markers."""
-    places = [props.IsItemPresent(actor) - 1 for actor in before]  # -1 where it is not
-    end = min((k for k in places if k >= 0), default=props.GetNumberOfItems())
-    while end and is_marker(props.GetItemAsObject(end - 1)):
-        end -= 1
-    return end
 
 
 def _smooths(frame) -> bool:

@@ -33,6 +33,7 @@ from pvibr.instances.posed_set import PosedSet
 from pvibr.meshes.parts import as_meshes, as_parts, two_sided
 from pvibr.meshes.poses import as_poses, mirror
 from pvibr.scene import looks as look
+from pvibr.scene.draw_order import Stage
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import nearest_hit
 
@@ -264,14 +265,18 @@ class Instances(PosedSet):
 
     def _put_in(self, renderer):
         # All far cards first, then all nearer ones: their soft edges blend with what is behind.
-        layers = zip(*(k.cards.layers.values() for k in self.groups), strict=True)
-        turns = (zip(*(layer.actors for layer in row), strict=True) for row in layers)
-        self._card_actors = [actor for turn in turns for draw in turn for actor in draw]
+        self.order = tuple(
+            ((Stage.FRINGE, row, k), actor)
+            for group in self.groups
+            for row, layer in enumerate(group.cards.layers.values())
+            for k, actor in enumerate(layer.actors)
+        )
         super()._put_in(renderer)
 
     def actors(self) -> list:
         """Return the actors that draw the instances, invisible ones included."""
-        return self._card_actors + [a for k in self.groups for a in k.mesh_actors()]
+        meshes = [a for group in self.groups for a in group.mesh_actors()]
+        return [a for group in self.groups for a in group.cards.actors()] + meshes
 
     def deactivate(self):
         """Hide all actors."""
@@ -281,7 +286,6 @@ class Instances(PosedSet):
 
     def prepare(self, frame):
         """Choose levels again if camera, size or settings changed."""
-        self._keep_last(frame.renderer)
         covered = self.covered if frame.own and not frame.picking else None
         if covered is not self._applied:
             self._apply_looks(covered)
@@ -320,22 +324,6 @@ class Instances(PosedSet):
             self._failure, self._content_key = failure, None
             msg = f'{self.name}: {failure}: meshes are drawn instead. Look at `pvibr doctor`.'
             warnings.warn(msg, PvibrWarning, stacklevel=2)
-
-    def soft_edged(self) -> list:
-        """Return the actors whose edges blend with what was drawn before them."""
-        return list(self._card_actors)
-
-    def _keep_last(self, renderer):
-        """Draw cards after all other opaque props: their soft edges blend with what is there."""
-        props = renderer.GetViewProps()
-        known = len(self._card_actors) + sum(len(k.mesh_actors()) for k in self.groups)
-        count = props.GetNumberOfItems()
-        if count == getattr(self, '_prop_count', None) or not known:
-            return
-        for actor in self._card_actors:
-            renderer.RemoveViewProp(actor)
-            renderer.AddViewProp(actor)
-        self._prop_count = count
 
     def finish(self, frame):
         """Release the texture units."""

@@ -13,8 +13,8 @@ from pvibr.gl import enums as gl
 from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.maths.blocks import BLOCK, frustum_planes
+from pvibr.scene.draw_order import MOST
 from pvibr.scene.shader_draws import DULL, ShaderDraws
-from pvibr.scene.translucent import MOST
 
 _LARGEST_SMALL = 4.0  # px: those are edges all over, and their depths differ by two pixels
 

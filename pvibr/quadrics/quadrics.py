@@ -21,11 +21,11 @@ from pvibr.quadrics.cards import (
     view_uniforms,
 )
 from pvibr.quadrics.occlusion import Occlusion
+from pvibr.scene.draw_order import depths_of
 from pvibr.scene.item_set import CardSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_draws import PBR, ROW, pack
-from pvibr.scene.translucent import depths_of
 
 # Opacities in the alpha of looks: up to this with the material's colour, from the next on their
 # own, 0 hidden.
@@ -225,10 +225,8 @@ class Quadrics(CardSet):
         view = frame.view_from_world
         origins = self._blocks.centers @ view[:3, :3].T + view[:3, 3]
         entries = np.column_stack([origins[slots // BLOCK], slots])
-        cuts = np.searchsorted(-depths, [-d for d, _ in others], side='right')
-        parts = self._layers[-1].show(entries, 1, cuts.tolist())
-        if others:
-            self._sorted_draws.arrange(frame.renderer, parts, [actor for _, actor in others])
+        cuts = np.searchsorted(-depths, [-d for d in others], side='right')
+        self._order_parts(frame, others, self._layers[-1].show(entries, 1, cuts.tolist()))
 
     # -- the GPU ------------------------------------------------------------------------------
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from pvibr.gl import Texture
 from pvibr.gl.binder import Binder
+from pvibr.scene.draw_order import depths_of, translucent
 from pvibr.scene.painted import Painted
-from pvibr.scene.translucent import DepthSortedDraws
 
 
 class ItemSet(Painted):
@@ -63,7 +65,7 @@ class CardSet(ItemSet):
 
     def _begin_drawing(self, *stale):
         """Start without anything on the GPU; name the textures to be made."""
-        self.binder, self._sorted_draws = Binder(), DepthSortedDraws()
+        self.binder = Binder()
         self.textures: dict[str, Texture] = {}
         self._stale = set(stale)
 
@@ -81,15 +83,14 @@ class CardSet(ItemSet):
     def prepare(self, frame):
         """Choose which items are drawn, and in which order."""
         self._upload(frame.window)
-        props, others = frame.renderer.GetViewProps(), []
+        others: list[float] = []
+        if self.blends and frame.own and not frame.casting:
+            others = self.pipeline.order.others(frame, self, self.pipeline.things)
         camera = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
-        key: tuple = (*camera, frame.casting, *self._choice_key())
-        if self.blends and not frame.casting:
-            others = self._sorted_draws.others(frame, self.actors())
-            key += (self._sorted_draws.key(others), props.GetMTime())
+        key = (*camera, frame.casting, others, *self._choice_key())
         if key != self._content_key:
             self._choose(frame, others)
-            self._content_key = (*key[:-1], props.GetMTime()) if others else key
+            self._content_key = key
 
     def _choice_key(self) -> tuple:
         """Return what changes with the choice of items, camera excluded."""
@@ -98,10 +99,19 @@ class CardSet(ItemSet):
     def _choose(self, frame, others):
         raise NotImplementedError
 
+    def _order_parts(self, frame, others, parts):
+        """Draw parts of the actors that blend in turn with other props, the farthest first."""
+        own = float(depths_of(frame, np.array([self.center]))[0])
+        places = *others, -np.inf
+        self.order = tuple(
+            ((*translucent(depth, own), k), actor)
+            for depth, part in zip(places, parts, strict=True)
+            for k, actor in enumerate(part)
+        )
+
     def finish(self, frame):
-        """Release the texture units and restore the renderer's blending."""
+        """Release the texture units."""
         self.binder.unbind()
-        self._sorted_draws.finish(frame.renderer)
 
     # -- the GPU ------------------------------------------------------------------------------
 

@@ -80,9 +80,10 @@ class Thing(Effect, pv.Actor):
         self.prepare(frame)
         return self.depths() if depth else self.drawn()
 
-    def soft_edged(self) -> list:
-        """Return the actors whose edges blend with what was drawn before them."""
-        return []
+    @property
+    def blends(self) -> bool:
+        """Whether its items are sorted among other translucent props."""
+        return False
 
     def depths(self) -> list:
         """Return the actors that draw its depth, as lights see it."""
@@ -130,6 +131,9 @@ class Thing(Effect, pv.Actor):
     _pickable = True
     _listed: str | None = None
     _scalar_name = ''
+    #: Pairs of a key, which begins with a `Stage`, and an actor that has its place in the order
+    #: of drawing by it; replaced wherever it changes.
+    order: tuple = ()
     #: Actors with its material.
     _dressed: tuple = ()
 

@@ -1,0 +1,135 @@
+"""The order in which a renderer draws its props."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from pvibr.core._vtk import address
+from pvibr.gl.annotations import is_flat
+from pvibr.gl.scene_pass import is_end
+
+#: Other translucent props among which a thing divides its draws; more share a place.
+MOST = 8
+
+
+class Stage(IntEnum):
+    """What is drawn one after the other; within a stage the rest of an actor's key decides."""
+
+    #: Meshes, and all that says nothing.
+    OPAQUE = 0
+    #: Sharp image layers.
+    LAYER = 1
+    #: Soft edges, which blend with all of the above.
+    FRINGE = 2
+    #: Blurred image layers in front of all others.
+    FRONT = 3
+    #: Of the translucent stage, if items are sorted among the others there.
+    TRANSLUCENT = 4
+    END = 5
+    ANNOTATION = 6
+
+
+class DrawOrder:
+    """Sorts the props of a renderer by the keys of things, the others as they are."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._orders: list[tuple] = []
+        self._keys: dict[str, tuple] = {}
+        self._time = -1
+        self._frame: Any = None
+        self._others: list[tuple] = []
+        self._weighted = False
+
+    def others(self, frame, thing, things) -> list[float]:
+        """Return the depths of other translucent props, the farthest first."""
+        self._look(frame, things)
+        found = [depth for depth, _ in self._others]
+        found += [_depth(frame, t) for t in things if t.blends and t is not thing and _shown(t)]
+        found.sort(reverse=True)
+        if len(found) <= MOST:
+            return found
+        return [found[i] for i in np.linspace(0, len(found) - 1, MOST).astype(int)]
+
+    def _look(self, frame, things):
+        """Find the translucent props of others once in a frame; VTK's own mixing is off then."""
+        if self._frame is frame:
+            return
+        self._frame, self._others = frame, []
+        renderer = self.renderer
+        if renderer.GetUseDepthPeeling():
+            return
+        if renderer.GetUseOIT():
+            self._weighted = True
+            renderer.SetUseOIT(False)
+        own = {address(actor) for t in things if t.blends for actor in t.actors()}
+        found = [
+            prop
+            for prop in renderer.GetViewProps()
+            if prop.IsA('vtkActor')
+            and prop.GetVisibility()
+            and address(prop) not in own
+            and prop.GetMapper() is not None
+            and prop.HasTranslucentPolygonalGeometry()
+        ]
+        self._others = [(_depth(frame, prop), prop) for prop in found]
+
+    def sort(self, frame, things):
+        """Have the renderer draw all props in order."""
+        props = self.renderer.GetViewProps()
+        orders = [thing.order for thing in things]
+        if self._frame is frame and self._others:
+            orders.append(tuple((translucent(d, after=True), p) for d, p in self._others))
+        if orders != self._orders:
+            self._orders = orders
+            self._keys = {address(actor): key for order in orders for key, actor in order}
+        elif props.GetMTime() == self._time:
+            return
+        listed = list(props)
+        keys = [self._keys.get(address(prop)) or _key(prop) for prop in listed]
+        if any(a > b for a, b in pairwise(keys)):
+            props.RemoveAllItems()
+            for k in sorted(range(len(listed)), key=keys.__getitem__):
+                props.AddItem(listed[k])
+        self._time = props.GetMTime()
+
+    def finish(self):
+        """Leave the renderer's mixing as it was."""
+        self._frame, self._others = None, []
+        if self._weighted:
+            self._weighted = False
+            self.renderer.SetUseOIT(True)
+
+
+def translucent(depth, own=0.0, *, after=False) -> tuple:
+    """Return the key of draws that are farther than a depth, or of a prop there."""
+    return Stage.TRANSLUCENT, -depth, after, -own
+
+
+def _key(prop) -> tuple:
+    """Return the key of a prop that no thing has."""
+    if is_end(prop):
+        return (Stage.END,)
+    return (Stage.ANNOTATION,) if is_flat(prop) else (Stage.OPAQUE,)
+
+
+def _shown(thing) -> bool:
+    return thing.enabled and thing.visibility and bool(thing.drawn())
+
+
+def _depth(frame, prop) -> float:
+    """Return the depth of the middle of a prop."""
+    return float(depths_of(frame, np.reshape(prop.GetBounds(), (3, 2)).mean(1)[None])[0])
+
+
+def depths_of(frame, points) -> np.ndarray:
+    """Return how far points are: from the eye, or in parallel projection along the view."""
+    view = frame.view_from_world
+    if frame.parallel:
+        return -(points @ view[2, :3] + view[2, 3])
+    away = points - frame.eye
+    return np.sqrt((away * away).sum(1))
