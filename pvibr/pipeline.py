@@ -193,7 +193,8 @@ class Pipeline:
             self._call_back(turn)
             entry.begin(turn)
         self._call_back(turn)
-        turn.guard(self._entries, self.order.sort, frame, self.things)
+        if self._entries:
+            turn.guard(self._entries, self.order.sort, frame, self.things)
         images = [e for e in self._entries if e.running and e.effect.is_image_effect]
         if images and not frame.picking:
             turn.images = images
