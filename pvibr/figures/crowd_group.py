@@ -8,6 +8,7 @@ from pvibr.figures.mesh_actors import posed_part
 from pvibr.figures.player import Moment
 from pvibr.figures.posed_meshes import PosedPool
 from pvibr.instances.group import InstanceGroup
+from pvibr.instances.near_meshes import NearMeshes
 
 #: Seconds after which clip times are uploaded again: float32 stays exact to 1/1000 cycle so long.
 _ERA = 512.0
@@ -41,6 +42,24 @@ class Playback:
         return np.stack([rounds, rate, self.clip, self.loop], 1).astype(np.float32)
 
 
+class _PosedMeshes(NearMeshes):
+    """Near members, an actor for each mesh of each."""
+
+    def __init__(self, levels, state):
+        self._state = state
+        super().__init__(levels)
+
+    def _pools(self) -> list:
+        how = self._state.mesh_actors, self._state.skinning
+        return [PosedPool(level, *how) for level in self.levels]
+
+    def draw_many(self, capacity, center, binder):
+        """Keep an actor each: posed vertices come from textures."""
+
+    def offer(self, pickable, there):
+        """Leave it to the crowd: pickers between frames would see meshes at rest."""
+
+
 class CrowdGroup(InstanceGroup):
     """The members of a crowd, as a group of instances."""
 
@@ -50,10 +69,8 @@ class CrowdGroup(InstanceGroup):
         self._posed: dict = {}
         super().__init__(*args)
 
-    def _pools(self) -> list:
-        return [
-            PosedPool(level, self.state.mesh_actors, self.state.skinning) for level in self.levels
-        ]
+    def _near_meshes(self):
+        return _PosedMeshes(self.levels, self.state)
 
     def tight_bounds(self) -> tuple:
         """Return the bounds of the spheres in which the figures move."""
@@ -69,7 +86,7 @@ class CrowdGroup(InstanceGroup):
         super().release()
         self.moved()
         if window is not None:
-            for pool in self.pools:
+            for pool in self.near.pools:
                 pool.release(window)
 
     def moved(self):
@@ -84,7 +101,7 @@ class CrowdGroup(InstanceGroup):
                 self._era = era
                 self.cards.move(self.state.playback.rows(self.state.motions, era)[self.ids])
             self.cards.uniforms['ibr_time'] = float(time - era)
-        for pool in self.pools:
+        for pool in self.near.pools:
             if pool.lent:
                 slots = list(pool.lent)
                 clips, seconds = self.state.seconds(time, self.ids[slots])
@@ -102,13 +119,13 @@ class CrowdGroup(InstanceGroup):
 
     def finish(self):
         """Release the texture units."""
-        for pool in self.pools:
+        for pool in self.near.pools:
             pool.finish()
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self.cards.nbytes + sum(pool.nbytes for pool in self.pools)
+        return self.cards.nbytes + sum(pool.nbytes for pool in self.near.pools)
 
 
 class CrowdState:

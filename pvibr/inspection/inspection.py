@@ -235,7 +235,8 @@ def level_counts(groups) -> dict[str, int]:
     """Return how many instances each level draws in the last frame."""
     counts: Counter = Counter()
     for group in groups:
-        counts.update('lighter mesh' if level else 'mesh' for level in group.near.values())
+        levels = group.near.level_of
+        counts.update({'mesh': int((levels == 0).sum()), 'lighter mesh': int((levels > 0).sum())})
         counts.update({name: group.counts.get(name, 0) for name in group.cards.layers})
     return {name: counts[name] for name in LEVELS}
 

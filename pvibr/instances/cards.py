@@ -82,7 +82,7 @@ TURNTABLE = CardShader('turntable', views=1, steps=0, sides=2)
 #: In the order of their cost, those of a turntable included.
 ALL_CARD_SHADERS = (SPLAT, BILLBOARD, TURNTABLE, FLAT, PARALLAX, BLENDED)
 _NEVER = (1e30, 1e30, 0.0, 0.0)
-_EVERYWHERE = (-1e30, 1e30) * 3  # VTK culls draws by their bounds, and blocks are culled already
+EVERYWHERE = (-1e30, 1e30) * 3  # VTK culls draws by their bounds, and blocks are culled already
 
 
 def ends(low, high, fade) -> tuple:
@@ -259,7 +259,7 @@ class _Layer(ShaderDraws):
         feature = shader.feature(shiny, cards.atlas.animated, turned)
         look = {'prop': prop, 'feature': feature, 'binder': cards.binder}
         super().__init__(draws=draws, chunk=most, **look)
-        self.place_cards(_EVERYWHERE, shader.corners)
+        self.place_cards(EVERYWHERE, shader.corners)
         self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
         self.dithered, self.unit = False, cards.unit
         self.tint: tuple | None = None  # a colour for all that it draws

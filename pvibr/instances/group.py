@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.instances.cards import Cards, ends
-from pvibr.instances.mesh_pool import MeshPool
+from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import Placement, spheres
 from pvibr.maths.blocks import BLOCK, Blocks
 from pvibr.maths.posed_bounds import posed_bounds
@@ -23,7 +23,6 @@ SORTED = 16_384  # instances up to which each is sorted and culled by itself
 # field of half-covered boxes that is not sorted loses up to two thirds of its coverage.
 SORTED_SEEN = 131_072
 _UNSURE = 1e-4  # what the sine of an angle may be off on the GPU
-_KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
 
 
 @dataclass(frozen=True)
@@ -59,13 +58,15 @@ class InstanceGroup:
         self.model, self.levels, self.atlas = model, model.levels, model.atlas
         self.unit, self.poses = unit, np.zeros((0, 3))
         self.placement = Placement(self.atlas, unit)
-        self.pools = self._pools()
         prop = _card_property(self.levels[0].parts)
         self.cards = Cards(self.atlas, capacity, unit, draws, prop, binder)
+        self.near = self._near_meshes()
+        self.near.draw_many(capacity, self.atlas.center, binder)
         self.looks: np.ndarray | None = None
-        self.near: dict[int, int] = {}
         self.counts: dict[str, int] = {}
-        self.large = self.seen = np.zeros(0, int)  # of the blocks
+        self.seen = np.zeros(0, int)  # of the blocks
+        #: Blocks that may have instances too large for cards: origin in eye space, index.
+        self.large = np.zeros((0, 4), np.float32)
 
     def __len__(self):
         return len(self.ids)
@@ -103,12 +104,11 @@ class InstanceGroup:
         self._lend_anew()
 
     def _lend_anew(self):
-        self.near, self.seen = {}, np.zeros(0, int)
-        for pool in self.pools:
-            pool.show((), self.matrix, self._look)
+        self.seen = np.zeros(0, int)
+        self.near.lend_anew(self)
 
-    def _pools(self) -> list:
-        return [MeshPool(level) for level in self.levels]
+    def _near_meshes(self) -> NearMeshes:
+        return NearMeshes(self.levels)
 
     def parts(self, slot) -> list:
         """Return the meshes of an instance for ray casting, as Parts in model coordinates."""
@@ -153,11 +153,10 @@ class InstanceGroup:
         self.looks = None if looks is None else np.ascontiguousarray(looks[self.ids])
         self.cards.uniforms['ibr_multiply'] = int(multiply)
         self.cards.look(self.looks)
-        for pool in self.pools:
-            pool.multiply = multiply
-            pool.recolor(self._look)
+        self.near.recolor(self, multiply)
 
-    def _look(self, slot):
+    def look(self, slot):
+        """Return colour and alpha of a slot, as shaders have them."""
         if self.looks is None:
             return (0.0, 0.0, 0.0, 0.5)
         return tuple(float(v) for v in self.looks[slot] / 255.0)
@@ -166,8 +165,7 @@ class InstanceGroup:
         """Set one colour for each level of detail."""
         for name, layer in self.cards.layers.items():
             layer.tint = colors.get(name)
-        for k, pool in enumerate(self.pools):
-            pool.tint(colors.get('lighter mesh' if k else 'mesh'), self._look)
+        self.near.tint(self, colors)
 
     def select(self, frame, limits):
         """Choose the blocks that each card shader draws."""
@@ -191,7 +189,7 @@ class InstanceGroup:
             dithered = limits.mesh in (high for low, high in spans if high > low)
             chosen[name] = Choice(table[used], depths[used], sizes, level, dithered)
             self.counts[name] = min(len(used) * self.unit, len(self))
-        self.large = index[large >= limits.mesh]
+        self.large = table[large >= limits.mesh]
         return chosen
 
     def _rises(self, frame, index, origins):
@@ -208,82 +206,45 @@ class InstanceGroup:
         away = 1.0 if frame.parallel else _lengths(origins.T)
         return np.abs(along) / np.maximum(_lengths(axes.T) * away, 1e-30)
 
-    def refine(self, frame, choice):
-        """Sort the single instances of a choice of blocks, and drop those out of its sizes."""
-        slots = (
-            choice.table[:, 3].astype(int)[:, None] * self.unit + np.arange(self.unit)
-        ).ravel()
-        entries = np.repeat(np.arange(len(choice.table)), self.unit)[slots < len(self)]
+    def singles(self, frame, table):
+        """Return slots, rows of the table, centres, distances and sizes of single instances.
+
+        Centres are in eye space, shape (3, n), sizes diameters in pixels.
+        """
+        slots = (table[:, 3].astype(int)[:, None] * self.unit + np.arange(self.unit)).ravel()
+        rows = np.repeat(np.arange(len(table)), self.unit)[slots < len(self)]
         slots = slots[slots < len(self)]
         turn = frame.view_from_world[:3, :3].astype(np.float32)
         # Not by the threads of a matrix product, which take longer where a machine is busy.
         eye = np.einsum('ij,jn->in', turn, self.placement.local(slots))
-        eye += choice.table[:, :3].T.take(entries, 1)
+        eye += table[:, :3].T.take(rows, 1)
         away = np.maximum(_lengths(eye), 1e-30)
-        size = 2 * frame.pixel_scale * self.radii[slots] / (1.0 if frame.parallel else away)
+        sizes = 2 * frame.pixel_scale * self.radii[slots] / (1.0 if frame.parallel else away)
+        return slots, rows, eye, away, sizes
+
+    def refine(self, frame, choice):
+        """Sort the single instances of a choice of blocks, and drop those out of its sizes."""
+        slots, rows, eye, away, size = self.singles(frame, choice.table)
         depths = eye[2] if frame.parallel else -away
         # A little more than the shader's own bounds, which decide.
         used = np.flatnonzero((size > 0.99 * choice.least) & (size < 1.01 * choice.most))
         used = used[_ascending(depths[used])]
         table = np.empty((len(used), 4), np.float32)
-        table[:, :3], table[:, 3] = choice.table[entries[used], :3], slots[used]
+        table[:, :3], table[:, 3] = choice.table[rows[used], :3], slots[used]
         return replace(choice, table=table, depths=np.maximum.accumulate(depths[used]))
 
     def select_meshes(self, frame, limits):
-        """Draw instances too near for cards as meshes; return new actors."""
-        slots = (self.large[:, None] * self.unit + np.arange(self.unit)).ravel()
-        slots = slots[slots < len(self.ids)]
-        sizes = np.zeros(0)
-        if len(slots):
-            slots, sizes = self._sizes(frame, slots, limits.mesh)
-        near = self._levels(slots, sizes, limits.meshes)
-        self.near = near
-        band = max(limits.mesh * (_FADE - 1), 1e-9)
-        fades = (sizes - limits.mesh) / band if limits.mesh > 0 else np.ones(len(sizes))
-        fades = {s: f for s, f in zip(slots.tolist(), fades.tolist(), strict=True) if f < 1}
-        new = []
-        lit = any(light.GetSwitch() for light in frame.renderer.GetLights())
-        for k, pool in enumerate(self.pools):
-            pool.light(lit or bool(frame.renderer.GetAutomaticLightCreation()))
-            ids = [slot for slot, level in near.items() if level == k]
-            new += pool.show(ids, self.matrix, self._look)
-            pool.fade({slot: fades[slot] for slot in ids if slot in fades})
-            self.counts[f'mesh {pool.level.triangles}'] = len(ids)
-        return new
-
-    def _sizes(self, frame, slots, least):
-        """Return the slots in view of at least a size, and their diameters in pixels."""
-        if self.looks is not None:
-            slots = slots[self.looks[slots, 3] > 0]
-        one = Blocks(
-            self.centers(slots), np.zeros(len(slots)), self.radii[slots], self.radii[slots]
-        )
-        index, _, sizes, _ = one.seen(frame)
-        big = sizes >= least
-        return slots[index[big]], sizes[big]
-
-    def _levels(self, slots, sizes, limits):
-        """Return the mesh level of each slot: the lightest within the error at its size."""
-        out = {}
-        for slot, size in zip(slots.tolist(), sizes.tolist(), strict=True):
-            level = next(k for k in range(len(limits) - 1, -1, -1) if size <= limits[k])
-            before = self.near.get(slot)
-            if before is not None and before < level and size * _KEEP**-1 > limits[level]:
-                level = before
-            out[slot] = level
-        return out
+        """Draw instances too large for cards as meshes; return new actors."""
+        return self.near.select(self, frame, limits, _FADE)
 
     def instance_of(self, actor):
         """Return the index of the instance that a mesh actor shows, or None."""
-        for pool in self.pools:
-            slot = pool.instance_of(actor)
-            if slot is not None:
-                return int(self.ids[slot])
-        return None
+        slot = self.near.instance_of(actor)
+        return None if slot is None else int(self.ids[slot])
 
     def mesh_actors(self):
         """Return the actors of instances drawn as meshes."""
-        return [a for pool in self.pools for a in pool.actors()]
+        return self.near.actors()
 
     def hide(self):
         """Hide all instances."""
@@ -294,12 +255,7 @@ class InstanceGroup:
         """Free GPU memory; the context is current."""
         window = self.cards.window
         self.cards.release()
-        if window is not None:
-            for actor in self.mesh_actors():
-                actor.ReleaseGraphicsResources(window)
-            for level in self.levels:
-                for part in level.parts:
-                    part.actor.ReleaseGraphicsResources(window)
+        self.near.release(window)
 
 
 def _span(cards, name):

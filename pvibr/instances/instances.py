@@ -293,9 +293,11 @@ class Instances(PosedSet):
         self._upload(frame.window)
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         how = frame.picking, frame.casting, frame.quality
-        content_key = (*camera, frame.size, self.revision, *how)
+        single = [group.near.singly() for group in self.groups]
+        content_key = (*camera, frame.size, self.revision, *how, *single)
         self._check_cards()
         if content_key == self._content_key:
+            self._offer(frame.picking)
             return
         self._content_key = content_key
         limits = [found.coarser(frame.quality) for found in self.limits]
@@ -304,8 +306,13 @@ class Instances(PosedSet):
             self._show_cards(frame, shader, [c[shader.name] for c in chosen])
         for group, limit in zip(self.groups, limits, strict=True):
             for actor in group.select_meshes(frame, limit):
-                actor.SetPickable(bool(self.pickable))
                 frame.renderer.AddViewProp(actor)
+        self._offer(frame.picking)
+
+    def _offer(self, there):
+        """Let VTK's pickers find instances that are drawn as meshes."""
+        for group in self.groups:
+            group.near.offer(bool(self.pickable), there)
 
     def _show_cards(self, frame, shader, choices):
         unit = self.groups[0].unit
@@ -326,8 +333,10 @@ class Instances(PosedSet):
             warnings.warn(msg, PvibrWarning, stacklevel=2)
 
     def finish(self, frame):
-        """Release the texture units."""
+        """Release the texture units, and let pickers find instances until the next frame."""
         self._binder.unbind()
+        if frame.own:
+            self._offer(True)
 
     def release(self):
         """Free GPU memory; the context is current."""

@@ -1,4 +1,4 @@
-"""Instances near enough to be drawn as the mesh itself."""
+"""Instances as the mesh itself, an actor each."""
 
 from __future__ import annotations
 
@@ -30,14 +30,11 @@ _COLOR = """//VTK::Color::Impl
   }
 """
 # VTK turns normals by the winding that it sees, which a mirrored pose turns around.
-_MIRROR = Feature(
-    'mirrored',
-    fragment={
-        'VTK::Normal::Impl': """//VTK::Normal::Impl
-  if (ibr_mirrored == 1) normalVCVSOutput = -normalVCVSOutput;
+_TURNED = """#define normalMatrix (ibr_turn * normalMatrix)
+//VTK::Normal::Impl
+#undef normalMatrix
 """
-    },
-)
+_MIRROR = Feature('mirrored', {'VTK::Normal::Impl': _TURNED}, {'VTK::Normal::Impl': _TURNED})
 _PLAIN = (0.0, 0.0, 0.0, 0.5)
 #: How well a place on a card is known, in radii: lights may see a mesh as a card.
 BLUR = 0.02
@@ -56,30 +53,16 @@ class MeshLevel:
         return sum(p.mesh.n_cells for p in self.parts)
 
 
-class MeshPool:
+class ActorPool:
     """Actors of one level, lent to the instances that need them."""
 
     def __init__(self, level):
         self.level = level
-        self.radius = max(p.mesh.length for p in level.parts) / 2
         self.lent: dict = {}  # by instance
         self.free: list = []
-        self.multiply = False
-        self._tint: tuple | None = None
-        self._faded: set[int] = set()
-        self._lit = True
 
-    def light(self, lit):
-        """Switch the flip of mirrored normals, which VTK lacks without lights."""
-        if lit == self._lit:
-            return
-        self._lit = lit
-        # All or none: they share a mapper, which looks at one of them for changes of its shader.
-        for actor in (a for actors in (*self.lent.values(), *self.free) for a in actors):
-            _turn_normals(actor, lit)
-
-    def show(self, ids, matrix_of, look_of):
-        """Show the mesh at some instances and nowhere else."""
+    def lend(self, ids, matrix_of) -> list:
+        """Show the mesh at some instances and nowhere else; return new actors."""
         wanted = set(ids)
         for i in [i for i in self.lent if i not in wanted]:
             actors = self.lent.pop(i)
@@ -90,15 +73,54 @@ class MeshPool:
         for i in wanted - self.lent.keys():
             if not self.free:
                 self.free.append(self._made())
-                for actor in () if self._lit else self.free[-1]:
-                    _turn_normals(actor, False)
                 new += self.free[-1]
             self.lent[i] = self.free.pop()
-            self._put(self.lent[i], matrix_of(i), look_of(i))
+            self._put(self.lent[i], np.asarray(matrix_of(i), float))
         return new
 
     def _made(self) -> list:
         """Return new actors that show one instance."""
+        actors = [part.new_actor(part.actor.GetMapper()) for part in self.level.parts]
+        for actor in actors:
+            actor.SetUserMatrix(_vtk.vtkMatrix4x4())
+            actor.UseBoundsOff()
+        return actors
+
+    def _put(self, actors, matrix):
+        values = matrix.ravel().tolist()
+        for actor in actors:
+            actor.GetUserMatrix().DeepCopy(values)
+            actor.VisibilityOn()
+
+    def instance_of(self, actor):
+        """Return the instance that an actor shows, or None."""
+        return next((i for i, actors in self.lent.items() if actor in actors), None)
+
+    def actors(self) -> list:
+        """Return every actor made so far."""
+        return [a for group in [*self.lent.values(), *self.free] for a in group]
+
+
+class MeshPool(ActorPool):
+    """Actors with the looks of the instances that they are lent to."""
+
+    def __init__(self, level):
+        super().__init__(level)
+        self.radius = max(p.mesh.length for p in level.parts) / 2
+        self.multiply = False
+        self._tint: tuple | None = None
+        self._faded: set[int] = set()
+
+    def show(self, ids, matrix_of, look_of) -> list:
+        """Show the mesh at some instances and nowhere else; return new actors."""
+        before = set(self.lent)
+        new = self.lend(ids, matrix_of)
+        for i in self.lent.keys() - before:
+            for actor in self.lent[i]:
+                self._set_look(actor, look_of(i))
+        return new
+
+    def _made(self) -> list:
         return [lendable(p, p.actor.GetMapper()) for p in self.level.parts]
 
     def fade(self, shares):
@@ -120,36 +142,43 @@ class MeshPool:
             for actor in actors:
                 self._set_look(actor, look_of(i))
 
-    def instance_of(self, actor):
-        """Return the instance that an actor shows, or None."""
-        return next((i for i, actors in self.lent.items() if actor in actors), None)
-
-    def _put(self, actors, matrix, look):
-        values = np.asarray(matrix, float).ravel().tolist()
-        volume = float(np.linalg.det(np.asarray(matrix, float)[:3, :3]))
+    def _put(self, actors, matrix):
+        super()._put(actors, matrix)
+        volume = float(np.linalg.det(matrix[:3, :3]))
         for actor in actors:
-            actor.GetUserMatrix().DeepCopy(values)
-            actor.VisibilityOn()
-            uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
+            shader = actor.GetShaderProperty()
+            uniforms = shader.GetFragmentCustomUniforms()
             uniforms.SetUniformf('ibr_share', 1.0)
-            uniforms.SetUniformi('ibr_mirrored', int(volume < 0))
             uniforms.SetUniformf('ibr_blur', BLUR * self.radius * abs(volume) ** (1 / 3))
-            self._set_look(actor, look)
+            for stage in (shader.GetVertexCustomUniforms(), uniforms):
+                stage.SetUniformf('ibr_turn', -1.0 if volume < 0 else 1.0)
 
     def _set_look(self, actor, look):
         uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniform4f('ibr_look', (*self._tint, 1.0) if self._tint else look)
         uniforms.SetUniformi('ibr_multiply', int(self.multiply and not self._tint))
 
-    def actors(self):
-        """Return every actor made so far."""
-        return [a for group in [*self.lent.values(), *self.free] for a in group]
-
 
 def lendable(part, mapper):
     """Return a new actor that draws a part at instances, with per-instance looks."""
-    actor = part.new_actor(mapper)
+    actor = with_looks(part, mapper)
     actor.SetUserMatrix(_vtk.vtkMatrix4x4())
+    _MIRROR.attach(actor)
+    shader = actor.GetShaderProperty()
+    shader.GetVertexCustomUniforms().SetUniformf('ibr_turn', 1.0)
+    uniforms = shader.GetFragmentCustomUniforms()
+    uniforms.SetUniformf('ibr_turn', 1.0)
+    uniforms.SetUniformf('ibr_cutoff', cutoff(part))
+    uniforms.SetUniform4f('ibr_look', _PLAIN)
+    uniforms.SetUniformf('ibr_share', 1.0)
+    uniforms.SetUniformf('ibr_blur', 0.0)
+    uniforms.SetUniformi('ibr_multiply', 0)
+    return actor
+
+
+def with_looks(part, mapper):
+    """Return a new actor that draws a part, with shader text for looks of instances."""
+    actor = part.new_actor(mapper)
     shader = actor.GetShaderProperty()
     texts = {'//VTK::TCoord::Impl': DITHER + _LOOK, '//VTK::Color::Impl': _COLOR}
     prop = actor.GetProperty()
@@ -158,29 +187,9 @@ def lendable(part, mapper):
     for tag, text in texts.items():
         shader.ClearFragmentShaderReplacement(tag, True)
         shader.AddFragmentShaderReplacement(tag, True, text, False)
-    _turn_normals(actor, True)
-    uniforms = shader.GetFragmentCustomUniforms()
-    uniforms.SetUniformf('ibr_cutoff', (part.alpha_cutoff or 0.0) * prop.GetOpacity())
-    uniforms.SetUniform4f('ibr_look', _PLAIN)
-    uniforms.SetUniformf('ibr_share', 1.0)
-    uniforms.SetUniformi('ibr_mirrored', 0)
-    uniforms.SetUniformf('ibr_blur', 0.0)
-    uniforms.SetUniformi('ibr_multiply', 0)
     return actor
 
 
-def _turn_normals(actor, there):
-    """Flip the normals of mirrored poses, if there are any."""
-    if there and actor.GetProperty().GetLighting() and _has_normals(actor):
-        _MIRROR.attach(actor)
-    else:
-        _MIRROR.detach(actor)
-
-
-def _has_normals(actor):
-    """Return True if VTK lights all that it draws of an actor by normals of its points."""
-    data, prop = actor.GetMapper().GetInput(), actor.GetProperty()
-    if prop.GetRepresentation() == 0 or prop.GetVertexVisibility():  # VTK_POINTS
-        return False
-    others = data.GetNumberOfVerts() + data.GetNumberOfLines()
-    return data.GetPointData().GetNormals() is not None and not others
+def cutoff(part) -> float:
+    """Return the alpha below which a part is cut out, its opacity included."""
+    return (part.alpha_cutoff or 0.0) * part.actor.GetProperty().GetOpacity()

@@ -93,7 +93,7 @@ def said(group, cubes, frame_scale):
         fits = [
             n for n, layer in group.cards.layers.items() if layer.sizes[1] <= size < layer.sizes[2]
         ]
-        out[number] = 'mesh' if slot in group.near else fits[0]
+        out[number] = 'mesh' if group.near.level_of[slot] >= 0 else fits[0]
     assert len(out) == len(cubes)
     return [out[k] for k in range(len(cubes))]
 

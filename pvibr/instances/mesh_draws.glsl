@@ -1,0 +1,93 @@
+// Meshes of instances, many a draw: a vertex buffer holds copies of a mesh, each vertex finds its
+// instance by its number. The mesh's own space is replaced by the eye's: VTK draws it with the
+// actor's matrix, world from eye, and does all else (lights, scalars, textures) as ever.
+// Spaces: model = the mesh's, less the centre of its bounding sphere; eye = VTK's VC.
+// ibr_first, the first instance of a draw, and ibr_end, the one after its last, are an actor's
+// custom uniforms: VTK declares them.
+// Defines: VERTICES of one copy, with a decimal point; CELL_NORMALS 1 where VTK has no other.
+
+//@vertex.declare
+uniform sampler2D ibr_entries;    // of what is drawn: centre in eye space, slot
+uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
+uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as it is, 255 coloured
+uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
+uniform int ibr_has_looks;
+uniform vec4 ibr_tint;            // for all that a program draws, where alpha is 1
+uniform int ibr_parallel;
+uniform float ibr_radius;         // bounding sphere, model units
+uniform float ibr_pixel_scale;    // pixels per unit tangent, or per world unit when parallel
+uniform vec2 ibr_takes_over;      // on-screen diameters in px where cards begin to go, and are gone
+uniform mat3 ibr_eye_from_world;
+flat out vec4 ibr_look;
+flat out vec2 ibr_known;          // share of the pixels that it draws, distance it may be off
+#if CELL_NORMALS
+flat out mat3 ibr_eye_normal;
+#endif
+vec4 ibr_vertex;
+mat3 ibr_normal_matrix;
+
+//@vertex.begin
+  {
+    int entry = ibr_first + int(floor((float(gl_VertexID) + 0.5) / VERTICES));
+    vec4 known = texelFetch(ibr_entries, ivec2(entry % 1024, entry / 1024), 0);
+    int slot = int(known.w);
+    mat3 eye_from_model = ibr_eye_from_world;
+    if (ibr_texels == 3)
+    {
+      int texel = slot * 3;
+      ivec2 place = ivec2(texel % 3072, texel / 3072);
+      vec3 r0 = texelFetch(ibr_poses, place, 0).xyz;
+      vec3 r1 = texelFetch(ibr_poses, place + ivec2(1, 0), 0).xyz;
+      vec3 r2 = texelFetch(ibr_poses, place + ivec2(2, 0), 0).xyz;
+      eye_from_model *= transpose(mat3(r0, r1, r2));
+    }
+    ibr_look = vec4(0.0, 0.0, 0.0, 0.5);
+    if (ibr_has_looks == 1)
+    {
+      ibr_look = texelFetch(ibr_looks, ivec2(slot % 1024, slot / 1024), 0);
+    }
+    if (ibr_tint.a > 0.5 && ibr_look.a > 0.25) { ibr_look = ibr_tint; }
+    // As cards measure it, so that both together have each pixel once.
+    mat3 squares = transpose(eye_from_model) * eye_from_model;
+    vec3 sums = abs(squares[0]) + abs(squares[1]) + abs(squares[2]);
+    float stretch = ibr_radius * sqrt(max(max(sums.x, sums.y), sums.z));
+    float size = 2.0 * stretch * ibr_pixel_scale / (ibr_parallel == 1 ? 1.0 : length(known.xyz));
+    float share = ibr_takes_over.y > ibr_takes_over.x
+      ? (size - ibr_takes_over.x) / (ibr_takes_over.y - ibr_takes_over.x) : 1.0;
+    ibr_known = vec2(share, 0.02 * stretch);
+    ibr_vertex = vec4(known.xyz + eye_from_model * vertexMC.xyz, 1.0);
+    // Outside of any view: all corners of a triangle at one place.
+    if (entry >= ibr_end || ibr_look.a < 0.25) { ibr_vertex.xyz = vec3(1e18); }
+    // The inverse transpose; VTK turns normals by the winding that it sees, which a mirrored pose
+    // turns around.
+    ibr_normal_matrix = mat3(cross(eye_from_model[1], eye_from_model[2]),
+      cross(eye_from_model[2], eye_from_model[0]), cross(eye_from_model[0], eye_from_model[1]));
+    ibr_normal_matrix /= abs(dot(eye_from_model[0], ibr_normal_matrix[0]));
+#if CELL_NORMALS
+    ibr_eye_normal = ibr_normal_matrix;
+#endif
+  }
+// All that VTK does with a vertex, it does with the placed one.
+#define vertexMC ibr_vertex
+//VTK::CustomBegin::Impl
+
+//@vertex.normal
+#define normalMatrix ibr_normal_matrix
+//VTK::Normal::Impl
+#undef normalMatrix
+
+//@fragment.declare
+uniform int ibr_multiply;         // instance colours multiply those of the mesh
+uniform float ibr_cutoff;
+flat in vec4 ibr_look;
+flat in vec2 ibr_known;
+#if CELL_NORMALS
+flat in mat3 ibr_eye_normal;
+#endif
+#define ibr_share ibr_known.x
+#define ibr_blur ibr_known.y
+
+//@fragment.normal
+#define normalMatrix ibr_eye_normal
+//VTK::Normal::Impl
+#undef normalMatrix

@@ -1,0 +1,148 @@
+"""Instances near enough to be drawn as meshes, many a draw."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+from pvibr.gl import shader_source
+from pvibr.gl.feature import Feature, sections
+from pvibr.instances.cards import EVERYWHERE
+from pvibr.instances.mesh_pool import cutoff, with_looks
+from pvibr.scene.shader_draws import ShaderDraws
+
+#: Triangles of a draw: what it costs by itself is little beside them, and so are those left over.
+_TRIANGLES = 16_384
+_SURFACE = 2  # VTK_SURFACE
+
+
+class MeshDraws:
+    """The instances of one level of a group, in entries that all levels share."""
+
+    def __init__(self, level, capacity, center, matrix, binder):
+        self.level = level
+        self._parts = [PartDraws(p, capacity, center, matrix, binder) for p in level.parts]
+
+    @property
+    def blends(self) -> bool:
+        """Whether any part is translucent."""
+        return any(p.actor.HasTranslucentPolygonalGeometry() for p in self.level.parts)
+
+    def set_inputs(self, entries, textures, uniforms):
+        """Set what all draws have in common."""
+        for draws in self._parts:
+            draws.entries, draws.textures = entries, textures
+            draws.uniforms = uniforms | {'ibr_cutoff': cutoff(draws.part)}
+
+    def tint(self, color):
+        """Set one colour for all instances, over their looks."""
+        for draws in self._parts:
+            draws.tint = {} if color is None else {'ibr_tint': (*color, 1.0), 'ibr_multiply': 0}
+
+    def show(self, first, end) -> list:
+        """Draw the entries from the first to the end; return new actors."""
+        return [actor for draws in self._parts for actor in draws.show(first, end)]
+
+    def hide(self):
+        """Draw nothing."""
+        for draws in self._parts:
+            draws.show_spans(())
+
+    def actors(self) -> list:
+        """Return every actor made so far."""
+        return [actor for draws in self._parts for actor in draws.actors]
+
+    def release(self, window):
+        """Free GPU memory; the context is current."""
+        for draws in self._parts:
+            draws.entries = None  # they are the group's
+            draws.release(window)
+
+
+def suits(level) -> bool:
+    """Return whether all parts of a level are surfaces that no geometry shader draws."""
+    return all(_is_plain(part.actor) for part in level.parts)
+
+
+def _is_plain(actor):
+    prop, drawn = actor.GetProperty(), actor.GetMapper().GetInput()
+    if prop.GetRepresentation() != _SURFACE or prop.GetEdgeVisibility():
+        return False
+    return not (prop.GetVertexVisibility() or drawn.GetNumberOfVerts() + drawn.GetNumberOfLines())
+
+
+class PartDraws(ShaderDraws):
+    """Draws of one part of a mesh, each of as many copies as its vertex buffer holds."""
+
+    def __init__(self, part, capacity, center, matrix, binder):
+        chunk = max(1, min(capacity, _TRIANGLES // part.mesh.n_cells))
+        super().__init__(draws=0, chunk=chunk, binder=binder)
+        self.part, self._center, self._matrix = part, center, matrix
+        self.set_feature(_feature(part.mesh))
+        self.tint: dict = {}
+
+    def show(self, first, end) -> list:
+        """Draw the entries from the first to the end; return new actors."""
+        spans = [(i, min(i + self.chunk, end)) for i in range(first, end, self.chunk)]
+        new = [self._made() for _ in range(len(spans) - len(self.actors))]
+        self.actors += new
+        self._spans += [(0, 0)] * len(new)
+        self.show_spans(spans)
+        return new
+
+    def _inputs(self):
+        return self.textures, self.uniforms | self.tint
+
+    def _made(self):
+        if not self.actors:
+            self._fill()
+        actor = with_looks(self.part, self.mapper)
+        actor.SetUserMatrix(self._matrix)
+        actor.PickableOff()
+        actor.UseBoundsOff()
+        _feature(self.part.mesh).attach(actor)
+        return actor
+
+    def _fill(self):
+        """Fill the mapper with copies of the mesh."""
+        self.mapper.ShallowCopy(self.part.actor.GetMapper())
+        self.mapper.SetVBOShiftScaleMethod(self.mapper.DISABLE_SHIFT_SCALE)
+        self.mapper.SetInputDataObject(copies(self.part.mesh, self.chunk, self._center))
+
+
+def _feature(mesh) -> Feature:
+    part, kept = sections(shader_source(__file__)), '//VTK::PositionVC::Dec\n'
+    defines = f'#define VERTICES {mesh.n_points}.0\n'
+    defines += f'#define CELL_NORMALS {int(mesh.cell_data.active_normals is not None)}\n'
+    vertex = {
+        'VTK::PositionVC::Dec': defines + part['vertex.declare'] + kept,
+        'VTK::CustomBegin::Impl': part['vertex.begin'],
+        'VTK::Normal::Impl': part['vertex.normal'],
+    }
+    fragment = {
+        'VTK::PositionVC::Dec': defines + part['fragment.declare'] + kept,
+        'VTK::Normal::Impl': part['fragment.normal'],
+    }
+    return Feature('mesh_draws', vertex, fragment)
+
+
+def copies(mesh, count, origin) -> pv.PolyData:
+    """Return copies of a mesh about an origin, and a cell without area that has all bounds."""
+    one = mesh.copy(deep=False)
+    one.SetPoints(pv.vtk_points((mesh.points - origin).astype(np.float32)))
+    spare = pv.PolyData(np.reshape(EVERYWHERE, (3, 2)).T, [3, 0, 1, 1])
+    spare.points = spare.points.astype(np.float32)
+    for theirs, ours, size in (
+        (mesh.GetPointData(), spare.GetPointData(), 2),
+        (mesh.GetCellData(), spare.GetCellData(), 1),
+    ):
+        ours.CopyAllocate(theirs, size)
+        for i in range(size):
+            ours.CopyData(theirs, 0, i)
+    join = _vtk.vtkAppendPolyData()
+    for _ in range(count):
+        join.AddInputData(one)
+    join.AddInputData(spare)
+    join.Update()
+    return pv.wrap(join.GetOutput())

@@ -1,0 +1,200 @@
+"""Instances of a group that are near enough to be drawn as meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.core import _vtk
+from pvibr.gl import Texture, release
+from pvibr.instances.mesh_draws import MeshDraws, suits
+from pvibr.instances.mesh_pool import ActorPool, MeshPool
+from pvibr.maths.blocks import frustum_planes
+from pvibr.scene.shader_draws import ROW, pack
+
+_KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
+#: Instances that VTK's own pickers find between frames, the largest.
+_PICKED = 256
+_SHARED = ('ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius', 'ibr_parallel')
+_OF_CAMERA = ('ibr_pixel_scale', 'ibr_eye_from_world')
+
+
+class NearMeshes:
+    """Meshes by level: many a draw, or an actor each where draws do not suit."""
+
+    def __init__(self, levels):
+        self.levels = levels
+        self.pools = self._pools()
+        self.draws: list[MeshDraws] = []
+        self._matrix = _vtk.vtkMatrix4x4()
+        self._picked = ActorPool(levels[0])
+        self._entries: Texture | None = None
+        #: Level of each slot in the last frame, -1 for those that are no meshes.
+        self.level_of = np.zeros(0, np.int8)
+        self._slots = np.zeros(0, int)
+
+    def _pools(self) -> list:
+        return [MeshPool(level) for level in self.levels]
+
+    def draw_many(self, capacity, center, binder):
+        """Draw many instances at once, if that suits the levels."""
+        shared = center, self._matrix, binder
+        self.draws = [MeshDraws(level, capacity, *shared) for level in self.levels]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the entries on the GPU."""
+        return 0 if self._entries is None else self._entries.nbytes
+
+    def singly(self) -> bool:
+        """Return whether each instance has an actor."""
+        return not self.draws or not all(suits(level) for level in self.levels)
+
+    # -- what is shown ------------------------------------------------------------------------
+
+    def select(self, group, frame, limits, fade) -> list:
+        """Show the instances of a group that are too large for cards; return new actors."""
+        slots, centers, sizes = self._large(group, frame, limits.mesh)
+        levels = self._levels(slots, sizes, limits.meshes)
+        self.level_of[self._slots] = -1
+        self.level_of[slots], self._slots = levels, slots
+        for k, pool in enumerate(self.pools):
+            group.counts[f'mesh {pool.level.triangles}'] = int((levels == k).sum())
+        band = limits.mesh * (fade - 1) if not (frame.picking or frame.casting) else 0.0
+        if self.singly():
+            self._hide_draws()
+            self._picked.lend((), group.matrix)
+            shares = (sizes - limits.mesh) / band if band > 0 else np.ones(len(sizes))
+            return self._show_singly(group, slots, levels, shares)
+        self._hide_pools(group)
+        new = self._show_picked(group, frame, slots, sizes)
+        if frame.picking:
+            self._hide_draws()
+            return new
+        takes_over = limits.mesh, limits.mesh + band
+        return new + self._show_draws(group, frame, (slots, centers, levels), takes_over)
+
+    def _large(self, group, frame, least):
+        """Return slots, eye-space centres and sizes of what is in view, nearest first."""
+        slots, _, eye, away, sizes = group.singles(frame, group.large)
+        planes = frustum_planes(frame.clip_from_view)[:4].astype(np.float32)
+        radii = group.radii[slots]
+        inside = (planes[:, :3] @ eye + planes[:, 3:]).min(0) > -radii
+        if not frame.parallel:
+            inside &= eye[2] < radii
+        used = inside & (sizes >= least)
+        if group.looks is not None:
+            used &= group.looks[slots, 3] > 0
+        used = np.flatnonzero(used)
+        depths = -eye[2][used] if frame.parallel else away[used]
+        used = used[np.argsort(depths, kind='stable')]
+        return slots[used], eye[:, used], sizes[used]
+
+    def _levels(self, slots, sizes, limits):
+        """Return the mesh level of each slot: the lightest within the error at its size."""
+        limits = np.array(limits)
+        levels = (sizes[:, None] <= limits).sum(1) - 1
+        before = self.level_of[slots]
+        kept = (before >= 0) & (before < levels) & (sizes / _KEEP > limits[levels])
+        return np.where(kept, before, levels)
+
+    def _show_singly(self, group, slots, levels, shares):
+        new = []
+        for k, pool in enumerate(self.pools):
+            ids = slots[levels == k].tolist()
+            new += pool.show(ids, group.matrix, group.look)
+            some = zip(ids, shares[levels == k].tolist(), strict=True)
+            pool.fade({slot: share for slot, share in some if share < 1})
+        return new
+
+    def _show_draws(self, group, frame, chosen, takes_over):
+        slots, centers, levels = chosen
+        if any(draws.blends for draws in self.draws):
+            slots, centers, levels = slots[::-1], centers[:, ::-1], levels[::-1]
+        order = np.argsort(levels, kind='stable')
+        ends = np.searchsorted(levels[order], np.arange(len(self.draws) + 1))
+        if len(slots):
+            entries = np.empty((len(slots), 4), np.float32)
+            entries[:, :3], entries[:, 3] = centers.T[order], slots[order]
+            self._entries = self._entries or Texture(frame.window)
+            self._entries.upload(pack(entries, ROW, 4))
+        self._matrix.DeepCopy(np.linalg.inv(frame.view_from_world).ravel().tolist())
+        cards = group.cards
+        textures = {name: cards.textures[name] for name in ('ibr_poses', 'ibr_looks')}
+        uniforms = {name: cards.uniforms[name] for name in (*_SHARED, *_OF_CAMERA)}
+        uniforms |= {'ibr_takes_over': takes_over, 'ibr_tint': (0.0, 0.0, 0.0, 0.0)}
+        new = []
+        for draws, first, end in zip(self.draws, ends, ends[1:], strict=False):
+            draws.set_inputs(self._entries, textures, uniforms)
+            new += draws.show(int(first), int(end))
+        return new
+
+    # -- looks --------------------------------------------------------------------------------
+
+    def recolor(self, group, multiply):
+        """Update the looks of actors of their own."""
+        for pool in self.pools:
+            pool.multiply = multiply
+            pool.recolor(group.look)
+
+    def tint(self, group, colors):
+        """Set one colour for each level."""
+        for k, pool in enumerate(self.pools):
+            pool.tint(colors.get('lighter mesh' if k else 'mesh'), group.look)
+        for k, draws in enumerate(self.draws):
+            draws.tint(colors.get('lighter mesh' if k else 'mesh'))
+
+    # -- picking ------------------------------------------------------------------------------
+
+    def _show_picked(self, group, frame, slots, sizes):
+        """Have actors of single instances for VTK's pickers, which know nothing of draws."""
+        if not frame.picking:
+            slots = slots[np.argsort(-sizes, kind='stable')[:_PICKED]]
+        return self._picked.lend(slots.tolist(), group.matrix)
+
+    def offer(self, pickable, there):
+        """Let VTK's pickers find instances: frames draw these actors only if they pick."""
+        for pool in self.pools:
+            for actor in (a for actors in pool.lent.values() for a in actors):
+                actor.SetPickable(pickable)
+        for actor in (a for actors in self._picked.lent.values() for a in actors):
+            actor.SetVisibility(pickable and there)
+
+    def instance_of(self, actor):
+        """Return the slot that an actor of its own shows, or None."""
+        found = (pool.instance_of(actor) for pool in (self._picked, *self.pools))
+        return next((slot for slot in found if slot is not None), None)
+
+    # -- its life -----------------------------------------------------------------------------
+
+    def actors(self) -> list:
+        """Return every actor made so far."""
+        return [a for owner in (*self.draws, *self.pools, self._picked) for a in owner.actors()]
+
+    def lend_anew(self, group):
+        """Show nothing, whatever a slot holds from now on."""
+        self._hide_draws()
+        self._hide_pools(group)
+        self._picked.lend((), group.matrix)
+        self.level_of, self._slots = np.full(len(group), -1, np.int8), np.zeros(0, int)
+
+    def _hide_draws(self):
+        for draws in self.draws:
+            draws.hide()
+
+    def _hide_pools(self, group):
+        for pool in self.pools:
+            pool.show((), group.matrix, group.look)
+
+    def release(self, window):
+        """Free GPU memory; the context is current."""
+        for draws in self.draws:
+            draws.release(window)
+        release(self._entries)
+        self._entries = None
+        if window is None:
+            return
+        for actor in self.actors():
+            actor.ReleaseGraphicsResources(window)
+        for pool in self.pools:
+            for part in pool.level.parts:
+                part.actor.ReleaseGraphicsResources(window)
