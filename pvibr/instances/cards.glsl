@@ -394,8 +394,9 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   // For features that ask where the surface is that is seen, and how well that is known: depth has
   // 8 bits in the pictures, and a splat is as deep as it is large.
 #define IBR_BLUR (ibr_stretch * (SPLAT == 1 ? 1.0 : 0.02))
-#define IBR_PLACE \
-  (cameraParallel == 1 ? vec3(vertexVC.xy, ibr_g.r) : vertexVC.xyz * (ibr_g.r / vertexVC.z))
+  vertexVC.xyz = cameraParallel == 1 ? vec3(vertexVC.xy, ibr_g.r)
+    : vertexVC.xyz * (ibr_g.r / vertexVC.z);
+#define IBR_PLACE vertexVC.xyz
 #define IBR_NORMAL ibr_normal
   float ibr_coverage = ibr_g.g;
   float ibr_norm = 1.0 / max(ibr_coverage, 0.003);

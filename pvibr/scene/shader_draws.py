@@ -17,7 +17,7 @@ from pvibr.gl.feature import Feature
 ROW = 1024  # texels of a row of a table
 PBR = 3  # VTKPBR
 # VTK computes highlights also where the material has none; the compiler drops what follows.
-DULL = '#define pow(a, b) 0.0\n', '#undef pow\n'
+DULL = '#define specularColor vec3(0.0)\n', '#undef specularColor\n'
 
 
 class ShaderDraws:

@@ -190,7 +190,7 @@ def test_each_subplot_keeps_to_itself(scenes, see, bean):
     pl = pv.Plotter(shape=(1, 2), window_size=(2 * SIZE[0], SIZE[1]), border=False)
     pl.disable_anti_aliasing()
     pl.subplot(0, 1)
-    things = pl.ibr.add_instances(bean, crowd(), color='tan', cache=scenes.folder)
+    things = pl.ibr.add_instances(bean, crowd(), color='tan', bake=True, cache=scenes.folder)
     see.place(pl, **CAMERA)
     one = see.grab(pl)
     assert np.ptp(one[:, : SIZE[0]]) == 0
@@ -198,7 +198,7 @@ def test_each_subplot_keeps_to_itself(scenes, see, bean):
     assert off(one[:, SIZE[0] :], alone) < 0.002  # the dither begins at the window's corner
     pl.subplot(0, 0)
     assert pl.ibr.effects == ()
-    pl.ibr.add_instances(bean, crowd(), color='tan', cache=scenes.folder)
+    pl.ibr.add_instances(bean, crowd(), color='tan', bake=True, cache=scenes.folder)
     pl.link_views()
     see.place(pl, **CAMERA)
     both = see.grab(pl)
@@ -216,7 +216,8 @@ def test_a_plain_renderer(scenes, see, bean):
     window.SetSize(*SIZE)
     window.AddRenderer(renderer)
     with pvibr.attach(renderer) as ibr:
-        things = ibr.add_instances(bean, crowd(), color='tan', lighting=False, cache=scenes.folder)
+        kept = {'bake': True, 'cache': scenes.folder}
+        things = ibr.add_instances(bean, crowd(), color='tan', lighting=False, **kept)
         camera = renderer.GetActiveCamera()
         camera.SetPosition(*CAMERA['eye'])
         camera.SetFocalPoint(*CAMERA['focus'])
