@@ -295,6 +295,7 @@ mat3 ibr_frame(vec3 d)
 uniform sampler2D ibr_geometry;
 uniform sampler2D ibr_albedo;
 uniform int ibr_multiply;             // instance colours multiply the albedo instead
+uniform vec4 ibr_paint;               // a colour in place of the albedo, where alpha is 1
 uniform float ibr_margin;
 uniform float ibr_cut;                // coverage below which nothing is drawn
 uniform float ibr_dithered;
@@ -406,6 +407,7 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   float ibr_length = min(length(ibr_mean), 1.0);
   ibr_spread = 0.92 * sqrt(1.0 - ibr_length * ibr_length);
   ibr_normal *= ibr_length / max(length(ibr_normal), 1e-6);
+  if (ibr_paint.a > 0.5) { ibr_base = ibr_paint.rgb; }
   if (ibr_look.a > 0.75) { ibr_base = ibr_multiply == 1 ? ibr_base * ibr_look.rgb : ibr_look.rgb; }
 #if SPLAT
   // The bounding box's rectangle with the view's mean coverage, filtered by the pixel's own box:

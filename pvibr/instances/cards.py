@@ -134,6 +134,7 @@ class Cards:
             'ibr_box_half': np.ptp(atlas.box, axis=0) / 2 / atlas.radius,
             'ibr_sharpness': 1.42,  # 1.4 to 2.8 texels a pixel: measured best, 1 blurs outlines
             'ibr_has_looks': 0,
+            'ibr_paint': (0.0, 0.0, 0.0, 0.0),
             'ibr_multiply': 0,
         }
         self.turned: dict[str, Texture] = {}

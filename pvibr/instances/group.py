@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.instances.cards import Cards, ends
+from pvibr.instances.materials import copy_light
 from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import Placement, spheres
 from pvibr.maths.blocks import BLOCK, Blocks
@@ -58,8 +59,9 @@ class InstanceGroup:
         self.model, self.levels, self.atlas = model, model.levels, model.atlas
         self.unit, self.poses = unit, np.zeros((0, 3))
         self.placement = Placement(self.atlas, unit)
-        prop = _card_property(self.levels[0].parts)
-        self.cards = Cards(self.atlas, capacity, unit, draws, prop, binder)
+        self._prop = _card_property(self.levels[0].parts)
+        self.cards = Cards(self.atlas, capacity, unit, draws, self._prop, binder)
+        self.cards.uniforms['ibr_paint'] = model.paint
         self.near = self._near_meshes()
         self.near.draw_many(capacity, self.atlas.center, binder)
         self.looks: np.ndarray | None = None
@@ -85,6 +87,15 @@ class InstanceGroup:
     def blocks(self) -> Blocks:
         """Slots that are culled and chosen together."""
         return self.placement.blocks
+
+    def follow_material(self):
+        """Light images and lighter meshes as the mesh is lit now."""
+        copy_light(self._prop, _largest(self.levels[0].parts).actor.GetProperty())
+        for level in self.levels[1:]:
+            for part, own in zip(level.parts, self.levels[0].parts, strict=False):
+                if part.actor.GetProperty() is not own.actor.GetProperty():
+                    copy_light(part.actor.GetProperty(), own.actor.GetProperty())
+        self.cards.uniforms['ibr_paint'] = self.model.paint
 
     def put(self, poses, ids):
         """Show some of the poses, in an order that keeps neighbours together."""
@@ -277,11 +288,14 @@ def _ascending(values):
     return np.argsort(((values - low) * scale).astype(np.uint16), kind='stable')
 
 
+def _largest(parts):
+    return max(parts, key=lambda part: part.mesh.n_cells)
+
+
 def _card_property(parts):
     """Return the material of the largest part, prepared for cards."""
-    largest = max(parts, key=lambda p: p.mesh.n_cells)
     prop = _vtk.vtkProperty()
-    copy_property(prop, largest.actor.GetProperty())
+    copy_property(prop, _largest(parts).actor.GetProperty())
     prop.SetRepresentationToSurface()
     if prop.GetInterpolation() == 0:
         prop.SetInterpolationToGouraud()  # VTK lights no points of a flat material

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 
 import numpy as np
 
@@ -29,7 +30,9 @@ from pvibr.instances.levels import (
     needs_images,
     unbaked,
 )
+from pvibr.instances.materials import MATERIAL_CHANGED, Material
 from pvibr.instances.posed_set import PosedSet
+from pvibr.instances.sources import MESH_CHANGED, Sources
 from pvibr.meshes.parts import as_meshes, as_parts, two_sided
 from pvibr.meshes.poses import as_poses, mirror
 from pvibr.scene import looks as look
@@ -121,6 +124,9 @@ class Instances(PosedSet):
     _force_level: str | dict | None = None
     _forced: dict[str, tuple] = {}
     _models: dict = {}
+    _sources: Sources | None = None
+    #: How the material of each model was when it was made.
+    _materials: dict[int, Material] = {}
 
     max_error = Param(
         1.0, 'Maximum distance of the outline from that of the mesh.', range='(0, inf)', unit='px'
@@ -164,13 +170,21 @@ class Instances(PosedSet):
         index = checked_index(index, len(poses), len(meshes))
         mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
         asked = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
-        meshes = as_meshes(meshes, theme=theme, **asked)
-        if mirror(poses):  # VTK culls by the winding that it sees, which they turn around
-            meshes = [two_sided(parts) for parts in meshes]
+        self._mirrored = mirror(poses)
+        parts = [self._sided(found) for found in as_meshes(meshes, theme=theme, **asked)]
+        how = partial(as_parts, theme=theme, **asked)
+        self._sources = Sources(meshes, lambda mesh: self._sided(how(mesh)), parts)
         baking = {'half': checked_views(views), 'cache': cache, 'progress': progress}
-        self._bake = bake
-        self._begin(poses, index, {}, pickable, meshes, baking)
+        self._bake, self._materials = bake, {}
+        self._begin(poses, index, {}, pickable, parts, baking)
+        if len(parts) == len(parts[0]) == 1:
+            self._dressed = (parts[0][0].actor,)
+            self.SetProperty(parts[0][0].actor.GetProperty())
         self._paint(scalars, colors)
+
+    def _sided(self, parts):
+        """Return parts without culling for mirrored poses: VTK culls by the winding it sees."""
+        return two_sided(parts) if self._mirrored else parts
 
     def _ask(self, count, scalars, colors, blend, asked) -> dict:
         """Check what is asked of single instances; return what is asked of the mesh."""
@@ -187,6 +201,7 @@ class Instances(PosedSet):
 
     def _model(self, k):
         """Return the levels of a mesh, baked if that is wanted or pays."""
+        self._materials[k] = Material(self._meshes[k])
         if self._bake is False:
             return unbaked(self._meshes[k], 'bake is False')
         always = self._bake or needs_images(self._forced)
@@ -200,6 +215,42 @@ class Instances(PosedSet):
         if any(not model.unbaked for model in new.values()):
             self._models |= new
             self._rebuild()
+
+    def _follow(self):
+        """Take over changes of meshes and materials; what images do not show becomes meshes."""
+        new = {}
+        for k, parts in self._sources.changed().items() if self._sources else ():
+            for part, old in zip(parts, self._meshes[k], strict=False):
+                part.actor.SetProperty(old.actor.GetProperty())
+            self._meshes[k] = parts
+            if k in self._models:
+                new[k] = unbaked(parts, MESH_CHANGED)
+                self._materials[k] = Material(parts)
+        for k, group in zip(self._models, self.groups, strict=True):
+            material = self._materials.get(k)
+            if material is not None and k not in new and material.changed():
+                model = self._shown_model(material, self._models[k])
+                group.follow_material()
+                self._touch()
+                if model is not self._models[k] or material.reshaped():
+                    new[k] = model
+        if new:
+            self._models |= new
+            self._rebuild()
+
+    @staticmethod
+    def _shown_model(material, model):
+        """Return a model with pictures if these show its material, else one without."""
+        baked = material.baked or model
+        fits, color = material.compared()
+        baked.paint = (*color, 1.0) if color else (0.0,) * 4
+        if fits:
+            material.baked = None
+            return baked
+        if material.baked is None and not model.unbaked:
+            material.baked = model
+            return unbaked(material.parts, MATERIAL_CHANGED)
+        return model
 
     def _paint(self, scalars, colors):
         if scalars is not None and not isinstance(scalars, str):
@@ -285,7 +336,8 @@ class Instances(PosedSet):
         self._content_key = None
 
     def prepare(self, frame):
-        """Choose levels again if camera, size or settings changed."""
+        """Choose levels again if camera, size, settings, meshes or materials changed."""
+        self._follow()
         covered = self.covered if frame.own and not frame.picking else None
         if covered is not self._applied:
             self._apply_looks(covered)

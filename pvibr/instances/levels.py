@@ -72,6 +72,8 @@ class LodModel:
     atlas: Atlas
     #: Why it has no pictures, empty if it has.
     unbaked: str = ''
+    #: Colour shown in place of that in the pictures, and 1; or zeros.
+    paint: tuple = (0.0, 0.0, 0.0, 0.0)
     _limits: dict = field(default_factory=dict)
 
     @cached_property
