@@ -9,7 +9,7 @@
 // ibr_first, the first slot of a draw, and ibr_end, the block after its last, are an actor's custom
 // uniforms: VTK declares them.
 // IBR_DITHER is a number from 0 to 1 that depends on the pixel alone.
-// Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 1; WRITE_DEPTH 0 or 1; SPLAT 0 or 1;
+// Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 1; SPLAT 0 or 1;
 // ANIMATED 1 where an atlas has a page for each pose of the clips, and instances move;
 // TURNED 1 where it has a turntable, whose pictures serve eyes that are level with it; SIDES 1 or 2
 // for a card that stands upright and shows one of these: the first, or that nearest to the eye.
@@ -435,8 +435,12 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
 
 //@fragment.depth
   {
-    vec2 zw = vec2(ibr_clip_depth.x * ibr_g.r + ibr_clip_depth.y,
-                   ibr_clip_depth.z * ibr_g.r + ibr_clip_depth.w);
+    // The surface's own depth, so that things which touch or pierce one another meet where they do;
+    // a little behind while a finer level, whose views see it as deep to within that, is over it.
+    float z = ibr_g.r;
+    if (ibr_card.z > 0.0 && ibr_dithered < 0.5) { z -= 0.2 * ibr_stretch; }
+    vec2 zw = vec2(ibr_clip_depth.x * z + ibr_clip_depth.y,
+                   ibr_clip_depth.z * z + ibr_clip_depth.w);
     gl_FragDepth = clamp(zw.x / zw.y * 0.5 + 0.5, 0.0, 1.0);
   }
 

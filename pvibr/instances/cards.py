@@ -29,7 +29,6 @@ class CardShader:
     views: int
     steps: int
     corners: int = 4
-    depth: bool = False
     splat: bool = False
     sides: int = 0
     turns: int = 4
@@ -42,7 +41,6 @@ class CardShader:
             'VIEWS_BLENDED': self.views,
             'STEPS': self.steps,
             'CORNERS': self.corners,
-            'WRITE_DEPTH': int(self.depth),
             'SPLAT': int(self.splat),
             'ANIMATED': int(animated),
             'TURNED': int(turned),
@@ -58,7 +56,7 @@ class CardShader:
             'VTK::PositionVC::Dec': defines + part['vertex.declare'],
             'VTK::PositionVC::Impl': part['vertex.position'],
         }
-        depth = part['fragment.depth'] if self.depth else ''
+        depth = '' if self.splat else part['fragment.depth']
         fragment = {
             'VTK::PositionVC::Dec': defines + part['fragment.declare'],
             'VTK::PositionVC::Impl': part['fragment.sample'],
@@ -75,7 +73,7 @@ SPLAT = CardShader(
 )
 FLAT = CardShader('flat', views=1, steps=0)
 PARALLAX = CardShader('parallax', views=1, steps=2)
-BLENDED = CardShader('blended', views=3, steps=2, depth=True)
+BLENDED = CardShader('blended', views=3, steps=2)
 CARD_SHADERS = (SPLAT, FLAT, PARALLAX, BLENDED)
 BILLBOARD = CardShader('billboard', views=1, steps=0, sides=1)
 TURNTABLE = CardShader('turntable', views=1, steps=0, sides=2)
