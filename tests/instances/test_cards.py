@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import pyvista as pv
+from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
 from pvibr.core.frame import Frame
@@ -65,6 +66,25 @@ def test_windows(scenes, see, bean, level, size):
     kwargs = {'camera': looks, 'size': size} | LOOK
     drawn, truth = scenes.pair(bean, [[0.2, 0, 0]], level=level, **kwargs)
     assert_alike(see, drawn, truth, level)
+
+
+@pytest.mark.parametrize('level', ['flat', 'parallax', 'blended'])
+@pytest.mark.parametrize('parallel', [False, True], ids=['perspective', 'parallel'])
+def test_things_that_pierce_one_another_meet_where_meshes_do(scenes, see, bean, level, parallel):
+    looks = camera((1, -1, 0.3), 36, parallel)
+    poses = [posed(), posed(rotation=(0.3, 1.5, 0.2), at=(0.3, 0.2, 0.1))]
+    colors = np.eye(3)[:2]
+    pl, _ = scenes.instances(bean, poses, level=level, camera=looks, colors=colors, lighting=False)
+    drawn = see.rgba(pl)
+    pl.close()
+    pl = scenes.empty((480, 360))
+    for pose, color in zip(poses, colors, strict=True):
+        pl.add_mesh(bean, color=color, lighting=False).user_matrix = pose
+    truth = see.reduce(see.rgba(see.place(pl, **looks)), 4)
+    pl.close()
+    inside = binary_erosion(truth[..., 3] == 1, np.ones((3, 3)))
+    away = np.abs(drawn - truth)[..., 0]
+    assert away[inside].mean() < 0.02
 
 
 def posed(rotation=(0, 0, 0), scale=(1, 1, 1), at=(0, 0, 0), shear=0.0):
