@@ -11,7 +11,7 @@ from pvibr.instances.cards import Cards, ends
 from pvibr.instances.materials import copy_light
 from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import Placement, spheres
-from pvibr.maths.blocks import BLOCK, Blocks
+from pvibr.maths.blocks import BLOCK, Blocks, ascending
 from pvibr.maths.posed_bounds import posed_bounds
 from pvibr.meshes.parts import copy_property
 from pvibr.meshes.turntable import LEVEL
@@ -239,7 +239,7 @@ class InstanceGroup:
         depths = eye[2] if frame.parallel else -away
         # A little more than the shader's own bounds, which decide.
         used = np.flatnonzero((size > 0.99 * choice.least) & (size < 1.01 * choice.most))
-        used = used[_ascending(depths[used])]
+        used = used[ascending(depths[used])]
         table = np.empty((len(used), 4), np.float32)
         table[:, :3], table[:, 3] = choice.table[rows[used], :3], slots[used]
         return replace(choice, table=table, depths=np.maximum.accumulate(depths[used]))
@@ -277,15 +277,6 @@ def _span(cards, name):
 def _lengths(columns):
     """Return the lengths of column vectors."""
     return np.sqrt((columns * columns).sum(0))
-
-
-def _ascending(values):
-    """Return the ascending order of values quantized to 16 bits, for a radix sort."""
-    if not len(values):
-        return np.zeros(0, np.intp)
-    low = values.min()
-    scale = 65535 / max(float(values.max() - low), 1e-30)
-    return np.argsort(((values - low) * scale).astype(np.uint16), kind='stable')
 
 
 def _largest(parts):

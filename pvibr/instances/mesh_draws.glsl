@@ -18,8 +18,7 @@ uniform float ibr_radius;         // bounding sphere, model units
 uniform float ibr_pixel_scale;    // pixels per unit tangent, or per world unit when parallel
 uniform vec2 ibr_takes_over;      // on-screen diameters in px where cards begin to go, and are gone
 uniform mat3 ibr_eye_from_world;
-flat out vec4 ibr_look;
-flat out vec2 ibr_known;          // share of the pixels that it draws, distance it may be off
+flat out vec3 ibr_known;          // packed colour, share of its pixels, distance it may be off
 #if CELL_NORMALS
 flat out mat3 ibr_eye_normal;
 #endif
@@ -32,7 +31,7 @@ mat3 ibr_normal_matrix;
     vec4 known = texelFetch(ibr_entries, ivec2(entry % 1024, entry / 1024), 0);
     int slot = int(known.w);
     mat3 eye_from_model = ibr_eye_from_world;
-    if (ibr_texels == 3)
+    for (int i = 3; i <= ibr_texels; ++i)  // software drivers skip loops, not branches
     {
       int texel = slot * 3;
       ivec2 place = ivec2(texel % 3072, texel / 3072);
@@ -41,12 +40,12 @@ mat3 ibr_normal_matrix;
       vec3 r2 = texelFetch(ibr_poses, place + ivec2(2, 0), 0).xyz;
       eye_from_model *= transpose(mat3(r0, r1, r2));
     }
-    ibr_look = vec4(0.0, 0.0, 0.0, 0.5);
-    if (ibr_has_looks == 1)
+    vec4 look = vec4(0.0, 0.0, 0.0, 0.5);
+    for (int i = 0; i < ibr_has_looks; ++i)
     {
-      ibr_look = texelFetch(ibr_looks, ivec2(slot % 1024, slot / 1024), 0);
+      look = texelFetch(ibr_looks, ivec2(slot % 1024, slot / 1024), 0);
     }
-    if (ibr_tint.a > 0.5 && ibr_look.a > 0.25) { ibr_look = ibr_tint; }
+    if (ibr_tint.a > 0.5 && look.a > 0.25) { look = ibr_tint; }
     // As cards measure it, so that both together have each pixel once.
     mat3 squares = transpose(eye_from_model) * eye_from_model;
     vec3 sums = abs(squares[0]) + abs(squares[1]) + abs(squares[2]);
@@ -54,10 +53,11 @@ mat3 ibr_normal_matrix;
     float size = 2.0 * stretch * ibr_pixel_scale / (ibr_parallel == 1 ? 1.0 : length(known.xyz));
     float share = ibr_takes_over.y > ibr_takes_over.x
       ? (size - ibr_takes_over.x) / (ibr_takes_over.y - ibr_takes_over.x) : 1.0;
-    ibr_known = vec2(share, 0.02 * stretch);
+    float color = dot(floor(look.rgb * 255.0 + 0.5), vec3(1.0, 256.0, 65536.0));
+    ibr_known = vec3(look.a > 0.75 ? color : -1.0, share, 0.02 * stretch);
     ibr_vertex = vec4(known.xyz + eye_from_model * vertexMC.xyz, 1.0);
     // Outside of any view: all corners of a triangle at one place.
-    if (entry >= ibr_end || ibr_look.a < 0.25) { ibr_vertex.xyz = vec3(1e18); }
+    if (entry >= ibr_end || look.a < 0.25) { ibr_vertex.xyz = vec3(1e18); }
     // The inverse transpose; VTK turns normals by the winding that it sees, which a mirrored pose
     // turns around.
     ibr_normal_matrix = mat3(cross(eye_from_model[1], eye_from_model[2]),
@@ -79,13 +79,19 @@ mat3 ibr_normal_matrix;
 //@fragment.declare
 uniform int ibr_multiply;         // instance colours multiply those of the mesh
 uniform float ibr_cutoff;
-flat in vec4 ibr_look;
-flat in vec2 ibr_known;
+flat in vec3 ibr_known;
 #if CELL_NORMALS
 flat in mat3 ibr_eye_normal;
 #endif
-#define ibr_share ibr_known.x
-#define ibr_blur ibr_known.y
+vec4 ibr_unpacked()
+{
+  vec3 color = floor(ibr_known.x * vec3(1.0, 1.0 / 256.0, 1.0 / 65536.0));
+  color.xy -= 256.0 * color.yz;
+  return ibr_known.x < 0.0 ? vec4(0.0, 0.0, 0.0, 0.5) : vec4(color / 255.0, 1.0);
+}
+#define ibr_look ibr_unpacked()
+#define ibr_share ibr_known.y
+#define ibr_blur ibr_known.z
 
 //@fragment.normal
 #define normalMatrix ibr_eye_normal

@@ -12,8 +12,9 @@ from pvibr.instances.cards import EVERYWHERE
 from pvibr.instances.mesh_pool import cutoff, with_looks
 from pvibr.scene.shader_draws import ShaderDraws
 
-#: Triangles of a draw: what it costs by itself is little beside them, and so are those left over.
-_TRIANGLES = 16_384
+#: Triangles of a draw, more of large sets: what a draw costs by itself is little beside them, and
+#: so are those that it leaves unused.
+_TRIANGLES, _MOST = 16_384, 65_536
 _SURFACE = 2  # VTK_SURFACE
 
 
@@ -76,7 +77,9 @@ class PartDraws(ShaderDraws):
     """Draws of one part of a mesh, each of as many copies as its vertex buffer holds."""
 
     def __init__(self, part, capacity, center, matrix, binder):
-        chunk = max(1, min(capacity, _TRIANGLES // part.mesh.n_cells))
+        cells = part.mesh.n_cells
+        triangles = min(max(_TRIANGLES, capacity * cells // 16), _MOST)
+        chunk = max(1, min(capacity, triangles // cells))
         super().__init__(draws=0, chunk=chunk, binder=binder)
         self.part, self._center, self._matrix = part, center, matrix
         self.set_feature(_feature(part.mesh))

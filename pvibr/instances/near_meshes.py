@@ -8,11 +8,11 @@ from pvibr.core import _vtk
 from pvibr.gl import Texture, release
 from pvibr.instances.mesh_draws import MeshDraws, suits
 from pvibr.instances.mesh_pool import ActorPool, MeshPool
-from pvibr.maths.blocks import frustum_planes
+from pvibr.maths.blocks import ascending, frustum_planes
 from pvibr.scene.shader_draws import ROW, pack
 
 _KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
-#: Instances that VTK's own pickers find between frames, the largest.
+#: Instances that VTK's own pickers find between frames, the nearest.
 _PICKED = 256
 _SHARED = ('ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius', 'ibr_parallel')
 _OF_CAMERA = ('ibr_pixel_scale', 'ibr_eye_from_world')
@@ -66,7 +66,7 @@ class NearMeshes:
             shares = (sizes - limits.mesh) / band if band > 0 else np.ones(len(sizes))
             return self._show_singly(group, slots, levels, shares)
         self._hide_pools(group)
-        new = self._show_picked(group, frame, slots, sizes)
+        new = self._show_picked(group, frame, slots)
         if frame.picking:
             self._hide_draws()
             return new
@@ -85,16 +85,16 @@ class NearMeshes:
         if group.looks is not None:
             used &= group.looks[slots, 3] > 0
         used = np.flatnonzero(used)
-        depths = -eye[2][used] if frame.parallel else away[used]
-        used = used[np.argsort(depths, kind='stable')]
-        return slots[used], eye[:, used], sizes[used]
+        used = used[ascending((-eye[2] if frame.parallel else away)[used])]
+        return slots[used], eye.take(used, 1), sizes[used]
 
     def _levels(self, slots, sizes, limits):
         """Return the mesh level of each slot: the lightest within the error at its size."""
-        limits = np.array(limits)
-        levels = (sizes[:, None] <= limits).sum(1) - 1
+        levels = np.zeros(len(slots), np.int8)
+        for limit in limits[1:]:
+            levels += sizes <= limit
         before = self.level_of[slots]
-        kept = (before >= 0) & (before < levels) & (sizes / _KEEP > limits[levels])
+        kept = (before >= 0) & (before < levels) & (sizes / _KEEP > np.array(limits)[levels])
         return np.where(kept, before, levels)
 
     def _show_singly(self, group, slots, levels, shares):
@@ -110,11 +110,11 @@ class NearMeshes:
         slots, centers, levels = chosen
         if any(draws.blends for draws in self.draws):
             slots, centers, levels = slots[::-1], centers[:, ::-1], levels[::-1]
-        order = np.argsort(levels, kind='stable')
+        order = np.argsort(levels.astype(np.uint8), kind='stable')  # a radix sort
         ends = np.searchsorted(levels[order], np.arange(len(self.draws) + 1))
         if len(slots):
             entries = np.empty((len(slots), 4), np.float32)
-            entries[:, :3], entries[:, 3] = centers.T[order], slots[order]
+            entries[:, :3], entries[:, 3] = centers.take(order, 1).T, slots[order]
             self._entries = self._entries or Texture(frame.window)
             self._entries.upload(pack(entries, ROW, 4))
         self._matrix.DeepCopy(np.linalg.inv(frame.view_from_world).ravel().tolist())
@@ -145,10 +145,10 @@ class NearMeshes:
 
     # -- picking ------------------------------------------------------------------------------
 
-    def _show_picked(self, group, frame, slots, sizes):
+    def _show_picked(self, group, frame, slots):
         """Have actors of single instances for VTK's pickers, which know nothing of draws."""
         if not frame.picking:
-            slots = slots[np.argsort(-sizes, kind='stable')[:_PICKED]]
+            slots = slots[:_PICKED]
         return self._picked.lend(slots.tolist(), group.matrix)
 
     def offer(self, pickable, there):
