@@ -256,7 +256,9 @@ mat3 ibr_frame(vec3 d)
         vec2 lengths = vec2(length(eye_from_q * right), length(eye_from_q * up));
         ibr_box = vec4(half_sides * lengths * ibr_pixel_scale / away, axis);
         ibr_fill = ibr_margin * ibr_margin / max(half_sides.x * half_sides.y, 1e-6);
-        ibr_side = ceil(2.0 * length(ibr_box.xy) + 1.0);
+        // The smallest square around what a pixel's own box reaches of it.
+        vec2 ends = abs(axis) * (ibr_box.x + 0.5) + abs(axis.yx) * (ibr_box.y + 0.5);
+        ibr_side = 2.0 * max(ends.x, ends.y) + 0.02;
         gl_PointSize = ibr_side;
         ivec2 texel = ivec2(g + 0.5) + ibr_views * ivec2(ibr_tile, ibr_tile - 2);
 #if ANIMATED
