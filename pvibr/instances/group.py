@@ -151,9 +151,10 @@ class InstanceGroup:
         """Return the world bounds of the points of all instances: x, y and z, low and high."""
         if not len(self):
             return (1.0, -1.0) * 3
-        model, center, poses = self.model, self.atlas.center, self.poses[self.ids]
-        found = spheres(self.poses, self.ids, center, self.atlas.radius)
-        return tuple(posed_bounds(model.corners, poses, center, found).T.ravel().tolist())
+        center, ids = self.atlas.center, self.ids[self.placement.outermost()]
+        found = spheres(self.poses, ids, center, self.atlas.radius)
+        bounds = posed_bounds(self.model.corners, self.poses[ids], center, found)
+        return tuple(bounds.T.ravel().tolist())
 
     def upload(self, window):
         """Upload what changed; the context is current."""

@@ -28,6 +28,7 @@ from pvibr.instances.levels import (
     limits_of,
     make_model,
     needs_images,
+    no_images,
     unbaked,
 )
 from pvibr.instances.materials import MATERIAL_CHANGED, Material
@@ -204,9 +205,19 @@ class Instances(PosedSet):
         self._materials[k] = Material(self._meshes[k])
         if self._bake is False:
             return unbaked(self._meshes[k], 'bake is False')
+        return make_model(self._meshes[k], count=self._count_of(k), **self._baking)
+
+    def _count_of(self, k) -> int | None:
+        """Return how many instances show a mesh, None if it has images for any number."""
         always = self._bake or needs_images(self._forced)
-        count = None if always else np.count_nonzero(self._index == k)
-        return make_model(self._meshes[k], count=count, **self._baking)
+        return None if always else int(np.count_nonzero(self._index == k))
+
+    def _fits(self) -> bool:
+        if not super()._fits():
+            return False
+        unbaked = [k for k, model in self._models.items() if model.unbaked]
+        asked = self._bake is None
+        return not asked or all(no_images(self._meshes[k], self._count_of(k)) for k in unbaked)
 
     def bake(self):
         """Bake images of the meshes that have none; what images cannot show stays as it is."""

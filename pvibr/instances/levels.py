@@ -203,10 +203,7 @@ def make_model(
 
     With a `count` of instances it is baked only if that pays.
     """
-    why = next((part.ineligibility for part in parts if part.ineligibility), '')
-    if not why and count is not None and _turns(parts) is None:
-        why = why_not(MeshLevel(parts).triangles, count)
-    if why:
+    if why := no_images(parts, count):
         return unbaked(parts, why)
     levels = _levels(parts)
     folder = None if cache in (True, False) else cache
@@ -230,6 +227,14 @@ def make_model(
     if store is not None:
         store.put(key, model.atlas.to_arrays())
     return model
+
+
+def no_images(parts, count=None) -> str:
+    """Return why parts have no images, or need none for a `count` of instances; else nothing."""
+    why = next((part.ineligibility for part in parts if part.ineligibility), '')
+    if not why and count is not None and _turns(parts) is None:
+        why = why_not(MeshLevel(parts).triangles, count)
+    return why
 
 
 def unbaked(parts, why) -> LodModel:

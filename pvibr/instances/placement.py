@@ -96,10 +96,35 @@ class Placement:
         texels = self.unit * self.texels
         return np.unique(np.stack([blocks * texels, (blocks + 1) * texels - 1]) // WIDTH)
 
+    def outermost(self) -> np.ndarray:
+        """Return slots that hold all that bounds are made of."""
+        blocks, count = self.blocks, len(self.ids)
+        centers = np.ascontiguousarray(blocks.centers.T)
+        around = blocks.reach + blocks.largest
+        # The middle of a block is that of a box: beyond it, or at it, lies the centre of one.
+        some = np.flatnonzero(_may_be_outermost(centers, blocks.largest, around))
+        if self.unit == 1:
+            return some
+        slots = (some[:, None] * self.unit + np.arange(self.unit)).ravel()
+        slots = slots[slots < count]
+        places = centers[:, slots // self.unit] + self.local(slots)
+        radii = self.radii[slots] + 1e-5 * around[slots // self.unit]  # rounded to float32
+        return slots[_may_be_outermost(places, radii, radii)]
+
     def local(self, slots) -> np.ndarray:
         """Return centres of some slots relative to those of their blocks, shape (3, n)."""
         rows = self.rows.reshape(-1, 4 * self.texels).take(slots, 0)
         return rows.T[:3] if self.texels == 1 else rows.T[3::4]
+
+
+def _may_be_outermost(centers, inner, outer):
+    """Return which spheres may hold the lowest or highest coordinates of something in each.
+
+    What is in them reaches at least `inner` towards the middle of all, and at most `outer` out.
+    """
+    highest = (centers - inner).max(1, keepdims=True)
+    lowest = (centers + inner).min(1, keepdims=True)
+    return ((centers + outer >= highest) | (centers - outer <= lowest)).any(0)
 
 
 def _run(blocks, unit):

@@ -247,8 +247,9 @@ class PosedSet(ItemSet):
             self._put_in(pipeline.renderer)
 
     def _make_groups(self):
-        for k in sorted(self._used() - self._models.keys()):
-            self._models[k] = self._model(k)
+        for k in sorted(self._used()):
+            if k not in self._models or self._models[k].unbaked:
+                self._models[k] = self._model(k)
         self._models = dict(sorted(self._models.items()))
         count = len(self._poses)
         if count > self._capacity:

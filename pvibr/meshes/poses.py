@@ -21,7 +21,7 @@ def as_poses(poses):
 
 def mirror(poses) -> bool:
     """Return True if any pose mirrors."""
-    return poses.ndim == 3 and bool((np.linalg.det(poses[:, :3, :3]) < 0).any())
+    return poses.ndim == 3 and any((_volumes(rows) < 0).any() for rows in _columns(poses))
 
 
 def _as_array(poses):
@@ -51,8 +51,7 @@ def _check_finite(array):
 
 
 def _check_matrices(array):
-    starts = range(0, len(array), _AT_ONCE)
-    if all(_invertible(array[start : start + _AT_ONCE]) for start in starts):
+    if all(map(_invertible, _columns(array))):
         return
     _complain(
         array, (array[:, 3] != (0, 0, 0, 1)).any(axis=1), 'its last row must be (0, 0, 0, 1)'
@@ -65,17 +64,27 @@ def _check_matrices(array):
     _complain(array, singular, 'it must have an inverse (no axis scaled to zero)')
 
 
-def _invertible(array) -> bool:
-    """Return True for sound matrices; False also where tiny or huge numbers leave it open."""
-    rows = np.ascontiguousarray(array.reshape(-1, 16).T).reshape(4, 4, -1)
-    if rows[3, :3].any() or (rows[3, 3] != 1).any():
-        return False
+def _columns(array):
+    """Yield some matrices at a time, each number of them in one piece of memory, (4, 4, k)."""
+    for start in range(0, len(array), _AT_ONCE):
+        part = array[start : start + _AT_ONCE].reshape(-1, 16)
+        yield np.ascontiguousarray(part.T).reshape(4, 4, -1)
+
+
+def _volumes(rows):
     (a, b, c), (d, e, f), (g, h, i) = rows[:3, :3]
     with np.errstate(over='ignore', under='ignore', invalid='ignore'):
-        volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-        squares = (rows[:3, :3] * rows[:3, :3]).sum(0)
-        lengths = np.sqrt(squares[0]) * np.sqrt(squares[1]) * np.sqrt(squares[2])
-        return bool((np.abs(volume) > 2 * SINGULAR * lengths).all() and lengths.all())
+        return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+
+
+def _invertible(rows) -> bool:
+    """Return True for sound matrices; False also where tiny or huge numbers leave it open."""
+    if rows[3, :3].any() or (rows[3, 3] != 1).any():
+        return False
+    with np.errstate(over='ignore', under='ignore', invalid='ignore'):
+        x, y, z = np.sqrt((rows[:3, :3] * rows[:3, :3]).sum(0))
+        lengths = x * y * z
+        return bool((np.abs(_volumes(rows)) > 2 * SINGULAR * lengths).all() and lengths.all())
 
 
 def _complain(array, bad, demand):

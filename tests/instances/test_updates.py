@@ -240,3 +240,11 @@ def test_rows_of_textures(scenes, dtype, rows):
     np.testing.assert_array_equal(texture.download(), before)
     texture.release()
     pl.close()
+
+
+def test_a_set_that_grows_is_baked_where_that_pays(scenes, shapes):
+    pl, things = scenes.instances(shapes[1], np.zeros((1, 3)), size=SIZE)
+    assert 'single' in things.report()['atlas 0']
+    things.poses = points(3000, np.random.default_rng(7))
+    assert 'views' in things.report()['atlas 0']
+    pl.close()
