@@ -10,7 +10,9 @@ import numpy as np
 from pvibr.gl import Texture, shader_source
 from pvibr.gl.feature import DITHER, Feature, sections
 from pvibr.gl.mipmaps import put_rows
-from pvibr.instances.atlas import MARGIN, pyramid
+from pvibr.gl.texture import release
+from pvibr.instances.atlas import MARGIN
+from pvibr.instances.atlas_textures import AtlasTextures
 from pvibr.instances.placement import WIDTH
 from pvibr.maths.blocks import BLOCK
 from pvibr.meshes.turntable import LEVEL
@@ -117,6 +119,8 @@ class Cards:
     def __init__(self, atlas, capacity, unit, draws, prop, binder):
         self.atlas, self.binder, self.window = atlas, binder, None
         self.textures: dict[str, Texture] = {}
+        self._own: dict[str, Texture] = {}
+        self._images: AtlasTextures | None = None
         self._poses = np.zeros((1, WIDTH, 4), np.float32)
         self._looks = np.zeros((1, 1, 4), np.uint8)
         # What changed since it was uploaded: its rows, None for all.
@@ -135,7 +139,6 @@ class Cards:
             'ibr_paint': (0.0, 0.0, 0.0, 0.0),
             'ibr_multiply': 0,
         }
-        self.turned: dict[str, Texture] = {}
         turntable = atlas.turntable
         if turntable is not None:
             sides = turntable.turns.sides()
@@ -152,10 +155,19 @@ class Cards:
 
     @property
     def nbytes(self) -> int:
-        """Bytes on the GPU."""
+        """Bytes on the GPU, the images of the atlas included."""
+        return self.item_nbytes + (self._images.nbytes if self._images else 0)
+
+    @property
+    def item_nbytes(self) -> int:
+        """Bytes on the GPU that grow with the number of instances."""
         blocks = sum(layer.nbytes for layer in self.layers.values())
-        pictures = [*self.textures.values(), *self.turned.values()]
-        return sum(t.nbytes for t in pictures) + blocks
+        return blocks + sum(texture.nbytes for texture in self._own.values())
+
+    @property
+    def turned(self) -> dict[str, Texture]:
+        """The images around an axis, if there are any."""
+        return self._images.turned if self._images else {}
 
     @property
     def failure(self) -> str | None:
@@ -195,20 +207,13 @@ class Cards:
         self._stale = {}
 
     def _begin(self, window):
-        """Upload what stays as it is."""
         self.window = window
-        names = ('ibr_geometry', 'ibr_albedo')
-        for name, picture in zip(names, self.atlas.textures(), strict=True):
-            self.textures[name] = Texture(window, filter='linear').upload(picture)
-        if (turns := self.atlas.turntable) is not None:
-            for name, picture in zip(names, (turns.geometry, turns.albedo), strict=True):
-                texture = Texture(window, filter='linear')
-                self.turned[name] = texture.upload(pyramid(picture, turns.tile))
+        self._images = AtlasTextures.of(self.atlas, window)
         if self.atlas.animated:
-            self.textures['ibr_bins'] = Texture(window).upload(self.atlas.bins)
-            self.textures['ibr_moves'] = Texture(window)
+            self._own['ibr_moves'] = Texture(window)
             self.uniforms['ibr_pages'] = self.atlas.pages
-        self.textures |= {name: Texture(window) for name in ('ibr_poses', 'ibr_looks')}
+        self._own |= {name: Texture(window) for name in ('ibr_poses', 'ibr_looks')}
+        self.textures = self._images.views | self._own
         self._stale = dict.fromkeys(('ibr_poses', 'ibr_looks'))
 
     def move(self, moves):
@@ -243,9 +248,10 @@ class Cards:
         self.binder.unbind()
         for layer in self.layers.values():
             layer.release(self.window)
-        for texture in (*self.textures.values(), *self.turned.values()):
-            texture.release()
-        self.textures, self.turned, self.window = {}, {}, None
+        release(*self._own.values())
+        if self._images is not None:
+            self._images.give_back()
+        self.textures, self._own, self._images, self.window = {}, {}, None, None
 
 
 class _Layer(ShaderDraws):

@@ -416,11 +416,18 @@ class Instances(PosedSet):
         out = {
             'bytes': sum(k.cards.nbytes for k in self.groups),
             'instances': len(self),
+            'an instance': self._memory(),
             **counts,
         }
         for k, model in self._models.items():
             out[f'atlas {k}'] = model.describe(self._limits(model))
         return out
+
+    def _memory(self) -> str:
+        count = max(len(self), 1)
+        gpu = sum(group.cards.item_nbytes for group in self.groups) / count
+        held = sum(group.placement.nbytes for group in self.groups) / count
+        return f'{gpu:.0f} B of GPU memory, {held:.0f} B of main memory beside its pose'
 
     def pick(self, x, y):
         """Return the nearest instance under a pixel."""

@@ -6,6 +6,7 @@ import re
 import sys
 import time
 import warnings
+import weakref
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -35,6 +36,8 @@ _CAUTION = 0.7  # of the way to where interpolation between two sizes meets the 
 _BETTER = 0.85  # FLIP against the mesh drawn once per pixel that a level must reach
 _LARGEST = 1e9  # px: no instance is larger
 _MESH_BETTER = 1.0  # the same for lighter meshes, where cards are not good enough
+# Those in use, by their content: sets of the same mesh share one, and its textures.
+_atlases: weakref.WeakValueDictionary[str, Atlas] = weakref.WeakValueDictionary()
 
 
 @dataclass(frozen=True)
@@ -212,7 +215,7 @@ def make_model(
     found = store.get(key) if store is not None else None
     if found is not None:
         try:
-            return LodModel(levels, Atlas.from_arrays(found))
+            return LodModel(levels, _atlases.setdefault(key, Atlas.from_arrays(found)))
         except ValueError:
             pass  # of an older layout: baked again below, and replaced
     try:
@@ -226,6 +229,7 @@ def make_model(
         return unbaked(parts, str(error))
     if store is not None:
         store.put(key, model.atlas.to_arrays())
+        _atlases[key] = model.atlas
     return model
 
 

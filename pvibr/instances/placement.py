@@ -60,6 +60,13 @@ class Placement:
         self.rows = np.zeros((0, WIDTH, 4), np.float32)
         self.put(np.zeros((0, 3)), np.zeros(0, np.int32))
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of main memory."""
+        blocks = self.blocks
+        arrays = self.rows, self._radii, self.ids, blocks.centers, blocks.reach
+        return sum(a.nbytes for a in (*arrays, blocks.largest, blocks.smallest))
+
     def put(self, poses, ids):
         """Place instances, given in an order that keeps neighbours together."""
         count = -(-len(ids) // self.unit)

@@ -243,8 +243,34 @@ def test_rows_of_textures(scenes, dtype, rows):
 
 
 def test_a_set_that_grows_is_baked_where_that_pays(scenes, shapes):
-    pl, things = scenes.instances(shapes[1], np.zeros((1, 3)), size=SIZE)
+    pl, things = scenes.instances(shapes[1], np.zeros((1, 3)), size=SIZE, bake=None)
     assert 'single' in things.report()['atlas 0']
     things.poses = points(3000, np.random.default_rng(7))
     assert 'views' in things.report()['atlas 0']
+    pl.close()
+
+
+def test_sets_of_a_mesh_share_its_textures(scenes, see, shapes):
+    """They are freed with the last of these, and each set is whole without the other."""
+    pl, one = scenes.instances(shapes[1], np.zeros((2, 3)), size=SIZE, bake=True)
+    alone = frame(see, pl)
+    two = pl.ibr.add_instances(shapes[1], np.ones((2, 3)), cache=scenes.folder, bake=True)
+    frame(see, pl)
+    names = 'ibr_geometry', 'ibr_poses'
+    held = [[t.groups[0].cards.textures[name] for name in names] for t in (one, two)]
+    assert [a is b for a, b in zip(*held, strict=True)] == [True, False]
+    two.remove()
+    np.testing.assert_array_equal(frame(see, pl), alone)
+    assert held[0][0].nbytes > 0
+    one.remove()
+    see.grab(pl)
+    assert held[0][0].nbytes == 0
+    pl.close()
+
+
+def test_memory_of_an_instance_is_bounded(scenes, shapes):
+    pl, things = scenes.instances(shapes[1], np.zeros((40_000, 3)), size=SIZE)
+    pl.show(auto_close=False)
+    numbers = [int(word) for word in things.report()['an instance'].split() if word.isdigit()]
+    assert max(numbers) < 40
     pl.close()
