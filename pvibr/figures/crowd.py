@@ -9,7 +9,7 @@ from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Playback
 from pvibr.figures.mesh_actors import as_mesh_actors
 from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.instances.instances import Instances
-from pvibr.instances.levels import progress_bar
+from pvibr.instances.progress import baking
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.poses import as_poses
@@ -148,7 +148,7 @@ class Crowd(Instances):
     def _baked(self) -> dict:
         """Bake the clips, and take over their motions."""
         state, wanted = self._crowd_state, dict(self._bake)
-        with progress_bar(wanted.pop('progress')) as advance:
+        with baking(wanted.pop('progress')) as advance:
             model, state.motions = bake_pose_atlas(
                 self.figure,
                 state.mesh_actors,

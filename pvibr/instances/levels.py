@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import re
-import sys
 import time
 import warnings
 import weakref
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -21,6 +19,7 @@ from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
 from pvibr.instances.measure import measure
 from pvibr.instances.mesh_pool import MeshLevel
+from pvibr.instances.progress import baking
 from pvibr.instances.worth import why_not
 from pvibr.maths.posed_bounds import hull_corners
 from pvibr.meshes.decimate import lighter
@@ -253,10 +252,10 @@ def _baked(levels, progress, **grid):
     light = _bake_level(levels)
     for level in (light, 0):
         shown = _bake_parts(levels[: level + 1])
-        with progress_bar(progress) as advance:
-            atlas = bake_parts(shown, turns=turns, progress=advance, **grid)
-        model = LodModel(levels, atlas)
-        atlas.errors = measure(model)
+        with baking(progress) as advance:
+            atlas = bake_parts(shown, turns=turns, progress=lambda d: advance(d / 2), **grid)
+            model = LodModel(levels, atlas)
+            atlas.errors = measure(model, lambda d: advance((1 + d) / 2))
         if level == 0 or (atlas.errors['blended'][:2, 1] < _BETTER).all():
             break  # else what the pictures show is not the mesh: once more, from the mesh itself
     atlas.seconds = time.perf_counter() - start
@@ -349,28 +348,3 @@ def _table_values(table):
     ]
     flags = [table.GetUseBelowRangeColor(), table.GetUseAboveRangeColor(), table.GetScale()]
     return [_vtk.vtk_to_numpy(table.GetTable()), list(table.GetRange()), colors, flags]
-
-
-@contextmanager
-def progress_bar(wanted):
-    """Yield a function of the fraction done; the bar appears after a second."""
-    if wanted is None:
-        wanted = sys.stderr.isatty()
-    if not wanted:
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    start, bar = time.perf_counter(), Progress(console=Console(stderr=True), transient=True)
-    task = bar.add_task('Baking views', total=1.0)
-
-    def advance(done):
-        if time.perf_counter() - start > 1.0:
-            bar.start()
-        bar.update(task, completed=done)
-
-    try:
-        yield advance
-    finally:
-        bar.stop()

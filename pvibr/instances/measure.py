@@ -53,10 +53,12 @@ def _around(z):
     return np.stack([r * np.cos(angle), r * np.sin(angle), z], 1)
 
 
-def measure(model) -> dict[str, np.ndarray]:
+def measure(model, progress=None) -> dict[str, np.ndarray]:
     """Return the error table of a model's levels."""
     atlas = model.atlas
-    table = {'sizes': np.array(SIZES, float)} | _measured(model, None, CARD_SHADERS, meshes=True)
+    table = {'sizes': np.array(SIZES, float)} | _measured(
+        model, None, CARD_SHADERS, meshes=True, progress=progress
+    )
     if atlas.turntable is not None:
         views = level_directions(_COLUMNS * _ROWS, atlas.turntable.turns, atlas.half)
         sides = [p for p in ALL_CARD_SHADERS if p.sides]
@@ -64,7 +66,7 @@ def measure(model) -> dict[str, np.ndarray]:
     return table
 
 
-def _measured(model, views, shaders, *, meshes):
+def _measured(model, views, shaders, *, meshes, progress=None):
     """Return the rows of card shaders and lighter meshes, in some views or all."""
     sheet = _Sheet(model, views)
     try:
@@ -74,7 +76,9 @@ def _measured(model, views, shaders, *, meshes):
         pictures = [sheet.draw_mesh(i, _COLUMNS) for i in lighter]
         rows: dict[str, list] = {}
         truth, last = _filtered(reference), SIZES[-1]
-        for size in reversed(SIZES):
+        for k, size in enumerate(reversed(SIZES)):
+            if progress is not None:
+                progress(k / len(SIZES))
             truth, last = box_reduce(truth, last // size), size
             once = _once(reference, size)
             base = _flip(once, truth, size)

@@ -140,7 +140,7 @@ def test_no_cards_where_nothing_was_measured():
 
 
 def test_a_driver_without_cards_gets_meshes_and_one_warning(monkeypatch):
-    def fails(_model):
+    def fails(*_):
         msg = 'no'
         raise ShaderError(msg)
 
