@@ -40,7 +40,7 @@ class ShaderDraws:
         self.entries: Texture | None = None
         self.failure: str | None = None
         self._binder = binder or Binder()
-        self._spans = [(0, 0)] * draws
+        self._spans, self._used = [(0, 0)] * draws, 0
         self._corners = 0
         self.feature: Feature | None = None
         self.landed = False
@@ -82,14 +82,15 @@ class ShaderDraws:
 
     def show_spans(self, spans):
         """Draw a span by each actor: first item and end of the entries; others draw nothing."""
-        spans = [*spans, *[(0, 0)] * (len(self.actors) - len(spans))]
-        for actor, span, before in zip(self.actors, spans, self._spans, strict=True):
+        count, self._used = max(len(spans), self._used), len(spans)  # others are hidden already
+        spans = [*spans, *[(0, 0)] * (count - len(spans))]
+        for k, (actor, span) in enumerate(zip(self.actors[:count], spans, strict=True)):
             actor.SetVisibility(span[1] > 0)
-            if span != before:  # most stay while the camera moves
+            if span != self._spans[k]:  # most stay while the camera moves
                 uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
                 uniforms.SetUniformi('ibr_first', span[0])
                 uniforms.SetUniformi('ibr_end', span[1])
-        self._spans = spans
+                self._spans[k] = span
 
     def show_parts(self, cuts, unit) -> list:
         """Draw the entries between each two cuts, of so many items each; return their actors."""
