@@ -222,12 +222,9 @@ def bake_pose_atlas(
     levels = [MeshLevel([mesh_actor.part for mesh_actor in mesh_actors])]
     store = None if cache is False else AtlasCache(None if cache is True else cache)
     key = '' if store is None else _key(sampler, poses, tile, counts)
-    found = None if store is None else store.get(key)
+    found = None if store is None else store.load(key, PoseAtlas.from_arrays)
     if found is not None:
-        try:
-            return LodModel(levels, PoseAtlas.from_arrays(found)), list(motions)
-        except ValueError:
-            pass  # an older layout: baked again and replaced below
+        return LodModel(levels, found), list(motions)
     try:
         atlas = _baked(sampler, motions, counts, poses, (box, radius, tile), advance)
     except RuntimeError as error:

@@ -11,7 +11,7 @@ import struct
 import time
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import platformdirs
@@ -20,7 +20,7 @@ from pvibr.core.errors import PvibrWarning
 from pvibr.core.files import replacing
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
 SUFFIX = '.atlas'
 CAP_BYTES = 2 * 2**30
@@ -31,6 +31,10 @@ _HEAD = struct.Struct('<8s32s')
 _LENGTH = struct.Struct('<Q')
 _ALIGN = 64
 _KEY = re.compile(r'[0-9a-f]{16,128}')
+
+# What reading raises where a file holds other than it should, checksum or not.
+_WRONG = (ArithmeticError, AttributeError, LookupError, MemoryError, TypeError, ValueError)
+T = TypeVar('T')
 
 # Folders that refused a write: said once, then left alone for as long as the process lives.
 _given_up: set[Path] = set()
@@ -65,12 +69,23 @@ class AtlasCache:
             return None
         try:
             entry = unpack(raw)
-        except ValueError as error:
+        except _WRONG as error:
             _discard(file, error)
             return None
         with contextlib.suppress(OSError):
             os.utime(file)
         return entry
+
+    def load(self, key: str, build: Callable[[Entry], T]) -> T | None:
+        """Return what is built of an entry; None, and it is removed, where that fails."""
+        entry = self.get(key)
+        if entry is None:
+            return None
+        try:
+            return build(entry)
+        except _WRONG as error:
+            _discard(self._file(key), error)
+            return None
 
     def put(
         self, key: str, arrays: Mapping[str, np.ndarray], meta: dict[str, object] | None = None
@@ -232,5 +247,6 @@ def _write_whole(file: Path, chunks: list[bytes | memoryview]) -> None:
 def _discard(file: Path, error: Exception) -> None:
     with contextlib.suppress(OSError):
         file.unlink()
-    msg = f'Removed the cached atlas {str(file)!r}, because {error}; it will be baked again.'
+    reason = str(error) if isinstance(error, ValueError) else f'its content is wrong ({error!r})'
+    msg = f'Removed the cached atlas {str(file)!r}, because {reason}; it will be baked again.'
     warnings.warn(msg, PvibrWarning, stacklevel=3)

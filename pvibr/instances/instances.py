@@ -21,16 +21,8 @@ from pvibr.instances.arguments import (
 )
 from pvibr.instances.cards import slabs
 from pvibr.instances.group import SORTED_SEEN
-from pvibr.instances.levels import (
-    Limits,
-    checked_force,
-    forced_limits,
-    limits_of,
-    make_model,
-    needs_images,
-    no_images,
-    unbaked,
-)
+from pvibr.instances.levels import make_model, no_images, unbaked
+from pvibr.instances.limits import Limits, checked_force, forced_limits, limits_of, needs_images
 from pvibr.instances.materials import MATERIAL_CHANGED, Material
 from pvibr.instances.posed_set import PosedSet
 from pvibr.instances.sources import MESH_CHANGED, Sources

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 import warnings
 import weakref
@@ -13,57 +12,26 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core.errors import PvibrWarning
-from pvibr.instances.atlas import Atlas
+from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import TEXTURE_MODES, bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
-from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
-from pvibr.instances.measure import measure
+from pvibr.instances.limits import SIDES, Limits, limits_of
+from pvibr.instances.measure import allowed, measure
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.progress import baking
+from pvibr.instances.stored_levels import from_arrays, to_arrays
 from pvibr.instances.worth import why_not
 from pvibr.maths.posed_bounds import hull_corners
-from pvibr.meshes.decimate import lighter
+from pvibr.meshes.decimate import displacement, lighter
 from pvibr.meshes.parts import as_parts
 
-VERSION = 23  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 24  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
-_SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
+_ALIKE = 0.5  # px: a greater error of the smallest cards is one of what was baked
 _LIGHTEST = 150  # triangles of the lightest level, at least
 _BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
-_SLACK = 0.5  # px over max_error in the table, whose distances are whole pixels apart
-_CAUTION = 0.7  # of the way to where interpolation between two sizes meets the bound
-_BETTER = 0.85  # FLIP against the mesh drawn once per pixel that a level must reach
-_LARGEST = 1e9  # px: no instance is larger
-_MESH_BETTER = 1.0  # the same for lighter meshes, where cards are not good enough
 # Those in use, by their content: sets of the same mesh share one, and its textures.
 _atlases: weakref.WeakValueDictionary[str, Atlas] = weakref.WeakValueDictionary()
-
-
-@dataclass(frozen=True)
-class Limits:
-    """On-screen diameters, in pixels, at which levels change."""
-
-    cards: tuple
-    mesh: float
-    meshes: tuple
-    level: tuple = ()
-
-    def coarser(self, quality) -> Limits:
-        """Return limits for an image drawn at a quality, 0 to 1, of its size."""
-        cards, level = _grown(self.cards, quality), _grown(self.level, quality)
-        meshes = tuple(limit / quality for limit in self.meshes)
-        return Limits(cards, self.mesh / quality, meshes, level)
-
-
-def _grown(spans, quality) -> tuple:
-    """Return contiguous spans of sizes that end at larger ones."""
-    grown, reached = [], 0.0
-    for name, _, high in spans:
-        # A splat replaces what is a few pixels large, and nothing else.
-        high = high if name == SPLAT.name else high / quality
-        grown.append((name, reached, high))
-        reached = high
-    return tuple(grown)
 
 
 @dataclass
@@ -94,7 +62,7 @@ class LodModel:
         a = self.atlas
         if self.unbaked:
             return f'{self.levels[0].triangles} triangles at any size, not baked: {self.unbaked}'
-        sides = [(f'{n} from the side', *span) for n, *span in limits.level if n in _SIDES]
+        sides = [(f'{n} from the side', *span) for n, *span in limits.level if n in SIDES]
         cards = [
             f'{name} to {high:.0f} px' for name, low, high in (*sides, *limits.cards) if high > low
         ]
@@ -108,87 +76,6 @@ class LodModel:
         if a.animated:
             head = f'{a.n_poses} poses of {head}'
         return '; '.join([head, *cards, *meshes])
-
-
-def limits_of(errors, mesh_levels, max_error) -> Limits:
-    """Return the sizes up to which each level keeps an error."""
-    if not errors:
-        never = tuple((p.name, 0.0, 0.0) for p in CARD_SHADERS)
-        return Limits(never, 0.0, (float('inf'), *[0.0] * (mesh_levels - 1)))
-    cards = _spans(errors, CARD_SHADERS, max_error)
-    reached = cards[-1][2]
-    level: tuple = ()
-    if set(errors) >= _SIDES:
-        level = tuple(
-            (name, *np.minimum(span, reached).tolist())
-            for name, *span in _spans(errors, ALL_CARD_SHADERS, max_error)
-        )
-    meshes = [float('inf')]
-    for i in range(1, mesh_levels):
-        good = _good_up_to(errors, f'mesh{i}', max_error, _MESH_BETTER)
-        if good == errors['sizes'][-1]:
-            # Beyond the table the displacement grows with the size.
-            good = max(good, 2 * max_error / max(float(errors[f'mesh{i}.radii']), 1e-9))
-        meshes.append(min(good, meshes[-1]))
-    return Limits(cards, reached, tuple(meshes), level)
-
-
-def checked_force(level) -> dict[str, tuple]:
-    """Return the on-screen sizes, in pixels, of each forced level."""
-    if level is None:
-        return {}
-    ranges = level if isinstance(level, dict) else {level: (0.0, _LARGEST)}
-    known = [*(p.name for p in ALL_CARD_SHADERS), 'mesh']
-    for name, sizes in ranges.items():
-        if name not in known and not re.fullmatch('mesh[1-9]', name):
-            allowed = ', '.join([*known, 'mesh1 to mesh9'])
-            msg = f'force_level has {name!r}; it must be None, or levels of {allowed}'
-            raise ValueError(msg)
-        if np.shape(sizes) != (2,) or not 0 <= sizes[0] <= sizes[1]:
-            msg = f'force_level[{name!r}] is {sizes!r}; it must be two rising sizes in pixels'
-            raise ValueError(msg)
-    return {name: tuple(map(float, sizes)) for name, sizes in ranges.items()}
-
-
-def needs_images(ranges) -> bool:
-    """Return True if forced levels are other than the mesh itself."""
-    return bool(set(ranges) - {'mesh'})
-
-
-def forced_limits(ranges, mesh_levels) -> Limits:
-    """Return limits by which each level is drawn between its own sizes."""
-    cards = tuple((p.name, *ranges.get(p.name, (0.0, 0.0))) for p in CARD_SHADERS)
-    level = tuple((name, *span) for name, span in ranges.items() if name in _SIDES)
-    lighter = [ranges.get(f'mesh{k}', (0.0, 0.0))[1] for k in range(1, mesh_levels)]
-    least = min((low for n, (low, _) in ranges.items() if n.startswith('mesh')), default=_LARGEST)
-    return Limits(cards, least, (float('inf'), *lighter), level)
-
-
-def _spans(errors, shaders, max_error):
-    """Return the sizes at which each shader is used, in the order of cost."""
-    reached, spans = 0.0, []
-    for shader in shaders:
-        good = min(_good_up_to(errors, shader.name, max_error, _BETTER), shader.largest)
-        good = max(good, shader.least, reached)
-        spans.append((shader.name, reached, good))
-        reached = good
-    return tuple(spans)
-
-
-def _good_up_to(errors, name, max_error, better):
-    """Return the largest size at which outline and colour are within bounds."""
-    sizes, table = errors['sizes'], errors[name]
-    bounds = np.array([max_error + _SLACK, better * max(1.0, max_error)])
-    over = (table > bounds).any(1)
-    if not over.any():
-        return float(sizes[-1])
-    k = int(over.argmax())
-    if k == 0:
-        return 0.0
-    low, high = table[k - 1], table[k]
-    with np.errstate(divide='ignore', invalid='ignore'):
-        part = np.where(high > bounds, (bounds - low) / (high - low), 1.0).min()
-    return float(sizes[k - 1] + _CAUTION * part * (sizes[k] - sizes[k - 1]))
 
 
 def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **looks) -> Atlas:
@@ -207,16 +94,13 @@ def make_model(
     """
     if why := no_images(parts, count):
         return unbaked(parts, why)
-    levels = _levels(parts)
-    folder = None if cache in (True, False) else cache
-    store = AtlasCache(folder) if cache is not False else None
+    store = None if cache is False else AtlasCache(None if cache is True else cache)
     key = content_key(parts, views, tile, half) if store is not None else ''
-    found = store.get(key) if store is not None else None
+    found = store.load(key, lambda arrays: _read(parts, arrays)) if store is not None else None
     if found is not None:
-        try:
-            return LodModel(levels, _atlases.setdefault(key, Atlas.from_arrays(found)))
-        except ValueError:
-            pass  # of an older layout: baked again below, and replaced
+        found.atlas = _atlases.setdefault(key, found.atlas)
+        return found
+    levels = _levels(parts)
     try:
         model = _baked(levels, progress, views=views, tile=tile, half=half)
     except RuntimeError as error:
@@ -227,8 +111,20 @@ def make_model(
         warnings.warn(msg, PvibrWarning, stacklevel=3)
         return unbaked(parts, str(error))
     if store is not None:
-        store.put(key, model.atlas.to_arrays())
+        kept = {} if given(parts) else to_arrays(levels)
+        store.put(key, model.atlas.to_arrays() | kept)
         _atlases[key] = model.atlas
+    return model
+
+
+def _read(parts, arrays) -> LodModel:
+    """Return a model from arrays of the cache, checked."""
+    levels = _levels(parts) if given(parts) else from_arrays(parts, arrays)
+    model = LodModel(levels, Atlas.from_arrays(arrays))
+    if not model.atlas.errors:
+        msg = 'it has no errors of levels'
+        raise ValueError(msg)
+    model.limits(1.0)
     return model
 
 
@@ -256,7 +152,7 @@ def _baked(levels, progress, **grid):
             atlas = bake_parts(shown, turns=turns, progress=lambda d: advance(d / 2), **grid)
             model = LodModel(levels, atlas)
             atlas.errors = measure(model, lambda d: advance((1 + d) / 2))
-        if level == 0 or (atlas.errors['blended'][:2, 1] < _BETTER).all():
+        if level == 0 or np.median(allowed(atlas.errors['blended'][:2])) < _ALIKE:
             break  # else what the pictures show is not the mesh: once more, from the mesh itself
     atlas.seconds = time.perf_counter() - start
     return model
@@ -267,18 +163,26 @@ def _turns(parts):
     return next((p.turns for p in parts if p.turns is not None), None)
 
 
+def given(parts) -> int:
+    """Return the number of lighter levels that come with the parts."""
+    return max(len(p.stand_ins) for p in parts)
+
+
 def _levels(parts):
     levels = [MeshLevel(list(parts))]
-    given = max(len(p.stand_ins) for p in parts)
-    if given:
+    if count := given(parts):
         coarser = [
-            [q for p in parts for q in (p.stand_ins or ((p,),) * given)[k]] for k in range(given)
+            [q for p in parts for q in (p.stand_ins or ((p,),) * count)[k]] for k in range(count)
         ]
         return levels + [MeshLevel(level) for level in coarser]
+    radius = bounding_sphere(np.concatenate([p.mesh.points for p in parts]))[1]
     while levels[-1].triangles * SHARE > _LIGHTEST:
         level = MeshLevel([lighter(p, SHARE) or p for p in levels[-1].parts])
         if level.triangles > 0.5 * levels[-1].triangles:
             break
+        moved = [displacement(*pair) for pair in zip(parts, level.parts, strict=True)]
+        known = [m for m in moved if m is not None]
+        level.error = max(known) / radius if len(known) == len(moved) else None
         levels.append(level)
     return levels
 

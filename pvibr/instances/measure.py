@@ -12,37 +12,37 @@ from pvibr.gl.offscreen import hidden_window, read_rgba
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS
 from pvibr.instances.group import InstanceGroup
 from pvibr.instances.mesh_pool import MeshPool
-from pvibr.maths.image_error import box_reduce, flip, outline_distances
+from pvibr.maths import octahedral
+from pvibr.maths.flip import Flip
+from pvibr.maths.image_error import box_reduce, outline_distances
 from pvibr.meshes.turntable import LEVEL
 
 SIZES = (8, 16, 32, 64, 128)  # diameters of the bounding sphere on the screen, px
 _CELL = 9 / 8  # side of a view's cell in diameters: the sizes fit the reference's pixels
 _SAMPLES = 2  # samples of the reference along a side of a pixel at the largest size; 4 at half
-_COLUMNS, _ROWS = 8, 2  # of views; those of the first row are spread over the sphere as well
-_FEW_SIZE = 64  # px from which colours are compared in a part of the first row: FLIP takes long
-_FEW_WIDTH = 600  # px, the most of that row
-_WORST = 3.0  # the outline of no view may be off by more than so many times what all may
-_MESH_SIZE = 64  # px; below, cards are in use mostly
-_COARSE = {'splat': 8, 'flat': 64}  # the largest sizes at which these are worth measuring
-_FAR_OFF = (1e9, 1e9)
-_FLOOR = 1e-4  # mean FLIP below which a ratio says nothing: nothing can be seen
+_SIDE = 8  # of the square of views: two of them along a side of a patch of directions
+_VIEWS = _SIDE * _SIDE
+_FEW_SIZE = 128  # px from which colours are compared in one view of each patch
+_HOPELESS = (
+    4.0  # a level whose error allows no `max_error` up to this is not tried at larger sizes
+)
+SLACK = 0.5  # px, of outlines whose distances are whole pixels apart
+BEYOND = 0.02  # FLIP of what is covered, beyond the mesh's own, that `max_error=1` allows
+RATIO = 1.0  # of the mesh's own FLIP, which is always allowed
+_FLOOR = 1e-4  # FLIP below which a ratio says nothing: nothing can be seen
 
 
-def directions(count, half=False):
-    """Return directions spread over the sphere, off the grid of views: (count, 3) unit vectors.
-
-    Spherical Fibonacci points of Keinert et al., "Spherical Fibonacci Mapping", SIGGRAPH Asia
-    2015, turned by an irrational angle.
-    """
-    k = np.arange(count) + 0.5
-    z = 1 - (1.0 if half else 2.0) * k / count
-    return _around(z)
+def directions(half=False):
+    """Return directions all around, one in each cell of an octahedral map: (64, 3)."""
+    cells = np.stack(np.meshgrid(np.arange(_SIDE), np.arange(_SIDE)), -1).reshape(-1, 2)
+    within = np.random.default_rng(5).random((_VIEWS, 2))
+    return octahedral.decode((cells + within) / _SIDE * 2 - 1, half)
 
 
-def level_directions(count, turns, half=False):
+def level_directions(turns, half=False):
     """Return directions spread over a turntable's horizon."""
-    k = np.arange(count) + 0.5
-    z = LEVEL * (1 - (1.0 if half else 2.0) * k / count)
+    k = np.arange(_VIEWS) + 0.5
+    z = LEVEL * (1 - (1.0 if half else 2.0) * k / _VIEWS)
     return _around(z) @ turns.sides()
 
 
@@ -54,103 +54,149 @@ def _around(z):
 
 
 def measure(model, progress=None) -> dict[str, np.ndarray]:
-    """Return the error table of a model's levels."""
+    """Return the error table of a model's levels, (sizes, patches, 3) each."""
+    # For each patch of directions, a mean over four views: the displacement of the outline in
+    # pixels, FLIP of what is covered beyond that of the mesh drawn once per pixel, and the ratio
+    # of the two. Colours of lighter meshes are means over all views: they depend on directions
+    # less than on which samples happen to hit.
     atlas = model.atlas
     table = {'sizes': np.array(SIZES, float)} | _measured(
-        model, None, CARD_SHADERS, meshes=True, progress=progress
+        model, None, CARD_SHADERS, meshes=True, progress=progress or _unseen
     )
     if atlas.turntable is not None:
-        views = level_directions(_COLUMNS * _ROWS, atlas.turntable.turns, atlas.half)
+        views = level_directions(atlas.turntable.turns, atlas.half)
         sides = [p for p in ALL_CARD_SHADERS if p.sides]
-        table |= _measured(model, views, sides, meshes=False)
+        table |= _measured(model, views, sides, meshes=False, progress=_unseen)
     return table
 
 
-def _measured(model, views, shaders, *, meshes, progress=None):
+def _measured(model, views, shaders, *, meshes, progress):
     """Return the rows of card shaders and lighter meshes, in some views or all."""
     sheet = _Sheet(model, views)
     try:
         reference = sheet.draw_mesh(0)
-        # Lighter meshes err much the same from everywhere.
+        full = _reduced(reference)
+        truths = [_Truth(reference, full, size) for size in SIZES]
+        table = {}
         lighter = range(1, len(model.levels) if meshes else 1)
-        pictures = [sheet.draw_mesh(i, _COLUMNS) for i in lighter]
-        rows: dict[str, list] = {}
-        truth, last = _filtered(reference), SIZES[-1]
-        for k, size in enumerate(reversed(SIZES)):
-            if progress is not None:
-                progress(k / len(SIZES))
-            truth, last = box_reduce(truth, last // size), size
-            once = _once(reference, size)
-            base = _flip(once, truth, size)
-            for i, picture in enumerate(pictures, 1):
-                if size >= min(_MESH_SIZE, SIZES[-1]):
-                    row = _row(_first(_once(picture, size), size), _first(truth, size), base, size)
-                    rows.setdefault(f'mesh{i}', []).insert(0, row)
-            for shader in shaders:
-                row = _FAR_OFF
-                if size <= _COARSE.get(shader.name, size):
-                    row = _row(sheet.draw_cards(shader.name, size), truth, base, size)
-                rows.setdefault(shader.name, []).insert(0, row)
-        table: dict[str, np.ndarray] = {}
-        for i, picture in enumerate(pictures, 1):
-            # At smaller sizes lighter meshes are no worse than at the first that was measured.
-            same = [rows[f'mesh{i}'][0]] * (len(SIZES) - len(rows[f'mesh{i}']))
-            rows[f'mesh{i}'] = same + rows[f'mesh{i}']
-            table[f'mesh{i}.radii'] = np.array(_fine(picture, reference))
+        steps = iter(np.linspace(0, 1, len(lighter) + len(shaders) + 1)[1:].tolist())
+        for i in lighter:
+            picture = sheet.draw_mesh(i)
+            radii = model.levels[i].error
+            if radii is None:
+                radii = _fine(picture, reference)
+            rows = _rows(truths, lambda t, p=picture: _once(p, t.size))
+            table[f'mesh{i}'] = np.broadcast_to(rows.mean(1, keepdims=True), rows.shape).copy()
+            table[f'mesh{i}'][..., 0] = radii * np.array(SIZES)[:, None] / 2 + SLACK
+            table[f'mesh{i}.radii'] = np.array(radii)
+            progress(next(steps))
+        for shader in shaders:
+            table[shader.name] = _rows(
+                truths, lambda t, n=shader.name: sheet.draw_cards(n, t.size), shader.largest
+            )
+            progress(next(steps))
     finally:
         sheet.release()
-    return table | {name: np.array(r) for name, r in rows.items()}
+    return table
 
 
-def _filtered(picture):
+def _unseen(_done):
+    pass
+
+
+def _rows(truths, draw, largest=np.inf):
+    """Return the errors of a level at all sizes, (sizes, patches, 3)."""
+    rows: list[np.ndarray] = []
+    for truth in truths:
+        if truth.size > 2 * largest or (rows and np.median(allowed(rows[-1])) > _HOPELESS):
+            rows.append(rows[-1] * [2.0, 1.5, 1.5])  # it grows with the size
+        else:
+            rows.append(truth.errors(draw(truth)))
+    return np.array(rows)
+
+
+def allowed(rows):
+    """Return the least `max_error`, in pixels, that allows errors: (..., 3) to (...)."""
+    moved, beyond, ratio = np.moveaxis(np.asarray(rows), -1, 0)
+    color = np.where(ratio <= RATIO, 0.0, np.minimum(beyond / BEYOND, ratio / RATIO))
+    return np.maximum(np.maximum(moved - SLACK, 0.0), color)
+
+
+class _Truth:
+    """The reference at one size."""
+
+    def __init__(self, reference, full, size):
+        self.size = size
+        self.picture = box_reduce(full, SIZES[-1] // size).astype(np.float32)
+        self.few = np.arange(_VIEWS)
+        if size >= _FEW_SIZE:
+            self.few = self.few.reshape(_SIDE, _SIDE)[::2, ::2].ravel()
+        tiles = _tiles(self.picture, size)[self.few]
+        self.flip = Flip(_on_white(tiles))
+        self.covered = np.maximum(tiles[..., 3].sum((1, 2)), 1.0)
+        self.base = self._flip(_once(reference, size))
+
+    def errors(self, picture):
+        """Return displacement, excess of FLIP and its ratio in each patch of directions."""
+        flip, base = _patches(self._flip(picture)), _patches(self.base)
+        moved = _patches(_moved(picture, self.picture, self.size))
+        return np.stack([moved, flip - base, flip / base], 1)
+
+    def _flip(self, picture):
+        """Return the FLIP of a pixel that is covered, in some views, clamped to what is seen."""
+        maps = self.flip.maps(_on_white(_tiles(picture, self.size)[self.few]))
+        return np.maximum(maps.sum((1, 2)) / self.covered, _FLOOR)
+
+
+def _patches(values):
+    """Return the means of the views of each patch."""
+    side = _SIDE // 2
+    some = round(len(values) ** 0.5) // side
+    return values.reshape(side, some, side, some).mean((1, 3)).ravel()
+
+
+def _tiles(picture, size):
+    """Return the views of a picture one by one."""
+    cell = round(size * _CELL)
+    tiles = picture.reshape(_SIDE, cell, _SIDE, cell, -1).swapaxes(1, 2)
+    return tiles.reshape(_VIEWS, cell, cell, -1)
+
+
+def _reduced(picture):
     """Return pixels of the largest size, averaged from samples with half weight on borders."""
+    sums = picture.astype(np.uint16)
     for axis in (0, 1):
-        picture = np.moveaxis(picture, axis, 0)
-        ends = picture[::_SAMPLES]
-        picture = (ends / 2 + picture[1::_SAMPLES] + np.roll(ends, -1, 0) / 2) / _SAMPLES
-        picture = np.moveaxis(picture, 0, axis)
-    return picture
+        sums = np.moveaxis(sums, axis, 0)
+        sums = sums.reshape(len(sums) // _SAMPLES, _SAMPLES, *sums.shape[1:])
+        ends = sums[:, 0]
+        sums = ends + 2 * sums[:, 1:].sum(1, dtype=sums.dtype) + np.roll(ends, -1, 0)
+        sums = np.moveaxis(sums, 0, axis)
+    return sums / np.float32(255 * (2 * _SAMPLES) ** 2)
 
 
 def _once(picture, size):
     """Return one sample per pixel, at its centre."""
     step = SIZES[-1] * _SAMPLES // size
-    return picture[step // 2 :: step, step // 2 :: step]
-
-
-def _first(picture, size):
-    """Return the first row of views."""
-    return picture[: round(size * _CELL)]
-
-
-def _row(picture, truth, base, size):
-    return _moved(picture, truth, size), _flip(picture, truth, size) / base
+    return picture[step // 2 :: step, step // 2 :: step] / np.float32(255)
 
 
 def _moved(picture, truth, size):
-    """Return the 99th percentile of the outline's displacement, or that of the worst view."""
+    """Return the 95th percentile of the outline's displacement in each view."""
     pair = picture[..., 3], truth[..., 3]
     found = outline_distances(*pair), outline_distances(*pair[::-1])
     pixels, away = (np.concatenate(both) for both in zip(*found, strict=True))
-    if not len(away):
-        return 0.0
-    views = pixels // round(size * _CELL) @ [_COLUMNS, 1]
-    worst = max(np.percentile(away[views == view], 99) for view in np.unique(views))
-    return float(max(np.percentile(away, 99), worst / _WORST))
+    views = pixels // round(size * _CELL) @ [_SIDE, 1]
+    order = np.argsort(views, kind='stable')
+    starts = np.searchsorted(views[order], np.arange(1, _VIEWS))
+    groups = np.split(away[order], starts)
+    return np.array([np.percentile(g, 95) if len(g) else 0.0 for g in groups])
 
 
 def _fine(picture, reference):
-    """Return the 99th percentile of the outline's displacement in radii."""
+    """Return the outline's displacement in the worst patch, in radii."""
     size = SIZES[-1] * _SAMPLES
-    return 2 * _moved(_first(picture, size), _first(reference, size), size) / size
-
-
-def _flip(picture, truth, size):
-    """Return the mean FLIP, clamped to what can be seen."""
-    if size >= _FEW_SIZE:
-        width = min(_COLUMNS, int(_FEW_WIDTH / (size * _CELL))) * round(size * _CELL)
-        picture, truth = (_first(p, size)[:, :width] for p in (picture, truth))
-    return max(float(flip(_on_white(picture), _on_white(truth)).mean()), _FLOOR)
+    few = np.float32(1 / 255)
+    return 2 * float(_patches(_moved(picture * few, reference * few, size)).max()) / size
 
 
 def _on_white(picture):
@@ -182,23 +228,23 @@ class _Sheet:
         camera = self.renderer.GetActiveCamera()
         camera.ParallelProjectionOn()
         camera.SetViewUp(0, 1, 0)
-        camera.SetParallelScale(self.spacing * _ROWS / 2)
+        camera.SetParallelScale(self.spacing * _SIDE / 2)
         camera.SetClippingRange(2 * atlas.radius, 6 * atlas.radius)
 
     def _resize(self, size, shift=0.0):
         """Set the size in pixels, and shift by a part of one to the lower left."""
         cell = round(size * _CELL)
-        self.window.SetSize(cell * _COLUMNS, cell * _ROWS)
+        self.window.SetSize(cell * _SIDE, cell * _SIDE)
         shift *= self.spacing / cell
         camera = self.renderer.GetActiveCamera()
         camera.SetPosition(-shift, -shift, 4 * self.model.atlas.radius)
         camera.SetFocalPoint(-shift, -shift, 0)
 
-    def draw_mesh(self, level, views=None):
-        """Return the samples of a mesh level, premultiplied RGBA from 0 to 1."""
+    def draw_mesh(self, level):
+        """Return the samples of a mesh level, premultiplied RGBA of 8 bits."""
         self._resize(SIZES[-1] * _SAMPLES, 0.5)
         pool = MeshPool(self.model.levels[level])
-        slots = np.flatnonzero(self.group.ids < (views or len(self.group))).tolist()
+        slots = list(range(len(self.group)))
         actors = pool.show(slots, self.group.matrix, lambda _: (0.0, 0.0, 0.0, 0.5))
         for actor in actors:
             self.renderer.AddViewProp(actor)
@@ -218,7 +264,7 @@ class _Sheet:
         index, origins, _, _ = self.group.blocks.seen(frame)
         blocks = np.column_stack([origins, index]).astype(np.float32)
         cards.show(shader, blocks, (0.0, 0.0, 1e9, 1e9), np.array([0, len(blocks)]))
-        picture = self._picture()
+        picture = self._picture() / np.float32(255)
         if not cards.layers[shader].landed:
             msg = f'the cards of shader {shader!r} are not drawn by this driver'
             raise ShaderError(msg)
@@ -227,7 +273,7 @@ class _Sheet:
     def _picture(self):
         self.window.Render()
         self.group.cards.binder.unbind()
-        return read_rgba(self.window).astype(np.float32) / 255
+        return read_rgba(self.window)
 
     def release(self):
         self.group.release()
@@ -236,16 +282,12 @@ class _Sheet:
 
 def _poses(atlas, spacing, views=None):
     """Return a pose per view: its direction turned to +z, in its cell."""
-    from pvibr.maths.octahedral import frame
-
-    count = _COLUMNS * _ROWS
-    views = directions(count, atlas.half) if views is None else views
-    views = views[np.arange(count) * 7 % count]  # the first few all around
+    views = directions(atlas.half) if views is None else views
     rng = np.random.default_rng(7)
-    poses = np.tile(np.eye(4), (len(views), 1, 1))
-    poses[:, :3, :3] = frame(views)
-    column, row = np.meshgrid(np.arange(_COLUMNS), np.arange(_ROWS))
-    cells = np.stack([column.ravel() - (_COLUMNS - 1) / 2, row.ravel() - (_ROWS - 1) / 2], 1)
+    poses = np.tile(np.eye(4), (_VIEWS, 1, 1))
+    poses[:, :3, :3] = octahedral.frame(views)
+    column, row = np.meshgrid(np.arange(_SIDE), np.arange(_SIDE))
+    cells = np.stack([column.ravel(), row.ravel()], 1) - (_SIDE - 1) / 2
     jitter = rng.uniform(-0.02, 0.02, cells.shape)
     poses[:, :2, 3] = (cells + jitter) * spacing
     poses[:, :3, 3] -= np.einsum('nij,j->ni', poses[:, :3, :3], atlas.center)

@@ -42,10 +42,10 @@ BLUR = 0.02
 
 @dataclass
 class MeshLevel:
-    """The mesh, or a lighter stand-in, with its error."""
+    """The mesh, or a lighter stand-in."""
 
     parts: list
-    error: float = 0.0
+    error: float | None = None  # how far its surface is from the mesh's, in radii, if known
 
     @property
     def triangles(self) -> int:

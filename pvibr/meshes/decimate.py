@@ -21,6 +21,7 @@ _WRECKED = 0.02  # displacement, of the mesh's size, from which another way is t
 _SAME = 1e-3  # of a normal
 _JUMP = 0.1  # of an array's range: corners of a point that differ by more stay apart
 _TURN = 0.2  # the same of normals
+_ROUGHLY = 1000  # places that tell whether a surface was wrecked
 _OUTWARD = 1e-5  # of the mesh's size: what is looked up is the near side of a plate
 _INWARD = 0.02  # of the way to a triangle's centre, where its side of a seam is looked up
 
@@ -40,6 +41,20 @@ def lighter(part, share) -> Part | None:
         flat = part.actor.GetProperty().GetInterpolation() == 0
         mesh = _simplified(part.mesh, welded, share, flat=flat)
     return part.with_mesh(mesh) if mesh.n_cells else None
+
+
+def displacement(part, light) -> float | None:
+    """Return how far a simplified surface is from the part's; None if leaves were dropped."""
+    if light.mesh is part.mesh:
+        return 0.0
+    if part.alpha_cutoff is not None:
+        return None
+    one, other = Welded.of(part.mesh), Welded.of(light.mesh)
+    pieces, labels = _pieces(one.faces, len(one.points))
+    if is_scattered(one, labels, pieces):
+        return None
+    places = [w.points * w.size + w.low - one.low for w in (one, other)]
+    return hausdorff(*(Surface(p, w.faces) for p, w in zip(places, (one, other), strict=True)))
 
 
 def _pieces(faces, n_points):
@@ -75,7 +90,9 @@ class Welded:
         )
         faces = same.reshape(-1)[corners]
         cells = np.flatnonzero((faces != np.roll(faces, 1, axis=1)).all(1))
-        return cls(local.astype(float), faces[cells], corners[cells], cells, low, size)
+        used, faces = np.unique(faces[cells], return_inverse=True)
+        points = local[used].astype(float)
+        return cls(points, faces.reshape(-1, 3), corners[cells], cells, low, size)
 
     @property
     def surface(self) -> Surface:
@@ -127,12 +144,12 @@ def _collapsed(welded, columns, share):
     points, faces = _by_vtk(welded, columns.metric(), share)
     if len(faces) and np.isfinite(points).all():
         truth = welded.surface
-        moved = hausdorff(truth, Surface(points, faces))
+        moved = hausdorff(truth, Surface(points, faces), _ROUGHLY)
         enough = len(faces) < _MISSED * share * len(welded.faces)
         if enough and moved < _WRECKED:
             return points, faces
         other = _by_fast_simplification(welded, share)
-        if len(other[1]) and hausdorff(truth, Surface(*other)) < moved:
+        if len(other[1]) and hausdorff(truth, Surface(*other), _ROUGHLY) < moved:
             return other
         return points, faces
     return _by_fast_simplification(welded, share)

@@ -10,7 +10,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 
-_SAMPLES = 8000  # places on a surface that are looked at, and as many of its points
+_SAMPLES = 4000  # places on a surface that are looked at, and as many of its points
 
 
 @dataclass
@@ -46,22 +46,23 @@ class Surface:
         away = np.linalg.norm(at - places, axis=1)
         return found, weights_of(at, self.corners[found]), away
 
-    def samples(self):
+    def samples(self, count=_SAMPLES):
         """Return places all over the surface: points, and others by area."""
         points = np.asarray(self.points, float)[np.unique(self.faces)]
         a, b, c = self.corners.transpose(1, 0, 2)
         area = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
         rng = np.random.default_rng(0)
-        k = np.minimum(np.searchsorted(area, rng.random(_SAMPLES) * area[-1]), len(area) - 1)
-        u, v = rng.random((2, _SAMPLES, 1))
+        k = np.minimum(np.searchsorted(area, rng.random(count) * area[-1]), len(area) - 1)
+        u, v = rng.random((2, count, 1))
         u, v = np.where(u + v > 1, (1 - u, 1 - v), (u, v))
         inner = a[k] + u * (b - a)[k] + v * (c - a)[k]
-        return np.concatenate([points[:: -(-len(points) // _SAMPLES)], inner])
+        return np.concatenate([points[:: -(-len(points) // count)], inner])
 
 
-def hausdorff(one, other) -> float:
-    """Return the largest distance between two surfaces, both ways, as sampled."""
-    return float(max(a.nearest(b.samples())[2].max() for a, b in ((one, other), (other, one))))
+def hausdorff(one, other, count=_SAMPLES) -> float:
+    """Return the largest distance between two surfaces, both ways, at so many places."""
+    pairs = ((one, other), (other, one))
+    return float(max(a.nearest(b.samples(count))[2].max() for a, b in pairs))
 
 
 def weights_of(places, corners):

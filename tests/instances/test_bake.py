@@ -13,7 +13,9 @@ from pvibr.core.errors import ShaderError
 from pvibr.instances import levels
 from pvibr.instances.atlas import MARGIN
 from pvibr.instances.bake import bake_parts, fill_depth
-from pvibr.instances.levels import bake, content_key, limits_of, make_model
+from pvibr.instances.cache import AtlasCache
+from pvibr.instances.levels import bake, content_key, make_model
+from pvibr.instances.limits import limits_of
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 
@@ -122,7 +124,7 @@ def test_a_truncated_cache_file_is_baked_again_with_one_warning(tmp_path):
 
 def test_limits_grow_with_the_error():
     rng = np.random.default_rng(0)
-    rows = np.cumsum(rng.uniform(0, 0.5, (5, 2)), 0)
+    rows = np.cumsum(rng.uniform(0, 0.5, (5, 16, 3)), 0)
     names = ('splat', 'flat', 'parallax', 'blended', 'mesh1')
     table = {n: rows * s for n, s in zip(names, (4, 2, 1, 0.5, 0.2), strict=True)}
     table |= {'sizes': np.array([8.0, 16, 32, 64, 128]), 'mesh1.radii': np.array(0.01)}
@@ -158,3 +160,50 @@ def test_scattered_matter_is_thinned_and_keeps_its_area():
     light = lighter(part, 0.25).mesh
     assert light.n_cells == 100
     assert light.area == pytest.approx(part.mesh.area, rel=0.02)
+
+
+def test_lighter_levels_are_read_again(tmp_path):
+    mesh = pv.Sphere(theta_resolution=30, phi_resolution=30)
+    mesh['height'] = mesh.points[:, 2].copy()
+    mesh.cell_data['half'] = np.arange(mesh.n_cells) % 2
+    kwargs = {'views': 3, 'tile': 16, 'cache': tmp_path}
+
+    def made():
+        return make_model(as_parts(mesh, scalars='height', smooth_shading=True), **kwargs)
+
+    first, again = made(), made()
+    assert len(first.levels) == len(again.levels) > 1
+    assert first.limits(1.0) == again.limits(1.0)
+    for one, other in zip(first.levels, again.levels, strict=True):
+        assert one.error == other.error
+        a, b = one.parts[0].mesh, other.parts[0].mesh
+        assert a == b
+        assert a.point_data.active_normals_name == b.point_data.active_normals_name
+
+
+FORGED = {
+    'no levels': lambda a: a.pop('levels'),
+    'no errors': lambda a: [a.pop(k) for k in list(a) if k.startswith('errors.')],
+    'errors of another shape': lambda a: a.update({'errors.flat': np.zeros(2)}),
+    'no grid': lambda a: a.pop('grid'),
+    'a grid of text': lambda a: a.update(grid=np.array(['a', 'b', 'c'])),
+    'faces beyond the points': lambda a: a.update({'level0.0.faces': a['level0.0.faces'] + 10**6}),
+    'points missing': lambda a: a.pop('level0.0.points'),
+}
+
+
+@pytest.mark.parametrize('how', FORGED)
+def test_what_is_forged_is_baked_again_once(how, tmp_path):
+    parts = as_parts(pv.Sphere(theta_resolution=30, phi_resolution=30))
+    kwargs = {'views': 3, 'tile': 16, 'cache': tmp_path}
+    first = make_model(parts, **kwargs)
+    store = AtlasCache(tmp_path)
+    key = content_key(parts, 3, 16, False)
+    arrays = dict(store.get(key))
+    FORGED[how](arrays)
+    assert store.put(key, arrays)
+    with pytest.warns(PvibrWarning, match='baked again') as caught:
+        again = make_model(parts, **kwargs)
+    assert len(caught) == 1
+    assert again.limits(1.0) == first.limits(1.0)
+    make_model(parts, **kwargs)  # warnings are errors

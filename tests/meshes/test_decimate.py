@@ -84,7 +84,9 @@ def test_creases_of_smooth_surfaces_stay_creases():
     assert moved((full, less)) < 0.005
     places, normals = corners(less, 'Normals')
     cap = np.abs(facets(places)[:, 0]) > 0.999
-    assert np.abs(normals[cap][..., 0]).min() > 0.999
+    areas = np.linalg.norm(np.cross(*(places[cap, k] - places[cap, 0] for k in (1, 2))), axis=1)
+    wrong = (np.abs(normals[cap][..., 0]) < 0.999).mean(1)
+    assert (areas * wrong).sum() < 0.005 * areas.sum()  # slivers along the rim
     round_ = places[~cap] * [0, 1, 1]
     round_ /= np.linalg.norm(round_, axis=2, keepdims=True)
     assert np.percentile((normals[~cap] * round_).sum(2), 1) > 0.98
@@ -113,6 +115,15 @@ def test_texture_coordinates_keep_their_seam():
     assert np.minimum(off, 1 - off).max() < 0.02  # 0 and 1 are the same place
     assert np.ptp(at[..., 0], axis=1).max() < 0.5  # no triangle runs backwards round the tube
     np.testing.assert_allclose(at[..., 1], places[..., 2] / 3, atol=0.02)
+
+
+def test_points_that_no_triangle_uses_do_no_harm():
+    mesh = ball()
+    mesh['paint'] = mesh.points[:, 0].copy()
+    half = pv.PolyData.from_regular_faces(mesh.points, mesh.regular_faces[::2])
+    half['paint'] = mesh['paint']
+    full, less = light(half, scalars='paint')
+    assert 0 < less.n_cells < full.n_cells
 
 
 @pytest.mark.parametrize('kind', [np.float64, np.uint8])

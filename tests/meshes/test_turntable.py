@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 import pvibr
 from pvibr.instances.atlas import Atlas
 from pvibr.instances.bake import bake_parts
-from pvibr.instances.levels import limits_of
+from pvibr.instances.limits import limits_of
 from pvibr.instances.measure import SIZES, level_directions
 from pvibr.maths.vectors import as_units
 from pvibr.meshes.parts import as_parts
@@ -42,7 +42,7 @@ def test_pictures_are_taken_all_around_the_axis(axis, views):
 @given(axes, st.booleans())
 def test_it_is_measured_from_where_it_is_shown(axis, half):
     turns = Turns(tuple(as_units('axis', axis).tolist()), 8)
-    rises = level_directions(16, turns, half) @ turns.axis
+    rises = level_directions(turns, half) @ turns.axis
     assert np.abs(rises).max() < LEVEL
     assert (rises.min() > 0) == half
     assert np.ptp(rises) > LEVEL / 2
@@ -165,8 +165,8 @@ def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
     things = pl.ibr.add_instances(foliage, [[0, 0, 0], [9, 0, 0]], cache=atlases, max_error=2.0)
     errors = things.atlases[0].errors
     assert {'billboard', 'turntable', 'mesh1', 'mesh2'} <= set(errors)
-    assert errors['turntable'].shape == (len(SIZES), 2)
-    assert (errors['turntable'][2:] <= errors['billboard'][2:]).all()
+    assert errors['turntable'].shape == (len(SIZES), 16, 3)
+    assert (errors['turntable'][2:, :, 1].mean(1) <= errors['billboard'][2:, :, 1].mean(1)).all()
     see.place(pl, (0, -60, 1.6), (0, 0, 1.6))
     see.grab(pl)
     assert 'turntable from the side to' in things.report()['atlas 0']
@@ -183,7 +183,8 @@ def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
 
 
 def test_sizes_follow_from_errors():
-    good, bad = np.array([[0.4, 0.5], [1.4, 0.8]]), np.array([[0.4, 0.5], [2.4, 0.8]])
+    good = np.array([[0.4, -0.1, 0.5], [1.4, -0.1, 0.8]])
+    bad = np.array([[0.4, -0.1, 0.5], [2.5, -0.1, 0.8]])
     table = {
         'sizes': np.array([8.0, 16.0]),
         'splat': good,
@@ -196,8 +197,8 @@ def test_sizes_follow_from_errors():
     both = limits_of(table | {'billboard': bad, 'turntable': good}, 1, 1.0)
     assert (both.cards, both.mesh) == (plain.cards, plain.mesh)
     spans = {name: span for name, *span in both.level}
-    assert spans['billboard'] == [6.0, 11.08]
-    assert spans['turntable'] == [11.08, 16.0]
+    assert spans['billboard'] == [6.0, 12.0]
+    assert spans['turntable'] == [12.0, 16.0]
     assert spans['flat'][0] == spans['flat'][1]
 
 

@@ -1,0 +1,64 @@
+"""Lighter meshes as arrays, for the cache beside their atlas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.instances.mesh_pool import MeshLevel
+
+_ACTIVE = ('active_scalars_name', 'active_normals_name', 'active_texture_coordinates_name')
+
+
+def to_arrays(levels) -> dict[str, np.ndarray]:
+    """Return the lighter levels of a mesh as named arrays."""
+    errors = [np.nan if level.error is None else level.error for level in levels[1:]]
+    out = {'levels': np.array(errors, float)}
+    for i, level in enumerate(levels[1:]):
+        for j, part in enumerate(level.parts):
+            if part is not levels[0].parts[j]:
+                out |= {f'level{i}.{j}.{k}': a for k, a in _mesh_arrays(part.mesh).items()}
+    return out
+
+
+def _mesh_arrays(mesh):
+    out = {'points': np.asarray(mesh.points), 'faces': np.asarray(mesh.regular_faces)}
+    for side in ('point', 'cell'):
+        data = getattr(mesh, f'{side}_data')
+        out |= {f'{side}:{name}': np.asarray(data[name]) for name in data}
+        out[f'{side}.active'] = np.array([getattr(data, name) or '' for name in _ACTIVE])
+    return out
+
+
+def from_arrays(parts, arrays) -> list[MeshLevel]:
+    """Return the levels of a mesh from arrays; ValueError or KeyError if they are not levels."""
+    levels = [MeshLevel(list(parts))]
+    for i, error in enumerate(np.asarray(arrays['levels'], float)):
+        light = [_part(part, _below(arrays, f'level{i}.{j}.')) for j, part in enumerate(parts)]
+        levels.append(MeshLevel(light, None if np.isnan(error) else float(error)))
+    return levels
+
+
+def _below(arrays, prefix):
+    return {name[len(prefix) :]: a for name, a in arrays.items() if name.startswith(prefix)}
+
+
+def _part(part, arrays):
+    if not arrays:
+        return part
+    points, faces = arrays['points'], arrays['faces']
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        msg = f'points must be finite, (n, 3), not {points.shape}'
+        raise ValueError(msg)
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.min() < 0 or faces.max() >= len(points):
+        msg = f'faces must be (m, 3) indices of {len(points)} points, not {faces.shape}'
+        raise ValueError(msg)
+    mesh = pv.PolyData.from_regular_faces(np.array(points), np.array(faces))
+    for side in ('point', 'cell'):
+        data = getattr(mesh, f'{side}_data')
+        for name, values in _below(arrays, f'{side}:').items():
+            data[name] = np.array(values)
+        for kind, name in zip(_ACTIVE, arrays[f'{side}.active'].tolist(), strict=True):
+            if name:
+                setattr(data, kind, name)
+    return part.with_mesh(mesh)
