@@ -326,11 +326,28 @@ class Instances(PosedSet):
             for k, actor in enumerate(layer.actors)
         )
         super()._put_in(renderer)
+        for actor in self.props[1:]:
+            renderer.AddViewProp(actor)
+
+    def _take_out(self, renderer):
+        super()._take_out(renderer)
+        for actor in self.props[1:]:
+            renderer.RemoveViewProp(actor)
+
+    @property
+    def props(self) -> tuple:
+        """The actor that stands for it, and those that only pickers see."""
+        return (self, *(actor for group in self.groups for actor in group.near.picked()))
 
     def actors(self) -> list:
         """Return the actors that draw the instances, invisible ones included."""
         meshes = [a for group in self.groups for a in group.mesh_actors()]
         return [a for group in self.groups for a in group.cards.actors()] + meshes
+
+    def depths(self) -> list:
+        """Return the actors that draw its depth, as lights see it."""
+        cards = [a for group in self.groups for a in group.cards.actors() if a.GetVisibility()]
+        return cards + [a for group in self.groups for a in group.near.depths()]
 
     def deactivate(self):
         """Hide all actors."""

@@ -7,6 +7,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.gl import shader_source
+from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.cards import EVERYWHERE
 from pvibr.instances.mesh_pool import cutoff, with_looks
@@ -54,6 +55,10 @@ class MeshDraws:
         """Return every actor made so far."""
         return [actor for draws in self._parts for actor in draws.actors]
 
+    def depths(self) -> list:
+        """Return the actors that draw the depth of what is shown."""
+        return [actor for draws in self._parts for actor in draws.depths()]
+
     def release(self, window):
         """Free GPU memory; the context is current."""
         for draws in self._parts:
@@ -84,6 +89,7 @@ class PartDraws(ShaderDraws):
         self.part, self._center, self._matrix = part, center, matrix
         self.set_feature(_feature(part.mesh))
         self.tint: dict = {}
+        self._depths: _DepthDraws | None = None
 
     def show(self, first, end) -> list:
         """Draw the entries from the first to the end; return new actors."""
@@ -93,6 +99,36 @@ class PartDraws(ShaderDraws):
         self._spans += [(0, 0)] * len(new)
         self.show_spans(spans)
         return new
+
+    def depths(self) -> list:
+        """Return actors that draw the depth of what is shown, by a minimal shader if that may."""
+        shown = [actor for actor in self.actors if actor.GetVisibility()]
+        cut = self.part.alpha_cutoff is not None or is_cut_out(self.part.actor)
+        if not shown or cut or shown[0].HasTranslucentPolygonalGeometry():
+            return shown
+        if self._depths is None:
+            self._depths = _DepthDraws(self.mapper.GetInput(), self._made_plain, self._binder)
+        self._depths.set_inputs(self.entries, self.textures, self.uniforms)
+        return self._depths.show([span for span in self._spans if span[1] > 0])
+
+    def _made_plain(self, mapper):
+        """Return an actor that draws depth alone."""
+        actor, prop = pv.Actor(), self.part.actor.GetProperty()
+        actor.SetMapper(mapper)
+        actor.GetProperty().LightingOff()
+        actor.GetProperty().SetBackfaceCulling(prop.GetBackfaceCulling())
+        actor.GetProperty().SetFrontfaceCulling(prop.GetFrontfaceCulling())
+        actor.SetUserMatrix(self._matrix)
+        _feature(self.part.mesh, depth=True).attach(actor)
+        return actor
+
+    def release(self, window):
+        """Free GPU memory; the context is current."""
+        super().release(window)
+        if self._depths is not None:
+            self._depths.entries = None
+            self._depths.release(window)
+            self._depths = None
 
     def _inputs(self):
         return self.textures, self.uniforms | self.tint
@@ -114,7 +150,29 @@ class PartDraws(ShaderDraws):
         self.mapper.SetInputDataObject(copies(self.part.mesh, self.chunk, self._center))
 
 
-def _feature(mesh) -> Feature:
+class _DepthDraws(ShaderDraws):
+    """Draws of the same copies for depth alone; they are in no renderer's list."""
+
+    def __init__(self, mesh, made, binder):
+        super().__init__(draws=0, binder=binder)
+        self.mapper.SetVBOShiftScaleMethod(self.mapper.DISABLE_SHIFT_SCALE)
+        self.mapper.SetInputDataObject(mesh)
+        self._made = made
+
+    def set_inputs(self, entries, textures, uniforms):
+        """Set what the draws for all else have, too."""
+        self.entries, self.textures, self.uniforms = entries, textures, uniforms
+
+    def show(self, spans) -> list:
+        """Return the actors that draw some spans of entries."""
+        new = [self._made(self.mapper) for _ in range(len(spans) - len(self.actors))]
+        self.actors += new
+        self._spans += [(0, 0)] * len(new)
+        self.show_spans(spans)
+        return self.actors[: len(spans)]
+
+
+def _feature(mesh, *, depth=False) -> Feature:
     part, kept = sections(shader_source(__file__)), '//VTK::PositionVC::Dec\n'
     defines = f'#define VERTICES {mesh.n_points}.0\n'
     defines += f'#define CELL_NORMALS {int(mesh.cell_data.active_normals is not None)}\n'
@@ -127,7 +185,7 @@ def _feature(mesh) -> Feature:
         'VTK::PositionVC::Dec': defines + part['fragment.declare'] + kept,
         'VTK::Normal::Impl': part['fragment.normal'],
     }
-    return Feature('mesh_draws', vertex, fragment)
+    return Feature('mesh_draws', vertex, {} if depth else fragment)
 
 
 def copies(mesh, count, origin) -> pv.PolyData:

@@ -128,6 +128,12 @@ class NearMeshes:
             new += draws.show(int(first), int(end))
         return new
 
+    def depths(self) -> list:
+        """Return the actors that draw the depth of what is shown."""
+        single = [actor for pool in self.pools for actor in pool.actors()]
+        shown = [actor for actor in single if actor.GetVisibility()]
+        return shown + [actor for draws in self.draws for actor in draws.depths()]
+
     # -- looks --------------------------------------------------------------------------------
 
     def recolor(self, group, multiply):
@@ -147,6 +153,8 @@ class NearMeshes:
 
     def _show_picked(self, group, frame, slots):
         """Have actors of single instances for VTK's pickers, which know nothing of draws."""
+        if not frame.own:
+            return []
         if not frame.picking:
             slots = slots[:_PICKED]
         return self._picked.lend(slots.tolist(), group.matrix)
@@ -167,8 +175,12 @@ class NearMeshes:
     # -- its life -----------------------------------------------------------------------------
 
     def actors(self) -> list:
-        """Return every actor made so far."""
-        return [a for owner in (*self.draws, *self.pools, self._picked) for a in owner.actors()]
+        """Return every actor made so far that draws."""
+        return [actor for owner in (*self.draws, *self.pools) for actor in owner.actors()]
+
+    def picked(self) -> list:
+        """Return the actors that only VTK's pickers see."""
+        return self._picked.actors()
 
     def lend_anew(self, group):
         """Show nothing, whatever a slot holds from now on."""
@@ -193,7 +205,7 @@ class NearMeshes:
         self._entries = None
         if window is None:
             return
-        for actor in self.actors():
+        for actor in (*self.actors(), *self.picked()):
             actor.ReleaseGraphicsResources(window)
         for pool in self.pools:
             for part in pool.level.parts:
