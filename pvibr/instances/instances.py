@@ -24,6 +24,7 @@ from pvibr.instances.group import SORTED_SEEN
 from pvibr.instances.levels import make_model, no_images, unbaked
 from pvibr.instances.limits import Limits, checked_force, forced_limits, limits_of, needs_images
 from pvibr.instances.materials import MATERIAL_CHANGED, Material
+from pvibr.instances.memory import checked_share, hold, room
 from pvibr.instances.posed_set import PosedSet
 from pvibr.instances.sources import MESH_CHANGED, Sources
 from pvibr.meshes.parts import as_meshes, as_parts, two_sided
@@ -72,8 +73,12 @@ class Instances(PosedSet):
         lines, points); the report says why.
     cache : bool or path
         Keep atlases on disk, or the folder to keep them in.
+    gpu_memory : float, optional
+        Limit on the GPU memory of its images, in MiB. At the limit images have fewer texels, or
+        meshes are drawn, and the report says so. All sets together are limited by the environment
+        variable ``PVIBR_GPU_MEMORY``, 2048 MiB by default.
     progress : bool, optional
-        Show a progress bar while baking; by default if standard error is a terminal.
+        Show a progress bar while baking; by default in terminals and notebooks.
     views : {'full', 'half'}
         Bake views from all sides, or from above the horizon only at twice the density.
     theme : pyvista.plotting.themes.Theme, optional
@@ -145,6 +150,7 @@ class Instances(PosedSet):
         pickable=True,
         bake=None,
         cache=True,
+        gpu_memory=None,
         progress=None,
         views='full',
         theme=None,
@@ -169,6 +175,7 @@ class Instances(PosedSet):
         self._sources = Sources(meshes, lambda mesh: self._sided(how(mesh)), parts)
         baking = {'half': checked_views(views), 'cache': cache, 'progress': progress}
         self._bake, self._materials = bake, {}
+        self._share = checked_share(gpu_memory, len(meshes))
         self._begin(poses, index, {}, pickable, parts, baking)
         if len(parts) == len(parts[0]) == 1:
             self._dressed = (parts[0][0].actor,)
@@ -197,7 +204,10 @@ class Instances(PosedSet):
         self._materials[k] = Material(self._meshes[k])
         if self._bake is False:
             return unbaked(self._meshes[k], 'bake is False')
-        return make_model(self._meshes[k], count=self._count_of(k), **self._baking)
+        left = room(self._share)
+        model = make_model(self._meshes[k], count=self._count_of(k), room=left, **self._baking)
+        hold(model.atlas)
+        return model
 
     def _count_of(self, k) -> int | None:
         """Return how many instances show a mesh, None if it has images for any number."""

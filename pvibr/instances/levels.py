@@ -17,6 +17,7 @@ from pvibr.instances.bake import TEXTURE_MODES, bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.limits import SIDES, Limits, limits_of
 from pvibr.instances.measure import allowed, measure
+from pvibr.instances.memory import fitting_tile
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.progress import baking
 from pvibr.instances.stored_levels import from_arrays, to_arrays
@@ -42,6 +43,8 @@ class LodModel:
     atlas: Atlas
     #: Why it has no pictures, empty if it has.
     unbaked: str = ''
+    #: What is to be said of its tiles.
+    note: str = ''
     #: Colour shown in place of that in the pictures, and 1; or zeros.
     paint: tuple = (0.0, 0.0, 0.0, 0.0)
     _limits: dict = field(default_factory=dict)
@@ -72,7 +75,8 @@ class LodModel:
             for level, limit in zip(reversed(self.levels), reversed(limits.meshes), strict=True)
             if limit > limits.mesh
         ]
-        head = f'{a.views} x {a.views} views of {a.tile} texels, baked in {a.seconds:.1f} s'
+        head = f'{a.views} x {a.views} views of {a.tile} texels{self.note}'
+        head += f', baked in {a.seconds:.1f} s'
         if a.animated:
             head = f'{a.n_poses} poses of {head}'
         return '; '.join([head, *cards, *meshes])
@@ -86,14 +90,24 @@ def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **l
 
 
 def make_model(
-    parts, *, count=None, half=False, cache=True, progress=None, views=16, tile=128
+    parts, *, count=None, room=None, half=False, cache=True, progress=None, views=16, tile=128
 ) -> LodModel:
     """Return the levels of a mesh, baked and measured, or cached.
 
-    With a `count` of instances it is baked only if that pays.
+    With a `count` of instances it is baked only if that pays; with `room`, bytes on the GPU, its
+    tiles shrink until they fit.
     """
     if why := no_images(parts, count):
         return unbaked(parts, why)
+    if room is not None and content_key(parts, views, tile, half) not in _atlases:
+        fitting = fitting_tile(views, tile, room)
+        if not fitting:
+            return unbaked(parts, 'GPU memory for images is at its limit')
+        if fitting < tile:
+            how = {'half': half, 'cache': cache, 'progress': progress, 'views': views}
+            model = make_model(parts, tile=fitting, **how)
+            model.note = f', not {tile}, as GPU memory is limited'
+            return model
     store = None if cache is False else AtlasCache(None if cache is True else cache)
     key = content_key(parts, views, tile, half) if store is not None else ''
     found = store.load(key, lambda arrays: _read(parts, arrays)) if store is not None else None

@@ -62,3 +62,27 @@ def test_a_forced_image_is_baked(scenes, see, bean):
     assert 'views of 128' in things.report()['atlas 0']
     see.grab(pl)
     pl.close()
+
+
+def test_images_shrink_where_gpu_memory_is_limited(scenes, bean, monkeypatch):
+    def atlas(**kwargs):
+        pl, things = scenes.instances(bean, [[0, 0, 0]], level='flat', color='tan', **kwargs)
+        report = things.report()['atlas 0']
+        size = things.atlases[0].nbytes
+        pl.close()
+        return size, report
+
+    size, report = atlas(gpu_memory=4)
+    assert size <= 4 * 2**20
+    assert 'views of 32 texels, not 128' in report
+    _, report = atlas(gpu_memory=0.1)
+    assert 'not baked: GPU memory' in report
+    monkeypatch.setenv('PVIBR_GPU_MEMORY', '0')
+    _, report = atlas(diffuse=0.9, opacity=0.99)
+    assert 'at its limit' in report
+    for bad in (-1, 'much', float('nan')):
+        with pytest.raises(ValueError, match='gpu_memory'):
+            atlas(gpu_memory=bad)
+    monkeypatch.setenv('PVIBR_GPU_MEMORY', 'much')
+    with pytest.raises(ValueError, match='PVIBR_GPU_MEMORY'):
+        atlas()
