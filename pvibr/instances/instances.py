@@ -200,6 +200,11 @@ class Instances(PosedSet):
         return {k: v for k, v in asked.items() if v is not None}
 
     def _model(self, k):
+        """Return the levels of a mesh; what has changed is baked only if asked to."""
+        known = self._models.get(k)
+        return self._new_model(k) if known is None or not _is_changed(known) else known
+
+    def _new_model(self, k):
         """Return the levels of a mesh, baked if that is wanted or pays."""
         self._materials[k] = Material(self._meshes[k])
         if self._bake is False:
@@ -217,14 +222,15 @@ class Instances(PosedSet):
     def _fits(self) -> bool:
         if not super()._fits():
             return False
-        unbaked = [k for k, model in self._models.items() if model.unbaked]
+        models = self._models.items()
+        unbaked = [k for k, model in models if model.unbaked and not _is_changed(model)]
         asked = self._bake is None
         return not asked or all(no_images(self._meshes[k], self._count_of(k)) for k in unbaked)
 
     def bake(self):
         """Bake images of the meshes that have none; what images cannot show stays as it is."""
         self._bake = True
-        new = {k: self._model(k) for k, model in self._models.items() if model.unbaked}
+        new = {k: self._new_model(k) for k, model in self._models.items() if model.unbaked}
         if any(not model.unbaked for model in new.values()):
             self._models |= new
             self._rebuild()
@@ -463,3 +469,7 @@ class Instances(PosedSet):
             Actor that PyVista's mesh picking returned.
         """
         return next((i for k in self.groups if (i := k.instance_of(actor)) is not None), None)
+
+
+def _is_changed(model) -> bool:
+    return model.unbaked in (MESH_CHANGED, MATERIAL_CHANGED)
