@@ -7,6 +7,7 @@ import pytest
 import pyvista as pv
 from scipy.spatial.transform import Rotation
 
+import pvibr
 from pvibr.meshes.parts import as_parts
 
 SIZE = (150, 110)
@@ -202,6 +203,20 @@ def test_one_draw_after_another(scenes, see):
     assert len(draws(things)) < 3
     np.testing.assert_array_equal(see.grab(see.place(drawn, **CAMERA)), whole)
     same(whole, see.grab(plain(scenes, mesh, poses(12), color='tan', smooth_shading=True)))
+
+
+def test_shadows_are_those_of_plain_actors(scenes, see):
+    """Lights see draws of depth alone: where each copy is, as actors are."""
+    pictures = []
+    for make in (near, plain):
+        made = make(scenes, body(), poses(), color='tan')
+        pl = made[0] if make is near else made
+        pl.add_mesh(pv.Plane(center=(0, 0, -1), i_size=12, j_size=12), color='white')
+        before = see.grab(see.place(pl, **CAMERA))
+        pl.ibr.add(pvibr.Shadows(resolution=512))
+        pictures.append(see.grab(pl))
+        assert np.abs(pictures[-1] - before).max() > 0.1
+    same(*pictures, share=0.01, tolerance=8)
 
 
 def draws(things):
