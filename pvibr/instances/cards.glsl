@@ -20,6 +20,8 @@ uniform sampler2D ibr_entries;     // visible blocks: origin in eye space, index
 uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as baked, 255 coloured
 uniform int ibr_count;            // instances
 uniform int ibr_unit;             // instances of a block
+uniform int ibr_nearest_first;    // 1 to draw the entries of a span from its end
+uniform float ibr_back;           // how far it is pushed back, in shares of w
 uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
 uniform int ibr_has_looks;
 uniform vec4 ibr_tint;            // for all that a program draws, where alpha is 1
@@ -123,6 +125,7 @@ mat3 ibr_frame(vec3 d)
     int corner = gl_VertexID % CORNERS;
     int entry = slot / ibr_unit;
     bool live = entry < ibr_end;
+    if (ibr_nearest_first == 1) { entry = ibr_first / ibr_unit + ibr_end - 1 - entry; }
     vec4 block = texelFetch(ibr_entries, live ? ivec2(entry % 1024, entry / 1024) : ivec2(0), 0);
     int i = int(block.w) * ibr_unit + slot % ibr_unit;
     live = live && i < ibr_count;
@@ -205,15 +208,14 @@ mat3 ibr_frame(vec3 d)
         vec4 p = vec4(c + eye_from_q * v, 1.0);
         vertexVCVSOutput = p;
         gl_Position = ibr_clip_from_eye * p;
-        if (size > range.z && ibr_dithered < 0.5)
+        gl_Position.z += ibr_back * gl_Position.w;
+        if (ibr_back > 0.0 && size < range.y)
         {
-          // A finer level is drawn over it: behind that, by the depth of the object. No further: a
-          // ground beneath would hide the feet. With a mesh it shares pixels: it stays in place.
-          float deep_q = 1.1 * (dot(abs(d), ibr_box_half) - dot(d, ibr_box_center)) + 0.02;
-          float behind = clamp(deep_q, 0.02, 2.0) * stretch;
-          float back = ibr_parallel == 1 ? p.z - behind : p.z * (1.0 + behind / away);
-          vec4 deep = ibr_clip_from_eye * vec4(p.xy, back, 1.0);
-          gl_Position.z = min(deep.z / deep.w, 0.9999) * gl_Position.w;
+          // It blends with the core of a coarser level: in front of the object's nearest point.
+          float ahead = clamp(nearer, 0.0, 1.0) * stretch;
+          float near_z = ibr_parallel == 1 ? p.z + ahead : p.z * (1.0 - min(ahead / away, 0.5));
+          vec4 front = ibr_clip_from_eye * vec4(p.xy, near_z, 1.0);
+          gl_Position.z = max(front.z / front.w - 1e-5, -0.9999) * gl_Position.w;
         }
         vec3 ray = ibr_parallel == 1 ? -d : v - eye;
         ibr_stretch = stretch;
@@ -299,7 +301,8 @@ uniform sampler2D ibr_albedo;
 uniform int ibr_multiply;             // instance colours multiply the albedo instead
 uniform vec4 ibr_paint;               // a colour in place of the albedo, where alpha is 1
 uniform float ibr_margin;
-uniform float ibr_cut;                // coverage below which nothing is drawn
+uniform vec3 ibr_part;                // coverages from, to; opacity: below 0 the coverage
+uniform int ibr_fades;                // 1 where levels blend with each other
 uniform float ibr_dithered;
 uniform vec4 ibr_clip_depth;          // rows z and w of clip from eye, z columns: zz, zw, wz, ww
 in vec4 vertexVCVSOutput;
@@ -424,29 +427,26 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   // area and nothing shines through. Before a mesh, which cannot blend, pixels are shared.
   // Where nothing is blended (a light, a pick, ids of pixels) both are there wholly.
   float ibr_full = ibr_coverage;
-  bool ibr_fades = ibr_cut < 0.5;
-  if (ibr_fades) { ibr_coverage *= clamp(ibr_card.w, 0.0, 1.0); }
-  if (ibr_fades && ibr_dithered < 0.5)
+  if (ibr_fades == 1) { ibr_coverage *= clamp(ibr_card.w, 0.0, 1.0); }
+  if (ibr_fades == 1 && ibr_dithered < 0.5)
   {
     float ibr_over = clamp(ibr_card.z, 0.0, 0.999) * ibr_full;
     float ibr_left = 1.0 - (1.0 - ibr_full) / (1.0 - ibr_over);
     ibr_coverage *= clamp(ibr_left / max(ibr_full, 1e-4), 0.0, 1.0);
+    if (ibr_card.z >= 0.98) { discard; }  // the finer level has a core of its own
   }
-  if (ibr_coverage < ibr_cut) { discard; }
-  if (ibr_fades && ibr_dithered > 0.5 && IBR_DITHER < ibr_card.z) { discard; }
+  if (ibr_coverage < ibr_part.x || ibr_coverage >= ibr_part.y) { discard; }
+  if (ibr_fades == 1 && ibr_dithered > 0.5 && IBR_DITHER < ibr_card.z) { discard; }
 
 //@fragment.depth
   {
-    // The surface's own depth, so that things which touch or pierce one another meet where they do;
-    // a little behind while a finer level, whose views see it as deep to within that, is over it.
-    float z = ibr_g.r;
-    if (ibr_card.z > 0.0 && ibr_dithered < 0.5) { z -= 0.2 * ibr_stretch; }
-    vec2 zw = vec2(ibr_clip_depth.x * z + ibr_clip_depth.y,
-                   ibr_clip_depth.z * z + ibr_clip_depth.w);
+    // The surface's own depth, so that things which touch or pierce one another meet where they do.
+    vec2 zw = vec2(ibr_clip_depth.x * ibr_g.r + ibr_clip_depth.y,
+                   ibr_clip_depth.z * ibr_g.r + ibr_clip_depth.w);
     gl_FragDepth = clamp(zw.x / zw.y * 0.5 + 0.5, 0.0, 1.0);
   }
 
 //@fragment.color
   diffuseColor = diffuseIntensity * ibr_base;
   ambientColor = ambientIntensity * ibr_base;
-  opacity = opacityUniform * ibr_coverage;
+  opacity = opacityUniform * (ibr_part.z < 0.0 ? ibr_coverage : ibr_part.z);

@@ -13,10 +13,12 @@ from pvibr.gl.mipmaps import put_rows
 from pvibr.gl.texture import release
 from pvibr.instances.atlas import MARGIN
 from pvibr.instances.atlas_textures import AtlasTextures
+from pvibr.instances.card_layers import CardLayer, has_core
 from pvibr.instances.placement import WIDTH
 from pvibr.maths.blocks import BLOCK
 from pvibr.meshes.turntable import LEVEL
-from pvibr.scene.shader_draws import DULL, PBR, ROW, ShaderDraws, pack
+from pvibr.scene.draw_order import Stage
+from pvibr.scene.shader_draws import DULL, ROW, pack
 
 _CHUNK = 8192  # cards of one draw
 # Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
@@ -50,15 +52,16 @@ class CardShader:
         }
         return DITHER + ''.join(f'#define {k} {v}\n' for k, v in values.items())
 
-    def feature(self, shiny=True, animated=False, turned=False) -> Feature:
-        """Return the shader text by VTK's tags."""
+    def feature(self, shiny=True, animated=False, turned=False, *, deep=True) -> Feature:
+        """Return the shader text by VTK's tags, with depth of its own if it has one."""
         part = sections(shader_source(__file__))
         defines = self.defines(animated, turned)
         vertex = {
             'VTK::PositionVC::Dec': defines + part['vertex.declare'],
             'VTK::PositionVC::Impl': part['vertex.position'],
         }
-        depth = '' if self.splat else part['fragment.depth']
+        deep = deep and not self.splat
+        depth = part['fragment.depth'] if deep else ''
         fragment = {
             'VTK::PositionVC::Dec': defines + part['fragment.declare'],
             'VTK::PositionVC::Impl': part['fragment.sample'],
@@ -67,7 +70,7 @@ class CardShader:
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
             'VTK::Light::Impl': _SOFT_LIGHT if shiny else DULL[0] + _SOFT_LIGHT + DULL[1],
         }
-        return Feature(f'card_{self.name}', vertex, fragment)
+        return Feature(f'card_{self.name}_{int(deep)}', vertex, fragment)
 
 
 SPLAT = CardShader(
@@ -82,7 +85,6 @@ TURNTABLE = CardShader('turntable', views=1, steps=0, sides=2)
 #: In the order of their cost, those of a turntable included.
 ALL_CARD_SHADERS = (SPLAT, BILLBOARD, TURNTABLE, FLAT, PARALLAX, BLENDED)
 _NEVER = (1e30, 1e30, 0.0, 0.0)
-EVERYWHERE = (-1e30, 1e30) * 3  # VTK culls draws by their bounds, and blocks are culled already
 
 
 def ends(low, high, fade) -> tuple:
@@ -118,6 +120,7 @@ class Cards:
 
     def __init__(self, atlas, capacity, unit, draws, prop, binder):
         self.atlas, self.binder, self.window = atlas, binder, None
+        self.solid = self.deep = False
         self.textures: dict[str, Texture] = {}
         self._own: dict[str, Texture] = {}
         self._images: AtlasTextures | None = None
@@ -151,7 +154,10 @@ class Cards:
         draws = draws or slab_counts(capacity, 1, turntable is not None)
         most = min(_CHUNK, max(1, -(-capacity // unit)) * unit)
         used = [p for p in ALL_CARD_SHADERS if p.name in draws]
-        self.layers = {p.name: _Layer(self, p, prop, draws[p.name], most) for p in used}
+        cored = has_core(atlas)
+        self.layers = {
+            p.name: CardLayer(self, p, prop, draws[p.name], most, cored=cored) for p in used
+        }
 
     @property
     def nbytes(self) -> int:
@@ -178,9 +184,23 @@ class Cards:
         """Return the card shaders in use, in drawing order."""
         return [layer.shader for layer in self.layers.values()]
 
+    def order(self) -> list:
+        """Return pairs of a key and an actor in the order of drawing."""
+        found = []
+        for layer in self.layers.values():
+            row = ALL_CARD_SHADERS.index(layer.shader)
+            for draws, stage, turn in (
+                (layer.core, Stage.CORE, -1),
+                (layer.fringe, Stage.FRINGE, 1),
+                (layer.depth, Stage.DEPTH, 1),
+            ):
+                actors = [] if draws is None else draws.actors
+                found += [((stage, turn * row, turn * k), a) for k, a in enumerate(actors)]
+        return sorted(found, key=lambda pair: pair[0])
+
     def actors(self) -> list:
-        """Return all actors in drawing order, far cards first."""
-        return [a for layer in self.layers.values() for a in layer.actors]
+        """Return all actors in the order of drawing."""
+        return [actor for _, actor in self.order()]
 
     def place(self, placement, rows=None):
         """Take over the poses of a placement, or some rows of them, with the next upload."""
@@ -220,8 +240,10 @@ class Cards:
         """Upload the motion of instances of an animated atlas."""
         self.textures['ibr_moves'].upload(pack(moves, ROW, 4))
 
-    def view(self, frame):
-        """Set the uniforms of a frame's camera."""
+    def view(self, frame, *, depth=False):
+        """Set the uniforms of a frame's camera; depth may be wanted of soft edges."""
+        self.solid = frame.picking or frame.casting
+        self.deep = depth and not self.solid
         clip, view = frame.clip_from_view, frame.view_from_world
         self.uniforms |= {
             'ibr_parallel': int(frame.parallel),
@@ -229,11 +251,11 @@ class Cards:
             'ibr_eye_from_world': view[:3, :3],
             'ibr_clip_from_eye': clip,
             'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
-            'ibr_cut': 0.5 if frame.picking or frame.casting else 1 / 255,
+            'ibr_fades': int(not self.solid),
         }
 
     def show(self, name, blocks, sizes, cuts, *, level=None, unit=None, dithered=False):
-        """Draw some blocks by a shader, in the given order."""
+        """Draw some blocks by a shader, given from far to near."""
         layer = self.layers[name]
         layer.dithered, layer.unit, layer.level = dithered, unit or self.unit, level or sizes
         layer.show(blocks, sizes, cuts)
@@ -252,48 +274,3 @@ class Cards:
         if self._images is not None:
             self._images.give_back()
         self.textures, self._own, self._images, self.window = {}, {}, None, None
-
-
-class _Layer(ShaderDraws):
-    """The cards of one shader."""
-
-    def __init__(self, cards, shader, prop, draws, most):
-        self.cards, self.shader = cards, shader
-        shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
-        turned = cards.atlas.turntable is not None
-        feature = shader.feature(shiny, cards.atlas.animated, turned)
-        look = {'prop': prop, 'feature': feature, 'binder': cards.binder}
-        super().__init__(draws=draws, chunk=most, **look)
-        self.place_cards(EVERYWHERE, shader.corners)
-        self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
-        self.dithered, self.unit = False, cards.unit
-        self.tint: tuple | None = None  # a colour for all that it draws
-
-    def show(self, blocks, sizes, cuts):
-        """Draw blocks between cuts."""
-        self.sizes = sizes
-        self.upload(self.cards.window, blocks)
-        ends = pairwise(np.asarray(cuts).tolist())
-        self.show_spans(
-            [(first * self.unit, end) if end > first else (0, 0) for first, end in ends]
-        )
-
-    def _inputs(self):
-        cards, textures = self.cards, self.cards.textures
-        uniforms = cards.uniforms | {
-            'ibr_range': self.sizes,
-            'ibr_turn_range': self.level,
-            'ibr_dithered': float(self.dithered),
-            'ibr_unit': self.unit,
-            'ibr_tint': (*self.tint, 1.0) if self.tint else (0.0, 0.0, 0.0, 0.0),
-        }
-        if self.tint:
-            uniforms['ibr_multiply'] = 0
-        if self.shader.sides:
-            turns, textures = cards.atlas.turntable, {**textures, **cards.turned}
-            uniforms |= {
-                'ibr_views': turns.turns.columns,
-                'ibr_tile': turns.tile,
-                'ibr_turn_views': 1 if self.shader.sides == 1 else turns.turns.views,
-            }
-        return textures, uniforms

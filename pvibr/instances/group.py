@@ -179,11 +179,11 @@ class InstanceGroup:
             layer.tint = colors.get(name)
         self.near.tint(self, colors)
 
-    def select(self, frame, limits):
+    def select(self, frame, limits, *, depth=False):
         """Choose the blocks that each card shader draws."""
         index, origins, small, large = self.blocks.seen(frame)
         self.seen = index
-        self.cards.view(frame)
+        self.cards.view(frame, depth=depth)
         self.counts = {'blocks': len(index), 'of blocks': len(self.blocks.centers)}
         table = np.empty((len(index), 4), np.float32)
         table[:, :3], table[:, 3] = origins, index

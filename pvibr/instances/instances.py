@@ -30,7 +30,6 @@ from pvibr.instances.sources import MESH_CHANGED, Sources
 from pvibr.meshes.parts import as_meshes, as_parts, two_sided
 from pvibr.meshes.poses import as_poses, mirror
 from pvibr.scene import looks as look
-from pvibr.scene.draw_order import Stage
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import nearest_hit
 
@@ -334,13 +333,7 @@ class Instances(PosedSet):
     # -- the life of an effect ---------------------------------------------------------------
 
     def _put_in(self, renderer):
-        # All far cards first, then all nearer ones: their soft edges blend with what is behind.
-        self.order = tuple(
-            ((Stage.FRINGE, row, k), actor)
-            for group in self.groups
-            for row, layer in enumerate(group.cards.layers.values())
-            for k, actor in enumerate(layer.actors)
-        )
+        self.order = tuple(pair for group in self.groups for pair in group.cards.order())
         super()._put_in(renderer)
         for actor in self.props[1:]:
             renderer.AddViewProp(actor)
@@ -358,7 +351,8 @@ class Instances(PosedSet):
     def actors(self) -> list:
         """Return the actors that draw the instances, invisible ones included."""
         meshes = [a for group in self.groups for a in group.mesh_actors()]
-        return [a for group in self.groups for a in group.cards.actors()] + meshes
+        cards = sorted((p for k in self.groups for p in k.cards.order()), key=lambda pair: pair[0])
+        return meshes + [actor for _, actor in cards]
 
     def depths(self) -> list:
         """Return the actors that draw its depth, as lights see it."""
@@ -380,7 +374,8 @@ class Instances(PosedSet):
             self._content_key = None
         self._upload(frame.window)
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
-        how = frame.picking, frame.casting, frame.quality
+        depth = self._depth_is_read(frame)
+        how = frame.picking, frame.casting, frame.quality, depth
         single = [group.near.singly() for group in self.groups]
         content_key = (*camera, frame.size, self.revision, *how, *single)
         self._check_cards()
@@ -389,7 +384,10 @@ class Instances(PosedSet):
             return
         self._content_key = content_key
         limits = [found.coarser(frame.quality) for found in self.limits]
-        chosen = [k.select(frame, limit) for k, limit in zip(self.groups, limits, strict=True)]
+        chosen = [
+            k.select(frame, limit, depth=depth)
+            for k, limit in zip(self.groups, limits, strict=True)
+        ]
         for shader in self.groups[0].cards.shaders():
             self._show_cards(frame, shader, [c[shader.name] for c in chosen])
         for group, limit in zip(self.groups, limits, strict=True):
@@ -401,6 +399,13 @@ class Instances(PosedSet):
         """Let VTK's pickers find instances that are drawn as meshes."""
         for group in self.groups:
             group.near.offer(bool(self.pickable), there)
+
+    def _depth_is_read(self, frame) -> bool:
+        """Return True if an effect reads the depth of the frame after it is drawn."""
+        effects = (e for e in self.pipeline.effects if e.is_image_effect and e.enabled)
+        renderer = frame.renderer
+        own = renderer.GetPass() is not None or renderer.GetUseSSAO()
+        return frame.own and (bool(own) or any(True for _ in effects))
 
     def _show_cards(self, frame, shader, choices):
         unit = self.groups[0].unit
@@ -421,8 +426,9 @@ class Instances(PosedSet):
             warnings.warn(msg, PvibrWarning, stacklevel=2)
 
     def finish(self, frame):
-        """Release the texture units, and let pickers find instances until the next frame."""
+        """Release the texture units, have depth written, and let pickers find instances."""
         self._binder.unbind()
+        frame.window.GetState().vtkglDepthMask(True)
         if frame.own:
             self._offer(True)
 

@@ -9,9 +9,8 @@ from pvibr.core import _vtk
 from pvibr.gl import shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
-from pvibr.instances.cards import EVERYWHERE
 from pvibr.instances.mesh_pool import cutoff, with_looks
-from pvibr.scene.shader_draws import ShaderDraws
+from pvibr.scene.shader_draws import EVERYWHERE, ShaderDraws
 
 #: Triangles of a draw, more of large sets: what a draw costs by itself is little beside them, and
 #: so are those that it leaves unused.

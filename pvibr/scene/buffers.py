@@ -15,6 +15,7 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet
 from pvibr.gl.scene_pass import is_marker
 from pvibr.scene.casters import Surfaces
+from pvibr.scene.draw_order import Stage
 from pvibr.scene.seen_from import seen_from
 
 NAMES = ('depth', 'normal', 'id', 'color')
@@ -30,6 +31,8 @@ _WRITE = """#ifdef IBR_NORMAL
 #endif
   if (ibr_id > 0.5)
     gl_FragData[1] = vec4(IBR_BUFFERED.xy, IBR_BUFFERED.z < 0.0 ? -ibr_id : ibr_id, 1.0);
+  else if (ibr_id < -0.5)
+    gl_FragData[1] = vec4(0.0);  // blended: nothing
 //VTK::DepthPeeling::Impl
 """
 _LIT, _UNLIT = (
@@ -194,7 +197,10 @@ class _Shared:
             if actor.GetVisibility() and not actor.HasTranslucentPolygonalGeometry()
         ]
         for number, thing in enumerate(things, len(actors) + 1):
-            numbers += [(actor, number) for actor in thing.drawn()]
+            soft = {address(actor) for key, actor in thing.order if key[0] == Stage.FRINGE}
+            numbers += [
+                (actor, -1 if address(actor) in soft else number) for actor in thing.drawn()
+            ]
         self._numbers.put(numbers)
         self._numbered = [*actors.values(), *things]
         self._texture = scene.attach_surfaces(frame)

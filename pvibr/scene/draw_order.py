@@ -21,16 +21,20 @@ class Stage(IntEnum):
 
     #: Meshes, and all that says nothing.
     OPAQUE = 0
+    #: What is opaque of cards, near ones first.
+    CORE = 1
     #: Sharp image layers.
-    LAYER = 1
-    #: Soft edges, which blend with all of the above.
-    FRINGE = 2
+    LAYER = 2
+    #: Soft edges, which blend with all of the above and write no depth.
+    FRINGE = 3
     #: Blurred image layers in front of all others.
-    FRONT = 3
+    FRONT = 4
+    #: The depth of soft edges, if it is read.
+    DEPTH = 5
     #: Of the translucent stage, if items are sorted among the others there.
-    TRANSLUCENT = 4
-    END = 5
-    ANNOTATION = 6
+    TRANSLUCENT = 6
+    END = 7
+    ANNOTATION = 8
 
 
 class DrawOrder:

@@ -1,0 +1,167 @@
+"""The cards of one shader: what is opaque of them, their soft edges, and their depth."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from pvibr.scene.shader_draws import EVERYWHERE, PBR, ShaderDraws
+
+_WHOLE = 0.98  # coverage from which a pixel is opaque
+_ALL = 2.0  # more than any coverage
+_BEHIND = 1e-6  # of w: a fringe behind its own core is rejected before it is shaded
+_CORE_LEAST = 0.1  # share of covered texels below which it is not worth a draw
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a draw shows of cards: coverages, and how."""
+
+    least: float
+    most: float
+    #: Opacity: 1 opaque, 0 depth alone, below 0 the coverage.
+    alpha: float
+    writes_depth: bool = True
+    back: float = 0.0
+    nearest_first: bool = False
+
+    def uniforms(self) -> dict:
+        """Return the uniforms of the part."""
+        return {
+            'ibr_part': (self.least, self.most, self.alpha),
+            'ibr_back': self.back,
+            'ibr_nearest_first': int(self.nearest_first),
+        }
+
+
+# Cores write depth and are opaque, so that they may come in any order, and before all fringes;
+# these blend and write none, so that nothing behind them is missing that is drawn later.
+CORE = Part(_WHOLE, _ALL, 1.0, nearest_first=True)
+FRINGE = Part(1 / 255, _WHOLE, -1.0, writes_depth=False, back=_BEHIND)
+#: Fringes of what has no core.
+SOFT = Part(1 / 255, _ALL, -1.0, writes_depth=False)
+#: Depth for effects that read it, of what is more than half covered.
+DEPTH = Part(0.5, _ALL, 0.0)
+#: For lights and picks.
+SOLID = Part(0.5, _ALL, 1.0)
+
+
+def has_core(atlas) -> bool:
+    """Return whether enough of what is covered is opaque for a draw of its own."""
+    covered = atlas.geometry[::2, ::2, 1]
+    return bool((covered >= 255 * _WHOLE).sum() > _CORE_LEAST * (covered > 0).sum())
+
+
+class CardLayer:
+    """The cards of one shader, drawn in parts from the same entries."""
+
+    def __init__(self, cards, shader, prop, draws, most, *, cored):
+        self.cards, self.shader = cards, shader
+        shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
+        kind = shiny, cards.atlas.animated, cards.atlas.turntable is not None
+        look = {'draws': draws, 'chunk': most, 'prop': prop, 'binder': cards.binder}
+
+        def made(*, deep):
+            made = _Draws(self, feature=shader.feature(*kind, deep=deep), **look)
+            made.place_cards(EVERYWHERE, shader.corners)
+            return made
+
+        cored = cored and not shader.splat
+        self.core = made(deep=True) if cored else None
+        self.fringe = made(deep=False)
+        self.depth = made(deep=True)
+        self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
+        self.dithered, self.unit = False, cards.unit
+        self.tint: tuple | None = None  # a colour for all that it draws
+
+    def _all(self) -> list:
+        return [draws for draws in (self.core, self.fringe, self.depth) if draws is not None]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the entries on the GPU."""
+        return self.fringe.nbytes
+
+    @property
+    def landed(self) -> bool:
+        """Whether a program was drawn with."""
+        return any(draws.landed for draws in self._all())
+
+    @property
+    def failure(self) -> str | None:
+        """Error of the shaders, or None."""
+        return next((draws.failure for draws in self._all() if draws.failure), None)
+
+    def _parts(self) -> dict:
+        """Return which part each of the draws shows in the frame."""
+        if self.cards.solid:
+            return {self.depth: SOLID}
+        parts = (
+            {self.fringe: SOFT} if self.core is None else {self.core: CORE, self.fringe: FRINGE}
+        )
+        return {**parts, self.depth: DEPTH} if self.cards.deep else parts
+
+    def show(self, blocks, sizes, cuts):
+        """Draw blocks between cuts, from far to near."""
+        self.sizes = sizes
+        self.fringe.upload(self.cards.window, blocks)
+        ends = pairwise(np.asarray(cuts).tolist())
+        spans = [(a * self.unit, b) if b > a else (0, 0) for a, b in ends]
+        parts = self._parts()
+        for draws in self._all():
+            draws.entries, draws.part = self.fringe.entries, parts.get(draws, SOLID)
+            draws.show_spans(spans if draws in parts else ())
+
+    def hide(self):
+        """Draw nothing."""
+        for draws in self._all():
+            draws.hide()
+
+    def release(self, window):
+        """Free GPU memory; the context is current."""
+        for draws in self._all():
+            if draws is not self.fringe:
+                draws.entries = None
+            draws.release(window)
+
+    def inputs(self) -> tuple[dict, dict]:
+        """Return the textures and the uniforms of all parts."""
+        cards, textures = self.cards, self.cards.textures
+        uniforms = cards.uniforms | {
+            'ibr_range': self.sizes,
+            'ibr_turn_range': self.level,
+            'ibr_dithered': float(self.dithered),
+            'ibr_unit': self.unit,
+            'ibr_tint': (*self.tint, 1.0) if self.tint else (0.0, 0.0, 0.0, 0.0),
+        }
+        if self.tint:
+            uniforms['ibr_multiply'] = 0
+        if self.shader.sides:
+            turns, textures = cards.atlas.turntable, {**textures, **cards.turned}
+            uniforms |= {
+                'ibr_views': turns.turns.columns,
+                'ibr_tile': turns.tile,
+                'ibr_turn_views': 1 if self.shader.sides == 1 else turns.turns.views,
+            }
+        return textures, uniforms
+
+
+class _Draws(ShaderDraws):
+    """The draws of a part."""
+
+    def __init__(self, layer, **look):
+        super().__init__(**look)
+        self._layer = weakref.proxy(layer)
+        self.part = SOLID
+
+    def _inputs(self):
+        textures, uniforms = self._layer.inputs()
+        return textures, uniforms | self.part.uniforms()
+
+    def _set_shader(self, program):
+        super()._set_shader(program)
+        # VTK itself sets it for the next actor.
+        self._layer.cards.window.GetState().vtkglDepthMask(self.part.writes_depth)
