@@ -170,6 +170,7 @@ def _draw_actor(mapper, prop, translucent):
 def card_mesh(count, corners, bounds):
     """Return the polydata of unplaced cards: the shader places them by their vertex number."""
     low, high = np.asarray(bounds, float).reshape(3, 2).T
+    count = max(count, 2)  # one point has no bounds
     points = np.empty((count * corners, 3))
     points[0::2], points[1::2] = low, high
     cell = np.array([0]) if corners == 1 else np.array([0, 1, 2, 0, 2, 3])
