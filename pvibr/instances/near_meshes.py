@@ -11,7 +11,6 @@ from pvibr.instances.mesh_pool import ActorPool, MeshPool
 from pvibr.maths.blocks import ascending, frustum_planes
 from pvibr.scene.shader_draws import ROW, pack
 
-_KEEP = 0.9  # a mesh level is kept until the size is this far below where it was taken
 #: Instances that VTK's own pickers find between frames, the nearest.
 _PICKED = 256
 _SHARED = ('ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius', 'ibr_parallel')
@@ -54,7 +53,7 @@ class NearMeshes:
     def select(self, group, frame, limits, fade) -> list:
         """Show the instances of a group that are too large for cards; return new actors."""
         slots, centers, sizes = self._large(group, frame, limits.mesh)
-        levels = self._levels(slots, sizes, limits.meshes)
+        levels = self._levels(sizes, limits.meshes)
         self.level_of[self._slots] = -1
         self.level_of[slots], self._slots = levels, slots
         for k, pool in enumerate(self.pools):
@@ -88,14 +87,13 @@ class NearMeshes:
         used = used[ascending((-eye[2] if frame.parallel else away)[used])]
         return slots[used], eye.take(used, 1), sizes[used]
 
-    def _levels(self, slots, sizes, limits):
+    def _levels(self, sizes, limits):
         """Return the mesh level of each slot: the lightest within the error at its size."""
-        levels = np.zeros(len(slots), np.int8)
+        # By the view alone: the same one is the same picture, whatever was drawn before.
+        levels = np.zeros(len(sizes), np.int8)
         for limit in limits[1:]:
             levels += sizes <= limit
-        before = self.level_of[slots]
-        kept = (before >= 0) & (before < levels) & (sizes / _KEEP > np.array(limits)[levels])
-        return np.where(kept, before, levels)
+        return levels
 
     def _show_singly(self, group, slots, levels, shares):
         new = []

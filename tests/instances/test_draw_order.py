@@ -1,0 +1,138 @@
+"""What is drawn in which order: nothing shows through, and the first frame is the last."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+from scipy.ndimage import minimum_filter
+
+from pvibr.core._vtk import address
+from tests.instances.scenes import matrices
+
+SIZE = (160, 120)
+BALL = pv.Sphere(theta_resolution=40, phi_resolution=41)
+EYE = {'eye': (0, -30, 16), 'focus': (0, 0, 0), 'up': (0, 0, 1)}
+
+
+def spread(count, seed, low=0.7, high=2.5):
+    """Return poses of overlapping things of many sizes."""
+    rng = np.random.default_rng(seed)
+    out = matrices(rng.uniform(-12, 12, (count, 3)) * [1, 1, 0.4])
+    out[:, :3, :3] *= np.exp(rng.uniform(np.log(low), np.log(high), count))[:, None, None]
+    return out
+
+
+def clear(dark, light):
+    """Return how much of the background each pixel shows, of frames on black and on white."""
+    return np.abs(light - dark).max(-1)
+
+
+@pytest.fixture(scope='module')
+def sets():
+    return [spread(150, 1), spread(150, 2), spread(60, 3, 0.1, 5)]
+
+
+@pytest.fixture(scope='module')
+def inside(scenes, see, sets):
+    """Pixels that meshes cover with all their neighbours."""
+    pl = scenes.actors(BALL, np.concatenate(sets), size=SIZE, camera=EYE)
+    covered = see.rgba(pl)[..., 3] > 0.5
+    pl.close()
+    return minimum_filter(covered, 3)
+
+
+def shown(scenes, sets, level, **kwargs):
+    pl = scenes.empty(SIZE)
+    for color, poses in zip(('tomato', 'royalblue', 'gold'), sets, strict=True):
+        pl.ibr.add_instances(
+            BALL, poses, cache=scenes.folder, color=color, force_level=level, bake=True, **kwargs
+        )
+    pl.camera.position, pl.camera.focal_point, pl.camera.up = EYE.values()
+    return pl
+
+
+@pytest.mark.parametrize('level', [None, 'flat', 'blended', {'flat': (0, 30), 'mesh': (30, 1e9)}])
+def test_no_background_shows_through_sets(scenes, see, sets, inside, level):
+    pl = shown(scenes, sets, level)
+    through = see.rgba(pl)[..., 3][inside] < 1 - 60 / 255
+    assert inside.sum() > 3000
+    assert not through.any()
+    pl.close()
+
+
+def bits(pl):
+    pl.render()
+    return pl.screenshot(return_img=True)
+
+
+def assert_settled(pl, first):
+    """The frame that was drawn first is drawn again, to the bit."""
+    for _ in range(2):
+        np.testing.assert_array_equal(first, bits(pl))
+
+
+@pytest.mark.parametrize('count', [1, 3])
+def test_the_first_frame_is_the_last(scenes, sets, count):
+    pl = scenes.empty(SIZE)
+    made = [
+        pl.ibr.add_instances(BALL, poses, cache=scenes.folder, color='gold', bake=True)
+        for poses in sets[:count]
+    ]
+    pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, -14, 8), (0, 0, 0), (0, 0, 1)
+    pl.reset_camera_clipping_range()
+    pl.show(auto_close=False)
+    assert_settled(pl, pl.screenshot(return_img=True))
+    made.append(
+        pl.ibr.add_instances(BALL, sets[1][:60], cache=scenes.folder, color='red', bake=True)
+    )
+    assert_settled(pl, bits(pl))
+    made[0].poses = sets[2]
+    assert_settled(pl, bits(pl))
+    pl.window_size = (200, 90)
+    assert_settled(pl, bits(pl))
+    pl.close()
+
+
+def test_a_view_is_the_same_picture_whatever_was_drawn_before(scenes, sets):
+    pl = shown(scenes, sets, None)
+    pl.reset_camera_clipping_range()
+    pl.show(auto_close=False)
+    first = bits(pl)
+    for factor in (4.0, 0.3, 1.7):
+        pl.camera.zoom(factor)
+        pl.render()
+        pl.camera.zoom(1 / factor)
+    pl.camera.view_angle = 30.0
+    np.testing.assert_array_equal(first, bits(pl))
+    pl.close()
+
+
+def test_props_of_others_keep_their_order(scenes, sets):
+    pl = shown(scenes, sets[:2] + sets[2:], 'flat')
+    mine = [pl.add_mesh(pv.Cube(center=(k, 0, 0)), opacity=0.5) for k in range(3)]
+    pl.add_text('above')
+    pl.show(auto_close=False)
+    pl.add_mesh(pv.Cube())
+    pl.render()
+    props = list(pl.renderer.GetViewProps())
+    time = pl.renderer.GetViewProps().GetMTime()
+    among = [address(p) for p in props if any(p is a for a in mine)]
+    assert among == [address(actor) for actor in mine]
+    cards = [props.index(a) for t in pl.ibr.pipeline.things for _, a in t.order]
+    solid = [props.index(a) for a in pl.actors.values() if a.IsA('vtkActor')]
+    assert max(solid) < min(cards)
+    pl.render()
+    assert pl.renderer.GetViewProps().GetMTime() == time
+    pl.close()
+
+
+def test_effects_that_read_depth_find_soft_edges(scenes, see):
+    pl, _ = scenes.instances(BALL, [[0, 0, 0]], level='flat', bake=True, camera=EYE, size=SIZE)
+    pl.camera.zoom(6)
+    covered = see.rgba(pl)[..., 3]
+    depth = pl.ibr.buffer('depth')
+    found = np.isfinite(np.asarray(depth.array if hasattr(depth, 'array') else depth))
+    assert found[covered > 0.55].all()
+    assert not found[covered < 0.45].any()
+    pl.close()
