@@ -22,7 +22,7 @@ class Part:
 
     least: float
     most: float
-    #: Opacity: 1 opaque, 0 depth alone, below 0 the coverage.
+    #: Opacity, below 0 the coverage.
     alpha: float
     writes_depth: bool = True
     back: float = 0.0
@@ -43,8 +43,8 @@ CORE = Part(_WHOLE, _ALL, 1.0, nearest_first=True)
 FRINGE = Part(1 / 255, _WHOLE, -1.0, writes_depth=False, back=_BEHIND)
 #: Fringes of what has no core.
 SOFT = Part(1 / 255, _ALL, -1.0, writes_depth=False)
-#: Depth for effects that read it, of what is more than half covered.
-DEPTH = Part(0.5, _ALL, 0.0)
+#: Depth alone for effects that read it, of what is more than half covered; VTK discards alpha 0.
+DEPTH = Part(0.5, _ALL, 1e-9)
 #: For lights and picks.
 SOLID = Part(0.5, _ALL, 1.0)
 
