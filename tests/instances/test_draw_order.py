@@ -120,7 +120,7 @@ def test_props_of_others_keep_their_order(scenes, sets):
     places = [props.index(address(actor)) for actor in mine]
     assert places == sorted(places)
     cards = [props.index(address(a)) for t in pl.ibr.pipeline.things for _, a in t.order]
-    solid = [props.index(address(a)) for a in pl.actors.values() if a.IsA('vtkActor')]
+    solid = [props.index(address(a)) for a in pl.actors.values() if isinstance(a, pv.Actor)]
     assert max(solid) < min(cards)
     pl.render()
     assert pl.renderer.GetViewProps().GetMTime() == time
