@@ -376,7 +376,7 @@ class Instances(PosedSet):
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         depth = self._depth_is_read(frame)
         how = frame.picking, frame.casting, frame.quality, depth
-        single = [group.near.singly() for group in self.groups]
+        single = [group.near.single() for group in self.groups]
         content_key = (*camera, frame.size, self.revision, *how, *single)
         self._check_cards()
         if content_key == self._content_key:

@@ -66,8 +66,9 @@ class MeshDraws:
 
 
 def suits(level) -> bool:
-    """Return whether all parts of a level are surfaces that no geometry shader draws."""
-    return all(_is_plain(part.actor) for part in level.parts)
+    """Return whether parts are surfaces that no geometry shader draws, and several fit a draw."""
+    light = all(2 * part.mesh.n_cells <= _TRIANGLES for part in level.parts)
+    return light and all(_is_plain(part.actor) for part in level.parts)
 
 
 def _is_plain(actor):

@@ -18,7 +18,7 @@ _OF_CAMERA = ('ibr_pixel_scale', 'ibr_eye_from_world')
 
 
 class NearMeshes:
-    """Meshes by level: many a draw, or an actor each where draws do not suit."""
+    """Meshes by level: light ones many a draw, heavy ones and those with edges an actor each."""
 
     def __init__(self, levels):
         self.levels = levels
@@ -44,9 +44,9 @@ class NearMeshes:
         """Bytes of the entries on the GPU."""
         return 0 if self._entries is None else self._entries.nbytes
 
-    def singly(self) -> bool:
-        """Return whether each instance has an actor."""
-        return not self.draws or not all(suits(level) for level in self.levels)
+    def single(self) -> tuple:
+        """Return of each level whether its instances have an actor each."""
+        return tuple(not self.draws or not suits(level) for level in self.levels)
 
     # -- what is shown ------------------------------------------------------------------------
 
@@ -59,13 +59,11 @@ class NearMeshes:
         for k, pool in enumerate(self.pools):
             group.counts[f'mesh {pool.level.triangles}'] = int((levels == k).sum())
         band = limits.mesh * (fade - 1) if not (frame.picking or frame.casting) else 0.0
-        if self.singly():
-            self._hide_draws()
-            self._picked.lend((), group.matrix)
-            shares = (sizes - limits.mesh) / band if band > 0 else np.ones(len(sizes))
-            return self._show_singly(group, slots, levels, shares)
-        self._hide_pools(group)
-        new = self._show_picked(group, frame, slots)
+        shares = (sizes - limits.mesh) / band if band > 0 else np.ones(len(sizes))
+        alone = np.array(self.single())[levels]
+        new = self._show_singly(group, slots[alone], levels[alone], shares[alone])
+        slots, centers, levels = slots[~alone], centers[:, ~alone], levels[~alone]
+        new += self._show_picked(group, frame, slots)
         if frame.picking:
             self._hide_draws()
             return new
