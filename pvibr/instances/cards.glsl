@@ -11,6 +11,7 @@
 // IBR_DITHER is a number from 0 to 1 that depends on the pixel alone.
 // Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 1; SPLAT 0 or 1;
 // ANIMATED 1 where an atlas has a page for each pose of the clips, and instances move;
+// DEEP 1 where a fragment has the depth of its surface, 0 where it has that of the card's plane;
 // TURNED 1 where it has a turntable, whose pictures serve eyes that are level with it; SIDES 1 or 2
 // for a card that stands upright and shows one of these: the first, or that nearest to the eye.
 
@@ -209,6 +210,7 @@ mat3 ibr_frame(vec3 d)
         vertexVCVSOutput = p;
         gl_Position = ibr_clip_from_eye * p;
         gl_Position.z += ibr_back * gl_Position.w;
+#if !DEEP
         if (ibr_back > 0.0 && size < range.y)
         {
           // It blends with the core of a coarser level: in front of the object's nearest point.
@@ -217,6 +219,7 @@ mat3 ibr_frame(vec3 d)
           vec4 front = ibr_clip_from_eye * vec4(p.xy, near_z, 1.0);
           gl_Position.z = max(front.z / front.w - 1e-5, -0.9999) * gl_Position.w;
         }
+#endif
         vec3 ray = ibr_parallel == 1 ? -d : v - eye;
         ibr_stretch = stretch;
         ibr_card = vec4(0.5 * exp2(lod) / float(ibr_tile), size,
@@ -441,8 +444,10 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
 //@fragment.depth
   {
     // The surface's own depth, so that things which touch or pierce one another meet where they do.
-    vec2 zw = vec2(ibr_clip_depth.x * ibr_g.r + ibr_clip_depth.y,
-                   ibr_clip_depth.z * ibr_g.r + ibr_clip_depth.w);
+    float z = ibr_g.r;
+    // While a finer level takes over, the coarser one stays behind it.
+    if (ibr_fades == 1 && ibr_card.z > 0.0 && ibr_dithered < 0.5) { z -= 0.2 * ibr_stretch; }
+    vec2 zw = vec2(ibr_clip_depth.x * z + ibr_clip_depth.y, ibr_clip_depth.z * z + ibr_clip_depth.w);
     gl_FragDepth = clamp(zw.x / zw.y * 0.5 + 0.5, 0.0, 1.0);
   }
 

@@ -39,13 +39,14 @@ class CardShader:
     least: float = 0.0
     largest: float = float('inf')
 
-    def defines(self, animated=False, turned=False) -> str:
+    def defines(self, animated=False, turned=False, *, deep=False) -> str:
         """Return the preprocessor lines of the shader."""
         values = {
             'VIEWS_BLENDED': self.views,
             'STEPS': self.steps,
             'CORNERS': self.corners,
             'SPLAT': int(self.splat),
+            'DEEP': int(deep),
             'ANIMATED': int(animated),
             'TURNED': int(turned),
             'SIDES': self.sides,
@@ -55,12 +56,12 @@ class CardShader:
     def feature(self, shiny=True, animated=False, turned=False, *, deep=True) -> Feature:
         """Return the shader text by VTK's tags, with depth of its own if it has one."""
         part = sections(shader_source(__file__))
-        defines = self.defines(animated, turned)
+        deep = deep and not self.splat
+        defines = self.defines(animated, turned, deep=deep)
         vertex = {
             'VTK::PositionVC::Dec': defines + part['vertex.declare'],
             'VTK::PositionVC::Impl': part['vertex.position'],
         }
-        deep = deep and not self.splat
         depth = part['fragment.depth'] if deep else ''
         fragment = {
             'VTK::PositionVC::Dec': defines + part['fragment.declare'],

@@ -92,11 +92,9 @@ def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **l
 def make_model(
     parts, *, count=None, room=None, half=False, cache=True, progress=None, views=16, tile=128
 ) -> LodModel:
-    """Return the levels of a mesh, baked and measured, or cached.
-
-    With a `count` of instances it is baked only if that pays; with `room`, bytes on the GPU, its
-    tiles shrink until they fit.
-    """
+    """Return the levels of a mesh, baked and measured, or cached."""
+    # With a count of instances it is baked only if that pays; with room, bytes on the GPU, its
+    # tiles shrink until they fit.
     if why := no_images(parts, count):
         return unbaked(parts, why)
     if room is not None and content_key(parts, views, tile, half) not in _atlases:

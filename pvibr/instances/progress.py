@@ -13,11 +13,9 @@ _SOON = 1.0  # seconds after which a bar appears
 
 @contextmanager
 def baking(shown):
-    """Yield a function of the fraction done, which shows it and raises what was interrupted.
-
-    A bar is shown in terminals and notebooks unless `shown` says otherwise. VTK ends the process
-    if Ctrl-C is pressed while it calls Python: so the signal waits for the next step.
-    """
+    """Yield a function of the fraction done, which shows it and raises what was interrupted."""
+    # VTK ends the process if Ctrl-C is pressed while it calls Python: the signal waits for the
+    # next step.
     with _deferred_interrupt() as check, _bar(shown) as show:
 
         def advance(done):
