@@ -52,7 +52,7 @@ class Crowd(Instances):
     cache : bool or path
         Cache atlases on disk, or the folder for them.
     progress : bool, optional
-        Show a progress bar of a long bake; default if standard error is a terminal.
+        Show a progress bar of a long bake; by default in terminals and notebooks.
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the looks.
     **mesh_kwargs
@@ -124,7 +124,7 @@ class Crowd(Instances):
         self._crowd_state = CrowdState(
             figure, as_mesh_actors(figure, asked, theme), skinning, playback, self._now
         )
-        self._bake = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
+        self._clip_baking = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
         self._begin(poses, np.zeros(count, int), self._baked() if count else {}, pickable)
         self._paint(scalars, colors)
 
@@ -147,7 +147,7 @@ class Crowd(Instances):
 
     def _baked(self) -> dict:
         """Bake the clips, and take over their motions."""
-        state, wanted = self._crowd_state, dict(self._bake)
+        state, wanted = self._crowd_state, dict(self._clip_baking)
         with baking(wanted.pop('progress')) as advance:
             model, state.motions = bake_pose_atlas(
                 self.figure,

@@ -107,7 +107,7 @@ class ImageLayers(Substitute):
         self.UseBoundsOff()  # its actors have theirs
         self._members: dict[str, Member] = {}
         self._layers: list[Layer] = []
-        # After all opaque props, but before those with soft edges of their own; in front of these
+        # After all that is opaque, but before soft edges of others; in front of these
         # are only blurred layers that are nearer than all sharp ones.
         self._back, self._front = [LayerCard()], list[LayerCard]()
         self._drawer: Drawer | None = None

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pvibr.scene.shader_draws import EVERYWHERE, PBR, ShaderDraws
+from pvibr.scene.shader_draws import PBR, ShaderDraws
 
 _WHOLE = 0.98  # coverage from which a pixel is opaque
 _ALL = 2.0  # more than any coverage
@@ -65,9 +65,7 @@ class CardLayer:
         look = {'draws': draws, 'chunk': most, 'prop': prop, 'binder': cards.binder}
 
         def made(*, deep):
-            made = _Draws(self, feature=shader.feature(*kind, deep=deep), **look)
-            made.place_cards(EVERYWHERE, shader.corners)
-            return made
+            return _Draws(self, feature=shader.feature(*kind, deep=deep), **look)
 
         cored = cored and not shader.splat
         self.core = made(deep=True) if cored else None
@@ -105,6 +103,11 @@ class CardLayer:
             {self.fringe: SOFT} if self.core is None else {self.core: CORE, self.fringe: FRINGE}
         )
         return {**parts, self.depth: DEPTH} if self.cards.deep else parts
+
+    def bound(self, bounds):
+        """Set the bounds that VTK knows the cards by."""
+        for draws in self._all():
+            draws.place_cards(bounds, self.shader.corners)
 
     def show(self, blocks, sizes, cuts):
         """Draw blocks between cuts, from far to near."""

@@ -85,6 +85,8 @@ BILLBOARD = CardShader('billboard', views=1, steps=0, sides=1)
 TURNTABLE = CardShader('turntable', views=1, steps=0, sides=2)
 #: In the order of their cost, those of a turntable included.
 ALL_CARD_SHADERS = (SPLAT, BILLBOARD, TURNTABLE, FLAT, PARALLAX, BLENDED)
+_SLACK = 0.25  # of the extent of a set, around it: what bounds VTK has of it
+_LOOSE = 4.0  # times that extent, from which these bounds are too wide
 _NEVER = (1e30, 1e30, 0.0, 0.0)
 
 
@@ -122,6 +124,7 @@ class Cards:
     def __init__(self, atlas, capacity, unit, draws, prop, binder):
         self.atlas, self.binder, self.window = atlas, binder, None
         self.solid = self.deep = False
+        self._low = self._high = np.full(3, np.nan)  # of the bounds that VTK knows
         self.textures: dict[str, Texture] = {}
         self._own: dict[str, Texture] = {}
         self._images: AtlasTextures | None = None
@@ -208,6 +211,16 @@ class Cards:
         self.uniforms |= {'ibr_count': len(placement.ids), 'ibr_texels': placement.texels}
         self._poses, stale = placement.rows, self._stale.get('ibr_poses', ())
         self._stale['ibr_poses'] = None if rows is None or stale is None else [*stale, rows]
+
+    def bound(self, bounds):
+        """Have VTK know about where the cards are: it culls by that, and EDL scales by it."""
+        low, high = np.reshape(bounds, (3, 2)).T
+        sides, known = (high - low).max(), (self._high - self._low).max()
+        inside = (self._low <= low).all() and (high <= self._high).all()
+        if not inside or known > _LOOSE * sides:  # else what moves would be uploaded each time
+            self._low, self._high = low - _SLACK * sides, high + _SLACK * sides
+            for layer in self.layers.values():
+                layer.bound(np.stack([self._low, self._high], 1).ravel())
 
     def look(self, looks):
         """Take over colours of instances with the next upload."""

@@ -118,6 +118,7 @@ class Instances(PosedSet):
     web = 'baked', 'meshes, far ones billboard clouds'
     presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
     moved_by = 'set its poses'
+    _bake: bool | None = None
     _force_level: str | dict | None = None
     _forced: dict[str, tuple] = {}
     _models: dict = {}

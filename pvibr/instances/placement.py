@@ -74,7 +74,7 @@ class Placement:
         height = max(1, -(-count * self.unit * self.texels // WIDTH))
         if len(self.rows) != height:  # fresh memory takes longer than all that is computed
             self.rows = np.zeros((height, WIDTH, 4), np.float32)
-            self._radii = np.zeros(height * WIDTH // self.texels, np.float32)
+            self._radii = np.zeros(height * WIDTH, np.float32)
         self.radii = self._radii[: len(ids)]
         self.blocks = Blocks.empty(count)
         self.move(poses, np.arange(count))

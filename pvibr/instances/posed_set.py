@@ -25,6 +25,17 @@ from pvibr.scene.item_set import ItemSet
 from pvibr.scene.thing import joined_bounds
 
 _SPREAD = 2.0  # growth of most blocks at which their instances are no neighbours any more
+# What another set of poses replaces; it comes back if their meshes cannot be baked.
+_REPLACED = (
+    '_poses',
+    '_index',
+    '_order',
+    '_scalars',
+    '_colors',
+    '_visible',
+    'covered',
+    '_applied',
+)
 _SAMPLE = 64  # blocks that are asked
 
 
@@ -170,7 +181,7 @@ class PosedSet(ItemSet):
         if poses is not None:
             poses = repeated('poses', as_poses(poses), len(ids))
             kept, poses = same_kind(self._poses, poses)
-            if kept is not self._poses or not self._owned:
+            if kept is not self._poses or not self._owned or index is not None:
                 kept, self._owned = np.array(kept), True
             kept[ids] = poses
         else:
@@ -188,14 +199,16 @@ class PosedSet(ItemSet):
 
     def _replace(self, poses, index):
         """Have other poses, any number of them, and meshes."""
-        count, before = len(poses), len(self._poses)
-        self._poses, self._index = poses, index
-        if count != before:
-            new = np.arange(before, count, dtype=np.int32)
-            self._order = np.concatenate([self._order[self._order < count], new])
-            self._scalars = self._colors = self._visible = None
-            self.covered = self._applied = None
-        if not self._fits():
+        before = {name: getattr(self, name) for name in _REPLACED}
+        try:
+            self._take_over(poses, index)
+            fits = self._fits()
+            if not fits:
+                self._ready_models()
+        except BaseException:  # a bake may fail or be interrupted
+            vars(self).update(before)
+            raise
+        if not fits:
             self._rebuild()
             return
         if self._are_scattered():
@@ -203,6 +216,15 @@ class PosedSet(ItemSet):
         else:
             self._put_groups()
         self._repaint()
+
+    def _take_over(self, poses, index):
+        count, before = len(poses), len(self._poses)
+        self._poses, self._index = poses, index
+        if count != before:
+            new = np.arange(before, count, dtype=np.int32)
+            self._order = np.concatenate([self._order[self._order < count], new])
+            self._scalars = self._colors = self._visible = None
+            self.covered = self._applied = None
 
     def _move(self, ids):
         """Take over changed poses of some instances."""
@@ -246,11 +268,14 @@ class PosedSet(ItemSet):
         if pipeline is not None:
             self._put_in(pipeline.renderer)
 
+    def _ready_models(self):
+        """Have the levels of each mesh that is used."""
+        known = self._models
+        lacking = (k for k in self._used() if k not in known or known[k].unbaked)
+        self._models = dict(sorted({**known, **{k: self._model(k) for k in lacking}}.items()))
+
     def _make_groups(self):
-        for k in sorted(self._used()):
-            if k not in self._models or self._models[k].unbaked:
-                self._models[k] = self._model(k)
-        self._models = dict(sorted(self._models.items()))
+        self._ready_models()
         count = len(self._poses)
         if count > self._capacity:
             self._capacity = max(count, 2 * self._capacity)

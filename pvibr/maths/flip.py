@@ -46,7 +46,7 @@ class Flip:
     --------
     >>> from pvibr.maths.flip import Flip
     >>> white = np.ones((2, 16, 16, 3))
-    >>> Flip(white).maps(white).max()
+    >>> float(Flip(white).maps(white).max())
     0.0
     """
 

@@ -5,6 +5,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.instances import group
+from pvibr.maths.blocks import ascending
 
 SIZE = (150, 90)
 FEW = 64  # instances up to which each is sorted by itself, here
@@ -51,6 +52,6 @@ def test_large_sets_cover_what_the_meshes_do(scenes, mesh, level, darker, monkey
 @pytest.mark.parametrize(('low', 'high'), [(0.0, 1.0), (-3e5, -1.0), (2.0, 2.0)])
 def test_order_by_radix(low, high):
     values = np.random.default_rng(0).uniform(low, high, 5000).astype(np.float32)
-    order = group._ascending(values)
+    order = ascending(values)
     assert sorted(order.tolist()) == list(range(5000))
     assert (np.diff(values[order]) >= -(high - low) / 60_000).all()

@@ -44,8 +44,9 @@ class Twin:
     def poses_of_another_kind_and_number(self, things):
         n = int(self.rng.integers(1, 2 * len(self.poses)))
         kind = points if self.rng.random() < 0.5 else matrices
-        self.__init__(n, self.rng)
-        self.poses = kind(n, self.rng)
+        if n != len(self.poses):
+            self.scalars = self.colors = self.visible = None
+        self.poses, self.index = kind(n, self.rng), np.arange(n) % 2
         things.update(poses=self.poses, index=self.index)
 
     def poses_moved(self, things):
