@@ -206,7 +206,7 @@ class PosedSet(ItemSet):
             if not fits:
                 self._ready_models()
         except BaseException:  # a bake may fail or be interrupted
-            vars(self).update(before)
+            self.__dict__.update(before)
             raise
         if not fits:
             self._rebuild()
