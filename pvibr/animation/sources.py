@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 import pyvista as pv
@@ -13,6 +12,7 @@ from pvibr.animation.figure_mesh import FigureMesh, Skin
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
 from pvibr.core.errors import PvibrWarning
+from pvibr.core.files import existing
 from pvibr.formats.trimesh_meshes import as_dataset
 from pvibr.maths.skinning import MAX_INFLUENCES
 
@@ -86,7 +86,7 @@ def heaviest(weights, n):
 def series_of(meshes, times=None):
     """Return the surfaces of a series and their times."""
     if isinstance(meshes, (str, PathLike)):
-        meshes = pv.get_reader(_existing(meshes))
+        meshes = pv.get_reader(existing(meshes))
     if hasattr(meshes, 'set_active_time_value'):
         reader, meshes, read = meshes, [], list(meshes.time_values)
         for time in read:
@@ -125,17 +125,9 @@ def _of_trimesh(geometry, textures):
     return pv.wrap(geometry), {}  # a path or a point cloud
 
 
-def _existing(path):
-    path = Path(path).expanduser()
-    if not path.is_file():
-        msg = f'{str(path)!r} does not exist.'
-        raise FileNotFoundError(msg)
-    return path
-
-
 def _surface(mesh, name):
     if isinstance(mesh, (str, PathLike)):
-        mesh = pv.read(_existing(mesh))
+        mesh = pv.read(existing(mesh))
     if isinstance(mesh, pv.MultiBlock):
         leaves = [block for block in mesh.recursive_iterator(skip_none=True) if block.n_points]
         if len(leaves) != 1:

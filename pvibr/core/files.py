@@ -9,6 +9,15 @@ import uuid
 from pathlib import Path
 
 
+def existing(path, what='') -> Path:
+    """Return the path of a file that must be there."""
+    path = Path(path).expanduser()
+    if not path.is_file():
+        msg = f'{what} {str(path)!r} does not exist.'.lstrip()
+        raise FileNotFoundError(msg)
+    return path
+
+
 def with_suffix(path, suffix) -> Path:
     """Return a path that must end in a suffix."""
     path = Path(path).expanduser()

@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core.errors import require
+from pvibr.core.files import existing
 
 ENDINGS = ('.json', '.city.json', '.cityjson')
 #: Supported version; older files are upgraded.
@@ -64,10 +65,7 @@ def read_city(path, lod=None):
     >>> from pvibr.formats.cities import read_city
     >>> meshes, index, matrices = read_city('delft.json')  # doctest: +SKIP
     """
-    path = Path(path).expanduser()
-    if not path.is_file():
-        msg = f'city file {str(path)!r} does not exist.'
-        raise FileNotFoundError(msg)
+    path = existing(path, 'city file')
     # Broken files make the libraries raise many kinds of errors.
     try:
         city = _City(_upgraded(path), lod)

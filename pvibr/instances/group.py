@@ -20,8 +20,7 @@ from pvibr.meshes.turntable import LEVEL
 # drawn meanwhile; 1.1 pops no less on a walk, and a million instances take a tenth longer.
 _FADE = 1.05
 SORTED = 16_384  # instances up to which each is sorted and culled by itself
-# Of a larger set, those of one shader that are still sorted one by one: some milliseconds. A
-# field of half-covered boxes that is not sorted loses up to two thirds of its coverage.
+# Of a larger set, those of one shader that are still sorted one by one: some milliseconds.
 SORTED_SEEN = 131_072
 _UNSURE = 1e-4  # what the sine of an angle may be off on the GPU
 

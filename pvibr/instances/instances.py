@@ -334,7 +334,7 @@ class Instances(PosedSet):
     # -- the life of an effect ---------------------------------------------------------------
 
     def _put_in(self, renderer):
-        self.order = tuple(pair for group in self.groups for pair in group.cards.order())
+        self.order = tuple(self._card_order())
         super()._put_in(renderer)
         for actor in self.props[1:]:
             renderer.AddViewProp(actor)
@@ -352,8 +352,12 @@ class Instances(PosedSet):
     def actors(self) -> list:
         """Return the actors that draw the instances, invisible ones included."""
         meshes = [a for group in self.groups for a in group.mesh_actors()]
-        cards = sorted((p for k in self.groups for p in k.cards.order()), key=lambda pair: pair[0])
-        return meshes + [actor for _, actor in cards]
+        return meshes + [actor for _, actor in self._card_order()]
+
+    def _card_order(self) -> list:
+        """Return pairs of a key and an actor of all cards, in the order of drawing."""
+        pairs = (pair for group in self.groups for pair in group.cards.order())
+        return sorted(pairs, key=lambda pair: pair[0])
 
     def depths(self) -> list:
         """Return the actors that draw its depth, as lights see it."""
@@ -403,10 +407,10 @@ class Instances(PosedSet):
 
     def _depth_is_read(self, frame) -> bool:
         """Return True if an effect reads the depth of the frame after it is drawn."""
-        effects = (e for e in self.pipeline.effects if e.is_image_effect and e.enabled)
         renderer = frame.renderer
-        own = renderer.GetPass() is not None or renderer.GetUseSSAO()
-        return frame.own and (bool(own) or any(True for _ in effects))
+        own = renderer.GetPass() is not None or bool(renderer.GetUseSSAO())
+        effects = self.pipeline.effects
+        return frame.own and (own or any(e.is_image_effect and e.enabled for e in effects))
 
     def _show_cards(self, frame, shader, choices):
         unit = self.groups[0].unit

@@ -97,7 +97,9 @@ def make_model(
     # tiles shrink until they fit.
     if why := no_images(parts, count):
         return unbaked(parts, why)
-    if room is not None and content_key(parts, views, tile, half) not in _atlases:
+    store = None if cache is False else AtlasCache(None if cache is True else cache)
+    key = content_key(parts, views, tile, half) if store is not None else ''
+    if room is not None and key not in _atlases:
         fitting = fitting_tile(views, tile, room)
         if not fitting:
             return unbaked(parts, 'GPU memory for images is at its limit')
@@ -106,8 +108,6 @@ def make_model(
             model = make_model(parts, tile=fitting, **how)
             model.note = f', not {tile}, as GPU memory is limited'
             return model
-    store = None if cache is False else AtlasCache(None if cache is True else cache)
-    key = content_key(parts, views, tile, half) if store is not None else ''
     found = store.load(key, lambda arrays: _read(parts, arrays)) if store is not None else None
     if found is not None:
         found.atlas = _atlases.setdefault(key, found.atlas)

@@ -23,9 +23,7 @@ _SAMPLES = 2  # samples of the reference along a side of a pixel at the largest 
 _SIDE = 8  # of the square of views: two of them along a side of a patch of directions
 _VIEWS = _SIDE * _SIDE
 _FEW_SIZE = 128  # px from which colours are compared in one view of each patch
-_HOPELESS = (
-    4.0  # a level whose error allows no `max_error` up to this is not tried at larger sizes
-)
+_HOPELESS = 4.0  # px: a level that allows no `max_error` up to it is not tried at larger sizes
 SLACK = 0.5  # px, of outlines whose distances are whole pixels apart
 BEYOND = 0.02  # FLIP of what is covered, beyond the mesh's own, that `max_error=1` allows
 RATIO = 1.0  # of the mesh's own FLIP, which is always allowed

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pyvista as pv
 
@@ -10,12 +12,12 @@ from pvibr.gl import shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.mesh_pool import cutoff, with_looks
+from pvibr.meshes.parts import draws_more
 from pvibr.scene.shader_draws import EVERYWHERE, ShaderDraws
 
 #: Triangles of a draw, more of large sets: what a draw costs by itself is little beside them, and
 #: so are those that it leaves unused.
 _TRIANGLES, _MOST = 16_384, 65_536
-_SURFACE = 2  # VTK_SURFACE
 
 
 class MeshDraws:
@@ -72,10 +74,8 @@ def suits(level) -> bool:
 
 
 def _is_plain(actor):
-    prop, drawn = actor.GetProperty(), actor.GetMapper().GetInput()
-    if prop.GetRepresentation() != _SURFACE or prop.GetEdgeVisibility():
-        return False
-    return not (prop.GetVertexVisibility() or drawn.GetNumberOfVerts() + drawn.GetNumberOfLines())
+    vertices = actor.GetProperty().GetVertexVisibility()
+    return not (vertices or draws_more(actor, actor.GetMapper().GetInput()))
 
 
 class PartDraws(ShaderDraws):
@@ -94,9 +94,7 @@ class PartDraws(ShaderDraws):
     def show(self, first, end) -> list:
         """Draw the entries from the first to the end; return new actors."""
         spans = [(i, min(i + self.chunk, end)) for i in range(first, end, self.chunk)]
-        new = [self._made() for _ in range(len(spans) - len(self.actors))]
-        self.actors += new
-        self._spans += [(0, 0)] * len(new)
+        new = self.grow(len(spans), self._made)
         self.show_spans(spans)
         return new
 
@@ -165,9 +163,7 @@ class _DepthDraws(ShaderDraws):
 
     def show(self, spans) -> list:
         """Return the actors that draw some spans of entries."""
-        new = [self._made(self.mapper) for _ in range(len(spans) - len(self.actors))]
-        self.actors += new
-        self._spans += [(0, 0)] * len(new)
+        self.grow(len(spans), partial(self._made, self.mapper))
         self.show_spans(spans)
         return self.actors[: len(spans)]
 

@@ -67,6 +67,7 @@ class PosedSet(ItemSet):
         self._scalars = self._colors = self._visible = self.table = None
         self._poses, self._index, self._order = poses, index, np.zeros(0, np.int32)
         self._owned = False  # whether the poses are no array of the user's
+        self._ready_models()
         self._make_groups()
 
     # -- poses and meshes ----------------------------------------------------------------------
@@ -275,7 +276,6 @@ class PosedSet(ItemSet):
         self._models = dict(sorted({**known, **{k: self._model(k) for k in lacking}}.items()))
 
     def _make_groups(self):
-        self._ready_models()
         count = len(self._poses)
         if count > self._capacity:
             self._capacity = max(count, 2 * self._capacity)

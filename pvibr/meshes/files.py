@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pyvista as pv
 
+from pvibr.core.files import existing
 from pvibr.formats.cities import is_city, read_city
 from pvibr.formats.trimesh_meshes import is_trimesh, read_trimesh, trimesh_instances
 
@@ -19,7 +20,7 @@ def has_graph(mesh) -> bool:
 
 def read_mesh(path):
     """Read a mesh, or a trimesh scene, from a file other than glTF."""
-    path = _existing(path)
+    path = existing(path, 'mesh file')
     if is_city(path):
         return _city_blocks(path)
     reasons = []
@@ -37,7 +38,7 @@ def scene_instances(scene, pbr=False):
     """Return the meshes of a scene or file, and index and matrices of their instances."""
     if not isinstance(scene, str | Path):
         return trimesh_instances(scene)
-    path = _existing(scene)
+    path = existing(scene, 'mesh file')
     if is_city(path):
         return read_city(path)
     if _is_gltf(path):
@@ -49,14 +50,6 @@ def scene_instances(scene, pbr=False):
 
 def _is_gltf(path):
     return Path(path).suffix.lower() in _GLTF
-
-
-def _existing(path):
-    path = Path(path).expanduser()
-    if not path.is_file():
-        msg = f'mesh file {str(path)!r} does not exist.'
-        raise FileNotFoundError(msg)
-    return path
 
 
 def _read_pyvista(path):

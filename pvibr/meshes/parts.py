@@ -453,17 +453,17 @@ def _finished(actor, cutoff):
     drop_unseen(drawn, mapper)
     mesh = triangles_of(drawn)
     # Bypass the mapper's filters: smooth shading is applied already.
-    mapper.dataset = drawn if _draws_more(actor, drawn) else mesh
+    mapper.dataset = drawn if draws_more(actor, drawn) else mesh
     if cutoff is not None:
         _cut_out(actor, cutoff)
     return Part(actor, mesh, cutoff)
 
 
-def _draws_more(actor, drawn) -> bool:
+def draws_more(actor, drawn) -> bool:
     """Return True if VTK draws more of a mesh than its triangles."""
     prop = actor.GetProperty()
     whole = prop.GetRepresentation() == _SURFACE and not prop.GetEdgeVisibility()
-    return not whole or bool(drawn.n_verts or drawn.n_lines)
+    return not whole or bool(drawn.GetNumberOfVerts() + drawn.GetNumberOfLines())
 
 
 def _cut_out(actor, cutoff):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
+from pvibr.core.files import existing
 from pvibr.formats.tables import table_of
 from pvibr.maths.transforms import trs
 from pvibr.meshes.poses import as_poses
@@ -62,7 +61,7 @@ def read_poses(path, columns=None, *, others=None):
     ...     read_poses(file)
     (array([[1., 2., 3.]]), {'height': array([17.5])})
     """
-    path = _existing(path)
+    path = existing(path, 'poses file')
     if path.suffix.lower() == '.npy':
         return _read_npy(path), {}
     return _poses_of(table_of(path), columns, others)
@@ -70,21 +69,13 @@ def read_poses(path, columns=None, *, others=None):
 
 def read_poses_and(path, name):
     """Read poses and one other column, or None if the file lacks it."""
-    path = _existing(path)
+    path = existing(path, 'poses file')
     if path.suffix.lower() == '.npy':
         return _read_npy(path), None
     table = table_of(path)
     there = name is not None and table.find(name) is not None
     poses, found = _poses_of(table, None, [name] if there else [])
     return poses, found.get(table.names[table.find(name)]) if there else None
-
-
-def _existing(path):
-    path = Path(path).expanduser()
-    if not path.is_file():
-        msg = f'poses file {str(path)!r} does not exist.'
-        raise FileNotFoundError(msg)
-    return path
 
 
 def _read_npy(path):

@@ -81,6 +81,13 @@ class ShaderDraws:
             self.entries = self.entries or Texture(window)
             self.entries.upload(pack(entries, ROW, entries.shape[1]))
 
+    def grow(self, count, made) -> list:
+        """Have so many actors at least; return those that were made."""
+        new = [made() for _ in range(count - len(self.actors))]
+        self.actors += new
+        self._spans += [(0, 0)] * len(new)
+        return new
+
     def show_spans(self, spans):
         """Draw a span by each actor: first item and end of the entries; others draw nothing."""
         count, self._used = max(len(spans), self._used), len(spans)  # others are hidden already
