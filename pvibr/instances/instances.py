@@ -199,14 +199,29 @@ class Instances(PosedSet):
             asked = {'scalars': scalars, **asked}
         return {k: v for k, v in asked.items() if v is not None}
 
-    def _model(self, k):
-        """Return the levels of a mesh; what has changed is baked only if asked to."""
-        known = self._models.get(k)
-        return self._new_model(k) if known is None or not _is_changed(known) else known
+    def _lacking(self) -> set:
+        """Return also the meshes without images that may have them now."""
+        found = super()._lacking()
+        if self._bake is not False:
+            found |= {k for k in self._used() - found if self._may_have_images(k)}
+        return found
 
-    def _new_model(self, k):
+    def _may_have_images(self, k) -> bool:
+        model = self._models[k]
+        if not model.unbaked or _is_changed(model) or room(self._share) < model.needs:
+            return False
+        return not no_images(self._meshes[k], self._count_of(k))
+
+    def _ready_models(self):
+        before = self._models
+        super()._ready_models()
+        self._take_materials(k for k, m in self._models.items() if m is not before.get(k))
+
+    def _take_materials(self, meshes):
+        self._materials |= {k: Material(self._meshes[k]) for k in meshes}
+
+    def _model(self, k):
         """Return the levels of a mesh, baked if that is wanted or pays."""
-        self._materials[k] = Material(self._meshes[k])
         if self._bake is False:
             return unbaked(self._meshes[k], 'bake is False')
         left = room(self._share)
@@ -219,20 +234,18 @@ class Instances(PosedSet):
         always = self._bake or needs_images(self._forced)
         return None if always else int(np.count_nonzero(self._index == k))
 
-    def _fits(self) -> bool:
-        if not super()._fits():
-            return False
-        models = self._models.items()
-        unbaked = [k for k, model in models if model.unbaked and not _is_changed(model)]
-        asked = self._bake is None
-        return not asked or all(no_images(self._meshes[k], self._count_of(k)) for k in unbaked)
-
     def bake(self):
         """Bake images of the meshes that have none; what images cannot show stays as it is."""
-        self._bake = True
-        new = {k: self._new_model(k) for k, model in self._models.items() if model.unbaked}
+        before, self._bake = self._bake, True
+        try:
+            new = {k: self._model(k) for k, model in self._models.items() if model.unbaked}
+        except BaseException:  # it may be interrupted
+            self._bake = before
+            raise
+        new = {k: m for k, m in new.items() if not (m.unbaked and _is_changed(self._models[k]))}
+        self._models |= new
+        self._take_materials(new)
         if any(not model.unbaked for model in new.values()):
-            self._models |= new
             self._rebuild()
 
     def _follow(self):
@@ -289,9 +302,10 @@ class Instances(PosedSet):
 
     @force_level.setter
     def force_level(self, level):
-        self._forced, self._force_level = checked_force(level), level
-        if self._models and needs_images(self._forced):
+        forced = checked_force(level)
+        if self._models and needs_images(forced):
             self.bake()
+        self._forced, self._force_level = forced, level
         self._touch()
 
     @property

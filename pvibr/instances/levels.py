@@ -17,7 +17,7 @@ from pvibr.instances.bake import TEXTURE_MODES, bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.limits import SIDES, Limits, limits_of
 from pvibr.instances.measure import allowed, measure
-from pvibr.instances.memory import fitting_tile
+from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.progress import baking
 from pvibr.instances.stored_levels import from_arrays, to_arrays
@@ -26,7 +26,7 @@ from pvibr.maths.posed_bounds import hull_corners
 from pvibr.meshes.decimate import displacement, lighter
 from pvibr.meshes.parts import as_parts
 
-VERSION = 24  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 25  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 _ALIKE = 0.5  # px: a greater error of the smallest cards is one of what was baked
 _LIGHTEST = 150  # triangles of the lightest level, at least
@@ -43,6 +43,8 @@ class LodModel:
     atlas: Atlas
     #: Why it has no pictures, empty if it has.
     unbaked: str = ''
+    #: Bytes of room on the GPU with which it may have some.
+    needs: float = 0.0
     #: What is to be said of its tiles.
     note: str = ''
     #: Colour shown in place of that in the pictures, and 1; or zeros.
@@ -98,30 +100,44 @@ def make_model(
     if why := no_images(parts, count):
         return unbaked(parts, why)
     store = None if cache is False else AtlasCache(None if cache is True else cache)
-    key = content_key(parts, views, tile, half) if store is not None else ''
-    if room is not None and key not in _atlases:
-        fitting = fitting_tile(views, tile, room)
-        if not fitting:
-            return unbaked(parts, 'GPU memory for images is at its limit')
-        if fitting < tile:
-            how = {'half': half, 'cache': cache, 'progress': progress, 'views': views}
-            model = make_model(parts, tile=fitting, **how)
-            model.note = f', not {tile}, as GPU memory is limited'
-            return model
+    content = None if store is None else content_key(parts)
+    size = tile if room is None else _fitting(content, views, tile, half, room)
+    if not size:
+        why = 'GPU memory for images is at its limit'
+        return unbaked(parts, why, needs=bytes_of(views, min(tiles(tile))))
+    key = '' if store is None else atlas_key(content, views, size, half)
     found = store.load(key, lambda arrays: _read(parts, arrays)) if store is not None else None
     if found is not None:
         found.atlas = _atlases.setdefault(key, found.atlas)
-        return found
+    else:
+        found = _new_model(parts, store, key, progress, views=views, tile=size, half=half)
+    if size < tile:
+        found.note = f', not {tile}, as GPU memory is limited'
+    return found
+
+
+def _fitting(content, views, tile, half, room) -> int:
+    """Return the largest size of tiles for which there is room, 0 if none is large enough."""
+
+    def fits(size):
+        held = content is not None and atlas_key(content, views, size, half) in _atlases
+        return held or bytes_of(views, size) <= room
+
+    return next(filter(fits, tiles(tile)), 0)
+
+
+def _new_model(parts, store, key, progress, **grid) -> LodModel:
+    """Bake and measure; meshes alone are left where the driver fails."""
     levels = _levels(parts)
     try:
-        model = _baked(levels, progress, views=views, tile=tile, half=half)
+        model = _baked(levels, progress, **grid)
     except RuntimeError as error:
         msg = (
             f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
             'the graphics driver.'
         )
-        warnings.warn(msg, PvibrWarning, stacklevel=3)
-        return unbaked(parts, str(error))
+        warnings.warn(msg, PvibrWarning, stacklevel=4)
+        return unbaked(parts, str(error) or 'the bake failed', needs=np.inf)
     if store is not None:
         kept = {} if given(parts) else to_arrays(levels)
         store.put(key, model.atlas.to_arrays() | kept)
@@ -148,10 +164,10 @@ def no_images(parts, count=None) -> str:
     return why
 
 
-def unbaked(parts, why) -> LodModel:
+def unbaked(parts, why, needs=0.0) -> LodModel:
     """Return a mesh without pictures, drawn as it is at every size."""
     blank = Atlas.blank(np.concatenate([p.mesh.points for p in parts]))
-    return LodModel([MeshLevel(list(parts))], blank, why)
+    return LodModel([MeshLevel(list(parts))], blank, why, needs)
 
 
 def _baked(levels, progress, **grid):
@@ -216,9 +232,14 @@ def _bake_parts(levels):
     return out
 
 
-def content_key(parts, views, tile, half) -> str:
+def atlas_key(content, views, tile, half) -> str:
     """Return a hash of everything that the atlas of a mesh depends on."""
-    values = [VERSION, views, tile, half, SHARE, _turns(parts)]
+    return key_of(content, views, tile, half)
+
+
+def content_key(parts) -> str:
+    """Return a hash of what images of a mesh show."""
+    values = [VERSION, SHARE, _turns(parts)]
     stand_ins = [q for p in parts for level in p.stand_ins for q in level]
     for part in [*parts, *stand_ins]:
         values += [part.alpha_cutoff, *_mesh_values(part.mesh), *look_values(part.actor)]

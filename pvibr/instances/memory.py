@@ -44,8 +44,13 @@ def checked_share(mib, meshes) -> float | None:
     return mib * 2**20 / max(meshes, 1)
 
 
-def fitting_tile(views, tile, left) -> int:
-    """Return the largest tile whose atlas fits, 0 if none is large enough to serve."""
-    while tile >= _SMALLEST_TILE and (views * tile) ** 2 * 12 > left:  # two images, mip levels
-        tile //= 2
-    return tile if tile >= _SMALLEST_TILE else 0
+def tiles(largest):
+    """Yield the largest size of tiles and its halves, as long as images of them serve."""
+    while largest >= _SMALLEST_TILE:
+        yield largest
+        largest //= 2
+
+
+def bytes_of(views, tile) -> int:
+    """Return the bytes of an atlas on the GPU: two images with mip levels."""
+    return (views * tile) ** 2 * 12

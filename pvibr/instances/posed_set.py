@@ -25,16 +25,10 @@ from pvibr.scene.item_set import ItemSet
 from pvibr.scene.thing import joined_bounds
 
 _SPREAD = 2.0  # growth of most blocks at which their instances are no neighbours any more
-# What another set of poses replaces; it comes back if their meshes cannot be baked.
+# What an update replaces; it comes back if a check or a bake fails.
 _REPLACED = (
-    '_poses',
-    '_index',
-    '_order',
-    '_scalars',
-    '_colors',
-    '_visible',
-    'covered',
-    '_applied',
+    *('_poses', '_owned', '_index', '_order', '_wanted', '_models'),
+    *('_scalars', '_colors', '_visible', 'covered', '_applied'),
 )
 _SAMPLE = 64  # blocks that are asked
 
@@ -141,19 +135,29 @@ class PosedSet(ItemSet):
         ValueError
             If the number of values is wrong.
         """
-        if phase is not None:
-            index = index_of_phase(phase, len(self._meshes))
-            self._wanted = frozenset(range(len(self._meshes)))
-        if ids is None:
-            self._update_all(poses, index, scalars, colors, visible)
-            return
-        ids = checked_ids(ids, len(self))
-        looks = self._with_looks(ids, scalars, colors, visible)
-        self._update_some(ids, poses, index)
+        before = {name: getattr(self, name) for name in _REPLACED}
+        try:
+            if phase is not None:
+                index = index_of_phase(phase, max(len(self._meshes), 1))
+                self._wanted = frozenset(range(len(self._meshes)))
+            if ids is None:
+                looks = self._update_all(poses, index, scalars, colors, visible)
+            else:
+                ids = checked_ids(ids, len(self))
+                looks = self._with_looks(ids, scalars, colors, visible)
+                self._update_some(ids, poses, index)
+        except BaseException:  # a bake may be interrupted
+            self._take_back(before)
+            raise
         for name, values in looks.items():
             setattr(self, name, values)
 
-    def _update_all(self, poses, index, scalars, colors, visible):
+    def _take_back(self, before):
+        """Have what there was before an update that failed."""
+        self.__dict__.update(before)
+
+    def _update_all(self, poses, index, scalars, colors, visible) -> dict:
+        """Have other poses and meshes; return the looks to be set."""
         moved = poses is not None or index is not None
         poses = self._poses if poses is None else as_poses(poses)
         count, meshes = len(poses), max(len(self._meshes), 1)
@@ -172,8 +176,7 @@ class PosedSet(ItemSet):
         if moved:  # also by the same array: it may hold other numbers now
             self._owned = self._owned and poses is self._poses
             self._replace(poses, index)
-        for name, values in looks.items():
-            setattr(self, name, values)
+        return looks
 
     def _update_some(self, ids, poses, index):
         if index is not None:
@@ -182,7 +185,8 @@ class PosedSet(ItemSet):
         if poses is not None:
             poses = repeated('poses', as_poses(poses), len(ids))
             kept, poses = same_kind(self._poses, poses)
-            if kept is not self._poses or not self._owned or index is not None:
+            moved = index is None and self._may_move(kept, poses)
+            if kept is not self._poses or not self._owned or not moved:
                 kept, self._owned = np.array(kept), True
             kept[ids] = poses
         else:
@@ -191,25 +195,21 @@ class PosedSet(ItemSet):
             index, new = self._index.copy(), index
             index[ids] = new
             self._replace(kept, index)
+        elif poses is not None and moved:
+            self._poses = kept
+            self._move(ids)
         elif poses is not None:
-            same, self._poses = kept.ndim == self._poses.ndim, kept
-            if same:
-                self._move(ids)
-            else:
-                self._replace(kept, self._index)
+            self._replace(kept, self._index)
+
+    def _may_move(self, kept, poses) -> bool:
+        """Return True if new poses among those kept are shown by the groups as they are."""
+        return kept.ndim == self._poses.ndim
 
     def _replace(self, poses, index):
         """Have other poses, any number of them, and meshes."""
-        before = {name: getattr(self, name) for name in _REPLACED}
-        try:
-            self._take_over(poses, index)
-            fits = self._fits()
-            if not fits:
-                self._ready_models()
-        except BaseException:  # a bake may fail or be interrupted
-            self.__dict__.update(before)
-            raise
-        if not fits:
+        self._take_over(poses, index)
+        if not self._fits():
+            self._ready_models()
             self._rebuild()
             return
         if self._are_scattered():
@@ -250,10 +250,14 @@ class PosedSet(ItemSet):
         """Return True if the groups can show the instances as they are."""
         count = len(self._poses)
         same_unit = all(group.unit == unit_of(count) for group in self.groups)
-        return same_unit and count <= self._capacity and self._used() <= self._models.keys()
+        return same_unit and count <= self._capacity and not self._lacking()
 
     def _used(self) -> set:
         return {*self._wanted, *np.flatnonzero(np.bincount(self._index)).tolist()}
+
+    def _lacking(self) -> set:
+        """Return the meshes whose levels are to be made."""
+        return self._used() - self._models.keys()
 
     def _rebuild(self):
         """Build the groups again."""
@@ -271,9 +275,8 @@ class PosedSet(ItemSet):
 
     def _ready_models(self):
         """Have the levels of each mesh that is used."""
-        known = self._models
-        lacking = (k for k in self._used() if k not in known or known[k].unbaked)
-        self._models = dict(sorted({**known, **{k: self._model(k) for k in lacking}}.items()))
+        new = {k: self._model(k) for k in self._lacking()}
+        self._models = dict(sorted({**self._models, **new}.items()))
 
     def _make_groups(self):
         count = len(self._poses)
@@ -355,8 +358,9 @@ class PosedSet(ItemSet):
             changed['colors'] = self._base_colors()
             changed['colors'][ids] = look.as_colors(rows, len(rows))
         if visible is not None:
+            mask = look.as_mask(visible, len(ids))
             changed['visible'] = self.visible.copy()
-            changed['visible'][ids] = visible
+            changed['visible'][ids] = True if mask is None else mask
         return changed
 
     def _base_colors(self):

@@ -36,7 +36,7 @@ class Sources:
 
 
 def _key_of(parts) -> str:
-    return content_key(parts, 0, 0, False)
+    return content_key(parts)
 
 
 def _time_of(mesh) -> int:

@@ -14,7 +14,7 @@ from pvibr.instances import levels
 from pvibr.instances.atlas import MARGIN
 from pvibr.instances.bake import bake_parts, fill_depth
 from pvibr.instances.cache import AtlasCache
-from pvibr.instances.levels import bake, content_key, make_model
+from pvibr.instances.levels import atlas_key, bake, content_key, make_model
 from pvibr.instances.limits import limits_of
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
@@ -103,12 +103,11 @@ def test_a_grid_that_cannot_be(grid):
 
 def test_the_key_is_of_the_content():
     def key(**looks):
-        return content_key(as_parts(pv.Sphere(), **looks), 4, 16, False)
+        return content_key(as_parts(pv.Sphere(), **looks))
 
     assert key(color='red') == key(color='red')
     assert len({key(color='red'), key(color='blue'), key(color='red', smooth_shading=True)}) == 3
-    parts = as_parts(pv.Sphere())
-    assert content_key(parts, 4, 16, False) != content_key(parts, 4, 16, True)
+    assert atlas_key('', 4, 16, False) != atlas_key('', 4, 16, True)
 
 
 def test_a_truncated_cache_file_is_baked_again_with_one_warning(tmp_path):
@@ -198,7 +197,7 @@ def test_what_is_forged_is_baked_again_once(how, tmp_path):
     kwargs = {'views': 3, 'tile': 16, 'cache': tmp_path}
     first = make_model(parts, **kwargs)
     store = AtlasCache(tmp_path)
-    key = content_key(parts, 3, 16, False)
+    key = atlas_key(content_key(parts), 3, 16, False)
     arrays = dict(store.get(key))
     FORGED[how](arrays)
     assert store.put(key, arrays)

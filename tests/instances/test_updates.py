@@ -209,6 +209,8 @@ BAD = {
     'poses of some': ({'ids': [0, 1], 'poses': np.zeros((3, 3))}, ValueError, 'poses'),
     'NaN': ({'poses': np.full((3, 3), np.nan)}, ValueError, 'finite'),
     'phase': ({'phase': [np.nan] * 3}, ValueError, 'phase'),
+    'phase of another number': ({'phase': [0.0, 0.5]}, ValueError, 'index'),
+    'visible of some': ({'ids': [0], 'visible': [0.5]}, ValueError, 'visible'),
     'ids': ({'ids': [3], 'poses': [0, 0, 0]}, IndexError, '3'),
     'scalars': ({'poses': np.zeros((3, 3)), 'scalars': [1.0]}, ValueError, 'scalars'),
     'visible': ({'poses': np.zeros((3, 3)), 'visible': [1, 0, 1]}, ValueError, 'visible'),
@@ -224,6 +226,7 @@ def test_bad_updates_change_nothing(scenes, shapes, given, kind, words):
     np.testing.assert_array_equal(things.poses, places)
     assert things.index.tolist() == [1, 1, 0]
     assert things.scalars is None
+    assert things._wanted == frozenset()
     pl.close()
 
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import gc
+
 import numpy as np
 import pytest
 import pyvista as pv
 
+import pvibr
+from pvibr.instances import memory
+from pvibr.instances.instances import Instances
 from pvibr.instances.worth import why_not
 
 
@@ -73,11 +78,11 @@ def test_images_shrink_where_gpu_memory_is_limited(scenes, bean, monkeypatch):
         pl.close()
         return size, report
 
+    _, report = atlas(gpu_memory=0.1)
+    assert 'not baked: GPU memory' in report
     size, report = atlas(gpu_memory=4)
     assert size <= 4 * 2**20
     assert 'views of 32 texels, not 128' in report
-    _, report = atlas(gpu_memory=0.1)
-    assert 'not baked: GPU memory' in report
     monkeypatch.setenv('PVIBR_GPU_MEMORY', '0')
     _, report = atlas(diffuse=0.9, opacity=0.99)
     assert 'at its limit' in report
@@ -87,3 +92,72 @@ def test_images_shrink_where_gpu_memory_is_limited(scenes, bean, monkeypatch):
     monkeypatch.setenv('PVIBR_GPU_MEMORY', 'much')
     with pytest.raises(ValueError, match='PVIBR_GPU_MEMORY'):
         atlas()
+
+
+@pytest.fixture
+def limited(monkeypatch):
+    """A function that leaves so much GPU memory for images, in MiB."""
+
+    def limit(mib):
+        gc.collect()
+        held = memory.limit() - memory.room()
+        monkeypatch.setattr('pvibr.instances.memory.limit', lambda: held + mib * 2**20)
+
+    return limit
+
+
+def test_what_was_refused_is_asked_for_again_where_there_is_room(scenes, bean, limited):
+    limited(0)
+    pl, things = scenes.instances(bean, [[0, 0, 0], [2, 0, 0]])
+    groups = things.groups
+    things.poses = [[0, 0, 0], [3, 0, 0]]
+    assert things.groups is groups
+    limited(64)
+    things.poses = [[0, 0, 0], [2, 0, 0]]
+    assert 'views of 128' in things.report()['atlas 0']
+    pl.close()
+
+
+def test_a_bake_that_failed_is_repeated_only_if_asked_for(scenes, bean, monkeypatch):
+    tried = []
+
+    def fail(*_args, **_kwargs):
+        tried.append(1)
+        raise RuntimeError
+
+    monkeypatch.setattr('pvibr.instances.levels.bake_parts', fail)
+    with pytest.warns(pvibr.PvibrWarning, match='cards are off'):
+        pl, things = scenes.instances(bean.scale(1.02), [[0, 0, 0], [2, 0, 0]])
+    things.poses = np.zeros((5, 3))
+    assert len(tried) == 1
+    with pytest.warns(pvibr.PvibrWarning, match='cards are off'):
+        things.bake()
+    pl.close()
+
+
+def test_sets_of_a_mesh_share_images_that_had_to_shrink(scenes, bean, limited):
+    limited(4)
+    pl, one = scenes.instances(bean.scale(1.01), [[0, 0, 0]], level='flat', color='tan')
+    two = pl.ibr.add_instances(
+        bean.scale(1.01), [[2, 0, 0]], cache=scenes.folder, bake=True, color='tan'
+    )
+    assert one.atlases[0].tile == 32
+    assert two.atlases[0] is one.atlases[0]
+    assert 'texels, not 128' in two.report()['atlas 0']
+    pl.close()
+
+
+@pytest.mark.parametrize('call', [Instances.bake, lambda t: setattr(t, 'force_level', 'flat')])
+def test_an_interrupted_bake_was_not_asked_for(scenes, bean, monkeypatch, call):
+    def interrupt(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    pl, things = scenes.instances(bean, [[0, 0, 0]], bake=None)
+    with monkeypatch.context() as patch:
+        patch.setattr('pvibr.instances.instances.make_model', interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            call(things)
+    assert things.force_level is None
+    things.poses = np.zeros((2, 3))
+    assert 'not baked' in things.report()['atlas 0']
+    pl.close()
