@@ -116,8 +116,7 @@ class Crowd(Instances):
             msg = f"skinning is {skinning!r}; it must be 'linear' or 'dual'"
             raise ValueError(msg)
         playback = Playback(count)
-        self._clips: list = []
-        playback.clip = self._numbers(clips, count)
+        playback.clip, self._clips = self._numbers(clips, count, [])
         playback.offset = _each('times', times, count)
         playback.speed = _each('speeds', speeds, count)
         playback.loop = _each('loop', loop, count, bool)
@@ -125,39 +124,38 @@ class Crowd(Instances):
             figure, as_mesh_actors(figure, asked, theme), skinning, playback, self._now
         )
         self._clip_baking = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
-        self._begin(poses, np.zeros(count, int), self._baked() if count else {}, pickable)
+        models = self._baked(self._clips) if count else {}
+        self._begin(poses, np.zeros(count, int), models, pickable)
         self._paint(scalars, colors)
 
     def _now(self) -> float:
         return 0.0 if self.pipeline is None else self.pipeline.time
 
-    def _numbers(self, clips, count) -> np.ndarray:
-        """Return the index of each figure's clip; new clips are added."""
+    def _numbers(self, clips, count, known) -> tuple[np.ndarray, list]:
+        """Return the index of each figure's clip, and the clips known with the new ones."""
         one = clips is None or isinstance(clips, str | int) or hasattr(clips, 'sample')
         wanted = [self.figure.clip(c) for c in ([clips] if one else clips)]
         if not one and len(wanted) != count:
             msg = f'clips has {len(wanted)} entries; it must be one clip or {count} of them'
             raise ValueError(msg)
-        for clip in wanted:
-            if not any(clip is known for known in self._clips):
-                self._clips.append(clip)
-        place = {id(clip): i for i, clip in enumerate(self._clips)}
+        found = list({id(clip): clip for clip in [*known, *wanted]}.values())
+        place = {id(clip): i for i, clip in enumerate(found)}
         numbers = np.array([place[id(clip)] for clip in wanted], int)
-        return np.broadcast_to(numbers, (count,)).copy() if one else numbers
+        return np.broadcast_to(numbers, (count,)).copy() if one else numbers, found
 
-    def _baked(self) -> dict:
+    def _baked(self, clips) -> dict:
         """Bake the clips, and take over their motions."""
         state, wanted = self._crowd_state, dict(self._clip_baking)
         with baking(wanted.pop('progress')) as advance:
-            model, state.motions = bake_pose_atlas(
+            model, motions = bake_pose_atlas(
                 self.figure,
                 state.mesh_actors,
-                self._clips,
+                clips,
                 skinning=state.skinning,
                 advance=advance,
                 **wanted,
             )
-        state.box = model.atlas.box.T.ravel()
+        state.motions, state.box = motions, model.atlas.box.T.ravel()
         return {0: model}
 
     def _group(self, *args):
@@ -220,16 +218,19 @@ class Crowd(Instances):
             If there is no such clip, or values do not fit.
         """
         ids = np.arange(len(self))[slice(None) if ids is None else np.asarray(ids)]
-        ids, known = np.atleast_1d(ids), len(self._clips)
+        ids = np.atleast_1d(ids)
         speed = _each('speed', speed, len(ids))
         start = _each('start', self._now() if start is None else start, len(ids))
         loop = _each('loop', loop, len(ids), bool)
+        numbers, clips = self._numbers(clip, len(ids), self._clips)
+        new = len(clips) > len(self._clips)
+        models = self._baked(clips) if new else self._models  # it may be interrupted
         playback = self._crowd_state.playback
-        playback.clip[ids] = self._numbers(clip, len(ids))
+        playback.clip[ids], self._clips = numbers, clips
         playback.speed[ids], playback.loop[ids] = speed, loop
         playback.offset[ids] = -speed * start
-        if len(self._clips) > known:
-            self._models = self._baked()
+        if new:
+            self._models = models
             self._rebuild()
         self._moved()
 

@@ -241,14 +241,14 @@ class Cards:
         self._stale = {}
 
     def _begin(self, window):
-        self.window = window
-        self._images = AtlasTextures.of(self.atlas, window)
+        self._images = self._images or AtlasTextures.of(self.atlas, window)
         if self.atlas.animated:
             self._own['ibr_moves'] = Texture(window)
             self.uniforms['ibr_pages'] = self.atlas.pages
         self._own |= {name: Texture(window) for name in ('ibr_poses', 'ibr_looks')}
         self.textures = self._images.views | self._own
         self._stale = dict.fromkeys(('ibr_poses', 'ibr_looks'))
+        self.window = window  # last: what fails begins anew
 
     def move(self, moves):
         """Upload the motion of instances of an animated atlas."""

@@ -177,10 +177,15 @@ class Instances(PosedSet):
         self._bake, self._materials = bake, {}
         self._share = checked_share(gpu_memory, len(meshes))
         self._begin(poses, index, {}, pickable, parts, baking)
-        if len(parts) == len(parts[0]) == 1:
-            self._dressed = (parts[0][0].actor,)
-            self.SetProperty(parts[0][0].actor.GetProperty())
+        self._wear()
         self._paint(scalars, colors)
+
+    def _wear(self):
+        """Have the material of the only part, if there is one, and give it new ones."""
+        parts = [part for found in self._meshes for part in found]
+        self._dressed = (parts[0].actor,) if len(parts) == 1 else ()
+        for actor in self._dressed:
+            self.SetProperty(actor.GetProperty())
 
     def _sided(self, parts):
         """Return parts without culling for mirrored poses: VTK culls by the winding it sees."""
@@ -267,6 +272,7 @@ class Instances(PosedSet):
                 if model is not self._models[k] or material.reshaped():
                     new[k] = model
         if new:
+            self._wear()
             self._models |= new
             self._rebuild()
 

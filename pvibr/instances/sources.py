@@ -16,35 +16,33 @@ class Sources:
 
     def __init__(self, meshes, parts_of, parts):
         self._meshes, self._parts_of = meshes, parts_of
-        self._times = [_time_of(mesh) for mesh in meshes]
+        self._times = [_times_of(mesh) for mesh in meshes]
         # Of now: parts share arrays with what they are made of.
-        self._keys = [_key_of(p) if t else '' for p, t in zip(parts, self._times, strict=True)]
+        pairs = zip(parts, self._times, strict=True)
+        self._keys = [content_key(found) if times else '' for found, times in pairs]
 
     def changed(self) -> dict[int, list]:
         """Return the new parts of meshes whose points, cells or shown arrays have changed."""
-        found = {}
+        found: dict[int, list] = {}
+        times = [_times_of(mesh) for mesh in self._meshes]
+        if times == self._times:
+            return found
+        keys = list(self._keys)
         for k, mesh in enumerate(self._meshes):
-            time = _time_of(mesh)
-            if time == self._times[k]:
-                continue
-            self._times[k] = time
-            parts = self._parts_of(mesh)
-            key = _key_of(parts)
-            if key != self._keys[k]:
-                self._keys[k], found[k] = key, parts
+            if times[k] != self._times[k]:
+                parts = self._parts_of(mesh)
+                keys[k] = content_key(parts)
+                if keys[k] != self._keys[k]:
+                    found[k] = parts
+        self._times, self._keys = times, keys
         return found
 
 
-def _key_of(parts) -> str:
-    return content_key(parts)
-
-
-def _time_of(mesh) -> int:
-    """Return VTK's time of the last change of a dataset, 0 for what tells none."""
+def _times_of(mesh) -> tuple:
+    """Return VTK's times of the last changes of all in a dataset, none for what tells none."""
     if isinstance(mesh, _vtk.vtkActor):
         mapper = mesh.GetMapper()
-        return max(mapper.GetMTime(), _time_of(mapper.GetInputDataObject(0, 0)))
+        return mapper.GetMTime(), *_times_of(mapper.GetInputDataObject(0, 0))
     if isinstance(mesh, pv.MultiBlock):
-        blocks = mesh.recursive_iterator(skip_none=True)
-        return max((block.GetMTime() for block in blocks), default=0)
-    return mesh.GetMTime() if isinstance(mesh, _vtk.vtkDataObject) else 0
+        return tuple(block.GetMTime() for block in mesh.recursive_iterator(skip_none=True))
+    return (mesh.GetMTime(),) if isinstance(mesh, _vtk.vtkDataObject) else ()

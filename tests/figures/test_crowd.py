@@ -144,10 +144,20 @@ def test_each_plays_its_own_clip(figure, show):
     assert crowd.times.tolist() == [0.0, -1.0]
 
 
-def test_a_clip_that_is_new_is_baked_when_it_is_played(figure, show):
+def interrupted(*_args, **_kwargs):
+    raise KeyboardInterrupt
+
+
+def test_a_clip_that_is_new_is_baked_when_it_is_played(figure, show, monkeypatch):
     pl, crowd = show(figure, apart(), clips='still', max_error=2.0)
     grab(pl)
     before = crowd.atlases[0].n_poses
+    with monkeypatch.context() as patch:
+        patch.setattr('pvibr.figures.crowd.bake_pose_atlas', interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            crowd.play('bend', [0], speed=2.0)
+    assert [clip.name for clip in crowd.clips] == ['still', 'still']
+    assert crowd.speeds.tolist() == [1.0, 1.0]
     crowd.play('bend', [0], start=-1.0)
     assert crowd.atlases[0].n_poses > before
     assert np.abs(crowd.mesh(0).bounds[2:4]).max() > np.abs(crowd.mesh(1).bounds[2:4]).min()

@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+from pvibr import PvibrWarning
+from pvibr.instances.sources import Sources
+from pvibr.meshes.parts import as_parts
+
 POSES = [[0, 0, 0], [1.6, 0, 0.2]]
 CAMERA = {'eye': (0.8, -9.0, 3.0), 'focus': (0.8, 0.2, 0.0)}
 
@@ -97,3 +101,55 @@ def test_a_changed_mesh_is_drawn_as_it_is_until_baked_again(scenes, see, beans, 
         things.bake()
         assert off(scenes, see, pl, mesh, color='tan') < 0.03
         assert 'not baked' not in things.report()['atlas 0']
+
+
+def test_blocks_that_come_and_go_in_place(scenes, see):
+    older = pv.Cube(center=(0, 0, 1.5))
+    blocks = pv.MultiBlock([pv.Cube(), pv.Sphere(center=(0, 0, 2.5))])
+    pl, _ = scenes.instances(blocks, POSES, camera=CAMERA, bake=False)
+    see.grab(pl)
+    for change in (lambda: blocks.pop(0), lambda: blocks.append(older)):
+        change()
+        truth = scenes.actors(blocks, POSES, camera=CAMERA)
+        np.testing.assert_allclose(see.grab(pl), see.grab(truth), atol=1.01 / 255)
+
+
+def test_a_changed_mesh_has_the_material_that_is_set_later(scenes, see):
+    mesh = pv.Sphere()
+    pl, things = scenes.instances(mesh, [[0, 0, 0]], bake=False, color='tan', lighting=False)
+    see.grab(pl)
+    mesh.points *= 0.7
+    see.grab(pl)
+    things.prop = pv.Property(color='red', lighting=False)
+    assert see.grab(pl)[45, 60].tolist() == [1.0, 0.0, 0.0]
+
+
+def test_a_change_that_cannot_be_shown_is_not_forgotten():
+    mesh, made = pv.Sphere(), as_parts(pv.Sphere())
+
+    def parts_of(found):
+        if not found.n_points:
+            raise LookupError
+        return as_parts(found)
+
+    sources = Sources([mesh], parts_of, [made])
+    mesh.copy_from(pv.PolyData())
+    for _ in range(2):
+        with pytest.raises(LookupError):
+            sources.changed()
+    mesh.copy_from(pv.Cube())
+    assert list(sources.changed()) == [0]
+    assert not sources.changed()
+
+
+def test_textures_that_could_not_be_made_are_made_later(scenes, see, beans, monkeypatch):
+    def refuse(*_args):
+        raise MemoryError
+
+    pl, things, mesh = beans('flat')
+    with monkeypatch.context() as patch:
+        patch.setattr('pvibr.instances.cards.AtlasTextures.of', refuse)
+        with pytest.warns(PvibrWarning, match='is off'):
+            see.grab(pl)
+    things.enabled = True
+    assert off(scenes, see, pl, mesh, color='tan') < 0.05

@@ -129,7 +129,7 @@ def measured(name, make, settings, seed) -> Found:
         for way, max_error in WAYS.items():
             add = partial(stages[way].plotter.ibr.add_instances, cache=folder, progress=False)
             add = partial(add, scene.make(), scene.poses, max_error=max_error)
-            things[way], seconds = timed(partial(add, show_scalar_bar=False))
+            things[way], seconds = timed(partial(add, bake=True, show_scalar_bar=False))
             found.add_s.append(seconds)
         stages['meshes'] = stack.enter_context(scene.meshes())
         stages['peer'] = stack.enter_context(_peer(scene))
