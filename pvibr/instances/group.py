@@ -94,6 +94,7 @@ class InstanceGroup:
             for part, own in zip(level.parts, self.levels[0].parts, strict=False):
                 if part.actor.GetProperty() is not own.actor.GetProperty():
                     copy_light(part.actor.GetProperty(), own.actor.GetProperty())
+        self.near.follow_material()
         self.cards.uniforms['ibr_paint'] = self.model.paint
 
     def put(self, poses, ids):

@@ -120,6 +120,8 @@ class Instances(PosedSet):
     moved_by = 'set its poses'
     _bake: bool | None = None
     _force_level: str | dict | None = None
+    #: Whether near meshes have an actor each, as their shaders failed.
+    _singly = False
     _forced: dict[str, tuple] = {}
     _models: dict = {}
     _sources: Sources | None = None
@@ -233,6 +235,12 @@ class Instances(PosedSet):
         model = make_model(self._meshes[k], count=self._count_of(k), room=left, **self._baking)
         hold(model.atlas)
         return model
+
+    def _group(self, *args):
+        group = super()._group(*args)
+        if self._singly:
+            group.near.draw_singly()
+        return group
 
     def _count_of(self, k) -> int | None:
         """Return how many instances show a mesh, None if it has images for any number."""
@@ -393,6 +401,7 @@ class Instances(PosedSet):
     def prepare(self, frame):
         """Choose levels again if camera, size, settings, meshes or materials changed."""
         self._follow()
+        self._check_meshes()
         covered = self.covered if frame.own and not frame.picking else None
         if covered is not self._applied:
             self._apply_looks(covered)
@@ -401,8 +410,7 @@ class Instances(PosedSet):
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         depth = self._depth_is_read(frame)
         how = frame.picking, frame.casting, frame.quality, depth
-        single = [group.near.single() for group in self.groups]
-        content_key = (*camera, frame.size, self.revision, *how, *single)
+        content_key = (*camera, frame.size, self.revision, *how)
         self._check_cards()
         if content_key == self._content_key:
             self._offer(frame.picking)
@@ -447,8 +455,19 @@ class Instances(PosedSet):
         failure = next((k.cards.failure for k in self.groups if k.cards.failure), None)
         if failure and not self._failure:
             self._failure, self._content_key = failure, None
-            msg = f'{self.name}: {failure}: meshes are drawn instead. Look at `pvibr doctor`.'
-            warnings.warn(msg, PvibrWarning, stacklevel=2)
+            self._warn(failure, 'meshes are drawn')
+
+    def _check_meshes(self):
+        """Warn once if a shader of meshes failed, and draw plain actors from then on."""
+        failure = next((k.near.failure for k in self.groups if k.near.failure), None)
+        if failure:
+            self._singly = True
+            self._rebuild()
+            self._warn(failure, 'an actor for each is drawn')
+
+    def _warn(self, failure, instead):
+        msg = f'{self.name}: {failure}: {instead} instead. Look at `pvibr doctor`.'
+        warnings.warn(msg, PvibrWarning, stacklevel=3)
 
     def finish(self, frame):
         """Release the texture units, have depth written, and let pickers find instances."""
@@ -456,6 +475,9 @@ class Instances(PosedSet):
         frame.window.GetState().vtkglDepthMask(True)
         if frame.own:
             self._offer(True)
+        if frame.own and not frame.picking:
+            for group in self.groups:
+                group.near.check()
 
     def release(self):
         """Free GPU memory; the context is current."""

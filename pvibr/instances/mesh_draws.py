@@ -32,6 +32,16 @@ class MeshDraws:
         """Whether any part is translucent."""
         return any(p.actor.HasTranslucentPolygonalGeometry() for p in self.level.parts)
 
+    @property
+    def failure(self) -> str | None:
+        """Error of the shaders, or None."""
+        return next((draws.failure for draws in self._parts if draws.failure), None)
+
+    def check(self):
+        """Note shaders that were not drawn with."""
+        for draws in self._parts:
+            draws.check()
+
     def set_inputs(self, entries, textures, uniforms):
         """Set what all draws have in common."""
         for draws in self._parts:

@@ -24,6 +24,8 @@ class NearMeshes:
         self.levels = levels
         self.pools = self._pools()
         self.draws: list[MeshDraws] = []
+        #: Of each level, whether its instances have an actor each.
+        self.single = (True,) * len(levels)
         self._matrix = _vtk.vtkMatrix4x4()
         self._picked = ActorPool(levels[0])
         self._entries: Texture | None = None
@@ -38,15 +40,31 @@ class NearMeshes:
         """Draw many instances at once, if that suits the levels."""
         shared = center, self._matrix, binder
         self.draws = [MeshDraws(level, capacity, *shared) for level in self.levels]
+        self.follow_material()
 
     @property
     def nbytes(self) -> int:
         """Bytes of the entries on the GPU."""
         return 0 if self._entries is None else self._entries.nbytes
 
-    def single(self) -> tuple:
-        """Return of each level whether its instances have an actor each."""
-        return tuple(not self.draws or not suits(level) for level in self.levels)
+    @property
+    def failure(self) -> str | None:
+        """Error of the shaders, or None."""
+        return next((draws.failure for draws in self.draws if draws.failure), None)
+
+    def check(self):
+        """Note shaders that the frame was not drawn with."""
+        for draws in self.draws:
+            draws.check()
+
+    def follow_material(self):
+        """Have an actor for each instance where a material asks for more than surfaces."""
+        self.single = tuple(not self.draws or not suits(level) for level in self.levels)
+
+    def draw_singly(self):
+        """Have an actor for each instance, of every level."""
+        self.draws = []
+        self.follow_material()
 
     # -- what is shown ------------------------------------------------------------------------
 
@@ -60,7 +78,7 @@ class NearMeshes:
             group.counts[f'mesh {pool.level.triangles}'] = int((levels == k).sum())
         band = limits.mesh * (fade - 1) if not (frame.picking or frame.casting) else 0.0
         shares = (sizes - limits.mesh) / band if band > 0 else np.ones(len(sizes))
-        alone = np.array(self.single())[levels]
+        alone = np.array(self.single)[levels]
         new = self._show_singly(group, slots[alone], levels[alone], shares[alone])
         slots, centers, levels = slots[~alone], centers[:, ~alone], levels[~alone]
         new += self._show_picked(group, frame, slots)

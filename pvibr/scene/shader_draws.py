@@ -147,6 +147,12 @@ class ShaderDraws:
             if self.feature is not None and not self.feature.landed(program):
                 self.failure = f'the shader text {self.feature.name} did not land'
 
+    def check(self):
+        """Note if the frame that was drawn had no program for what it was to show."""
+        shown = any(end > 0 for _, end in self._spans[: self._used])
+        if shown and not self.landed and self.feature is not None:
+            self.failure = f'the driver refused the shader {self.feature.name}'
+
     def release(self, window):
         """Free GPU memory; the context is current."""
         self.hide()

@@ -545,12 +545,21 @@ def test_bad_settings_change_nothing(scenes, see, bean, name, value):
     np.testing.assert_array_equal(see.grab(pl), shown)
 
 
-def test_a_shader_that_fails_leaves_the_meshes(scenes, see, bean, monkeypatch):
+SHADERS = 'gl.feature.Feature.landed', 'scene.shader_draws.ShaderDraws._set_shader'
+FAILURES = {
+    'cards did not land': (SHADERS[0], 'meshes are drawn'),
+    'meshes did not land': (SHADERS[0], 'actor'),
+    'meshes did not compile': (SHADERS[1], 'actor'),
+}
+
+
+@pytest.mark.parametrize(('where', 'match'), FAILURES.values(), ids=FAILURES)
+def test_a_shader_that_fails_leaves_the_meshes(scenes, see, bean, monkeypatch, where, match):
     """A driver that does not take the cards: one warning, and the meshes are there."""
-    monkeypatch.setattr('pvibr.gl.feature.Feature.landed', lambda *_: False)
-    pl, _ = beans(scenes, bean)
-    with pytest.warns(pvibr.PvibrWarning, match='Instances'):
-        [see.grab(pl) for _ in range(2)]
+    monkeypatch.setattr(f'pvibr.{where}', lambda *_: False)
+    pl, _ = beans(scenes, bean, level='mesh' if match == 'actor' else None)
+    with pytest.warns(pvibr.PvibrWarning, match=match):
+        [see.grab(pl) for _ in range(3)]
     truth = see.grab(plain(scenes, bean))
     assert off(see.grab(pl), truth) < 0.01
 
