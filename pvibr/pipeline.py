@@ -18,6 +18,7 @@ from pvibr.gl.fused import Fused
 from pvibr.gl.picture import Picture
 from pvibr.gl.scene_pass import ScenePass
 from pvibr.scene.buffers import Buffers, Tap
+from pvibr.scene.casters import Surfaces
 from pvibr.scene.draw_order import DrawOrder
 from pvibr.scene.thing import Thing
 
@@ -37,6 +38,7 @@ class Pipeline:
         self._turn: _Turn | None = None
         self.buffers = Buffers(renderer)
         self.order = DrawOrder(renderer)
+        self.surfaces = Surfaces(renderer)
         self._stage = _Stage(renderer, self.buffers)
         self.watch: Any = None
         self._closed = False
@@ -187,6 +189,7 @@ class Pipeline:
         )
         frame = Frame.of(self.renderer, index=self._frames, time=self.time, quality=quality)
         self._turn = turn = _Turn(frame)
+        self.surfaces.begin()
         for entry in self._entries:
             entry.running = False
         for entry in self._entries:

@@ -141,6 +141,10 @@ class Effect:
         """Whether it draws on the picture of a frame: its class has `render`."""
         return type(self).render is not Effect.render
 
+    def content_key(self) -> object:
+        """Return a value that changes with what it shows on surfaces, the camera left out."""
+        return self.revision
+
     @property
     def surfaces(self) -> bool:
         """Whether `render` reads normals and ids of surfaces from ``pipeline.buffers``."""

@@ -37,7 +37,8 @@ class Drawer:
             state.vtkglClearDepth(1.0)
             state.vtkglClear(gl.DEPTH_BUFFER_BIT)
         self._aim(view)
-        self._light()
+        self._take_lights()
+        self.inner.UpdateLights()
 
     def _aim(self, view):
         # An explicit matrix, since otherwise VTK uses the aspect ratio of the window.
@@ -53,14 +54,21 @@ class Drawer:
         camera.UseExplicitProjectionTransformMatrixOn()
         camera.Modified()  # of a matrix that changes within, it takes no notice
 
-    def _light(self):
+    def light_from(self, view=None):
+        """Let the lights that follow a camera do so for a view, by default the renderer's."""
+        if view is not None:
+            self._aim(view)
+        renderer = self.renderer if view is None else self.inner
+        self._take_lights()
+        renderer.UpdateLightsGeometryToFollowCamera()
+
+    def _take_lights(self):
         theirs = self.renderer.GetLights()
         if theirs.GetMTime() != self._lights:
             self._lights = theirs.GetMTime()
             self.inner.RemoveAllLights()
             for light in theirs:
                 self.inner.AddLight(light)
-        self.inner.UpdateLights()
 
     def draw_depth(self, actors, *, faces='both'):
         """Draw the depth of visible opaque actors."""

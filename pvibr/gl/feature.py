@@ -129,7 +129,8 @@ class FeatureSet:
     def leave_shared(self):
         """Detach from actors that other renderers draw, too."""
         for key, (actor, features, _) in [*self._attached.items()]:
-            if actor.GetNumberOfConsumers() > 1:
+            consumers = map(actor.GetConsumer, range(actor.GetNumberOfConsumers()))
+            if sum(consumer.IsA('vtkRenderer') for consumer in consumers) > 1:
                 del self._attached[key]
                 self._detach(actor, features)
 

@@ -14,7 +14,7 @@ from pvibr.image_layers.members import Lighting, Member
 from pvibr.image_layers.picture import Settings
 from pvibr.projection.live_texture import LiveTexture
 from pvibr.scene.actor_watch import ActorWatch
-from pvibr.scene.casters import Casters, Surfaces, listed
+from pvibr.scene.casters import Surfaces, listed
 from pvibr.scene.draw_order import Stage
 from pvibr.scene.substitute import Substitute, addresses
 from pvibr.scene.thing import Thing, joined_bounds
@@ -115,7 +115,6 @@ class ImageLayers(Substitute):
         if self._groups is not None:
             self._layers = [Layer([Member(a) for a in group]) for group in self._groups]
             self._members = {m.key: m for layer in self._layers for m in layer.members}
-        self._draws: dict[str, int] = {}  # of live textures
         self._watch = ActorWatch(self.actors())
 
     def __setattr__(self, name, value):
@@ -193,14 +192,8 @@ class ImageLayers(Substitute):
     def _update(self):
         """Update all members; forget actors that left the subplot."""
         self._gather()
-        effects = self.pipeline.effects if self.pipeline is not None else ()
-        lives = [e for e in effects if isinstance(e, LiveTexture)]
-        before, self._draws = self._draws, {address(e.texture): e.draws for e in lives}
         members = list(self._members.values())
-        rows = self._watch.changed()
-        if before != self._draws:  # of which VTK's times know nothing
-            rows = list(range(len(members)))
-        changed = [members[i].update(self._draws) for i in rows]
+        changed = [members[i].update() for i in self._watch.changed()]
         self._watch.settle()
         self._version += any(changed)
 
@@ -208,8 +201,7 @@ class ImageLayers(Substitute):
         if self.pipeline is None:
             return
         # What another thing stands for is its own from then on.
-        self._surfaces.update([t for t in self.pipeline.things if t is not self])
-        free, _ = self._surfaces.chosen(None)
+        free, _ = self._surfaces.chosen(None, [t for t in self.pipeline.things if t is not self])
         own = addresses(self.props)
         present = {k: a for k, a in free.items() if k not in own}
         new = present.keys() - self._members.keys() if self._groups is None else set()
@@ -223,7 +215,7 @@ class ImageLayers(Substitute):
         for layer in self._layers if gone else ():
             layer.keep(self._members)
         self._version += bool(gone)
-        self._watch = ActorWatch(self.actors())
+        self._watch = ActorWatch(self.actors(), self._watch)
 
     def _by_depth(self, frame):
         """Split all actors by depth, again if the camera moved far."""
@@ -282,16 +274,11 @@ class ImageLayers(Substitute):
         ]
         if not effects:
             return [], ()
-        key = tuple((id(e), e.revision, _draws(e.lives)) for e in effects)
-        others = [t for t in self.pipeline.things if t is not self and t.enabled]
-        self._surfaces.update([t for t in self.pipeline.things if t is not self])
-        actors, _ = self._surfaces.chosen(None)
-        free = [
-            a
-            for k, a in actors.items()
-            if a.GetVisibility() and k not in self._members and a not in self.props
-        ]
-        return effects, (key, Casters(free, others).key(), self._version)
+        key = tuple((id(e), e.content_key(), _draws(e.lives)) for e in effects)
+        things = [t for t in self.pipeline.things if t.enabled]
+        others = self.pipeline.surfaces.casters(None, things)
+        others.things.remove(self)
+        return effects, (key, others.key(), self._version)
 
     def _take(self, now):
         """Renew invalid images within the budget, the worst first."""
@@ -313,7 +300,7 @@ class ImageLayers(Substitute):
         self._drawer = self._drawer or Drawer(now.frame.renderer)
         seconds = layer.take(now, self._drawer)
         for member in layer.members:
-            member.settle(self._draws)
+            member.settle()
         self._watch.settle()
         return seconds
 

@@ -145,6 +145,8 @@ class Layer:
         box = np.reshape(joined_bounds(self.bounds.tolist()), (3, 2))
         radius = np.linalg.norm(np.ptp(box, axis=1)) / 2
         color, turned = now.light.change(self._light, box.mean(1), radius)
+        if color == np.inf:  # of which a share of none is none
+            return color
         if motion is not None:
             turned += now.light.strength * _angle(motion)
         return dull * (color + turned) + gloss * (turned + self._seen_otherwise(now, turn))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core._vtk import address
-from pvibr.scene.actor_watch import ineligibility, updated_data
+from pvibr.scene.actor_watch import ineligibility
+from pvibr.scene.content_key import colors_of, look_key, shape_of
 
 # The steepest slope of a highlight, cos(angle) ** power, is this times the root of the power.
 _SLOPE = np.exp(-0.5)
@@ -21,9 +22,9 @@ class Member:
         self.version = 0
         self._content_key: tuple = ()
 
-    def update(self, draws) -> bool:
+    def update(self) -> bool:
         """Update the member, and return True if the actor changed or moved."""
-        content_key = self._look(draws)
+        content_key = look_key(self.actor)
         before, matrix = self.matrix, self.actor.GetMatrix().GetData()
         self.matrix = np.reshape(matrix, (4, 4))
         self.bounds = self.actor.GetBounds() or (1.0, -1.0) * 3
@@ -35,17 +36,9 @@ class Member:
         self._take_looks(self.actor.GetProperty())
         return True
 
-    def settle(self, draws):
+    def settle(self):
         """Ignore changes so far: drawing an actor may modify it."""
-        self._content_key = self._look(draws)
-
-    def _look(self, draws) -> tuple:
-        """Return a key of the actor's looks."""
-        actor, texture = self.actor, _time_of(self.actor.GetTexture())
-        mapper = actor.GetMapper()
-        things = mapper, updated_data(mapper), actor.GetProperty(), actor.GetBackfaceProperty()
-        shown = bool(actor.GetVisibility())
-        return shown, texture, draws.get(texture[0]), *map(_time_of, things)
+        self._content_key = look_key(self.actor)
 
     def _take_looks(self, prop):
         self.dull = self.gloss = 0.0
@@ -57,10 +50,6 @@ class Member:
                 self.gloss = _SLOPE / max(prop.GetRoughness(), 0.1) ** 2
 
 
-def _time_of(thing) -> tuple:
-    return (None, 0) if thing is None else (address(thing), thing.GetMTime())
-
-
 class Lighting:
     """The lights of a renderer at one moment."""
 
@@ -68,7 +57,7 @@ class Lighting:
         renderer.UpdateLightsGeometryToFollowCamera()
         on = [light for light in renderer.GetLights() if light.GetSwitch()]
         self.kinds = [_kind(light) for light in on]
-        self.colors = np.array([_colors(light) for light in on]).reshape(len(on), -1)
+        self.colors = np.array([np.ravel(colors_of(light)) for light in on]).reshape(len(on), -1)
         self.places = np.array([light.GetTransformedPosition() for light in on]).reshape(-1, 3)
         ends = np.array([light.GetTransformedFocalPoint() for light in on]).reshape(-1, 3)
         ways = ends - self.places
@@ -100,10 +89,10 @@ class Lighting:
 
 
 def _kind(light) -> tuple:
-    cone = light.GetConeAngle(), light.GetExponent(), tuple(light.GetAttenuationValues())
-    return address(light), light.GetLightType(), light.GetPositional(), *cone
-
-
-def _colors(light) -> np.ndarray:
-    colors = light.GetDiffuseColor(), light.GetSpecularColor(), light.GetAmbientColor()
-    return light.GetIntensity() * np.concatenate(colors)
+    """Return what changes with a light in ways of which nothing is known."""
+    kind = address(light), light.GetLightType(), *shape_of(light)
+    wide = light.GetConeAngle() >= 90 and tuple(light.GetAttenuationValues()) == (1, 0, 0)
+    if wide or not light.GetPositional():
+        return kind
+    # The edge of a cone is as sharp as any.
+    return *kind, light.GetTransformedPosition(), light.GetTransformedFocalPoint()

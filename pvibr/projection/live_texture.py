@@ -15,9 +15,10 @@ from pvibr.gl import enums as gl
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.mipmaps import copy
 from pvibr.maths.cameras import as_camera
-from pvibr.maths.views import View, frustum, look_along
+from pvibr.maths.views import View, frustum, look_along, may_see
 from pvibr.projection.depth_maps import view_of
-from pvibr.scene.casters import Casters, Surfaces
+from pvibr.scene.casters import Casters
+from pvibr.scene.content_key import lights_key
 from pvibr.scene.seen_from import seen_from
 
 _FINE = 2  # pixels drawn for each texel, along a side
@@ -38,10 +39,10 @@ class LiveTexture(Effect):
 
     ``actor.texture = live.texture`` shows it on a mesh with texture coordinates. It is also an
     image for `Projector`, `ImageOverlay`, `Backdrop` and `ShaderEffect`. Live textures within its
-    view, itself included, are drawn there without further recursion. Points and lines have the
-    same width in pixels as in the window. The texture has mip levels. Volumes, annotations and
-    effects on pixels are left out. Camera lights follow this camera. If the alpha of the
-    background is below 1, meshes with the texture are translucent.
+    view, itself included, are drawn for that view, to a depth of `recursion`. Points and lines
+    have the same width in pixels as in the window. The texture has mip levels. Volumes,
+    annotations and effects on pixels are left out. Camera lights follow this camera. If the alpha
+    of the background is below 1, meshes with the texture are translucent.
 
     Parameters
     ----------
@@ -92,6 +93,12 @@ class LiveTexture(Effect):
         None, "Background colour, RGBA; the subplot's by default.", range='[0, 1]', kind=tuple
     )
 
+    recursion = Param(
+        1,
+        'Depth to which live textures show one another: each within a picture is drawn for it.',
+        range='[0, 16]',
+    )
+
     def __init__(self, camera, actors=None, size=(512, 512), **settings):
         self.camera, self.actors, self.size = camera, actors, _size(size)
         super().__init__(**settings)
@@ -102,12 +109,12 @@ class LiveTexture(Effect):
         self.texture.SetInputData(_white())  # where there is no picture
         self.draws = 0
         self._drawer: Any = None
-        self._surfaces: Any = None
-        self._targets: dict[str, Target] = {}
+        self._targets: dict[str | int, Target] = {}
         self._texture: Any = None
         self._gray: Quad | None = None
-        self._keys: dict[str, tuple] = {}
-        self._format = ''
+        self._key: tuple = ()
+        self._channels = 0
+        self._astray = False  # shows a picture for another view
 
     _flipped = False
 
@@ -131,7 +138,7 @@ class LiveTexture(Effect):
         RuntimeError
             If it is in no subplot, or not rendered yet.
         """
-        if not self._targets:
+        if 'whole' not in self._targets:
             msg = f'{self.name} shows nothing: add it to a subplot and draw a frame'
             raise RuntimeError(msg)
         whole = self._targets['whole']
@@ -143,78 +150,79 @@ class LiveTexture(Effect):
     def prepare(self, frame):
         """Draw it if it is stale."""
         self.allocate(frame)
-        seen = self._seen_lives(frame)
-        key = self.scene_key(frame), [live.scene_key(frame) for live in seen]
-        if self._keys.get('whole') == key:
+        key = self._follow(frame), self.scene_key(frame, self.recursion)
+        if self._key == key:
             return
-        for live in seen:
-            live.draw_plain(frame)
-        for live in seen:
-            live.show('plain')
-        self._draw(frame)
+        self._draw(frame, self.recursion)
         self._copy('drawn', 'whole')
-        for live in {self, *seen}:
-            live.show('whole')
-        # Taken again: things may have made actors for this view.
-        self._keys['whole'] = self.scene_key(frame), [live.scene_key(frame) for live in seen]
+        self._astray = True
+        for live in self._lives():
+            live.show_own()
+        self.texture.Modified()
         self.draws += 1
+        self.pipeline.surfaces.settle()
+        # Taken again: things may have made actors for this view.
+        self._key = key[0], self.scene_key(frame, self.recursion)
 
-    def draw_plain(self, frame):
-        """Draw it without any live texture in it, if that is stale."""
-        if self._keys.get('plain') == self.scene_key(frame):
-            return
-        seen = self._seen_lives(frame)
-        for live in seen:
-            live.blank(frame)
-        self._draw(frame)
-        self._copy('drawn', 'plain')
-        for live in seen:
-            live.show('whole')
-        self._keys['plain'] = self.scene_key(frame)
+    def _follow(self, frame):
+        """Return what changes with the lights, those included that follow a camera."""
+        return lights_key(frame.renderer)
 
-    def blank(self, frame):
-        """Show the background alone."""
-        with self._targets['drawn'].drawing(clear=self._clear_color(frame)):
-            pass
-        self.show('drawn')
+    def picture(self, frame, depth, lamp) -> Target:
+        """Return its picture as another view shows it: the background alone beyond the depth."""
+        self.allocate(frame)
+        if depth >= 0 and self.needed(frame) is True:
+            self._draw(frame, depth, lamp)
+            return self._copy('drawn', depth)
+        with self._target(depth).drawing(clear=self._clear_color(frame)):
+            return self._target(depth)
 
     # -- what is drawn ------------------------------------------------------------------------
 
     def _casters(self) -> Casters:
         things = [t for t in self.pipeline.things if t.enabled]
-        self._surfaces.update(things)
-        return self._surfaces.casters(self.actors, things)
+        return self.pipeline.surfaces.casters(self.actors, things)
 
-    def _seen_lives(self, frame) -> list[LiveTexture]:
-        """Return the live textures on the actors that it sees, projected ones and itself too."""
-        textures = [a.GetTexture() for a in self._casters().actors]
+    def _lives(self) -> list[LiveTexture]:
+        effects = self.pipeline.effects
+        return [e for e in effects if isinstance(e, LiveTexture) and e.enabled]
+
+    def _within(self, casters, view) -> list[LiveTexture]:
+        """Return the live textures that are seen in a view, projected ones and itself too."""
         projected = [live for e in self._scene_effects() for live in e.lives]
-        found = [e for e in self.pipeline.effects if isinstance(e, LiveTexture) and e.enabled]
-        found = [e for e in found if e in projected or any(t is e.texture for t in textures)]
-        for live in found:
-            live.allocate(frame)
-        return found
+        return [
+            live
+            for live in self._lives()
+            if live in projected or may_see(view, casters.wearing(live.texture)).any()
+        ]
 
     def _view(self, frame, bounds) -> View | None:
         """Return its view, None if nothing is in front of it."""
         # So many texels that there is no margin: the picture ends where the camera's does.
         return view_of(as_camera(self.camera, self.size), bounds, 1e12)
 
-    def scene_key(self, frame) -> tuple:
+    def scene_key(self, frame, depth) -> tuple:
         """Return a value that changes whenever its view of the scene does."""
+        if depth < 0 or self.needed(frame) is not True:
+            return self._clear_color(frame)
         casters = self._casters()
         view = self._view(frame, casters.bounds())
-        lights = tuple(map(_light_key, frame.renderer.GetLights()))
-        others = tuple((id(e), e.revision) for e in self._scene_effects())
-        seen_from = None if view is None else view.key()
-        return casters.key(), seen_from, lights, others, self.what, self._clear_color(frame)
+        effects = tuple((id(e), e.content_key()) for e in self._scene_effects())
+        own = casters.key(), effects, self.revision, self._clear_color(frame)
+        if view is None:
+            return own
+        seen, within = frame.elsewhere(view, self.size), self._within(casters, view)
+        return *own, view.key(), [live.scene_key(seen, depth - 1) for live in within]
 
     def _scene_effects(self):
-        """Return the effects that depend on the view: shadows, projectors, things."""
+        """Return the effects that depend on the view: shadows, projectors, those of users."""
         return [
             e
             for e in self.pipeline.effects
-            if e.enabled and not isinstance(e, LiveTexture) and not e.is_image_effect
+            if e.enabled
+            and not e.is_image_effect
+            and e not in self.pipeline.things
+            and not isinstance(e, LiveTexture)
         ]
 
     def _clear_color(self, frame) -> tuple:
@@ -222,24 +230,28 @@ class LiveTexture(Effect):
             return 0.0, 0.0, 0.0, 1.0
         return self.background or (*frame.renderer.GetBackground(), 1.0)
 
-    def _draw(self, frame):
-        casters = self._casters()
+    def _draw(self, frame, depth, lamp=None):
+        """Draw it with the live textures in it, the lights that follow a camera as at `lamp`."""
+        casters, clear = self._casters(), self._clear_color(frame)
         view = self._view(frame, casters.bounds())
-        drawn = self._targets['drawn']
+        drawn = self._target('drawn')
         if view is None:
-            with drawn.drawing(clear=self._clear_color(frame)):
+            with drawn.drawing(clear=clear):
                 return
-        seen = frame.elsewhere(view, (drawn.width, drawn.height))
-        needed = [e for e in self._scene_effects() if e.needed(seen) is True]
-        effects = [e for e in needed if e not in self.pipeline.things]
+        seen, lamp = frame.elsewhere(view, (drawn.width, drawn.height)), self._lamp(view, lamp)
+        within = self._within(casters, view)
+        pictures = [live.picture(seen, depth - 1, lamp) for live in within]
+        for live, picture in zip(within, pictures, strict=True):
+            live.show(picture)
+        effects = [e for e in self._scene_effects() if e.needed(seen) is True]
         for effect in effects:
             effect.prepare(seen)
-        clear = self._clear_color(frame)
         with seen_from(casters.things, seen), drawn.drawing(clear=clear):
-            found = [(t.draws(seen) if t in needed else t.drawn()) for t in casters.things]
+            ready = {t for t in casters.things if t.needed(seen) is True}
+            found = [(t.draws(seen) if t in ready else t.drawn()) for t in casters.things]
             things = [actor for actors in found for actor in actors]
+            self._drawer.light_from(lamp)
             self._drawer.look(view, (0, 0, *seen.size))
-            self._light(frame)
             self._drawer.draw([*casters.actors, *things])
             with _blended(frame.window):
                 self._drawer.draw([*casters.translucent(), *things], translucent=True)
@@ -250,56 +262,65 @@ class LiveTexture(Effect):
         if self.what == 'depth':
             self._show_depth(frame, view)
 
-    def _light(self, frame):
-        """Let camera lights follow this camera."""
-        inner = self._drawer.inner
-        inner.UpdateLightsGeometryToFollowCamera()
-        inner.UpdateLights()
+    def _lamp(self, view, _lamp) -> View | None:
+        """Return the view that camera lights follow, None for that of the subplot."""
+        return view
 
     def _show_depth(self, frame, view):
         if self._gray is None:
             self._gray = Quad(frame.window, _NEAR_IS_WHITE, f'{self.name} depth')
-        drawn = self._targets['drawn']
-        with self._targets['gray'].drawing():
+        drawn = self._target('drawn')
+        with self._target('gray').drawing():
             uniforms = {'planes': (view.near, view.far), 'parallel': int(view.parallel)}
             self._gray.draw(uniforms, {'depth': drawn.depth})
-        self._copy('gray', 'drawn')
+        copy(self._target('gray'), drawn)
 
     # -- memory ---------------------------------------------------------------------------------
 
     def allocate(self, frame):
         """Allocate its textures, if there are none of the right format."""
         # VTK takes whatever has an alpha channel for translucent, and draws it in another order.
-        format = 'rgba8' if self._clear_color(frame)[3] < 1 else 'rgb8'
-        if self._targets and self._format == format:
+        channels = 4 if self._clear_color(frame)[3] < 1 else 3
+        if self._texture is not None and self._channels == channels:
             return
         self.release()
-        self._format = format
-        window, (width, height) = frame.window, self.size
-        fine = _FINE * width, _FINE * height
-        self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
-        self._targets = {
-            'drawn': Target(window, fine[0], fine[1], ('rgba8',), depth=True),
-            'gray': Target(window, fine[0], fine[1], ('rgba8',)),
-        } | {n: Target(window, width, height, ('rgba8',)) for n in ('plain', 'whole')}
-        texels = np.zeros((height, width, 4 if format == 'rgba8' else 3), np.uint8)
-        self._texture = MipTexture(window).upload(texels)
+        self._channels = channels
+        self._drawer = Drawer(frame.renderer)
+        width, height = self.size
+        texels = np.zeros((height, width, channels), np.uint8)
+        self._texture = MipTexture(frame.window).upload(texels)
         self.texture.SetTextureObject(self._texture.object)
 
-    def _copy(self, source, target):
-        turned = self._flipped and source == 'drawn'
-        copy(self._targets[source], self._targets[target], turned=turned)
+    def _target(self, name) -> Target:
+        """Return a target: 'drawn', 'gray', 'whole', or by the depth that it is shown at."""
+        if name not in self._targets:
+            fine = _FINE if name in ('drawn', 'gray') else 1
+            size = [fine * side for side in self.size]
+            window = self._drawer.window
+            self._targets[name] = Target(window, *size, ('rgba8',), depth=name == 'drawn')
+        return self._targets[name]
 
-    def show(self, source):
-        """Copy one of its pictures to the texture that actors have."""
-        self._texture.take(self._targets[source])
+    def _copy(self, source, target) -> Target:
+        copy(self._target(source), self._target(target), turned=self._flipped)
+        return self._target(target)
+
+    def show(self, picture):
+        """Copy a picture to the texture that actors have."""
+        self._texture.take(picture)
+        self._astray = True
+
+    def show_own(self):
+        """Show its own picture again, if it was drawn."""
+        if self._astray and 'whole' in self._targets:
+            self._texture.take(self._targets['whole'])
+        self._astray = False
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
         self.texture.SetTextureObject(None)
         release(*self._targets.values(), self._texture, self._gray, self._drawer)
-        self._targets, self._keys = {}, {}
-        self._gray = self._drawer = self._surfaces = self._texture = None
+        self._targets, self._key = {}, ()
+        self._gray = self._drawer = self._texture = None
 
     def report(self) -> dict:
         """Return bytes, and the number of times that it was rendered."""
@@ -350,10 +371,11 @@ class Mirror(LiveTexture):
         before = normal @ (frame.eye - self.corner) > 0
         return bool(before) or 'the camera is behind it'
 
-    def _light(self, frame):
-        """Let camera lights follow the camera of the subplot."""
-        frame.renderer.UpdateLightsGeometryToFollowCamera()
-        self._drawer.inner.UpdateLights()
+    def _follow(self, frame):
+        return lights_key(frame.renderer, frame.view.key())
+
+    def _lamp(self, view, lamp) -> View | None:
+        return lamp
 
     def _view(self, frame, bounds) -> View | None:
         right = self.right / np.linalg.norm(self.right)
@@ -380,11 +402,6 @@ def _white():
     for channel in range(3):
         image.SetScalarComponentFromDouble(0, 0, 0, channel, 255)
     return image
-
-
-def _light_key(light) -> tuple:
-    place = light.GetPosition(), light.GetFocalPoint()
-    return light.GetSwitch(), light.GetIntensity(), light.GetDiffuseColor(), *place
 
 
 def _farthest(view, bounds) -> float:

@@ -18,7 +18,6 @@ from pvibr.projection.painting import painted, solved_gains
 from pvibr.projection.samples import Samples, sides_of, surface_of
 from pvibr.projection.slide import Slide
 from pvibr.projection.unwrap import texels_of, unwrapped
-from pvibr.scene.casters import Surfaces
 from pvibr.scene.depth_view import receiver_shader
 
 #: Pictures on a surface at once: each takes two of the 16 texture units that OpenGL promises, and
@@ -126,7 +125,6 @@ class Projector(Effect):
         self._slides = [Slide(*slide) for slide in _checked_slides(image, camera, mask)]
         self.actors, self.casters = actors, casters
         self._attached = FeatureSet()
-        self._surfaces: Any = None
         self._drawer: Any = None
         self._found_gains: tuple = (None, None)
         self._skipped = 0
@@ -192,13 +190,16 @@ class Projector(Effect):
             return 'its live texture is in no subplot, or not drawn yet: add it'
         return True
 
+    def content_key(self) -> object:
+        """Return a value that changes with its images and cameras."""
+        return self.revision, [slide.content_key(self) for slide in self._slides]
+
     def prepare(self, frame):
         """Redraw stale depth maps, upload the current images, and bind them for receivers."""
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
-            self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
+            self._drawer = Drawer(frame.renderer)
         things = [t for t in self.pipeline.things if t.enabled]
-        self._surfaces.update(things)
-        casters = self._surfaces.casters(self.casters, things)
+        casters = self.pipeline.surfaces.casters(self.casters, things)
         for slide in self._slides:
             slide.show(frame.window, frame.time, self)
             if self.occlusion:
@@ -208,14 +209,13 @@ class Projector(Effect):
         self._attach(frame, casters, things)
 
     def _receivers(self, things) -> dict:
-        self._surfaces.update(things)  # for what things made for the cameras' views
-        actors, things = self._surfaces.chosen(self.actors, things)
+        actors, things = self.pipeline.surfaces.chosen(self.actors, things)
         return actors | {address(a): a for thing in things for a in thing.actors()}
 
     def _attach(self, frame, casters, things):
         receivers = self._receivers(things)
         size = _size(casters.bounds())
-        uniforms = self._uniforms(frame, size, self._gains(casters))
+        uniforms = self._uniforms(frame, size, self._gains(casters, things))
         actors = list(receivers.values())
         self._attached.match(actors, lambda actor: (self._feature(actor),))
         set_fragment_uniforms(actors, uniforms)
@@ -297,13 +297,13 @@ class Projector(Effect):
 
     # -- exposure -----------------------------------------------------------------------------
 
-    def _gains(self, casters) -> np.ndarray:
+    def _gains(self, casters, things) -> np.ndarray:
         """Return the gains of each picture, (v, 3), solved again when the view changed."""
         if self.gains == 'none' or len(self._slides) == 1:
             return np.ones((len(self._slides), 3))
         key = (casters.key(), [s.camera() for s in self._slides])
         if self._found_gains[0] != key:
-            receivers, _ = self._surfaces.chosen(self.actors)
+            receivers, _ = self.pipeline.surfaces.chosen(self.actors, things)
             meshes = [surface_of(a) for a in receivers.values() if a.GetVisibility()]
             others = [surface_of(a) for a in casters.actors]
             self._found_gains = (key, solved_gains(self._slides, self, meshes, others))

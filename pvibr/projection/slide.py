@@ -60,6 +60,11 @@ class Slide:
     def _wanted(self, time, settings) -> tuple:
         return self.pictures.at(time, settings.fps, settings.loop), settings.mode != 'replace'
 
+    def content_key(self, settings) -> tuple:
+        """Return a value that changes with its picture and camera."""
+        time = settings.pipeline.time
+        return self.camera(), None if self.live else self._wanted(time, settings)
+
     def show(self, window, time, settings):
         """Put the picture of a time on the GPU, with mip levels."""
         if self.live is not None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import address
 from pvibr.gl.feature import replacements
+from pvibr.scene.content_key import parts_of
 
 #: Why an actor is not replaced whose points or matrix are broken.
 NOT_FINITE = 'bounds that are not finite'
+_VERSIONS = count(1)
 _SURFACE, _PBR = 2, 3  # VTK_SURFACE, VTK_PBR
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper', 'vtkPolyDataMapper')
 
@@ -19,10 +24,15 @@ class ActorWatch:
     All times of VTK are of one clock: what is later than a mark has changed since.
     """
 
-    def __init__(self, actors):
+    def __init__(self, actors=(), before=None):
         self.actors = list(actors)
         self.hidden = np.zeros(0, int)
-        self._inputs = [_Input(actor) for actor in self.actors]
+        known = {} if before is None else before.known
+        keys = [address(actor) for actor in self.actors]
+        pairs = zip(keys, self.actors, strict=True)
+        self.known = {key: known.get(key) or _Watched(actor) for key, actor in pairs}
+        self._watched = list(self.known.values())
+        self._new = [i for i, w in enumerate(self._watched) if not w.version]
         # Attributes of a PyVista actor take their time, so that its methods are looked up once.
         self._times = [actor.GetMTime for actor in self.actors]
         self._off = [actor.VisibilityOff for actor in self.actors]
@@ -31,13 +41,17 @@ class ActorWatch:
         self._all = _vtk.vtkPropAssembly()
         for actor in self.actors:
             self._all.AddPart(actor)
-        self._clocks: list = []
-        self._owners = np.zeros(0, int)
-        self._pipelines: list = []
-        self._seen, self._shown = _vtk.vtkTimeStamp(), _vtk.vtkTimeStamp()
+        self.marks = before.marks if before else (_vtk.vtkTimeStamp(), _vtk.vtkTimeStamp())
+        self._seen, self._shown = self.marks
+        self._list_clocks()
 
     def __len__(self):
         return len(self.actors)
+
+    @property
+    def versions(self) -> list[int]:
+        """A number for each actor and state of it that `changed` found."""
+        return [watched.version for watched in self._watched]
 
     def changed(self) -> list[int]:
         """Return which actors changed since :meth:`settle`, their data brought up to date."""
@@ -49,25 +63,27 @@ class ActorWatch:
         late = self._all.GetMTime() > mark
         own = [i for i, time in enumerate(self._times) if time() > mark] if late else []
         times = np.array([time() for time in self._clocks], np.int64)
-        found = sorted({*own, *self._owners[times > self._seen.GetMTime()].tolist()})
+        others = self._owners[times > self._seen.GetMTime()].tolist()
+        found = sorted({*self._new, *own, *others})
+        for i in found:
+            self._watched[i].update()
         if found:
-            self._watch(found)
+            self._list_clocks()
         return found
 
-    def _watch(self, rows):
-        for i in rows:
-            self._inputs[i].update()
-        self._owners = np.repeat(range(len(self)), [len(i.clocks) for i in self._inputs])
-        self._clocks = [clock for i in self._inputs for clock in i.clocks]
-        self._pipelines = [i.pipeline for i in self._inputs if i.pipeline is not None]
+    def _list_clocks(self):
+        self._owners = np.repeat(range(len(self)), [len(w.clocks) for w in self._watched])
+        self._clocks = [clock for w in self._watched for clock in w.clocks]
+        self._pipelines = [w.pipeline for w in self._watched if w.pipeline is not None]
 
     def settle(self):
         """Take the actors as they are now for unchanged."""
         self._seen.Modified()
+        self._new = []
 
     def forget(self):
         """Take all actors for changed."""
-        self._seen, self._shown = _vtk.vtkTimeStamp(), _vtk.vtkTimeStamp()
+        self._new = list(range(len(self)))
 
     def hide(self, rows):
         """Hide some actors until :meth:`show`."""
@@ -84,26 +100,33 @@ class ActorWatch:
             self.hidden = np.zeros(0, int)
 
 
-class _Input:
-    """Mapper, data and pipeline of an actor, whose times are not the actor's."""
+class _Watched:
+    """What an actor shows whose times are not the actor's, and the pipeline of its data."""
 
     def __init__(self, actor):
-        self._mapper = actor.GetMapper
+        self._actor, self.version = actor, 0
+        self._holders = actor.GetMapper, actor.GetProperty, actor.GetTexture
+        self._held: list = []
+        self._composites: list = []  # whose blocks may be others
         self.clocks: list = []
         self.pipeline = None
-        self._watched: tuple = ()
 
     def update(self):
-        mapper = self._mapper()
-        data, producer = updated_data(mapper), None
-        if data is not None:
-            producer = mapper.GetInputAlgorithm()
-        if (mapper, data, producer) == self._watched:
-            return
-        self._watched = mapper, data, producer
-        self.clocks = [thing.GetMTime for thing in (mapper, data) if thing is not None]
+        self.version = next(_VERSIONS)
+        holders = *(holder() for holder in self._holders), *self._composites
+        held = [(holder, holder.GetMTime()) for holder in holders if holder is not None]
+        if held != self._held:
+            self._held = held
+            self._list_parts()
+
+    def _list_parts(self):
+        mapper = self._actor.GetMapper()
+        producer = None if updated_data(mapper) is None else mapper.GetInputAlgorithm()
         simple = producer is None or producer.IsA('vtkTrivialProducer')
         self.pipeline = None if simple else producer
+        parts = parts_of(self._actor)
+        self._composites = [part for part in parts if part.IsA('vtkCompositeDataSet')]
+        self.clocks = [part.GetMTime for part in parts]
 
 
 def updated_data(mapper):

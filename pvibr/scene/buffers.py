@@ -140,7 +140,6 @@ class Drawn:
 
     def draw(self, frame, things=(), choice=None) -> Geometry:
         """Draw a frame."""
-        self._surfaces.update(things)
         actors, chosen = self._surfaces.chosen(choice, things)
         seen = replace(frame, casting=True, own=False)
         ready = [t for t in chosen if t.enabled and t.needed(frame) is True]
@@ -187,7 +186,6 @@ class _Shared:
     def attach(self, frame, scene, things):
         """Attach it to the scene's pass."""
         self._texture = None
-        self._surfaces.update(things)
         actors, things = self._surfaces.chosen(None, things)
         if not self._is_free(scene, actors, things):
             return

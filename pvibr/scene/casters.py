@@ -16,6 +16,7 @@ from pvibr.gl.feature import Feature
 from pvibr.gl.scene_pass import is_marker
 from pvibr.gl.uniforms import set_fragment_uniforms
 from pvibr.maths.views import may_see
+from pvibr.scene.actor_watch import ActorWatch
 
 _FLAT, _SURFACE = 0, 2  # VTK_FLAT, VTK_SURFACE
 _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
@@ -26,26 +27,36 @@ class Surfaces:
 
     def __init__(self, renderer):
         self.renderer = renderer
-        self._content_key: tuple = ()
-        self._all: dict = {}
+        self._key: tuple = ()
         self._free: dict = {}
+        self._watch, self._watched = ActorWatch(), self._free
+        self._versions: dict = {}  # of those that are visible
+        self._old = True
+        self._last: dict = {}  # casters by choice
 
-    def update(self, things):
+    def begin(self):
+        """Look for changes anew: a frame begins."""
+        self._old = True
+
+    def _update(self, things):
         """Refresh the list if props were added or removed."""
-        content_key = self.renderer.GetViewProps().GetMTime(), *map(id, things)
-        if content_key != self._content_key:
-            self._content_key = content_key
-            # Parts of assemblies and of widgets are not props of their own.
-            box = getattr(self.renderer, 'bounding_box_actor', None)
-            props = [p for p in self.renderer.GetViewProps() if p.IsA('vtkActor')]
-            found = [a for a in props if a is not box and _is_surface(a)]
-            self._all = {address(a): a for a in found}
-            # The prop that stands for a thing draws nothing itself.
-            owned = {address(a) for t in things for a in (*t.actors(), *t.props)}
-            self._free = {k: a for k, a in self._all.items() if k not in owned}
+        key = self.renderer.GetViewProps().GetMTime(), *map(id, things)
+        if key == self._key:
+            return
+        self._key = key
+        # Parts of assemblies and of widgets are not props of their own.
+        box = getattr(self.renderer, 'bounding_box_actor', None)
+        props = [p for p in self.renderer.GetViewProps() if p.IsA('vtkActor')]
+        # The prop that stands for a thing draws nothing itself.
+        owned = {address(a) for t in things for a in (*t.actors(), *t.props)}
+        found = {address(a): a for a in props if a is not box and _is_surface(a)}
+        free = {k: a for k, a in found.items() if k not in owned}
+        if free.keys() != self._free.keys():
+            self._free, self._last = free, {}
 
-    def chosen(self, choice, things=()) -> tuple[dict, list]:
+    def chosen(self, choice, things) -> tuple[dict, list]:
         """Return the chosen actors that belong to no thing, and the chosen things."""
+        self._update(things)
         if choice is None:
             return self._free, list(things)
         if not callable(choice):
@@ -55,10 +66,33 @@ class Surfaces:
         actors = {k: a for k, a in self._free.items() if choice(a)}
         return actors, [t for t in things if choice(t)]
 
-    def casters(self, choice, things=(), frame=None) -> Casters:
+    def casters(self, choice, things, frame=None) -> Casters:
         """Return the chosen actors that are visible, and the chosen things."""
         actors, things = self.chosen(choice, things)
-        return Casters([a for a in actors.values() if a.GetVisibility()], things, frame)
+        self._look()
+        visible = [k for k in actors if k in self._versions]
+        versions = tuple(self._versions[k] for k in visible)
+        found = Casters([actors[k] for k in visible], things, frame, versions, self)
+        found.inherit(self._last.get(id(choice)))
+        self._last[id(choice)] = found
+        return found
+
+    def _look(self):
+        """Find which actors changed since the last frame, once in a frame."""
+        if self._watched is not self._free:
+            self._watched, self._old = self._free, True
+            self._watch = ActorWatch(self._free.values(), self._watch)
+        if not self._old:
+            return
+        self._old = False
+        if self._watch.changed():
+            pairs = zip(self._free.items(), self._watch.versions, strict=True)
+            self._versions = {k: version for (k, a), version in pairs if a.GetVisibility()}
+        self._watch.settle()
+
+    def settle(self):
+        """Take the actors for unchanged: drawing may modify them."""
+        self._watch.settle()
 
 
 def listed(things) -> list:
@@ -209,22 +243,28 @@ class Casters:
     actors: list = field(default_factory=list)
     things: list = field(default_factory=list)
     frame: Any = None
+    versions: tuple = ()
+    surfaces: Any = None
 
-    def key(self, *, again=False) -> tuple:
+    def key(self) -> tuple:
         """Return a key that changes with anything drawn."""
-        if again:
-            vars(self).pop('_key', None)
         return self._key
 
     @cached_property
     def _key(self) -> tuple:
-        actors = tuple((address(a), a.GetRedrawMTime()) for a in self.actors)
-        return actors, tuple((id(t), t.content_key()) for t in self.things)
+        return self.versions, tuple((id(t), t.content_key()) for t in self.things)
+
+    def settled(self) -> tuple:
+        """Return the key once all is drawn: what drawing changed is no change."""
+        vars(self).pop('_key', None)
+        if self.surfaces is not None:
+            self.surfaces.settle()
+        return self._key
 
     def inherit(self, before):
         """Reuse cached properties of an earlier frame if nothing changed."""
-        if before is not None and before.key() == self.key():
-            vars(self)['thin'] = before.thin
+        if before is not None and before.versions == self.versions:
+            vars(self).update(thin=before.thin, worn=before.worn)
             if not before.thin:
                 vars(self)['boxes'] = before.boxes
 
@@ -232,6 +272,19 @@ class Casters:
     def thin(self) -> set:
         """Addresses of the actors that draw points or lines."""
         return {address(a) for a in self.actors if is_thin(a)}
+
+    @cached_property
+    def worn(self) -> dict:
+        """The textures that actors wear, and the rows of those."""
+        found: dict = {}
+        for row, actor in enumerate(self.actors):
+            if (texture := actor.GetTexture()) is not None:
+                found.setdefault(texture, []).append(row)
+        return found
+
+    def wearing(self, texture) -> np.ndarray:
+        """Return the world bounds of the actors that wear a texture, shape (n, 6)."""
+        return self.boxes[self.worn.get(texture, [])]
 
     def translucent(self) -> list:
         """Return the translucent actors."""

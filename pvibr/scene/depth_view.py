@@ -94,7 +94,7 @@ class DepthView:
         self.drawer.doubles.keep(casters.actors, self.drawer.window)
         self.drawer.done()
         # Taken again: things may have made actors for these views.
-        shared = casters.key(again=True)
+        shared = casters.settled()
         for k in stale:
             self._keys[k] = (views[k].key(), shared)
         self.bakes += len(stale)

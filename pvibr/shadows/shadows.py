@@ -14,7 +14,7 @@ from pvibr.core.params import Param
 from pvibr.gl import release, set_fragment_uniforms, shader_source, texture_units
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
-from pvibr.scene.casters import Casters, Surfaces, set_surface_uniforms, surface_features
+from pvibr.scene.casters import Casters, set_surface_uniforms, surface_features
 from pvibr.scene.lights import SceneLight, lights_of
 from pvibr.scene.thing import Thing
 from pvibr.shadows.maps import (
@@ -135,12 +135,10 @@ class Shadows(Effect):
         self.casts, self.receives = casts, receives
         self._lights: list[LightMaps] = []
         self._attached = FeatureSet()
-        self._surfaces: Any = None
         self._drawer: Any = None
         self._volumes: Any = None
         self._seen: tuple = ()
         self._cast: set = set()
-        self._last: Casters | None = None
         self._drawn = 0
         self._most = 1
         super().__init__(**settings)
@@ -151,12 +149,10 @@ class Shadows(Effect):
         return [t for t in self.pipeline.things if t.enabled]
 
     def _casters(self, frame) -> Casters:
-        return self._surfaces.casters(self.casts, self._things(), frame)
+        return self.pipeline.surfaces.casters(self.casts, self._things(), frame)
 
     def _receivers(self) -> dict:
-        things = self._things()
-        self._surfaces.update(things)  # for what things made for the lights' views
-        actors, things = self._surfaces.chosen(self.receives, things)
+        actors, things = self.pipeline.surfaces.chosen(self.receives, self._things())
         if self.method == 'volume':  # a mask is that of the opaque surfaces
             actors = {k: a for k, a in actors.items() if not a.HasTranslucentPolygonalGeometry()}
         return actors | {address(a): a for thing in things for a in thing.actors()}
@@ -173,11 +169,8 @@ class Shadows(Effect):
     def prepare(self, frame):
         """Redraw stale shadow maps, and bind them for receivers."""
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
-            self._drawer, self._surfaces = Drawer(frame.renderer), Surfaces(frame.renderer)
-        self._surfaces.update(self._things())
+            self._drawer = Drawer(frame.renderer)
         casters = self._casters(frame)
-        casters.inherit(self._last)
-        self._last = casters
         self._cast = {address(a) for a in casters.actors}
         samplers = 1 + len(VEILS) * bool(casters.translucent())
         self._most = max((texture_units(frame.window) - _MATERIAL) // samplers, 1)
@@ -196,7 +189,7 @@ class Shadows(Effect):
         """Draw shadow volumes if that is the method."""
         if self.method == 'volume':
             self._volumes = self._volumes or ShadowVolumes(self._drawer)
-            shown = self._surfaces.casters(None, self._things())
+            shown = self.pipeline.surfaces.casters(None, self._things())
             self._volumes.update(frame, self._casting(), casters, shown)
         else:
             release(self._volumes)
@@ -320,7 +313,7 @@ class Shadows(Effect):
         """Free what it holds on the GPU; the context is current."""
         self.deactivate()
         release(*self._lights, self._volumes, self._drawer)
-        self._lights, self._drawer, self._volumes, self._last = [], None, None, None
+        self._lights, self._drawer, self._volumes = [], None, None
 
     def bake_into(self, scene):
         """Add shadows to a scene without pvibr."""

@@ -46,7 +46,7 @@ class ShadowVolumes:
 
     def update(self, frame, lights, casters, shown):
         """Redraw the masks if anything changed."""
-        key = self._content_key(frame, lights, casters, shown)
+        key = self._content_key(frame, lights, casters.key(), shown.key())
         if key == self._key:
             return
         self._fit(frame.size, len(lights))
@@ -58,11 +58,10 @@ class ShadowVolumes:
         self.drawer.doubles.keep(shown.actors, self.window)
         self.drawer.done()
         self.drawn += len(lights)
-        self._key = self._content_key(frame, lights, casters, shown, again=True)
+        self._key = self._content_key(frame, lights, casters.settled(), shown.settled())
 
-    def _content_key(self, frame, lights, casters, shown, *, again=False):
-        view = frame.view_from_world.tobytes() + frame.clip_from_view.tobytes()
-        return frame.size, view, tuple(lights), casters.key(again=again), shown.key(again=again)
+    def _content_key(self, frame, lights, *keys):
+        return frame.size, frame.view.key(), tuple(lights), *keys
 
     def _fit(self, size, masks):
         target = self.target
