@@ -295,9 +295,9 @@ class LiveTexture(Effect):
         """Return a target: 'drawn', 'gray', 'whole', or by the depth that it is shown at."""
         if name not in self._targets:
             fine = _FINE if name in ('drawn', 'gray') else 1
-            size = [fine * side for side in self.size]
-            window = self._drawer.window
-            self._targets[name] = Target(window, *size, ('rgba8',), depth=name == 'drawn')
+            width, height = (fine * side for side in self.size)
+            window, deep = self._drawer.window, name == 'drawn'
+            self._targets[name] = Target(window, width, height, ('rgba8',), depth=deep)
         return self._targets[name]
 
     def _copy(self, source, target) -> Target:

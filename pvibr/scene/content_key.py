@@ -5,8 +5,10 @@ from __future__ import annotations
 from pvibr.core._vtk import address
 
 # Textures that a property has by name: VTK lists none.
-_TEXTURES = ('albedoTex', 'materialTex', 'normalTex', 'emissiveTex', 'coatNormalTex')
-_TEXTURES += ('anisotropyTex',)
+_TEXTURES = tuple(
+    f'{name}Tex'
+    for name in ('albedo', 'material', 'normal', 'emissive', 'coatNormal', 'anisotropy')
+)
 
 
 def textures_of(actor) -> list:
