@@ -547,7 +547,7 @@ def test_bad_settings_change_nothing(scenes, see, bean, name, value):
 
 SHADERS = 'gl.feature.Feature.landed', 'scene.shader_draws.ShaderDraws._set_shader'
 FAILURES = {
-    'cards did not land': (SHADERS[0], 'meshes are drawn'),
+    'both did not land': (SHADERS[0], 'drawn instead'),
     'meshes did not land': (SHADERS[0], 'actor'),
     'meshes did not compile': (SHADERS[1], 'actor'),
 }
