@@ -27,7 +27,7 @@ from pvibr.instances.materials import MATERIAL_CHANGED, Material
 from pvibr.instances.memory import checked_share, hold, room
 from pvibr.instances.posed_set import PosedSet
 from pvibr.instances.sources import MESH_CHANGED, Sources
-from pvibr.meshes.parts import as_meshes, as_parts, two_sided
+from pvibr.meshes.parts import as_meshes, as_parts, culled_faces, with_own_culling
 from pvibr.meshes.poses import as_poses, mirror
 from pvibr.scene import looks as look
 from pvibr.scene.painted import TABLE_OPTIONS
@@ -122,6 +122,8 @@ class Instances(PosedSet):
     _force_level: str | dict | None = None
     #: Whether near meshes have an actor each, as their shaders failed.
     _singly = False
+    #: What culls faces but for poses that mirror.
+    _unculled: list = []
     _forced: dict[str, tuple] = {}
     _models: dict = {}
     _sources: Sources | None = None
@@ -171,13 +173,13 @@ class Instances(PosedSet):
         index = checked_index(index, len(poses), len(meshes))
         mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
         asked = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
-        self._mirrored = mirror(poses)
-        parts = [self._sided(found) for found in as_meshes(meshes, theme=theme, **asked)]
-        how = partial(as_parts, theme=theme, **asked)
-        self._sources = Sources(meshes, lambda mesh: self._sided(how(mesh)), parts)
+        parts = [with_own_culling(found) for found in as_meshes(meshes, theme=theme, **asked)]
+        self._sources = Sources(meshes, partial(as_parts, theme=theme, **asked), parts)
         baking = {'half': checked_views(views), 'cache': cache, 'progress': progress}
         self._bake, self._materials = bake, {}
         self._share = checked_share(gpu_memory, len(meshes))
+        self._poses, self._meshes = poses, parts
+        self._cull()
         self._begin(poses, index, {}, pickable, parts, baking)
         self._wear()
         self._paint(scalars, colors)
@@ -189,9 +191,37 @@ class Instances(PosedSet):
         for actor in self._dressed:
             self.SetProperty(actor.GetProperty())
 
-    def _sided(self, parts):
-        """Return parts without culling for mirrored poses: VTK culls by the winding it sees."""
-        return two_sided(parts) if self._mirrored else parts
+    def _culled(self) -> list:
+        """Return the number of each mesh that culls faces, its property and which faces."""
+        pairs = ((k, part) for k, parts in enumerate(self._meshes) for part in parts)
+        found = ((k, part.actor.GetProperty()) for k, part in pairs)
+        return [(k, prop, sides) for k, prop in found if any(sides := culled_faces(prop))]
+
+    def _cull(self):
+        """Cull faces as asked, but none if a pose mirrors: VTK culls by the winding it sees."""
+        culled = self._unculled or self._culled()
+        mirrors = bool(culled) and mirror(self._poses)
+        if mirrors == bool(self._unculled):
+            return
+        for _, prop, (back, front) in culled:
+            prop.SetBackfaceCulling(back and not mirrors)
+            prop.SetFrontfaceCulling(front and not mirrors)
+        self._unculled = culled if mirrors else []
+        stale = {k for k, *_ in culled}
+        self._models = {k: model for k, model in self._models.items() if k not in stale}
+
+    def _take_over(self, poses, index):
+        super()._take_over(poses, index)
+        self._cull()
+
+    def _take_back(self, before):
+        self._poses = before['_poses']
+        self._cull()
+        super()._take_back(before)
+
+    def _may_move(self, kept, poses) -> bool:
+        turned = not self._unculled and self._culled() and mirror(poses)
+        return super()._may_move(kept, poses) and not turned
 
     def _ask(self, count, scalars, colors, blend, asked) -> dict:
         """Check what is asked of single instances; return what is asked of the mesh."""

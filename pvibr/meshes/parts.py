@@ -162,15 +162,19 @@ def _numbered(place, mesh, kwargs):
         raise ValueError(msg) from error
 
 
-def two_sided(parts):
-    """Return parts that cull no faces."""
-    return [_unculled(part) if part.actor.prop.culling != 'none' else part for part in parts]
+def culled_faces(prop) -> tuple:
+    """Return whether a property culls back and front faces."""
+    return bool(prop.GetBackfaceCulling()), bool(prop.GetFrontfaceCulling())
 
 
-def _unculled(part):
+def with_own_culling(parts):
+    """Return parts whose culling may change: what culls has a property of its own."""
+    return [_with_own_property(p) if any(culled_faces(p.actor.prop)) else p for p in parts]
+
+
+def _with_own_property(part):
     actor = part.new_actor(part.actor.GetMapper())
     actor.SetProperty(_copied_property(actor.GetProperty()))
-    actor.prop.culling = 'none'
     return replace(part, actor=actor)
 
 

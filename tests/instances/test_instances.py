@@ -361,16 +361,30 @@ def test_several_meshes_by_index(scenes, see, bean):
     assert len(things.atlases) == 2
 
 
+def interrupted(*_args, **_kwargs):
+    raise KeyboardInterrupt
+
+
 @pytest.mark.parametrize('level', ['mesh', 'parallax'])
-def test_mirrored_poses_are_not_culled_inside_out(scenes, see, level):
+def test_mirrored_poses_are_not_culled_inside_out(scenes, see, level, monkeypatch):
     bowl = pv.Sphere(theta_resolution=12, phi_resolution=12, end_phi=120)
     poses = np.diag([-1.0, 1, 1, 1])[None]
-    pictures = []
-    for culling in ('back', 'none'):
-        options = {'culling': culling, 'level': level, 'camera': CAMERA, 'size': SIZE}
-        pl, _ = scenes.instances(bowl, poses, **options)
-        pictures.append(see.grab(pl))
-    assert off(*pictures) == 0
+    options = {'level': level, 'camera': CAMERA, 'size': SIZE}
+    truth = see.grab(scenes.instances(bowl, poses, culling='none', **options)[0])
+    pl, things = scenes.instances(bowl, poses, culling='front', **options)
+    assert off(see.grab(pl), truth) == 0
+    things.poses = [[0, 0, 0]]
+    assert off(culled := see.grab(pl), truth) > 0.003
+    things.poses = np.eye(4)
+    before = things.poses
+    with monkeypatch.context() as patch:
+        patch.setattr('pvibr.instances.instances.make_model', interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            things.update([0], poses=poses)
+    np.testing.assert_array_equal(things.poses, before)
+    assert off(see.grab(pl), culled) == 0
+    things.update([0], poses=poses)
+    assert off(see.grab(pl), truth) == 0
 
 
 def test_scene_of_trimesh(scenes, see):
