@@ -366,8 +366,11 @@ class PosedSet(ItemSet):
     def _base_colors(self):
         if self._colors is not None:
             return self._colors.copy()
-        prop = self.groups[0].levels[0].parts[0].actor.GetProperty()
-        return np.tile(np.rint(np.array(prop.GetColor()) * 255).astype(np.uint8), (len(self), 1))
+        colors = np.full((len(self), 3), 255, np.uint8)
+        for k, model in self._models.items() if not self.multiplies else ():
+            prop = model.levels[0].parts[0].actor.GetProperty()
+            colors[self._index == k] = np.rint(np.array(prop.GetColor()) * 255)
+        return colors
 
     def _repaint(self):
         self._apply_looks(self._applied)

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import pvibr
 from pvibr.gl import Texture
 from pvibr.gl.mipmaps import put_rows
+from pvibr.meshes.parts import as_parts
 
 CAMERA = {'eye': (7, -9, 4), 'focus': (0, 0, 0)}
 LOOK = {'color': 'tan', 'blend': 'multiply', 'clim': (0, 1)}
@@ -227,6 +228,29 @@ def test_bad_updates_change_nothing(scenes, shapes, given, kind, words):
     assert things.index.tolist() == [1, 1, 0]
     assert things.scalars is None
     assert things._wanted == frozenset()
+    pl.close()
+
+
+@pytest.mark.parametrize('blend', ['replace', 'multiply'])
+def test_colours_of_some_leave_the_others(scenes, see, shapes, blend):
+    meshes = [as_parts(shapes[1], color=color) for color in ('red', 'blue')]
+    given = {'index': [0, 1, 1], 'blend': blend, 'size': SIZE, 'bake': False}
+    pl, things = scenes.instances(meshes, [[0, 0, 0], [2, 0, 0], [-2, 0, 0]], **given)
+    before = frame(see, pl)
+    things.update([0], colors=[255, 0, 0])
+    np.testing.assert_allclose(frame(see, pl), before, atol=1.01 / 255)
+    pl.close()
+
+
+def test_none_are_updated_by_nothing(scenes, see, shapes):
+    pl, things = scenes.instances(shapes, np.zeros((0, 3)), size=SIZE)
+    none = {'poses': np.zeros((0, 3)), 'scalars': [], 'visible': np.zeros(0, bool)}
+    things.update([], colors=np.zeros((0, 3)))
+    things.update([], **none)
+    things.update(**none)
+    things.phase = []
+    assert things.pick(3, 3) is None
+    assert frame(see, pl).min() == 1
     pl.close()
 
 
