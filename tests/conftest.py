@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-# Each worker has a core of its own: more threads of OpenMP would wait for each other, spinning.
+# Each worker has a core of its own: more threads would wait for each other, OpenMP's spinning.
 # Read as its libraries are loaded, and by the programs that tests start.
 os.environ.setdefault('OMP_NUM_THREADS', '1')
+os.environ.setdefault('LP_NUM_THREADS', '1')  # Mesa's software renderer
 
 import pytest
 import pyvista as pv
@@ -20,6 +22,9 @@ from pvibr.scenes.trees import LEVELS
 from tests.instances.scenes import atlases, bean, scenes, see  # noqa: F401
 
 pv.OFF_SCREEN = True
+# Mesa compiles what resolves samples anew for every window, as long as all else takes. Tests that
+# are about samples ask for them.
+pv.global_theme.anti_aliasing = None
 # Speed is measured by the bench; a machine that is busy fails no test.
 settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
@@ -41,6 +46,11 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if 'data_dir' in item.fixturenames:
             item.add_marker('data')
+
+
+def pytest_collection_finish():
+    """Let no search for garbage go through modules and tests: they stay."""
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)
