@@ -12,7 +12,9 @@ from tempfile import TemporaryDirectory
 # Each worker has a core of its own: more threads would wait for each other, OpenMP's spinning.
 # Read as its libraries are loaded, and by the programs that tests start.
 os.environ.setdefault('OMP_NUM_THREADS', '1')
-os.environ.setdefault('LP_NUM_THREADS', '1')  # Mesa's software renderer
+os.environ.setdefault('LP_NUM_THREADS', '1')  # Mesa's renderer without a GPU
+# Its shaders draw few pixels here: most of their time is LLVM's, which compiles them.
+os.environ.setdefault('GALLIVM_PERF', 'nopt')
 
 import pytest
 import pyvista as pv
