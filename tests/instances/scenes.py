@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from weakref import WeakValueDictionary
 
 import numpy as np
 import pytest
 import pyvista as pv
 
 from tests.pictures import centroid, depths, grab, place, plotter, reduce, rgba
+
+#: Atlases in use whose errors are measured at few sizes.
+FORCED: WeakValueDictionary = WeakValueDictionary()
 
 
 @pytest.fixture(scope='session')
@@ -49,8 +53,14 @@ class Scenes:
     def instances(self, mesh, poses, *, level=None, size=(120, 90), camera=None, **kwargs):
         """Return a plotter with instances and the instances."""
         pl = self.empty(size)
-        kwargs = {'show_scalar_bar': False, 'bake': True} | kwargs
-        things = pl.ibr.add_instances(mesh, poses, cache=self.folder, force_level=level, **kwargs)
+        kwargs = {'show_scalar_bar': False, 'bake': True, 'force_level': level} | kwargs
+        folder = self.folder
+        with pytest.MonkeyPatch.context() as patch:
+            if level is not None:  # whatever its error is
+                patch.setattr('pvibr.instances.measure.SIZES', (8, 32))
+                patch.setattr('pvibr.instances.levels._atlases', FORCED)
+                folder = folder / 'forced'
+            things = pl.ibr.add_instances(mesh, poses, cache=folder, **kwargs)
         return (place(pl, **camera) if camera else pl), things
 
     def actors(self, mesh, poses, *, size=(120, 90), scale=1, camera=None, **kwargs):
