@@ -275,16 +275,16 @@ class Casters:
 
     @cached_property
     def worn(self) -> dict:
-        """The textures that actors wear, and the rows of those."""
+        """Addresses of the textures that actors wear, and the rows of those."""
         found: dict = {}
         for row, actor in enumerate(self.actors):
             if (texture := actor.GetTexture()) is not None:
-                found.setdefault(texture, []).append(row)
+                found.setdefault(address(texture), []).append(row)
         return found
 
     def wearing(self, texture) -> np.ndarray:
         """Return the world bounds of the actors that wear a texture, shape (n, 6)."""
-        return self.boxes[self.worn.get(texture, [])]
+        return self.boxes[self.worn.get(address(texture), [])]
 
     def translucent(self) -> list:
         """Return the translucent actors."""
