@@ -3,4 +3,8 @@
 from pvibr import EFFECTS
 
 #: Names of classes, in the order in which effects run; all others run before, as added.
-ORDER = (*EFFECTS, 'Tap')  # a tap reads what all of them have drawn
+ORDER = (
+    'Substitute',  # images of actors show live textures as these are now
+    *EFFECTS,
+    'Tap',  # reads what all of them have drawn
+)
