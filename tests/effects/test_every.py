@@ -67,7 +67,7 @@ def nothing(effect):
 
 
 def test_every_effect_is_a_module_of_its_room_and_in_order():
-    assert ORDER == ('Substitute', *pvibr.EFFECTS, 'Tap')
+    assert ORDER[1:-1] == tuple(pvibr.EFFECTS)
     assert len(EVERY) >= 14
     for effect in EVERY.values():
         assert effect.__module__ == pvibr.EFFECTS[effect.__name__]
