@@ -50,7 +50,7 @@ def scene():
     )
     made.camera_light = pv.Light(light_type='camera light', position=(1, 0, 1), intensity=0.2)
     made.turn = _vtk.vtkMatrix4x4()
-    made.sun.SetTransformMatrix(made.turn)
+    made.turn.SetElement(0, 0, -1.0)
     for light in (made.sun, made.lamp, made.camera_light):
         pl.add_light(light)
     place(pl, EYE)
@@ -127,7 +127,7 @@ ACTOR = {
     'ambient': each('prop.ambient', 0.4),
     'diffuse': each('prop.diffuse', 0.6),
     'specular': each('prop.specular', 0.9),
-    'specular power': each('prop.specular_power', 30.0),
+    'specular power': each('prop.specular_power', 4.0),
     'specular color': each('prop.specular_color', 'cyan'),
     'interpolation': each('prop.interpolation', 'Gouraud'),
     'position': each('position', (0, -0.3, 0.2)),
@@ -139,6 +139,7 @@ ACTOR = {
     'user transform in place': lambda actor: actor.transform.Translate(0, 0, -0.3),
     'culling': backface,
     'back': each('backface_prop.color', 'red'),
+    'no culling': each('prop.culling', 'none'),
     'unlit': each('prop.lighting', False),
     'lit': each('prop.lighting', True),
     'hidden': each('visibility', False),
@@ -163,17 +164,16 @@ LIGHT = {
     'sun dims': each('sun.intensity', 0.2),
     'sun color': each('sun.diffuse_color', (1.0, 0.8, 0.3)),
     'lamp moves': each('lamp.position', (-2, -7, 2)),
-    'lamp aims': each('lamp.focal_point', (-0.6, 0, 0.3)),
-    'lamp cone': each('lamp.cone_angle', 12.0),
+    'lamp cone': each('lamp.cone_angle', 8.0),
+    'lamp aims': each('lamp.focal_point', (-0.9, 0, 0.5)),
     'lamp wide': each('lamp.cone_angle', 25.0),
     'lamp exponent': each('lamp.exponent', 4.0),
     'lamp attenuation': each('lamp.attenuation_values', (0.5, 0.1, 0.0)),
-    'lamp specular': each('lamp.specular_color', (0.0, 0.0, 0.0)),
     'lamp off': each('lamp.on', False),
     'lamp on': each('lamp.on', True),
     'camera light moves': each('camera_light.position', (-1.5, 0.5, 1)),
     'camera light': each('camera_light.intensity', 0.5),
-    'transform in place': lambda s: s.turn.SetElement(0, 0, -1.0),
+    'transform': lambda s: s.sun.SetTransformMatrix(s.turn),
     'light to camera': lambda s: s.sun.set_camera_light(),
     'light to head': lambda s: s.sun.set_headlight(),
     'another light': lambda s: s.pl.add_light(
@@ -217,7 +217,7 @@ def look_at_screen(pl):
 def screen(s, live):
     """Fill the view with a live texture."""
     plate = pv.Plane(center=(0, 0, 50), i_size=1, j_size=SIZE[1] / SIZE[0])
-    s.pl.add_mesh(plate, lighting=False).texture = live.texture
+    s.pl.add_mesh(plate, color='white', lighting=False).texture = live.texture
     look_at_screen(s.pl)
     return live
 
@@ -263,7 +263,7 @@ CASES = {
     'live texture': (live_texture, through_camera, 0.06),
     'mirror': (mirror, afresh, 0.0),
     'projector': (projector, afresh, 0.0),
-    'shadows': (shadows, afresh, 0.0),
+    'shadows': (lambda s: shadows(s, method='hard'), afresh, 0.0),
     'volumes': (lambda s: shadows(s, method='volume'), afresh, 0.0),
 }
 

@@ -40,6 +40,7 @@ class ImpostorCards(ShaderDraws):
         super().__init__(chunk=0)
         self._bounds = np.array([1.0, -1.0] * 3)
         self._gpu: tuple[Texture, Texture] | None = None  # a row per card, and materials
+        self._table: np.ndarray | None = None  # as it is on the GPU
         self._known = 0
 
     @property
@@ -82,7 +83,9 @@ class ImpostorCards(ShaderDraws):
         height = max(1, -(-len(rows) // _ROW))
         table = np.zeros((height * _ROW, _TEXELS, 4), np.float32)
         table[: len(rows)] = rows
-        cards.upload(table.reshape(height, _ROW * _TEXELS, 4))
+        if self._table is None or not np.array_equal(table, self._table):
+            self._table = table
+            cards.upload(table.reshape(height, _ROW * _TEXELS, 4))
         clip, view = frame.clip_from_view, frame.view_from_world
         self.textures = {**pool.textures, 'ibr_cards': cards, 'ibr_materials': matter}
         self.uniforms = {
@@ -98,4 +101,4 @@ class ImpostorCards(ShaderDraws):
         super().release(window)
         for texture in self._gpu or ():
             texture.release()
-        self._gpu = None
+        self._gpu = self._table = None
