@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pvibr.core import _vtk
+from pvibr.scene.content_key import images_of
 
 _LIGHT = (
     *('Ambient', 'Diffuse', 'Specular', 'SpecularPower', 'Lighting', 'Metallic', 'Roughness'),
@@ -44,7 +45,8 @@ class Material:
         return self._shape != before
 
     def _now(self):
-        return [part.actor.GetMTime() for part in self.parts]
+        actors = [part.actor for part in self.parts]
+        return [thing.GetMTime() for a in actors for thing in (a, *images_of(a))]
 
     def _props(self):
         return [part.actor.GetProperty() for part in self.parts]
@@ -55,7 +57,8 @@ class Material:
     def _look(self) -> tuple:
         """Return what pictures hold of the materials: colours, and all else."""
         others = [[getattr(prop, f'Get{name}')() for name in _BAKED] for prop in self._props()]
-        return [p.GetDiffuseColor() for p in self._props()], others
+        images = [(i, i.GetMTime()) for part in self.parts for i in images_of(part.actor)]
+        return [p.GetDiffuseColor() for p in self._props()], [*others, images]
 
 
 def has_one_color(parts) -> bool:

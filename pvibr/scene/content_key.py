@@ -19,14 +19,22 @@ def textures_of(actor) -> list:
     return [texture for texture in found if texture is not None]
 
 
+def images_of(actor) -> list:
+    """Return the images of the textures of an actor and of its material."""
+    return [image for texture in textures_of(actor) for image in _inputs(texture)]
+
+
 def parts_of(actor) -> list:
     """Return what a picture of an actor shows beyond the actor's own time."""
     mapper, inputs = actor.GetMapper(), []
     if mapper is not None:
         inputs = _inputs(mapper) + [leaf for data in _inputs(mapper) for leaf in _leaves(data)]
-    images = [image for texture in textures_of(actor) for image in _inputs(texture)]
     planes = None if mapper is None else mapper.GetClippingPlanes()
-    return [thing for thing in (mapper, *inputs, *images, *(planes or ())) if thing is not None]
+    return [
+        thing
+        for thing in (mapper, *inputs, *images_of(actor), *(planes or ()))
+        if thing is not None
+    ]
 
 
 def look_key(actor) -> tuple:
