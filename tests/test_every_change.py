@@ -364,3 +364,19 @@ def test_the_next_frame_shows_it(name, monkeypatch):
         before = truth
     assert all(row.state != 'off' for row in s.pl.ibr.report().rows), s.pl.ibr.report()
     assert (wrong, idle) == ({}, {})
+
+
+@pytest.mark.parametrize('name', ['impostor', 'layers'])
+def test_images_show_a_live_texture_as_it_is_now(name):
+    s = scene()
+    standin = CASES[name][0](s)
+    camera = pv.Camera()
+    camera.position, camera.focal_point, camera.up = (-1, -6, 1), (-0.9, 0, 0), (0, 0, 1)
+    live = s.pl.ibr.add(pvibr.LiveTexture(camera, [s.ball], size=(64, 64)))
+    s.plate.texture = live.texture
+    for change in ('position', 'no scalars'):
+        ACTOR[change](s.ball)
+        found, draws = shot(s.pl), live.draws
+        assert np.abs(found - plain(s, standin)).mean() < 1
+        shot(s.pl)
+        assert live.draws == draws

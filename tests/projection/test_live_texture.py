@@ -155,6 +155,36 @@ def test_a_mirror_shows_what_a_twin_behind_it_would():
     assert (off > 60).mean() < 0.1 * seen.mean()
 
 
+def unfolded(pl, count):
+    """Two balls and what two mirrors show of them, as that many copies behind one."""
+    for (x, y, z), color in (((0.5, 0.3, 0.2), 'red'), ((-0.5, -0.5, -0.1), 'gold')):
+        for k in range(count):
+            center = (x, 4 * k + (y if k % 2 == 0 else -y), z)
+            pl.add_mesh(pv.Sphere(radius=0.3, center=center), color=color, lighting=False)
+
+
+@pytest.mark.parametrize('depth', [0, 1, 3])
+def test_mirrors_that_face_each_other_show_the_unfolded_scene(depth):
+    found = []
+    for mirrored in (True, False):
+        pl = plotter(window_size=(160, 120))
+        unfolded(pl, 1 if mirrored else depth + 2)
+        for y, right in ((2, 6), (-2, -6)) if mirrored else ():
+            sides = (-right / 2, y, -3), (right, 0, 0), (0, 0, 6)
+            live = pl.ibr.add(pvibr.Mirror(*sides, recursion=depth))
+            plate = pv.Plane(center=(0, y, 0), direction=(0, -1, 0), i_size=6, j_size=6)
+            uv = (plate.points[:, [0, 2]] - [-right / 2, -3]) / [right, 6]
+            plate.active_texture_coordinates = uv.astype(np.float32)
+            pl.add_mesh(plate, lighting=False, color='white').texture = live.texture
+        pl.camera.position, pl.camera.focal_point = (0, -1.5, 0.6), (0, 2, 0.2)
+        pl.camera.up, pl.camera.view_angle = (0, 0, 1), 35
+        pl.camera.clipping_range = (0.1, 60)
+        pl.show(auto_close=False)
+        found.append(shot(pl))
+    psnr = 10 * np.log10(255**2 / ((found[0] - found[1]) ** 2).mean())
+    assert psnr > 33
+
+
 def test_instances_are_seen_too():
     pl = plotter()
     trees = pl.ibr.add_instances(
