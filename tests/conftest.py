@@ -20,6 +20,7 @@ import pytest
 import pyvista as pv
 from hypothesis import settings
 
+from pvibr.gl.offscreen import hidden_window
 from pvibr.scenes.trees import LEVELS
 from tests.instances.scenes import atlases, bean, scenes, see  # noqa: F401
 
@@ -53,6 +54,13 @@ def pytest_collection_modifyitems(items):
 def pytest_collection_finish():
     """Let no search for garbage go through modules and tests: they stay."""
     gc.freeze()
+
+
+@pytest.fixture(autouse=True, scope='session')
+def _open_display():
+    """Hold a window open: with the last one the driver is unloaded, and loaded for the next."""
+    with hidden_window(8, 8):
+        yield
 
 
 @pytest.fixture(autouse=True)
