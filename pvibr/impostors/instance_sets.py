@@ -80,7 +80,7 @@ class InstanceSet:
 
     def plain(self, meshes, pixels, area, pixel) -> np.ndarray:
         """Return the seconds of blocks drawn by the set itself."""
-        limits = [limit.mesh for limit in self.thing.limits]
+        limits = [limit.mesh.min() for limit in self.thing.limits]
         limit = np.array([limits[block.number] for block in self.blocks])
         cards = self.per * _CARD + pixel * area
         # The larger a block is beside its instances, the smaller these are.

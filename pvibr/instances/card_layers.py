@@ -13,7 +13,13 @@ from pvibr.scene.shader_draws import PBR, ShaderDraws
 _WHOLE = 0.98  # coverage from which a pixel is opaque
 _ALL = 2.0  # more than any coverage
 _BEHIND = 1e-6  # of w: a fringe behind its own core is rejected before it is shaded
-_CORE_LEAST = 0.1  # share of covered texels below which it is not worth a draw
+# Share of what is covered below which two draws of it cost more than they mend: what is small and
+# scattered has hardly an opaque pixel.
+_MOST = 0.6
+_SOME = 3  # rows of views, of which one is asked
+#: Side of the square of patches of directions, each of which has errors of its own.
+PATCH_SIDE = 4
+PATCHES = PATCH_SIDE**2
 
 
 @dataclass(frozen=True)
@@ -49,16 +55,25 @@ DEPTH = Part(0.5, _ALL, 1e-9)
 SOLID = Part(0.5, _ALL, 1.0)
 
 
-def has_core(atlas) -> bool:
-    """Return whether enough of what is covered is opaque for a draw of its own."""
-    covered = atlas.geometry[::2, ::2, 1]
-    return bool((covered >= 255 * _WHOLE).sum() > _CORE_LEAST * (covered > 0).sum())
+def core_level(atlas) -> int:
+    """Return the coarsest level of an atlas of which most is opaque, -1 if none is."""
+    tile, covered = atlas.tile, atlas.geometry[..., 1]
+    some = covered.reshape(-1, tile, covered.shape[1])[::_SOME].astype(np.float32)
+    level = -1
+    while (some >= 255 * _WHOLE).sum() > _MOST * (some > 0).sum() and some.shape[1] > 1:
+        level, some = level + 1, _halved(some)
+    return level
+
+
+def _halved(tiles):
+    rows, side, width = tiles.shape
+    return tiles.reshape(rows, side // 2, 2, width // 2, 2).mean((2, 4))
 
 
 class CardLayer:
     """The cards of one shader, drawn in parts from the same entries."""
 
-    def __init__(self, cards, shader, prop, draws, most, *, cored):
+    def __init__(self, cards, shader, prop, draws, most):
         self.cards, self.shader = cards, shader
         shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
         kind = shiny, cards.atlas.animated, cards.atlas.turntable is not None
@@ -67,14 +82,14 @@ class CardLayer:
         def made(*, deep):
             return _Draws(self, feature=shader.feature(*kind, deep=deep), **look)
 
-        cored = cored and not shader.splat
+        cored = cards.core_size < shader.largest and not shader.splat
         self.core = made(deep=True) if cored else None
         # Where things pierce one another, a plane cuts wide fringes raggedly; those of small cards
         # are narrow, and the early depth test of a plane saves half of their time.
         self.fringe = made(deep=shader.steps > 0)
         self.depth = made(deep=True)
-        self.sizes = self.level = (0.0, 0.0, 1.0, 1.0)
-        self.dithered, self.unit = False, cards.unit
+        self.ranges = self.level = np.zeros(4)
+        self.unit = cards.unit
         self.tint: tuple | None = None  # a colour for all that it draws
 
     def _all(self) -> list:
@@ -109,16 +124,19 @@ class CardLayer:
         for draws in self._all():
             draws.place_cards(bounds, self.shader.corners)
 
-    def show(self, blocks, sizes, cuts):
-        """Draw blocks between cuts, from far to near."""
-        self.sizes = sizes
+    def show(self, blocks, cuts, cored):
+        """Draw blocks between cuts, from far to near; cores from one of them on."""
         self.fringe.upload(self.cards.window, blocks)
-        ends = pairwise(np.asarray(cuts).tolist())
-        spans = [(a * self.unit, b) if b > a else (0, 0) for a, b in ends]
+        ends = list(pairwise(np.asarray(cuts).tolist()))
         parts = self._parts()
         for draws in self._all():
-            draws.entries, draws.part = self.fringe.entries, parts.get(draws, SOLID)
-            draws.show_spans(spans if draws in parts else ())
+            part = parts.get(draws)
+            draws.entries, draws.part = self.fringe.entries, part or SOLID
+            first = cored if part is CORE else 0
+            spans = [
+                (max(a, first) * self.unit, b) if b > max(a, first) else (0, 0) for a, b in ends
+            ]
+            draws.show_spans(spans if part else ())
 
     def hide(self):
         """Draw nothing."""
@@ -136,9 +154,8 @@ class CardLayer:
         """Return the textures and the uniforms of all parts."""
         cards, textures = self.cards, self.cards.textures
         uniforms = cards.uniforms | {
-            'ibr_range': self.sizes,
+            'ibr_ranges': self.ranges.reshape(PATCH_SIDE, -1, 4).swapaxes(1, 2),
             'ibr_turn_range': self.level,
-            'ibr_dithered': float(self.dithered),
             'ibr_unit': self.unit,
             'ibr_tint': (*self.tint, 1.0) if self.tint else (0.0, 0.0, 0.0, 0.0),
         }

@@ -10,6 +10,7 @@
 // uniforms: VTK declares them.
 // IBR_DITHER is a number from 0 to 1 that depends on the pixel alone.
 // Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 1; SPLAT 0 or 1;
+// PATCH_SIDE, of the square of patches of directions, each with errors of its own;
 // ANIMATED 1 where an atlas has a page for each pose of the clips, and instances move;
 // DEEP 1 where a fragment has the depth of its surface, 0 where it has that of the card's plane;
 // TURNED 1 where it has a turntable, whose pictures serve eyes that are level with it; SIDES 1 or 2
@@ -23,6 +24,8 @@ uniform int ibr_count;            // instances
 uniform int ibr_unit;             // instances of a block
 uniform int ibr_nearest_first;    // 1 to draw the entries of a span from its end
 uniform float ibr_back;           // how far it is pushed back, in shares of w
+uniform vec3 ibr_part;            // coverages from, to; opacity: below 0 the coverage
+uniform float ibr_core_level;     // the coarsest level of the pictures whose core is drawn
 uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
 uniform int ibr_has_looks;
 uniform vec4 ibr_tint;            // for all that a program draws, where alpha is 1
@@ -36,10 +39,12 @@ uniform vec3 ibr_box_center;      // bounding box in q: middle and half sides
 uniform vec3 ibr_box_half;
 uniform float ibr_pixel_scale;    // pixels per unit tangent, or per world unit when parallel
 uniform float ibr_sharpness;      // texels per pixel that are asked for
-uniform vec4 ibr_range;           // on-screen diameters in px: appear, whole, fade, gone
-uniform float ibr_dithered;       // 1 where the next finer level is the mesh
+// On-screen diameters in px, a column for each patch of directions: from, to, and 1 where the mesh
+// is the next level.
+uniform mat4 ibr_ranges[PATCH_SIDE];
+uniform float ibr_fade;           // growth by which a level takes over from the one before
 #if TURNED
-uniform vec4 ibr_turn_range;      // the same for those that the eye is level with
+uniform vec4 ibr_turn_range;      // such a column for those that the eye is level with
 uniform float ibr_turn_level;     // sine of the angle up to which it is
 uniform vec3 ibr_turn_axis;       // of the turntable, model space
 uniform vec3 ibr_turn_start;      // where azimuth is 0
@@ -73,6 +78,7 @@ flat out mat3 ibr_eye_normal;
 flat out vec4 ibr_look;
 flat out float ibr_stretch;              // radius of the instance
 flat out vec4 ibr_card;                  // half texel, size in px, where it ends, where it begins
+flat out vec2 ibr_part_of;               // coverage up to which it is drawn; 1 before a mesh
 
 vec2 ibr_signs(vec2 p) { return vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0); }
 
@@ -106,6 +112,7 @@ mat3 ibr_frame(vec3 d)
     ibr_look = vec4(0.0);
     ibr_stretch = 0.0;
     ibr_card = vec4(0.0);
+    ibr_part_of = vec2(0.0);
     ibr_eye_normal = mat3(1.0);
 #if SPLAT
     ibr_box = vec4(0.0);
@@ -154,24 +161,30 @@ mat3 ibr_frame(vec3 d)
       float stretch = sqrt(max(max(sums.x, sums.y), sums.z));
       float away = ibr_parallel == 1 ? 1.0 : length(c);
       float size = 2.0 * stretch * ibr_pixel_scale / away;
-      vec4 range = ibr_range;
+      // The inverse transpose by cross products: normals need it, its transpose is the inverse.
+      mat3 n = mat3(cross(eye_from_q[1], eye_from_q[2]), cross(eye_from_q[2], eye_from_q[0]),
+        cross(eye_from_q[0], eye_from_q[1]));
+      n /= dot(eye_from_q[0], n[0]);
+      mat3 q_from_eye = transpose(n);
+      vec3 eye = ibr_parallel == 1 ? q_from_eye * vec3(0.0, 0.0, 1.0) : -(q_from_eye * c);
+      float e = max(length(eye), 1e-30);
+      vec3 d = eye / e;
+      vec2 cell = (ibr_encode(d) * 0.5 + 0.5) * float(PATCH_SIDE);
+      cell = clamp(cell, 0.0, float(PATCH_SIDE) - 0.5);
+      vec4 range = ibr_ranges[int(cell.y)][int(cell.x)];
 #if TURNED
       vec3 upright = normalize(eye_from_q * ibr_turn_axis);
       float rise = ibr_parallel == 1 ? upright.z : dot(upright, c) / away;
       if (abs(rise) < ibr_turn_level) { range = ibr_turn_range; }
 #endif
-      bool shown = ibr_look.a > 0.25 && size >= range.x && size < range.w
+      float lod = max(floor(log2(float(ibr_tile) / (size * ibr_sharpness))), 0.0);
+      lod = min(lod, log2(float(ibr_tile)));
+      bool cored = lod <= ibr_core_level;
+      ibr_part_of = vec2(cored ? ibr_part.y : 2.0, range.z);
+      bool shown = (cored || ibr_nearest_first == 0) && ibr_look.a > 0.25 && size >= range.x && size < range.y * ibr_fade
         && (ibr_parallel == 1 || c.z < stretch);
       if (shown)
       {
-        // The inverse transpose by cross products: normals need it, its transpose is the inverse.
-        mat3 n = mat3(cross(eye_from_q[1], eye_from_q[2]), cross(eye_from_q[2], eye_from_q[0]),
-          cross(eye_from_q[0], eye_from_q[1]));
-        n /= dot(eye_from_q[0], n[0]);
-        mat3 q_from_eye = transpose(n);
-        vec3 eye = ibr_parallel == 1 ? q_from_eye * vec3(0.0, 0.0, 1.0) : -(q_from_eye * c);
-        float e = length(eye);
-        vec3 d = eye / e;
         vec3 helper = abs(d.z) < 0.99 ? vec3(0.0, 0.0, 1.0) : vec3(0.0, 1.0, 0.0);
         vec3 right = normalize(cross(helper, d));
         vec3 up = cross(d, right);
@@ -188,8 +201,6 @@ mat3 ibr_frame(vec3 d)
 #endif
         // The card holds the silhouette of the bounding box, as seen past its nearest point, and
         // never more than the sphere's; half a texel and half a pixel more for the filters.
-        float lod = max(floor(log2(float(ibr_tile) / (size * ibr_sharpness))), 0.0);
-        lod = min(lod, log2(float(ibr_tile)));
         vec2 middle = vec2(dot(right, ibr_box_center), dot(up, ibr_box_center));
         vec2 half_sides = vec2(dot(abs(right), ibr_box_half), dot(abs(up), ibr_box_half));
         float nearer = dot(d, ibr_box_center) + dot(abs(d), ibr_box_half);
@@ -211,7 +222,7 @@ mat3 ibr_frame(vec3 d)
         gl_Position = ibr_clip_from_eye * p;
         gl_Position.z += ibr_back * gl_Position.w;
 #if !DEEP
-        if (ibr_back > 0.0 && size < range.y)
+        if (ibr_back > 0.0 && size < range.x * ibr_fade)
         {
           // It blends with the core of a coarser level: in front of the object's nearest point.
           float ahead = clamp(nearer, 0.0, 1.0) * stretch;
@@ -223,8 +234,8 @@ mat3 ibr_frame(vec3 d)
         vec3 ray = ibr_parallel == 1 ? -d : v - eye;
         ibr_stretch = stretch;
         ibr_card = vec4(0.5 * exp2(lod) / float(ibr_tile), size,
-          (size - range.z) / max(range.w - range.z, 1e-6),
-          range.y > 0.0 ? (size - range.x) / max(range.y - range.x, 1e-6) : 1.0);
+          (size - range.y) / max(range.y * (ibr_fade - 1.0), 1e-6),
+          range.x > 0.0 ? (size - range.x) / (range.x * (ibr_fade - 1.0)) : 1.0);
 #if ANIMATED
         vec4 move = texelFetch(ibr_moves, ivec2(i % 1024, i / 1024), 0);
         float rounds = move.x + move.y * ibr_time;
@@ -306,7 +317,6 @@ uniform vec4 ibr_paint;               // a colour in place of the albedo, where 
 uniform float ibr_margin;
 uniform vec3 ibr_part;                // coverages from, to; opacity: below 0 the coverage
 uniform int ibr_fades;                // 1 where levels blend with each other
-uniform float ibr_dithered;
 uniform vec4 ibr_clip_depth;          // rows z and w of clip from eye, z columns: zz, zw, wz, ww
 in vec4 vertexVCVSOutput;
 #if SPLAT
@@ -326,6 +336,7 @@ flat in mat3 ibr_eye_normal;
 flat in vec4 ibr_look;
 flat in float ibr_stretch;
 flat in vec4 ibr_card;
+flat in vec2 ibr_part_of;
 
 // How much the normals of a fragment spread: half the width of the soft corner of its cosine.
 float ibr_spread = 0.0;
@@ -431,22 +442,22 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   // Where nothing is blended (a light, a pick, ids of pixels) both are there wholly.
   float ibr_full = ibr_coverage;
   if (ibr_fades == 1) { ibr_coverage *= clamp(ibr_card.w, 0.0, 1.0); }
-  if (ibr_fades == 1 && ibr_dithered < 0.5)
+  if (ibr_fades == 1 && ibr_part_of.y < 0.5)
   {
     float ibr_over = clamp(ibr_card.z, 0.0, 0.999) * ibr_full;
     float ibr_left = 1.0 - (1.0 - ibr_full) / (1.0 - ibr_over);
     ibr_coverage *= clamp(ibr_left / max(ibr_full, 1e-4), 0.0, 1.0);
     if (ibr_card.z >= 0.98) { discard; }  // the finer level has a core of its own
   }
-  if (ibr_coverage < ibr_part.x || ibr_coverage >= ibr_part.y) { discard; }
-  if (ibr_fades == 1 && ibr_dithered > 0.5 && IBR_DITHER < ibr_card.z) { discard; }
+  if (ibr_coverage < ibr_part.x || ibr_coverage >= ibr_part_of.x) { discard; }
+  if (ibr_fades == 1 && ibr_part_of.y > 0.5 && IBR_DITHER < ibr_card.z) { discard; }
 
 //@fragment.depth
   {
     // The surface's own depth, so that things which touch or pierce one another meet where they do.
     float z = ibr_g.r;
     // While a finer level takes over, the coarser one stays behind it.
-    if (ibr_fades == 1 && ibr_card.z > 0.0 && ibr_dithered < 0.5) { z -= 0.2 * ibr_stretch; }
+    if (ibr_fades == 1 && ibr_card.z > 0.0 && ibr_part_of.y < 0.5) { z -= 0.2 * ibr_stretch; }
     vec2 zw = vec2(ibr_clip_depth.x * z + ibr_clip_depth.y, ibr_clip_depth.z * z + ibr_clip_depth.w);
     gl_FragDepth = clamp(zw.x / zw.y * 0.5 + 0.5, 0.0, 1.0);
   }

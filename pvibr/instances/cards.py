@@ -13,7 +13,7 @@ from pvibr.gl.mipmaps import put_rows
 from pvibr.gl.texture import release
 from pvibr.instances.atlas import MARGIN
 from pvibr.instances.atlas_textures import AtlasTextures
-from pvibr.instances.card_layers import CardLayer, has_core
+from pvibr.instances.card_layers import PATCH_SIDE, PATCHES, CardLayer, core_level
 from pvibr.instances.placement import WIDTH
 from pvibr.maths.blocks import BLOCK
 from pvibr.meshes.turntable import LEVEL
@@ -21,6 +21,7 @@ from pvibr.scene.draw_order import Stage
 from pvibr.scene.shader_draws import DULL, ROW, pack
 
 _CHUNK = 8192  # cards of one draw
+_SHARPNESS = 1.42  # 1.4 to 2.8 texels a pixel: measured best, 1 blurs outlines
 # Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
 _SOFT_LIGHT = '#define max(a, b) ibr_lit(a, b)\n//VTK::Light::Impl\n#undef max\n'
 
@@ -50,6 +51,7 @@ class CardShader:
             'ANIMATED': int(animated),
             'TURNED': int(turned),
             'SIDES': self.sides,
+            'PATCH_SIDE': PATCH_SIDE,
         }
         return DITHER + ''.join(f'#define {k} {v}\n' for k, v in values.items())
 
@@ -87,14 +89,11 @@ TURNTABLE = CardShader('turntable', views=1, steps=0, sides=2)
 ALL_CARD_SHADERS = (SPLAT, BILLBOARD, TURNTABLE, FLAT, PARALLAX, BLENDED)
 _SLACK = 0.25  # of the extent of a set, around it: what bounds VTK has of it
 _LOOSE = 4.0  # times that extent, from which these bounds are too wide
-_NEVER = (1e30, 1e30, 0.0, 0.0)
-
-
-def ends(low, high, fade) -> tuple:
-    """Return the on-screen diameters at which a shader's instances fade in and out."""
-    if high <= low:
-        return _NEVER
-    return low, low * fade if low > 0 else 0.0, high, high * fade
+#: A level takes over from its coarser neighbour while the size grows by this factor. Both are
+#: drawn meanwhile; 1.1 pops no less on a walk, and a million instances take a tenth longer.
+FADE = 1.05
+#: On-screen diameters from and to, and whether the mesh comes next, by patch: all of them.
+ALWAYS = np.tile([0.0, 1e9, 0.0, 0.0], (PATCHES, 1))
 
 
 def slabs(depths, turns, unit) -> list[np.ndarray]:
@@ -132,6 +131,9 @@ class Cards:
         self._looks = np.zeros((1, 1, 4), np.uint8)
         # What changed since it was uploaded: its rows, None for all.
         self._stale: dict[str, list | None] = {}
+        core = core_level(atlas)
+        #: Diameter on the screen, in pixels, up to which cards are drawn without a core.
+        self.core_size = atlas.tile / _SHARPNESS / 2 ** (core + 1) if core >= 0 else np.inf
         self.uniforms = {
             'ibr_count': 0,
             'ibr_views': atlas.views,
@@ -141,7 +143,9 @@ class Cards:
             'ibr_margin': MARGIN,
             'ibr_box_center': (atlas.box.mean(0) - atlas.center) / atlas.radius,
             'ibr_box_half': np.ptp(atlas.box, axis=0) / 2 / atlas.radius,
-            'ibr_sharpness': 1.42,  # 1.4 to 2.8 texels a pixel: measured best, 1 blurs outlines
+            'ibr_sharpness': _SHARPNESS,
+            'ibr_core_level': float(core),
+            'ibr_fade': FADE,
             'ibr_has_looks': 0,
             'ibr_paint': (0.0, 0.0, 0.0, 0.0),
             'ibr_multiply': 0,
@@ -158,10 +162,7 @@ class Cards:
         draws = draws or slab_counts(capacity, 1, turntable is not None)
         most = min(_CHUNK, max(1, -(-capacity // unit)) * unit)
         used = [p for p in ALL_CARD_SHADERS if p.name in draws]
-        cored = has_core(atlas)
-        self.layers = {
-            p.name: CardLayer(self, p, prop, draws[p.name], most, cored=cored) for p in used
-        }
+        self.layers = {p.name: CardLayer(self, p, prop, draws[p.name], most) for p in used}
 
     @property
     def nbytes(self) -> int:
@@ -268,11 +269,11 @@ class Cards:
             'ibr_fades': int(not self.solid),
         }
 
-    def show(self, name, blocks, sizes, cuts, *, level=None, unit=None, dithered=False):
-        """Draw some blocks by a shader, given from far to near."""
+    def show(self, name, blocks, cuts, *, ranges=ALWAYS, level=ALWAYS[0], unit=None, cored=0):
+        """Draw some blocks by a shader, from far to near, the first of which have no core."""
         layer = self.layers[name]
-        layer.dithered, layer.unit, layer.level = dithered, unit or self.unit, level or sizes
-        layer.show(blocks, sizes, cuts)
+        layer.ranges, layer.level, layer.unit = ranges, level, unit or self.unit
+        layer.show(blocks, cuts, cored)
 
     def hide(self):
         """Draw nothing."""

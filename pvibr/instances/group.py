@@ -7,22 +7,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.instances.cards import Cards, ends
+from pvibr.instances.card_layers import PATCH_SIDE
+from pvibr.instances.cards import FADE, Cards
 from pvibr.instances.materials import copy_light
 from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import Placement, spheres
+from pvibr.maths import octahedral
 from pvibr.maths.blocks import BLOCK, Blocks, ascending
 from pvibr.maths.posed_bounds import posed_bounds
 from pvibr.meshes.parts import copy_property
 from pvibr.meshes.turntable import LEVEL
 
-# A level takes over from its coarser neighbour while the size grows by this factor. Both are
-# drawn meanwhile; 1.1 pops no less on a walk, and a million instances take a tenth longer.
-_FADE = 1.05
 SORTED = 16_384  # instances up to which each is sorted and culled by itself
 # Of a larger set, those of one shader that are still sorted one by one: some milliseconds.
 SORTED_SEEN = 131_072
-_UNSURE = 1e-4  # what the sine of an angle may be off on the GPU
+_UNSURE = 1e-4  # what the sine of an angle, or a place in a patch, may be off on the GPU
+_UNKNOWN = -1  # patch
 
 
 @dataclass(frozen=True)
@@ -31,19 +31,18 @@ class Choice:
 
     table: np.ndarray
     depths: np.ndarray
-    sizes: tuple
-    level: tuple
-    dithered: bool
+    #: By patch, and where the eye is level with a turntable: from, to, 1 before meshes, 0.
+    ranges: np.ndarray
+    level: np.ndarray
+    #: The first that may have a core.
+    cored: int
 
-    @property
-    def least(self) -> float:
-        """Minimum on-screen diameter."""
-        return min(self.sizes[0], self.level[0])
-
-    @property
-    def most(self) -> float:
-        """Maximum on-screen diameter."""
-        return max(self.sizes[3], self.level[3])
+    def fits(self, sizes) -> np.ndarray:
+        """Return which sizes may be drawn: a little more than the shader, which decides, draws."""
+        rows = np.stack([*self.ranges, self.level])
+        rows = rows[rows[:, 1] > rows[:, 0]]
+        low, high = (rows[:, 0].min(), rows[:, 1].max() * FADE) if len(rows) else (np.inf, 0.0)
+        return (sizes > 0.99 * low) & (sizes < 1.01 * high)
 
 
 def unit_of(count) -> int:
@@ -190,20 +189,50 @@ class InstanceGroup:
         table[:, :3], table[:, 3] = origins, index
         depths = origins[:, 2] if frame.parallel else -_lengths(origins.T)
         rises = self._rises(frame, index, origins)
+        patches = self._patches_of_blocks(frame, limits, index, origins, large)
         chosen = {}
         for name in self.cards.layers:
-            spans = [_span(cards, name) for cards in (limits.cards, limits.level or limits.cards)]
-            fits = [(large >= a) & (small < b * _FADE) & (b > a) for a, b in spans]
+            spans = limits.spans(name)
+            fits = [_fits(span, patches, small, large) for span in spans]
             if rises is not None:  # the shader decides about those that are close to the bound
                 fits[0] &= rises > LEVEL - _UNSURE
                 fits[1] &= rises < LEVEL + _UNSURE
             used = np.flatnonzero(fits[0] | fits[1])
-            sizes, level = (ends(low, high, _FADE) for low, high in spans)
-            dithered = limits.mesh in (high for low, high in spans if high > low)
-            chosen[name] = Choice(table[used], depths[used], sizes, level, dithered)
+            ranges, level = (_ranges(span, limits.mesh) for span in spans)
+            cored = self._first_cored(large[used])
+            chosen[name] = Choice(table[used], depths[used], ranges, level[0], cored)
             self.counts[name] = min(len(used) * self.unit, len(self))
-        self.large = table[large >= limits.mesh]
+        self.large = table[large >= _least(limits.mesh)[patches]]
         return chosen
+
+    def _first_cored(self, sizes) -> int:
+        """Return the place of the first that may have a core."""
+        cored = sizes > 0.99 * self.cards.core_size  # the shader decides
+        return int(cored.argmax()) if cored.any() else len(cored)
+
+    def _patches_of_blocks(self, frame, limits, index, origins, large):
+        """Return the patch of directions that each block is seen from, as far as that matters."""
+        if self.unit > 1:
+            return np.full(len(index), _UNKNOWN)
+        return self.patches(frame, limits, index, origins.T, large)
+
+    def patches(self, frame, limits, slots, eye, sizes):
+        """Return the patches that slots are seen from, -1 where it is not sure or of no matter."""
+        out = np.full(len(slots), _UNKNOWN)
+        low, high = limits.varying()
+        some = np.flatnonzero((sizes >= low) & (sizes < high * FADE))
+        if len(some):
+            toward = np.array([[0.0], [0.0], [1.0]]) if frame.parallel else -eye[:, some]
+            toward = np.einsum('ji,jn->in', frame.view_from_world[:3, :3], toward)
+            seen = self.placement.directions(slots[some], toward)
+            seen = seen / np.maximum(_lengths(seen.T), 1e-30)[:, None]
+            found, inside = octahedral.cells(seen, PATCH_SIDE, self.atlas.half)
+            out[some] = np.where(inside > _UNSURE, found, _UNKNOWN)
+        return out
+
+    def least_of_meshes(self, frame, limits, slots, eye, sizes):
+        """Return the sizes from which slots are drawn as meshes."""
+        return _least(limits.mesh)[self.patches(frame, limits, slots, eye, sizes)]
 
     def _rises(self, frame, index, origins):
         """Return the sines of the camera's elevation over instances; None without a turntable."""
@@ -239,16 +268,18 @@ class InstanceGroup:
         """Sort the single instances of a choice of blocks, and drop those out of its sizes."""
         slots, rows, eye, away, size = self.singles(frame, choice.table)
         depths = eye[2] if frame.parallel else -away
-        # A little more than the shader's own bounds, which decide.
-        used = np.flatnonzero((size > 0.99 * choice.least) & (size < 1.01 * choice.most))
+        used = np.flatnonzero(choice.fits(size))
         used = used[ascending(depths[used])]
         table = np.empty((len(used), 4), np.float32)
         table[:, :3], table[:, 3] = choice.table[rows[used], :3], slots[used]
-        return replace(choice, table=table, depths=np.maximum.accumulate(depths[used]))
+        cored = self._first_cored(size[used])
+        return replace(
+            choice, table=table, depths=np.maximum.accumulate(depths[used]), cored=cored
+        )
 
     def select_meshes(self, frame, limits):
         """Draw instances too large for cards as meshes; return new actors."""
-        return self.near.select(self, frame, limits, _FADE)
+        return self.near.select(self, frame, limits)
 
     def instance_of(self, actor):
         """Return the index of the instance that a mesh actor shows, or None."""
@@ -271,9 +302,24 @@ class InstanceGroup:
         self.near.release(window)
 
 
-def _span(cards, name):
-    """Return the sizes between which a shader is used, (0, 0) if it is not."""
-    return next((span for other, *span in cards if other == name), (0.0, 0.0))
+def _least(values):
+    """Return values by patch, and at the end, for unknown ones, the least."""
+    return np.append(values, values.min())
+
+
+def _fits(span, patches, small, large):
+    """Return which blocks may have instances of a span of sizes."""
+    low, high = span
+    none = high <= low
+    low, high = _least(np.where(none, np.inf, low)), -_least(np.where(none, 0.0, -high))
+    return (large >= low[patches]) & (small < high[patches] * FADE)
+
+
+def _ranges(span, mesh):
+    """Return a span as the card shader has it: from, to, whether the mesh is next, and nothing."""
+    low, high = span
+    low = np.where(high <= low, 1e30, low)
+    return np.stack([low, high, high == mesh, np.zeros(len(low))], 1)
 
 
 def _lengths(columns):

@@ -477,8 +477,8 @@ class Instances(PosedSet):
             unit, choices = 1, [group.refine(frame, c) for group, c in pairs]
         cuts = slabs([c.depths for c in choices], shader.turns, unit)
         for group, c, cut in zip(self.groups, choices, cuts, strict=True):
-            look = {'level': c.level, 'unit': unit, 'dithered': c.dithered}
-            group.cards.show(shader.name, c.table, c.sizes, cut, **look)
+            look = {'ranges': c.ranges, 'level': c.level, 'unit': unit, 'cored': c.cored}
+            group.cards.show(shader.name, c.table, cut, **look)
 
     def _check_cards(self):
         """Warn once if a card shader failed, and draw meshes from then on."""

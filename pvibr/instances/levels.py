@@ -67,21 +67,29 @@ class LodModel:
         a = self.atlas
         if self.unbaked:
             return f'{self.levels[0].triangles} triangles at any size, not baked: {self.unbaked}'
-        sides = [(f'{n} from the side', *span) for n, *span in limits.level if n in SIDES]
+        sides = {f'{n} from the side': span for n, span in limits.level.items() if n in SIDES}
         cards = [
-            f'{name} to {high:.0f} px' for name, low, high in (*sides, *limits.cards) if high > low
+            f'{name} to {_between(high)} px'
+            for name, (low, high) in (sides | limits.cards).items()
+            if (high > low).any()
         ]
         meshes = [
             f'{level.triangles} triangles '
             + (f'to {limit:.0f} px' if limit < 1e5 else 'at any size')
             for level, limit in zip(reversed(self.levels), reversed(limits.meshes), strict=True)
-            if limit > limits.mesh
+            if limit > limits.mesh.min()
         ]
         head = f'{a.views} x {a.views} views of {a.tile} texels{self.note}'
         head += f', baked in {a.seconds:.1f} s'
         if a.animated:
             head = f'{a.n_poses} poses of {head}'
         return '; '.join([head, *cards, *meshes])
+
+
+def _between(sizes) -> str:
+    """Return the least and the greatest of the sizes, or both as one."""
+    ends = f'{sizes.min():.0f}', f'{sizes.max():.0f}'
+    return ends[0] if ends[0] == ends[1] else ' to '.join(ends)
 
 
 def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **looks) -> Atlas:

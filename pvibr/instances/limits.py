@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
 from pvibr.instances.measure import allowed
 
@@ -15,14 +16,18 @@ _LARGEST = 1e9  # px: no instance is larger
 _OCTAVES = 2  # beyond the largest size measured, to which errors of meshes are extrapolated
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Limits:
-    """On-screen diameters, in pixels, at which levels change."""
+    """On-screen diameters, in pixels, at which levels change, for each patch of directions."""
 
-    cards: tuple
-    mesh: float
+    #: By shader, from the cheapest: from and to, shape (2, PATCHES).
+    cards: dict[str, np.ndarray]
+    #: From where on it is drawn as a mesh, shape (PATCHES,).
+    mesh: np.ndarray
+    #: Largest of each mesh level.
     meshes: tuple
-    level: tuple = ()
+    #: As `cards`, where the eye is level with a turntable.
+    level: dict[str, np.ndarray] = field(default_factory=dict)
 
     def coarser(self, quality) -> Limits:
         """Return limits for an image drawn at a quality, 0 to 1, of its size."""
@@ -30,31 +35,42 @@ class Limits:
         meshes = tuple(limit / quality for limit in self.meshes)
         return Limits(cards, self.mesh / quality, meshes, level)
 
+    def spans(self, name) -> list[np.ndarray]:
+        """Return the spans of a shader from elsewhere, and from level with a turntable."""
+        none = np.zeros((2, PATCHES))
+        return [spans.get(name, none) for spans in (self.cards, self.level or self.cards)]
 
-def _grown(spans, quality) -> tuple:
+    def varying(self) -> tuple[float, float]:
+        """Return between which sizes the level depends on the direction."""
+        ends = np.stack([self.mesh, *(high for _, high in self.cards.values())])
+        ends = ends[ends.min(1) < ends.max(1)]
+        return (float(ends.min()), float(ends.max())) if ends.size else (np.inf, 0.0)
+
+
+def _grown(spans, quality) -> dict:
     """Return contiguous spans of sizes that end at larger ones."""
-    grown, reached = [], 0.0
-    for name, _, high in spans:
+    grown, reached = {}, np.zeros(PATCHES)
+    for name, (_, high) in spans.items():
         # A splat replaces what is a few pixels large, and nothing else.
         high = high if name == SPLAT.name else high / quality
-        grown.append((name, reached, high))
+        grown[name] = np.stack([reached, high])
         reached = high
-    return tuple(grown)
+    return grown
 
 
 def limits_of(errors, mesh_levels, max_error) -> Limits:
-    """Return the sizes up to which each level keeps an error in the worst patch of directions."""
+    """Return the sizes up to which each level keeps an error."""
     if not errors:
-        never = tuple((p.name, 0.0, 0.0) for p in CARD_SHADERS)
-        return Limits(never, 0.0, (float('inf'), *[0.0] * (mesh_levels - 1)))
-    cards = _spans(errors, CARD_SHADERS, max_error)
-    reached = cards[-1][2]
-    level: tuple = ()
-    if set(errors) >= SIDES:
-        level = tuple(
-            (name, *np.minimum(span, reached).tolist())
-            for name, *span in _spans(errors, ALL_CARD_SHADERS, max_error)
-        )
+        never = {p.name: np.zeros((2, PATCHES)) for p in CARD_SHADERS}
+        return Limits(never, np.zeros(PATCHES), (float('inf'), *[0.0] * (mesh_levels - 1)))
+    turned = set(errors) >= SIDES
+    cards = _spans(errors, CARD_SHADERS, max_error, worst=turned)
+    reached = list(cards.values())[-1][1]
+    level: dict = {}
+    if turned:
+        # What is seen from the side was measured in patches of its own.
+        level = _spans(errors, ALL_CARD_SHADERS, max_error, worst=True)
+        level = {name: np.minimum(span, reached) for name, span in level.items()}
     meshes = [float('inf')]
     for i in range(1, mesh_levels):
         meshes.append(min(_mesh_good_up_to(errors, f'mesh{i}', max_error), meshes[-1]))
@@ -85,22 +101,24 @@ def needs_images(ranges) -> bool:
 
 def forced_limits(ranges, mesh_levels) -> Limits:
     """Return limits by which each level is drawn between its own sizes."""
-    cards = tuple((p.name, *ranges.get(p.name, (0.0, 0.0))) for p in CARD_SHADERS)
-    level = tuple((name, *span) for name, span in ranges.items() if name in SIDES)
+    everywhere = {k: np.tile(np.reshape(v, (2, 1)), PATCHES) for k, v in ranges.items()}
+    cards = {p.name: everywhere.get(p.name, np.zeros((2, PATCHES))) for p in CARD_SHADERS}
+    level = {name: span for name, span in everywhere.items() if name in SIDES}
     lighter = [ranges.get(f'mesh{k}', (0.0, 0.0))[1] for k in range(1, mesh_levels)]
     least = min((low for n, (low, _) in ranges.items() if n.startswith('mesh')), default=_LARGEST)
-    return Limits(cards, least, (float('inf'), *lighter), level)
+    return Limits(cards, np.full(PATCHES, least), (float('inf'), *lighter), level)
 
 
-def _spans(errors, shaders, max_error):
+def _spans(errors, shaders, max_error, *, worst=False) -> dict:
     """Return the sizes at which each shader is used, in the order of cost."""
-    reached, spans = 0.0, []
+    reached, spans = np.zeros(PATCHES), {}
     for shader in shaders:
-        good = float(good_up_to(errors['sizes'], errors[shader.name], max_error).min())
-        good = max(min(good, shader.largest), shader.least, reached)
-        spans.append((shader.name, reached, good))
+        good = good_up_to(errors['sizes'], errors[shader.name], max_error)
+        good = good.min() if worst else good
+        good = np.maximum(np.clip(good, shader.least, shader.largest), reached)
+        spans[shader.name] = np.stack([reached, good])
         reached = good
-    return tuple(spans)
+    return spans
 
 
 def good_up_to(sizes, rows, max_error):

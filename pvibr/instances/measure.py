@@ -9,6 +9,7 @@ from pvibr.core.errors import ShaderError
 from pvibr.core.frame import Frame
 from pvibr.gl.binder import Binder
 from pvibr.gl.offscreen import hidden_window, read_rgba
+from pvibr.instances.card_layers import PATCH_SIDE
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS
 from pvibr.instances.group import InstanceGroup
 from pvibr.instances.mesh_pool import MeshPool
@@ -20,7 +21,7 @@ from pvibr.meshes.turntable import LEVEL
 SIZES = (8, 16, 32, 64, 128)  # diameters of the bounding sphere on the screen, px
 _CELL = 9 / 8  # side of a view's cell in diameters: the sizes fit the reference's pixels
 _SAMPLES = 2  # samples of the reference along a side of a pixel at the largest size; 4 at half
-_SIDE = 8  # of the square of views: two of them along a side of a patch of directions
+_SIDE = 2 * PATCH_SIDE  # of the square of views: two along a side of a patch of directions
 _VIEWS = _SIDE * _SIDE
 _FEW_SIZE = 128  # px from which colours are compared in one view of each patch
 _HOPELESS = 4.0  # px: a level that allows no `max_error` up to it is not tried at larger sizes
@@ -148,9 +149,8 @@ class _Truth:
 
 def _patches(values):
     """Return the means of the views of each patch."""
-    side = _SIDE // 2
-    some = round(len(values) ** 0.5) // side
-    return values.reshape(side, some, side, some).mean((1, 3)).ravel()
+    some = round(len(values) ** 0.5) // PATCH_SIDE
+    return values.reshape(PATCH_SIDE, some, PATCH_SIDE, some).mean((1, 3)).ravel()
 
 
 def _tiles(picture, size):
@@ -261,7 +261,7 @@ class _Sheet:
         cards.view(frame)
         index, origins, _, _ = self.group.blocks.seen(frame)
         blocks = np.column_stack([origins, index]).astype(np.float32)
-        cards.show(shader, blocks, (0.0, 0.0, 1e9, 1e9), np.array([0, len(blocks)]))
+        cards.show(shader, blocks, np.array([0, len(blocks)]))
         picture = self._picture() / np.float32(255)
         if not cards.layers[shader].landed:
             msg = f'the cards of shader {shader!r} are not drawn by this driver'

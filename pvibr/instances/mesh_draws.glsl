@@ -7,16 +7,13 @@
 // Defines: VERTICES of one copy, with a decimal point; CELL_NORMALS 1 where VTK has no other.
 
 //@vertex.declare
-uniform sampler2D ibr_entries;    // of what is drawn: centre in eye space, slot
+uniform sampler2D ibr_entries;    // of what is drawn: centre in eye space, slot and share
 uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
 uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as it is, 255 coloured
 uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
 uniform int ibr_has_looks;
 uniform vec4 ibr_tint;            // for all that a program draws, where alpha is 1
-uniform int ibr_parallel;
 uniform float ibr_radius;         // bounding sphere, model units
-uniform float ibr_pixel_scale;    // pixels per unit tangent, or per world unit when parallel
-uniform vec2 ibr_takes_over;      // on-screen diameters in px where cards begin to go, and are gone
 uniform mat3 ibr_eye_from_world;
 flat out vec3 ibr_known;          // packed colour, share of its pixels, distance it may be off
 #if CELL_NORMALS
@@ -46,13 +43,11 @@ mat3 ibr_normal_matrix;
       look = texelFetch(ibr_looks, ivec2(slot % 1024, slot / 1024), 0);
     }
     if (ibr_tint.a > 0.5 && look.a > 0.25) { look = ibr_tint; }
-    // As cards measure it, so that both together have each pixel once.
     mat3 squares = transpose(eye_from_model) * eye_from_model;
     vec3 sums = abs(squares[0]) + abs(squares[1]) + abs(squares[2]);
     float stretch = ibr_radius * sqrt(max(max(sums.x, sums.y), sums.z));
-    float size = 2.0 * stretch * ibr_pixel_scale / (ibr_parallel == 1 ? 1.0 : length(known.xyz));
-    float share = ibr_takes_over.y > ibr_takes_over.x
-      ? (size - ibr_takes_over.x) / (ibr_takes_over.y - ibr_takes_over.x) : 1.0;
+    // Of its pixels, while it takes over from a card; nothing behind the slot is all.
+    float share = fract(known.w) > 0.0 ? fract(known.w) : 1.0;
     float color = dot(floor(look.rgb * 255.0 + 0.5), vec3(1.0, 256.0, 65536.0));
     ibr_known = vec3(look.a > 0.75 ? color : -1.0, share, 0.02 * stretch);
     ibr_vertex = vec4(known.xyz + eye_from_model * vertexMC.xyz, 1.0);

@@ -6,6 +6,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.gl import Texture, release
+from pvibr.instances.cards import FADE
 from pvibr.instances.mesh_draws import MeshDraws, suits
 from pvibr.instances.mesh_pool import ActorPool, MeshPool
 from pvibr.maths.blocks import ascending, frustum_planes
@@ -13,8 +14,8 @@ from pvibr.scene.shader_draws import ROW, pack
 
 #: Instances that VTK's own pickers find between frames, the nearest.
 _PICKED = 256
-_SHARED = ('ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius', 'ibr_parallel')
-_OF_CAMERA = ('ibr_pixel_scale', 'ibr_eye_from_world')
+_SHARE_BITS = 6  # of the share of an instance's pixels, which is dithered
+_SHARED = 'ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius', 'ibr_eye_from_world'
 
 
 class NearMeshes:
@@ -68,40 +69,44 @@ class NearMeshes:
 
     # -- what is shown ------------------------------------------------------------------------
 
-    def select(self, group, frame, limits, fade) -> list:
+    def select(self, group, frame, limits) -> list:
         """Show the instances of a group that are too large for cards; return new actors."""
-        slots, centers, sizes = self._large(group, frame, limits.mesh)
+        slots, centers, sizes, least = self._large(group, frame, limits)
         levels = self._levels(sizes, limits.meshes)
         self.level_of[self._slots] = -1
         self.level_of[slots], self._slots = levels, slots
         for k, pool in enumerate(self.pools):
             group.counts[f'mesh {pool.level.triangles}'] = int((levels == k).sum())
-        band = limits.mesh * (fade - 1) if not (frame.picking or frame.casting) else 0.0
-        shares = (sizes - limits.mesh) / band if band > 0 else np.ones(len(sizes))
+        shares = np.ones(len(sizes), np.float32)
+        if not (frame.picking or frame.casting):
+            shares = (sizes - least) / np.maximum(least * (FADE - 1), 1e-6)
         alone = np.array(self.single)[levels]
         new = self._show_singly(group, slots[alone], levels[alone], shares[alone])
-        slots, centers, levels = slots[~alone], centers[:, ~alone], levels[~alone]
+        slots, centers, levels, shares = (a[..., ~alone] for a in (slots, centers, levels, shares))
         new += self._show_picked(group, frame, slots)
         if frame.picking:
             self._hide_draws()
             return new
-        takes_over = limits.mesh, limits.mesh + band
-        return new + self._show_draws(group, frame, (slots, centers, levels), takes_over)
+        return new + self._show_draws(group, frame, slots, centers, levels, shares)
 
-    def _large(self, group, frame, least):
-        """Return slots, eye-space centres and sizes of what is in view, nearest first."""
+    def _large(self, group, frame, limits):
+        """Return slots, eye-space centres and sizes of what is in view, nearest first.
+
+        And the sizes from which they are meshes.
+        """
         slots, _, eye, away, sizes = group.singles(frame, group.large)
         planes = frustum_planes(frame.clip_from_view)[:4].astype(np.float32)
         radii = group.radii[slots]
         inside = (planes[:, :3] @ eye + planes[:, 3:]).min(0) > -radii
         if not frame.parallel:
             inside &= eye[2] < radii
+        least = group.least_of_meshes(frame, limits, slots, eye, sizes)
         used = inside & (sizes >= least)
         if group.looks is not None:
             used &= group.looks[slots, 3] > 0
         used = np.flatnonzero(used)
         used = used[ascending((-eye[2] if frame.parallel else away)[used])]
-        return slots[used], eye.take(used, 1), sizes[used]
+        return slots[used], eye.take(used, 1), sizes[used], least[used]
 
     def _levels(self, sizes, limits):
         """Return the mesh level of each slot: the lightest within the error at its size."""
@@ -120,22 +125,24 @@ class NearMeshes:
             pool.fade({slot: share for slot, share in some if share < 1})
         return new
 
-    def _show_draws(self, group, frame, chosen, takes_over):
-        slots, centers, levels = chosen
+    def _show_draws(self, group, frame, slots, centers, levels, shares):
         if any(draws.blends for draws in self.draws):
-            slots, centers, levels = slots[::-1], centers[:, ::-1], levels[::-1]
+            slots, centers, levels, shares = (
+                a[..., ::-1] for a in (slots, centers, levels, shares)
+            )
         order = np.argsort(levels.astype(np.uint8), kind='stable')  # a radix sort
         ends = np.searchsorted(levels[order], np.arange(len(self.draws) + 1))
         if len(slots):
             entries = np.empty((len(slots), 4), np.float32)
-            entries[:, :3], entries[:, 3] = centers.take(order, 1).T, slots[order]
+            entries[:, :3] = centers.take(order, 1).T
+            entries[:, 3] = _with_shares(slots[order], shares[order], len(group))
             self._entries = self._entries or Texture(frame.window)
             self._entries.upload(pack(entries, ROW, 4))
         self._matrix.DeepCopy(np.linalg.inv(frame.view_from_world).ravel().tolist())
         cards = group.cards
         textures = {name: cards.textures[name] for name in ('ibr_poses', 'ibr_looks')}
-        uniforms = {name: cards.uniforms[name] for name in (*_SHARED, *_OF_CAMERA)}
-        uniforms |= {'ibr_takes_over': takes_over, 'ibr_tint': (0.0, 0.0, 0.0, 0.0)}
+        uniforms = {name: cards.uniforms[name] for name in _SHARED}
+        uniforms['ibr_tint'] = (0.0, 0.0, 0.0, 0.0)
         new = []
         for draws, first, end in zip(self.draws, ends, ends[1:], strict=False):
             draws.set_inputs(self._entries, textures, uniforms)
@@ -224,3 +231,13 @@ class NearMeshes:
         for pool in self.pools:
             for part in pool.level.parts:
                 part.actor.ReleaseGraphicsResources(window)
+
+
+def _with_shares(slots, shares, count):
+    """Return slots, with the share of their pixels that taking over has given them behind them.
+
+    Nothing there is all: of so many slots float32 leaves some bits, or none, for parts of it.
+    """
+    parts = 2 ** min(_SHARE_BITS, 23 - max(count - 1, 1).bit_length())
+    behind = np.ceil(np.maximum(shares, 1 / parts) * parts) / parts
+    return slots + np.where(behind < 1, behind, 0.0) if parts > 1 else slots

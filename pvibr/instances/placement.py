@@ -118,6 +118,26 @@ class Placement:
         radii = self.radii[slots] + 1e-5 * around[slots // self.unit]  # rounded to float32
         return slots[_may_be_outermost(places, radii, radii)]
 
+    def directions(self, slots, toward) -> np.ndarray:
+        """Turn directions, (3, n) or (3, 1), to model axes: of any length, (n, 3)."""
+        if self.texels == 1:
+            return np.broadcast_to(toward.T, (len(slots), 3))
+        rows = self.rows.reshape(-1, 12).take(slots, 0).T
+        (a, b, c), (d, e, f), (g, h, i) = rows[:3], rows[4:7], rows[8:11]
+        x, y, z = toward
+        # The adjugate, which is the inverse but for the sign and size of the determinant.
+        minors = (e * i - f * h, f * g - d * i, d * h - e * g)
+        out = np.stack(
+            [
+                minors[0] * x + (c * h - b * i) * y + (b * f - c * e) * z,
+                minors[1] * x + (a * i - c * g) * y + (c * d - a * f) * z,
+                minors[2] * x + (b * g - a * h) * y + (a * e - b * d) * z,
+            ],
+            1,
+        )
+        mirrored = a * minors[0] + b * minors[1] + c * minors[2] < 0
+        return np.where(mirrored[:, None], -out, out)
+
     def local(self, slots) -> np.ndarray:
         """Return centres of some slots relative to those of their blocks, shape (3, n)."""
         rows = self.rows.reshape(-1, 4 * self.texels).take(slots, 0)

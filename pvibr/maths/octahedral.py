@@ -77,6 +77,40 @@ def decode(points, half=False):
     return unit_vectors(d)
 
 
+def cells(directions, n, half=False):
+    """Return the cells of an n x n division of the square that directions lie in.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        Unit vectors.
+    n : int
+        Cells along a side.
+    half : bool
+        Use the half-sphere map.
+
+    Returns
+    -------
+    cells : numpy.ndarray, shape (...), intp
+        Numbers of the cells, row by row.
+    inside : numpy.ndarray, shape (...), float
+        How far they are from the next cell, in sides of a cell.
+
+    Examples
+    --------
+    >>> from pvibr.maths import octahedral
+    >>> cells, inside = octahedral.cells([[0.6, 0.48, 0.64]], 4)
+    >>> cells, inside.round(2)
+    (array([10]), array([0.3]))
+    """
+    place = (encode(directions, half) + 1.0) * (n / 2)
+    found = np.clip(place.astype(int), 0, n - 1)
+    if half:  # beyond the outer border there is none
+        place = np.clip(place, 0.5, n - 0.5)
+    inside = 0.5 - np.abs(place - found - 0.5).max(-1)
+    return found[..., 1] * n + found[..., 0], inside
+
+
 def view_directions(n, half=False):
     """Return the directions of an n x n grid of views, from the object toward the eye.
 

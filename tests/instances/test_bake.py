@@ -121,6 +121,11 @@ def test_a_truncated_cache_file_is_baked_again_with_one_warning(tmp_path):
     np.testing.assert_array_equal(first.geometry, again.geometry)
 
 
+def is_same(one, other):
+    same = all((one.cards[name] == other.cards[name]).all() for name in one.cards)
+    return same and one.meshes == other.meshes and (one.mesh == other.mesh).all()
+
+
 def test_limits_grow_with_the_error():
     rng = np.random.default_rng(0)
     rows = np.cumsum(rng.uniform(0, 0.5, (5, 16, 3)), 0)
@@ -128,15 +133,16 @@ def test_limits_grow_with_the_error():
     table = {n: rows * s for n, s in zip(names, (4, 2, 1, 0.5, 0.2), strict=True)}
     table |= {'sizes': np.array([8.0, 16, 32, 64, 128]), 'mesh1.radii': np.array(0.01)}
     reached = [limits_of(table, 2, e).mesh for e in (0.25, 0.5, 1, 2, 4)]
-    assert reached == sorted(reached)
+    assert (np.diff(reached, axis=0) >= 0).all()
+    assert np.ptp(reached, axis=1).any()
     for error in (0.5, 1.0, 2.0):
-        cards = limits_of(table, 2, error).cards
-        assert all(a[2] == b[1] for a, b in itertools.pairwise(cards))
+        cards = limits_of(table, 2, error).cards.values()
+        assert all((a[1] == b[0]).all() for a, b in itertools.pairwise(cards))
 
 
 def test_no_cards_where_nothing_was_measured():
     limits = limits_of({}, 3, 1.0)
-    assert limits.mesh == 0
+    assert not limits.mesh.any()
     assert limits.meshes == (float('inf'), 0.0, 0.0)
 
 
@@ -149,7 +155,7 @@ def test_a_driver_without_cards_gets_meshes_and_one_warning(monkeypatch):
     with pytest.warns(PvibrWarning, match='meshes are drawn instead') as caught:
         model = make_model(as_parts(pv.Sphere()), cache=False)
     assert len(caught) == 1
-    assert model.limits(1.0).mesh == 0
+    assert not model.limits(1.0).mesh.any()
 
 
 def test_scattered_matter_is_thinned_and_keeps_its_area():
@@ -172,7 +178,7 @@ def test_lighter_levels_are_read_again(tmp_path):
 
     first, again = made(), made()
     assert len(first.levels) == len(again.levels) > 1
-    assert first.limits(1.0) == again.limits(1.0)
+    assert is_same(first.limits(1.0), again.limits(1.0))
     for one, other in zip(first.levels, again.levels, strict=True):
         assert one.error == other.error
         a, b = one.parts[0].mesh, other.parts[0].mesh
@@ -205,5 +211,5 @@ def test_what_is_forged_is_baked_again_once(how, tmp_path, monkeypatch):
     with pytest.warns(PvibrWarning, match='baked again') as caught:
         again = make_model(parts, **kwargs)
     assert len(caught) == 1
-    assert again.limits(1.0) == first.limits(1.0)
+    assert is_same(again.limits(1.0), first.limits(1.0))
     make_model(parts, **kwargs)  # warnings are errors

@@ -7,16 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.limits import Limits
 
 CAMERA = {'eye': (0.0, -7.0, 2.5), 'focus': (0.0, 0.0, 0.0)}
-SPANS = (
-    ('splat', 0.0, 4.0),
-    ('flat', 4.0, 30.0),
-    ('parallax', 30.0, 30.0),
-    ('blended', 30.0, 90.0),
-)
-LIMITS = Limits(SPANS, 90.0, (float('inf'), 200.0), SPANS)
+SPANS = {
+    name: np.repeat([[low], [high]], PATCHES, 1)
+    for name, low, high in (
+        ('splat', 0.0, 4.0),
+        ('flat', 4.0, 30.0),
+        ('parallax', 30.0, 30.0),
+        ('blended', 30.0, 90.0),
+    )
+}
+LIMITS = Limits(SPANS, np.full(PATCHES, 90.0), (float('inf'), 200.0), SPANS)
 
 
 class Level:
@@ -30,17 +34,19 @@ class Level:
 
 
 def test_full_quality_is_what_it_was():
-    assert LIMITS.coarser(1.0) == LIMITS
+    full = LIMITS.coarser(1.0)
+    assert all((full.cards[name] == SPANS[name]).all() for name in SPANS)
+    assert full.meshes == LIMITS.meshes
 
 
 @given(st.floats(1 / 16, 1))
 def test_less_quality_is_no_finer_at_any_size(quality):
     coarser = LIMITS.coarser(quality)
     for spans in (coarser.cards, coarser.level):
-        assert all(high >= before[2] for (_, _, high), before in zip(spans, SPANS, strict=True))
-        assert all(a[2] == b[1] for a, b in pairwise(spans))  # no gap
-        assert spans[0] == SPANS[0]  # boxes of one colour stay small
-        assert spans[-1][2] == coarser.mesh
+        assert all((spans[name][1] >= SPANS[name][1]).all() for name in SPANS)
+        assert all((a[1] == b[0]).all() for a, b in pairwise(spans.values()))  # no gap
+        assert (spans['splat'] == SPANS['splat']).all()  # boxes of one colour stay small
+        assert (spans['blended'][1] == coarser.mesh).all()
     assert coarser.meshes == pytest.approx((float('inf'), 200.0 / quality))
 
 

@@ -193,13 +193,14 @@ def test_sizes_follow_from_errors():
         'blended': good,
     }
     plain = limits_of(table, 1, 1.0)
-    assert plain.level == ()
+    assert plain.level == {}
     both = limits_of(table | {'billboard': bad, 'turntable': good}, 1, 1.0)
-    assert (both.cards, both.mesh) == (plain.cards, plain.mesh)
-    spans = {name: span for name, *span in both.level}
-    assert spans['billboard'] == [6.0, 12.0]
-    assert spans['turntable'] == [12.0, 16.0]
-    assert spans['flat'][0] == spans['flat'][1]
+    assert (both.cards['flat'] == plain.cards['flat']).all()
+    assert (both.mesh == plain.mesh).all()
+    spans = both.level
+    assert spans['billboard'].T.tolist() == [[6.0, 12.0]] * 16
+    assert spans['turntable'].T.tolist() == [[12.0, 16.0]] * 16
+    assert (spans['flat'][0] == spans['flat'][1]).all()
 
 
 def test_it_is_kept_in_files(fir, tmp_path):

@@ -73,7 +73,7 @@ class _Scene:
         for names, poses, index in self.sets:
             meshes = [_MESHES[n]() for n in names]
             add = stage.plotter.ibr.add_instances
-            add(meshes, poses, index=index, color='red', progress=False)
+            add(meshes, poses, index=index, color='red', bake=True, progress=False)
         return stage
 
 

@@ -1,0 +1,80 @@
+"""Levels follow the direction from which each instance is seen."""
+
+import numpy as np
+import pytest
+import pyvista as pv
+from scipy.spatial.transform import Rotation
+
+from pvibr.core.frame import Frame
+from pvibr.instances.card_layers import PATCH_SIDE, PATCHES
+from pvibr.instances.limits import Limits
+from pvibr.maths import octahedral
+
+SIDE = 9
+COLORS = {
+    'flat': (1.0, 0.0, 0.0),
+    'blended': (0.0, 1.0, 0.0),
+    'mesh': (0.0, 0.0, 1.0),
+}
+SIZE = 10.0  # px on the screen, about
+
+
+def limits(first, second):
+    """Return limits by which patches show flat cards, blended ones or the mesh at SIZE."""
+    ends = np.array([[2 * SIZE, 2 * SIZE], [SIZE / 2, 2 * SIZE], [SIZE / 2, SIZE / 2]])
+    flat, blended = ends[np.random.default_rng([first, second]).integers(0, 3, PATCHES)].T
+    zero = np.zeros(PATCHES)
+    cards = {
+        'splat': np.stack([zero, zero]),
+        'flat': np.stack([zero, flat]),
+        'parallax': np.stack([flat, flat]),
+        'blended': np.stack([flat, blended]),
+    }
+    return Limits(cards, blended, (np.inf,)), np.where(
+        flat > SIZE, 'flat', np.where(blended > SIZE, 'blended', 'mesh')
+    )
+
+
+@pytest.mark.parametrize('parallel', [False, True])
+@pytest.mark.parametrize('kind', ['turned', 'mirrored', 'sheared', 'points'])
+@pytest.mark.parametrize('views', ['full', 'half'])
+def test_each_has_the_level_of_its_direction(scenes, see, kind, views, parallel):
+    rng = np.random.default_rng(len(kind))
+    poses = np.tile(np.eye(4), (SIDE * SIDE, 1, 1))
+    if kind != 'points':
+        turns = Rotation.random(len(poses), random_state=3).as_matrix()
+        poses[:, :3, :3] = turns * ([1, 1, -1] if kind == 'mirrored' else 1)
+    if kind == 'sheared':
+        poses[:, :3, :3] = turns @ (np.eye(3) + rng.uniform(-0.2, 0.2, (3, 3)))
+    grid = (np.stack(np.meshgrid(*2 * [np.arange(SIDE)]), -1).reshape(-1, 2) - SIDE / 2 + 0.5) * 2
+    poses[:, :2, 3] = grid
+    where = {'eye': (3.0, -2.0, 25.0), 'angle': 54.0, 'parallel': 1.4 * SIDE if parallel else None}
+    pl, things = scenes.instances(
+        pv.Sphere(theta_resolution=12, phi_resolution=12),
+        poses[:, :3, 3] if kind == 'points' else poses,
+        views=views,
+        lighting=False,
+        size=(20 * SIDE, 20 * SIDE),
+        camera=where,
+    )
+    direction = np.array([3.0, -2.0, 25.0])
+    toward = direction - (0 if parallel else poses[:, :3, 3])
+    toward = np.broadcast_to(toward, (len(poses), 3))
+    seen = np.linalg.solve(poses[:, :3, :3], toward[..., None])[..., 0]
+    seen /= np.linalg.norm(seen, axis=1, keepdims=True)
+    patches, inside = octahedral.cells(seen, PATCH_SIDE, views == 'half')
+    group = things.groups[0]
+    group.tint(COLORS)
+    chosen, names = limits(len(views), len(kind))
+    group.model._limits[things.max_error] = chosen
+    image, frame = see.grab(pl), Frame.of(pl.renderer)
+    sure = inside > 1e-3
+    assert sure.sum() > (0.4 if kind == 'points' else 0.9) * len(poses)
+    assert kind == 'points' or len(set(names[patches[sure]])) == 3
+    view, clip = frame.view_from_world, frame.clip_from_view
+    places = np.column_stack([poses[sure, :3, 3], np.ones(sure.sum())]) @ (clip @ view).T
+    x, y = (10 * SIDE * (places[:, :2] / places[:, 3:] * [1, -1] + 1)).astype(int).T
+    found = image[y, x]
+    expected = np.array([COLORS[name] for name in names[patches[sure]]])
+    np.testing.assert_allclose(found, expected, atol=0.02)
+    pl.close()
