@@ -22,8 +22,10 @@ class Frame:
     index: int = 0
     time: float = 0.0
     picking: bool = False
-    #: Whether only depth counts, as for shadow maps.
+    #: Whether nothing blends, as for shadow maps.
     casting: bool = False
+    #: Whether it is a depth map of a light or a projector, of which pixels may be oblong.
+    depth_map: bool = False
     #: Whether `view` is that of the renderer's camera; else see `elsewhere`.
     own: bool = True
     #: Things that were drawn in other views since they were prepared for this frame.
@@ -65,9 +67,8 @@ class Frame:
 
     def elsewhere(self, view, size, *, casting=False) -> Frame:
         """Return the frame of another view of the same scene."""
-        return replace(
-            self, view=view, size=size, origin=(0, 0), casting=casting, own=False, quality=1.0
-        )
+        how = {'casting': casting, 'depth_map': casting, 'own': False, 'quality': 1.0}
+        return replace(self, view=view, size=size, origin=(0, 0), **how)
 
     @property
     def view_from_world(self) -> np.ndarray:
@@ -106,9 +107,15 @@ class Frame:
         return self.size[0] / (right - left), self.size[1] / (top - bottom)
 
     @property
-    def pixel_scale(self) -> float:
+    def pixel_scales(self) -> tuple[float, float]:
         """Pixels per unit of tan(angle) in perspective, per world unit in parallel projection."""
-        return float(self.clip_from_view[1, 1] * self.size[1] / 2)
+        width, height = np.diag(self.clip_from_view)[:2] * self.size / 2
+        return float(width), float(height)
+
+    @property
+    def pixel_scale(self) -> float:
+        """The scale along y, or the greater where pixels may be oblong."""
+        return max(self.pixel_scales) if self.depth_map else self.pixel_scales[1]
 
     def pixel_at(self, point) -> float:
         """Return the size of a pixel at a point, in world units."""

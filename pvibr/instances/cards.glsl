@@ -411,9 +411,9 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   ibr_g /= ibr_w;
   ibr_a /= ibr_w;
 #endif
-  // For features that ask where the surface is that is seen, and how well that is known: depth has
-  // 8 bits in the pictures, and a splat is as deep as it is large.
-#define IBR_BLUR (ibr_stretch * (SPLAT == 1 ? 1.0 : 0.02))
+  // For features that ask where the surface is that is seen, and how well that is known: to a
+  // pixel; depth has 8 bits in the pictures, and a splat is as deep as it is large.
+#define IBR_BLUR (ibr_stretch * (SPLAT == 1 ? 1.0 : max(0.02, 2.0 / ibr_card.y)))
   vertexVC.xyz = cameraParallel == 1 ? vec3(vertexVC.xy, ibr_g.r)
     : vertexVC.xyz * (ibr_g.r / vertexVC.z);
 #define IBR_PLACE vertexVC.xyz

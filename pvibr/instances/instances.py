@@ -357,6 +357,12 @@ class Instances(PosedSet):
         """On-screen sizes at which levels change, for each of `groups`."""
         return [self._limits(group.model) for group in self.groups]
 
+    def _limits_in(self, frame) -> list[Limits]:
+        if frame.depth_map and not self._forced and not self._failure:
+            low, high = sorted(frame.pixel_scales)
+            return [k.model.cast_limits(self.max_error, high / low) for k in self.groups]
+        return [found.coarser(frame.quality) for found in self.limits]
+
     def _limits(self, model) -> Limits:
         count = len(model.levels)
         if self._failure or not model.atlas.errors:
@@ -439,14 +445,14 @@ class Instances(PosedSet):
         self._upload(frame.window)
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         depth = self._depth_is_read(frame)
-        how = frame.picking, frame.casting, frame.quality, depth
+        how = frame.picking, frame.casting, frame.depth_map, frame.quality, depth
         content_key = (*camera, frame.size, self.revision, *how)
         self._check_cards()
         if content_key == self._content_key:
             self._offer(frame.picking)
             return
         self._content_key = content_key
-        limits = [found.coarser(frame.quality) for found in self.limits]
+        limits = self._limits_in(frame)
         chosen = [
             k.select(frame, limit, depth=depth)
             for k, limit in zip(self.groups, limits, strict=True)

@@ -15,7 +15,7 @@ from pvibr.core.errors import PvibrWarning
 from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import TEXTURE_MODES, bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
-from pvibr.instances.limits import SIDES, Limits, limits_of
+from pvibr.instances.limits import SIDES, Limits, cast, limits_of
 from pvibr.instances.measure import allowed, measure
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
@@ -61,6 +61,12 @@ class LodModel:
         if max_error not in self._limits:
             self._limits[max_error] = limits_of(self.atlas.errors, len(self.levels), max_error)
         return self._limits[max_error]
+
+    def cast_limits(self, max_error, aspect) -> Limits:
+        """Return the same for depth maps, by the long side of their texels."""
+        found, triangles = self.limits(max_error), [level.triangles for level in self.levels]
+        errors = self.atlas.errors
+        return cast(found, errors, triangles, max_error, aspect) if errors else found
 
     def describe(self, limits) -> str:
         """Return views, bake time and the sizes at which levels change, in one line."""

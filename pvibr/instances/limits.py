@@ -77,6 +77,31 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     return Limits(cards, reached, tuple(meshes), level)
 
 
+def cast(limits, errors, triangles, max_error, aspect) -> Limits:
+    """Return limits in depth maps, sizes by the short side of their texels."""
+    # Maps show no more of a lighter mesh than its surface, no better than the long side of a texel.
+    radii = [float(errors[f'mesh{k}.radii']) for k in range(1, len(triangles))]
+    good = [2 * max_error * aspect / max(r, 1e-9) for r in radii]
+    meshes = tuple(np.minimum.accumulate([float('inf'), *good]).tolist())
+    # A mesh of fewer triangles than pixels costs less than a card.
+    ends = 0.0
+    for count, low, high in zip(triangles, (*meshes[1:], 0.0), meshes, strict=True):
+        pays = (count * aspect) ** 0.5
+        ends = max(ends, min(pays, high)) if pays > low else ends
+    ends = min(limits.mesh, ends)
+    return Limits(_cast(limits.cards, ends), ends, meshes, _cast(limits.level, ends))
+
+
+def _cast(spans, ends) -> tuple:
+    """Return contiguous spans up to a size, without splats, which are square in oblong texels."""
+    kept, reached = [], 0.0
+    for name, _, high in spans:
+        high = reached if name == SPLAT.name else max(min(high, ends), reached)
+        kept.append((name, reached, high))
+        reached = high
+    return tuple(kept)
+
+
 def checked_force(level) -> dict[str, tuple]:
     """Return the on-screen sizes, in pixels, of each forced level."""
     if level is None:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+import pvibr
+
 POSES = np.array([[0, 0, 0], [1.6, 0, 0], [0, 1.8, 0.3], [1.6, 1.8, 0]])
 CAMERA = {'eye': (-2.0, -9.0, 4.0), 'focus': (0.8, 0.8, 0.0)}
 SIZE = (180, 130)
@@ -61,3 +63,38 @@ def test_near_meshes_in_a_cone_of_light(scenes, see, bean):
     for plotter in (pl, truth):
         light(plotter, LIGHTS['cone'])
     np.testing.assert_allclose(see.grab(pl), see.grab(truth), atol=1.01 / 255)
+
+
+@pytest.mark.parametrize('rise', [0.4, 2.0])
+def test_lights_see_the_outlines_of_meshes(scenes, see, bean, rise):
+    """Also where a low light's texels are oblong, and things on cards shadow themselves."""
+    poses = [[2 * x, 2 * y, 0.0] for x in range(4) for y in range(3)]
+    look = {'color': 'tan', 'size': (200, 150)}
+    look['camera'] = {'eye': (-2.0, -9.0, 5.0), 'focus': (3.0, 2.0, 0.0)}
+    pl, beans = scenes.instances(bean, poses, **look)
+    pictures = []
+    for plotter in (pl, scenes.actors(bean, poses, **look)):
+        light(plotter, [{'position': (3, 1, 3 * rise), 'light_type': 'scene light'}])
+        plotter.add_mesh(pv.Plane(center=(3, 2, -0.5), i_size=30, j_size=30), color='white')
+        plain = see.grab(plotter)
+        plotter.ibr.add(pvibr.Shadows(resolution=512))
+        pictures.append((plain, see.grab(plotter)))
+        plotter.close()
+    (plain, dark), (other, truth) = pictures
+    alike = np.abs(plain - other).max(-1) < 0.1
+    wrong = alike & (np.abs(dark - truth).max(-1) > 0.25)
+    assert (np.abs(other - truth).max(-1) > 0.25).mean() > 0.03
+    assert wrong.sum() < 0.001 * alike.sum()
+
+
+def test_levels_of_depth_maps(scenes, bean):
+    pl, beans = scenes.instances(bean, POSES)
+    model = beans.groups[0].model
+    shown, square, oblong = model.limits(1.0), *(model.cast_limits(1.0, a) for a in (1.0, 4.0))
+    pl.close()
+    lightest = model.levels[-1].triangles
+    assert square.mesh == min(shown.mesh, max(lightest**0.5, square.mesh))
+    assert square.mesh <= model.levels[0].triangles ** 0.5
+    assert square.meshes[1] > shown.meshes[1]
+    np.testing.assert_allclose(oblong.meshes[1:], 4 * np.array(square.meshes[1:]))
+    assert [high for name, _, high in square.cards if name == 'splat'] == [0]
