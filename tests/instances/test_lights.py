@@ -71,7 +71,7 @@ def test_lights_see_the_outlines_of_meshes(scenes, see, bean, rise):
     poses = [[2 * x, 2 * y, 0.0] for x in range(4) for y in range(3)]
     look = {'color': 'tan', 'size': (200, 150)}
     look['camera'] = {'eye': (-2.0, -9.0, 5.0), 'focus': (3.0, 2.0, 0.0)}
-    pl, beans = scenes.instances(bean, poses, **look)
+    pl, _ = scenes.instances(bean, poses, **look)
     pictures = []
     for plotter in (pl, scenes.actors(bean, poses, **look)):
         light(plotter, [{'position': (3, 1, 3 * rise), 'light_type': 'scene light'}])
