@@ -79,7 +79,7 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
 
 def cast(limits, errors, triangles, max_error, aspect) -> Limits:
     """Return limits in depth maps, sizes by the short side of their texels."""
-    # Maps show no more of a lighter mesh than its surface, no better than the long side of a texel.
+    # Maps show a mesh's surface alone, no better than the long side of a texel.
     radii = [float(errors[f'mesh{k}.radii']) for k in range(1, len(triangles))]
     good = [2 * max_error * aspect / max(r, 1e-9) for r in radii]
     meshes = tuple(np.minimum.accumulate([float('inf'), *good]).tolist())
