@@ -88,18 +88,18 @@ def cast(limits, errors, triangles, max_error, aspect) -> Limits:
     for count, low, high in zip(triangles, (*meshes[1:], 0.0), meshes, strict=True):
         pays = (count * aspect) ** 0.5
         ends = max(ends, min(pays, high)) if pays > low else ends
-    ends = min(limits.mesh, ends)
-    return Limits(_cast(limits.cards, ends), ends, meshes, _cast(limits.level, ends))
+    mesh = np.minimum(limits.mesh, ends)
+    return Limits(_cast(limits.cards, mesh), mesh, meshes, _cast(limits.level, mesh))
 
 
-def _cast(spans, ends) -> tuple:
+def _cast(spans, ends) -> dict:
     """Return contiguous spans up to a size, without splats, which are square in oblong texels."""
-    kept, reached = [], 0.0
-    for name, _, high in spans:
-        high = reached if name == SPLAT.name else max(min(high, ends), reached)
-        kept.append((name, reached, high))
+    kept, reached = {}, np.zeros(PATCHES)
+    for name, (_, high) in spans.items():
+        high = reached if name == SPLAT.name else np.clip(high, reached, ends)
+        kept[name] = np.stack([reached, high])
         reached = high
-    return tuple(kept)
+    return kept
 
 
 def checked_force(level) -> dict[str, tuple]:
