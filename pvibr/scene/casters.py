@@ -59,20 +59,24 @@ class Surfaces:
         self._update(things)
         if choice is None:
             return self._free, list(things)
-        if not callable(choice):
-            wanted = {address(a) for a in choice}
-            actors = {k: a for k, a in self._free.items() if k in wanted}
-            return actors, [t for t in things if address(t) in wanted]
-        actors = {k: a for k, a in self._free.items() if choice(a)}
-        return actors, [t for t in things if choice(t)]
+        is_chosen = _chooser(choice)
+        actors = {k: a for k, a in self._free.items() if is_chosen(k, a)}
+        return actors, [t for t in things if is_chosen(address(t), t)]
 
     def casters(self, choice, things, frame=None) -> Casters:
         """Return the chosen actors that are visible, and the chosen things."""
-        actors, things = self.chosen(choice, things)
+        actors, chosen = self.chosen(choice, things)
         self._look()
         visible = [k for k in actors if k in self._versions]
-        versions = tuple(self._versions[k] for k in visible)
-        found = Casters([actors[k] for k in visible], things, frame, versions, self)
+        versions = [self._versions[k] for k in visible]
+        shown = [actors[k] for k in visible]
+        for thing in things if choice is not None else ():
+            # Of a thing that stands for actors, these may be chosen one by one.
+            if thing not in chosen:
+                key = id(thing), thing.content_key()
+                mine = _chosen_of(thing, choice)
+                shown, versions = [*shown, *mine], [*versions, *[key] * len(mine)]
+        found = Casters(shown, chosen, frame, tuple(versions), self)
         found.inherit(self._last.get(id(choice)))
         self._last[id(choice)] = found
         return found
@@ -93,6 +97,20 @@ class Surfaces:
     def settle(self):
         """Take the actors for unchanged: drawing may modify them."""
         self._watch.settle()
+
+
+def _chooser(choice):
+    """Return a function of an address and an actor that tells if a choice has it."""
+    if callable(choice):
+        return lambda _key, actor: choice(actor)
+    wanted = {address(a) for a in choice}
+    return lambda key, _actor: key in wanted
+
+
+def _chosen_of(thing, choice) -> list:
+    """Return the chosen ones of the actors that a thing stands for."""
+    is_chosen = _chooser(choice)
+    return [a for a in thing.stands_for() if is_chosen(address(a), a)]
 
 
 def listed(things) -> list:

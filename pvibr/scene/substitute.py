@@ -58,6 +58,10 @@ class Substitute(Thing):
         mine = *(card.actor for card in self._cards()), *self._stood_for()
         return [actor for actor in mine if actor.GetVisibility()]
 
+    def stands_for(self) -> list:
+        """Return the visible actors of the user that it is drawn in place of."""
+        return self.solids()
+
     def content_key(self) -> tuple:
         """Return a value that changes whenever the drawn content does, the camera left out."""
         if self._frame is None:

@@ -104,6 +104,10 @@ class Thing(Effect, pv.Actor):
         """Return a value that changes whenever the drawn content does, the camera left out."""
         raise NotImplementedError
 
+    def stands_for(self) -> list:
+        """Return the visible actors of the user that it is drawn in place of."""
+        return []
+
     def needed(self, frame) -> bool | str:
         """Return True if it is visible."""
         return self.visibility or 'not visible'
