@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -157,6 +158,12 @@ def drawn(name, mode='nothing', *, plain=False):
     return pl, thing
 
 
+@cache
+def without(mode='nothing'):
+    """Return the picture of the stage alone."""
+    return shot(drawn(None, mode)[0])
+
+
 def test_every_thing_is_here():
     found = {name: getattr(pvibr, name) for name in set(pvibr.__all__) - {*ORDER}}
     kinds = {n for n, k in found.items() if isinstance(k, type) and issubclass(k, Effect)}
@@ -181,7 +188,7 @@ def test_other_passes_see_it_as_meshes(name, mode):
     after = shot(pl)
     other, _ = drawn(name, mode, plain=True)
     truth = shot(other)
-    empty = truth if EVERY[name].replaces else shot(drawn(None, mode)[0])
+    empty = truth if EVERY[name].replaces else without(mode)
     assert off(after, empty).max() <= 1
     shown = off(truth, empty) > 15
     assert EVERY[name].replaces or shown.mean() > 0.03, 'the reference shows nothing'
@@ -216,7 +223,7 @@ def test_removed_in_every_way_and_added_again(name):
 @pytest.mark.parametrize('name', [name for name in EVERY if not EVERY[name].replaces])
 def test_hidden_and_shown(name):
     pl, thing = drawn(name)
-    on, empty = shot(pl), shot(drawn(None)[0])
+    on, empty = shot(pl), without()
     thing.visibility = False
     assert off(shot(pl), empty).max() <= 1
     assert pl.ibr.report().rows[0].state == 'skipped'

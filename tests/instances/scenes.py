@@ -49,6 +49,7 @@ class Scenes:
 
     def __init__(self, folder):
         self.folder = folder
+        self._last = None, '', None
 
     def instances(self, mesh, poses, *, level=None, size=(120, 90), camera=None, **kwargs):
         """Return a plotter with instances and the instances."""
@@ -80,10 +81,20 @@ class Scenes:
         pl, _ = self.instances(mesh, poses, level=level, size=size, camera=camera, **looks)
         drawn = rgba(pl)
         pl.close()
-        pl = self.actors(mesh, poses, size=size, scale=4, camera=camera, **looks)
-        truth = reduce(rgba(pl), 4)
-        pl.close()
-        return drawn, truth
+
+        def draw():
+            pl = self.actors(mesh, poses, size=size, scale=4, camera=camera, **looks)
+            return reduce(rgba(pl), 4)
+
+        return drawn, self.once(mesh, (poses, size, camera, looks), draw)
+
+    def once(self, mesh, how, draw):
+        """Return a reference: the last one if it is of that mesh and looks as asked."""
+        with np.printoptions(threshold=10**9, precision=17):
+            how = repr(how)
+        if self._last[0] is not mesh or self._last[1] != how:
+            self._last = mesh, how, draw()
+        return self._last[2].copy()
 
 
 @pytest.fixture(scope='session')
