@@ -380,3 +380,17 @@ def test_images_show_a_live_texture_as_it_is_now(name):
         shot(s.pl)
         assert live.draws == draws
         assert np.abs(found - plain(s, standin)).mean() < 1  # also of what it sees itself
+
+
+def test_nothing_is_drawn_again_for_what_others_have_drawn():
+    """Points and lines are scaled while they are drawn in other views."""
+    s = scene()
+    dots = pv.PolyData([[0.0, 0, 1], [0.5, 0, 1]])
+    s.pl.add_mesh(dots, point_size=6, render_points_as_spheres=True)
+    s.pl.add_mesh(pv.Line(), line_width=4)
+    standins = [CASES[name][0](s) for name in ('projector', 'shadows', 'mirror', 'layers')]
+    for _ in range(3):
+        shot(s.pl)
+    before = [counts(standin) for standin in standins]
+    shot(s.pl)
+    assert [counts(standin) for standin in standins] == before

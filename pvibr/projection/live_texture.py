@@ -254,7 +254,7 @@ class LiveTexture(Effect):
             self._drawer.look(view, (0, 0, *seen.size))
             self._drawer.draw([*casters.actors, *things])
             with _blended(frame.window):
-                self._drawer.draw([*casters.translucent(), *things], translucent=True)
+                self._drawer.draw([*casters.translucent, *things], translucent=True)
         for effect in effects:
             effect.finish(seen)
         self._drawer.done()

@@ -282,9 +282,9 @@ class Casters:
     def inherit(self, before):
         """Reuse cached properties of an earlier frame if nothing changed."""
         if before is not None and before.versions == self.versions:
-            vars(self).update(thin=before.thin, worn=before.worn)
-            if not before.thin:
-                vars(self)['boxes'] = before.boxes
+            kept = {'thin', 'worn', 'translucent', 'addresses'}
+            kept |= set() if before.thin else {'boxes'}
+            vars(self).update({k: v for k, v in vars(before).items() if k in kept})
 
     @cached_property
     def thin(self) -> set:
@@ -304,8 +304,14 @@ class Casters:
         """Return the world bounds of the actors that wear a texture, shape (n, 6)."""
         return self.boxes[self.worn.get(address(texture), [])]
 
+    @cached_property
+    def addresses(self) -> set:
+        """Addresses of the actors."""
+        return {address(a) for a in self.actors}
+
+    @cached_property
     def translucent(self) -> list:
-        """Return the translucent actors."""
+        """The translucent actors."""
         return [a for a in self.actors if a.HasTranslucentPolygonalGeometry()]
 
     def bounds(self) -> np.ndarray:

@@ -124,7 +124,7 @@ class DepthView:
         rect = (*self.corner(k), self.resolution, self.resolution)
         self.drawer.look(view, rect, clear=False)
         self.drawer.fill((1.0, 1.0, 1.0, 1.0))
-        actors = casters.seen(view).translucent()
+        actors = casters.seen(view).translucent
         set_fragment_uniforms(actors, {'ibr_veil': mode})
         with self.drawer.blending('multiply' if mode == 1 else 'least'):
             self.drawer.draw(actors, translucent=True)

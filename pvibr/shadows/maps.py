@@ -57,7 +57,7 @@ class LightMaps:
         wanted = self.owner.resolution
         shape = {'least': least, 'square': bool(casters.thin)}
         self.views = light_views(self.light, bounds, frame, wanted, _CASCADES, **shape)
-        veiled = bool(casters.translucent())
+        veiled = bool(casters.translucent)
         old = self.view
         if old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled):
             self.release()

@@ -171,8 +171,8 @@ class Shadows(Effect):
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
             self._drawer = Drawer(frame.renderer)
         casters = self._casters(frame)
-        self._cast = {address(a) for a in casters.actors}
-        samplers = 1 + len(VEILS) * bool(casters.translucent())
+        self._cast = casters.addresses
+        samplers = 1 + len(VEILS) * bool(casters.translucent)
         self._most = max((texture_units(frame.window) - _MATERIAL) // samplers, 1)
         self._match_lights()
         for maps in self._lights:
