@@ -123,7 +123,8 @@ class Cards:
     def __init__(self, atlas, capacity, unit, draws, prop, binder):
         self.atlas, self.binder, self.window = atlas, binder, None
         self.solid = self.deep = False
-        self._low = self._high = np.full(3, np.nan)  # of the bounds that VTK knows
+        #: Corners of the bounds that VTK knows, the lower first, world units.
+        self.bounds = np.full((2, 3), np.nan)
         self.textures: dict[str, Texture] = {}
         self._own: dict[str, Texture] = {}
         self._images: AtlasTextures | None = None
@@ -216,12 +217,13 @@ class Cards:
     def bound(self, bounds):
         """Have VTK know about where the cards are: it culls by that, and EDL scales by it."""
         low, high = np.reshape(bounds, (3, 2)).T
-        sides, known = (high - low).max(), (self._high - self._low).max()
-        inside = (self._low <= low).all() and (high <= self._high).all()
+        sides, known = (high - low).max(), np.ptp(self.bounds, axis=0).max()
+        inside = (self.bounds[0] <= low).all() and (high <= self.bounds[1]).all()
         if not inside or known > _LOOSE * sides:  # else what moves would be uploaded each time
-            self._low, self._high = low - _SLACK * sides, high + _SLACK * sides
+            slack = _SLACK * sides if self.window is not None else 0.0  # of what does move
+            self.bounds = np.stack([low - slack, high + slack])
             for layer in self.layers.values():
-                layer.bound(np.stack([self._low, self._high], 1).ravel())
+                layer.bound(self.bounds.T.ravel())
 
     def look(self, looks):
         """Take over colours of instances with the next upload."""

@@ -112,6 +112,7 @@ class InstanceGroup:
     def _placed(self, rows=None):
         self.cards.place(self.placement, rows)
         self.cards.bound(self.bounds if len(self) else np.zeros(6))
+        self.near.bound(self.cards.bounds)
         self._lend_anew()
 
     def _lend_anew(self):

@@ -1,10 +1,10 @@
 // Meshes of instances, many a draw: a vertex buffer holds copies of a mesh, each vertex finds its
-// instance by its number. The mesh's own space is replaced by the eye's: VTK draws it with the
-// actor's matrix, world from eye, and does all else (lights, scalars, textures) as ever.
+// instance by its number. The mesh's own space is replaced by the eye's, and VTK does all else
+// (lights, scalars, textures) as ever; the actor's matrix and bounds only tell it where that is.
 // Spaces: model = the mesh's, less the centre of its bounding sphere; eye = VTK's VC.
 // ibr_first, the first instance of a draw, and ibr_end, the one after its last, are an actor's
 // custom uniforms: VTK declares them.
-// Defines: VERTICES of one copy, with a decimal point; CELL_NORMALS 1 where VTK has no other.
+// Defines: VERTICES of one copy, with a decimal point; SHRUNK, the scale of copies; CELL_NORMALS 1 where VTK has no other.
 
 //@vertex.declare
 uniform sampler2D ibr_entries;    // of what is drawn: centre in eye space, slot and share
@@ -15,6 +15,7 @@ uniform int ibr_has_looks;
 uniform vec4 ibr_tint;            // for all that a program draws, where alpha is 1
 uniform float ibr_radius;         // bounding sphere, model units
 uniform mat3 ibr_eye_from_world;
+uniform mat4 ibr_clip_from_eye;
 flat out vec3 ibr_known;          // packed colour, share of its pixels, distance it may be off
 #if CELL_NORMALS
 flat out mat3 ibr_eye_normal;
@@ -50,7 +51,7 @@ mat3 ibr_normal_matrix;
     float share = fract(known.w) > 0.0 ? fract(known.w) : 1.0;
     float color = dot(floor(look.rgb * 255.0 + 0.5), vec3(1.0, 256.0, 65536.0));
     ibr_known = vec3(look.a > 0.75 ? color : -1.0, share, 0.02 * stretch);
-    ibr_vertex = vec4(known.xyz + eye_from_model * vertexMC.xyz, 1.0);
+    ibr_vertex = vec4(known.xyz + eye_from_model * (vertexMC.xyz / SHRUNK), 1.0);
     // Outside of any view: all corners of a triangle at one place.
     if (entry >= ibr_end || look.a < 0.25) { ibr_vertex.xyz = vec3(1e18); }
     // The inverse transpose; VTK turns normals by the winding that it sees, which a mirrored pose
@@ -64,6 +65,8 @@ mat3 ibr_normal_matrix;
   }
 // All that VTK does with a vertex, it does with the placed one.
 #define vertexMC ibr_vertex
+#define MCDCMatrix ibr_clip_from_eye
+#define MCVCMatrix mat4(1.0)
 //VTK::CustomBegin::Impl
 
 //@vertex.normal

@@ -13,11 +13,13 @@ from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.mesh_pool import cutoff, with_looks
 from pvibr.meshes.parts import draws_more
-from pvibr.scene.shader_draws import EVERYWHERE, ShaderDraws
+from pvibr.scene.shader_draws import ShaderDraws
 
 #: Triangles of a draw, more of large sets: what a draw costs by itself is little beside them, and
 #: so are those that it leaves unused.
 _TRIANGLES, _MOST = 16_384, 65_536
+#: Scale of copies in a vertex buffer, without rounding: they add nothing to the bounds it has.
+_SHRUNK = 2.0**-60
 
 
 class MeshDraws:
@@ -47,6 +49,11 @@ class MeshDraws:
         for draws in self._parts:
             draws.entries, draws.textures = entries, textures
             draws.uniforms = uniforms | {'ibr_cutoff': cutoff(draws.part)}
+
+    def bound(self, half):
+        """Have VTK know about how far it reaches from the place of the actors, along each axis."""
+        for draws in self._parts:
+            draws.bound(half)
 
     def tint(self, color):
         """Set one colour for all instances, over their looks."""
@@ -99,6 +106,7 @@ class PartDraws(ShaderDraws):
         self.part, self._center, self._matrix = part, center, matrix
         self.set_feature(_feature(part.mesh))
         self.tint: dict = {}
+        self._half = np.zeros(3)
         self._depths: _DepthDraws | None = None
 
     def show(self, first, end) -> list:
@@ -107,6 +115,13 @@ class PartDraws(ShaderDraws):
         new = self.grow(len(spans), self._made)
         self.show_spans(spans)
         return new
+
+    def bound(self, half):
+        """Have VTK know about how far it reaches from the place of the actors, along each axis."""
+        if not np.array_equal(half, self._half):
+            self._half = half
+            if self.actors:
+                spread(self.mapper.GetInput(), half)
 
     def depths(self) -> list:
         """Return actors that draw the depth of what is shown, by a minimal shader if that may."""
@@ -155,7 +170,9 @@ class PartDraws(ShaderDraws):
         """Fill the mapper with copies of the mesh."""
         self.mapper.ShallowCopy(self.part.actor.GetMapper())
         self.mapper.SetVBOShiftScaleMethod(self.mapper.DISABLE_SHIFT_SCALE)
-        self.mapper.SetInputDataObject(copies(self.part.mesh, self.chunk, self._center))
+        mesh = copies(self.part.mesh, self.chunk, self._center)
+        spread(mesh, self._half)
+        self.mapper.SetInputDataObject(mesh)
 
 
 class _DepthDraws(ShaderDraws):
@@ -180,7 +197,7 @@ class _DepthDraws(ShaderDraws):
 
 def _feature(mesh, *, depth=False) -> Feature:
     part, kept = sections(shader_source(__file__)), '//VTK::PositionVC::Dec\n'
-    defines = f'#define VERTICES {mesh.n_points}.0\n'
+    defines = f'#define VERTICES {mesh.n_points}.0\n#define SHRUNK {_SHRUNK!r}\n'
     defines += f'#define CELL_NORMALS {int(mesh.cell_data.active_normals is not None)}\n'
     vertex = {
         'VTK::PositionVC::Dec': defines + part['vertex.declare'] + kept,
@@ -195,11 +212,10 @@ def _feature(mesh, *, depth=False) -> Feature:
 
 
 def copies(mesh, count, origin) -> pv.PolyData:
-    """Return copies of a mesh about an origin, and a cell without area that has all bounds."""
+    """Return shrunk copies of a mesh about an origin, and a cell without area for bounds."""
     one = mesh.copy(deep=False)
-    one.SetPoints(pv.vtk_points((mesh.points - origin).astype(np.float32)))
-    spare = pv.PolyData(np.reshape(EVERYWHERE, (3, 2)).T, [3, 0, 1, 1])
-    spare.points = spare.points.astype(np.float32)
+    one.SetPoints(pv.vtk_points(((mesh.points - origin) * _SHRUNK).astype(np.float32)))
+    spare = pv.PolyData(np.zeros((2, 3), np.float32), [3, 0, 1, 1])
     for theirs, ours, size in (
         (mesh.GetPointData(), spare.GetPointData(), 2),
         (mesh.GetCellData(), spare.GetCellData(), 1),
@@ -213,3 +229,11 @@ def copies(mesh, count, origin) -> pv.PolyData:
     join.AddInputData(spare)
     join.Update()
     return pv.wrap(join.GetOutput())
+
+
+def spread(mesh, half):
+    """Set the bounds of copies: how far they reach along each axis, both ways."""
+    points = mesh.GetPoints()
+    for sign, row in ((-1, 2), (1, 1)):
+        points.SetPoint(points.GetNumberOfPoints() - row, *(sign * half).tolist())
+    points.Modified()

@@ -15,7 +15,8 @@ from pvibr.scene.shader_draws import ROW, pack
 #: Instances that VTK's own pickers find between frames, the nearest.
 _PICKED = 256
 _SHARE_BITS = 6  # of the share of an instance's pixels, which is dithered
-_SHARED = 'ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius', 'ibr_eye_from_world'
+_SHARED = 'ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius'
+_OF_CAMERA = 'ibr_eye_from_world', 'ibr_clip_from_eye'
 
 
 class NearMeshes:
@@ -42,6 +43,13 @@ class NearMeshes:
         shared = center, self._matrix, binder
         self.draws = [MeshDraws(level, capacity, *shared) for level in self.levels]
         self.follow_material()
+
+    def bound(self, bounds):
+        """Have VTK know where the draws are, as cards do."""
+        for axis, middle in enumerate(bounds.mean(0).tolist()):
+            self._matrix.SetElement(axis, 3, middle)
+        for draws in self.draws:
+            draws.bound(np.ptp(bounds, axis=0) / 2)
 
     @property
     def nbytes(self) -> int:
@@ -138,10 +146,9 @@ class NearMeshes:
             entries[:, 3] = _with_shares(slots[order], shares[order], len(group))
             self._entries = self._entries or Texture(frame.window)
             self._entries.upload(pack(entries, ROW, 4))
-        self._matrix.DeepCopy(np.linalg.inv(frame.view_from_world).ravel().tolist())
         cards = group.cards
         textures = {name: cards.textures[name] for name in ('ibr_poses', 'ibr_looks')}
-        uniforms = {name: cards.uniforms[name] for name in _SHARED}
+        uniforms = {name: cards.uniforms[name] for name in (*_SHARED, *_OF_CAMERA)}
         uniforms['ibr_tint'] = (0.0, 0.0, 0.0, 0.0)
         new = []
         for draws, first, end in zip(self.draws, ends, ends[1:], strict=False):

@@ -16,7 +16,6 @@ from pvibr.gl.feature import Feature
 
 ROW = 1024  # texels of a row of a table
 PBR = 3  # VTKPBR
-EVERYWHERE = (-1e30, 1e30) * 3  # VTK culls draws by their bounds, and blocks are culled already
 # VTK computes highlights also where the material has none; the compiler drops what follows.
 DULL = '#define specularColor vec3(0.0)\n', '#undef specularColor\n'
 

@@ -238,3 +238,28 @@ def same(one, other, share=0.002, tolerance=1.5):
     assert np.ptp(other) > 0.2
     worst = np.abs(one - other).max(2)
     assert (worst > tolerance / 255).mean() <= share
+
+
+@pytest.mark.parametrize('offset', [0.0, 1e6])
+@pytest.mark.parametrize('beside', ['EDL', 'billboards before', 'billboards behind'])
+def test_vtk_knows_where_meshes_are(scenes, see, bean, beside, offset):
+    """Eye dome lighting scales by bounds, and translucent things are sorted by their middle."""
+    look = {'color': 'tan', 'opacity': 1.0 if beside == 'EDL' else 0.5}
+    places = np.array([[0, 0, 0], [1.6, 0.4, 0.2], [0.3, 1.5, -0.4]]) + offset
+    camera = {'eye': places[0] + (1, -9, 3), 'focus': places[0] + (0.8, 0.8, 0)}
+    pictures = []
+    for pl in (
+        scenes.instances(bean, places, bake=False, **look)[0],
+        scenes.actors(bean, places, **look),
+    ):
+        if beside == 'EDL':
+            pl.enable_eye_dome_lighting()
+        else:
+            point = places[0] + (0.8, -3 if 'before' in beside else 4, 0)
+            white = np.full((4, 4, 3), 255, np.uint8)
+            pl.ibr.add_billboards([point], white, size=2.0, opacity=0.5, colors=[(0.0, 0.0, 1.0)])
+        pictures.append(see.grab(see.place(pl, **camera)))
+        pl.close()
+    # Bounding spheres are somewhat larger than what they hold.
+    bound = 0.15 if beside == 'EDL' else 2 / 255
+    assert np.abs(pictures[0] - pictures[1]).max() < bound
