@@ -9,7 +9,7 @@ import numpy as np
 
 from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
-from pvibr.instances.measure import allowed
+from pvibr.instances.measure import CARD_SHARE, MESH_SHARE, allowed
 
 SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
 _LARGEST = 1e9  # px: no instance is larger
@@ -146,9 +146,9 @@ def _spans(errors, shaders, max_error, *, worst=False) -> dict:
     return spans
 
 
-def good_up_to(sizes, rows, max_error):
+def good_up_to(sizes, rows, max_error, share=CARD_SHARE):
     """Return the largest size at which outline and colour are within bounds, in each patch."""
-    need = allowed(rows).reshape(len(sizes), -1)
+    need = allowed(rows, share).reshape(len(sizes), -1)
     over = need > max_error
     k = over.argmax(0)
     patch = np.arange(len(k))
@@ -161,10 +161,10 @@ def good_up_to(sizes, rows, max_error):
 def _mesh_good_up_to(errors, name, max_error):
     """Return the same for a lighter mesh in the worst patch; beyond what was measured as well."""
     sizes, rows = errors['sizes'], errors[name]
-    good = float(good_up_to(sizes, rows, max_error).min())
+    good = float(good_up_to(sizes, rows, max_error, MESH_SHARE).min())
     if good < sizes[-1]:
         return good
-    need = allowed(rows).reshape(len(sizes), -1).max(1)
+    need = allowed(rows, MESH_SHARE).reshape(len(sizes), -1).max(1)
     octaves = (max_error - need[-1]) / max(need[-1] - need[-2], 0.1 * max_error)
     far = sizes[-1] * 2 ** min(octaves, _OCTAVES)
     return min(far, max(2 * max_error / max(float(errors[f'{name}.radii']), 1e-9), good))

@@ -26,9 +26,10 @@ _VIEWS = _SIDE * _SIDE
 _FEW_SIZE = 128  # px from which colours are compared in one view of each patch
 _HOPELESS = 4.0  # px: a level that allows no `max_error` up to it is not tried at larger sizes
 SLACK = 0.5  # px, of outlines whose distances are whole pixels apart
-BEYOND = 0.02  # FLIP of what is covered, beyond the mesh's own, that `max_error=1` allows
-RATIO = 1.0  # of the mesh's own FLIP, which is always allowed
-_FLOOR = 1e-4  # FLIP below which a ratio says nothing: nothing can be seen
+BEYOND = 0.02  # FLIP of what is covered, beyond that share of the mesh's own that is always
+#: allowed: of cards less, since where things touch or pierce one another theirs is more.
+CARD_SHARE, MESH_SHARE = 0.8, 1.0
+_FLOOR = 1e-4  # FLIP below which nothing can be seen
 
 
 def directions(half=False):
@@ -55,8 +56,7 @@ def _around(z):
 def measure(model, progress=None) -> dict[str, np.ndarray]:
     """Return the error table of a model's levels, (sizes, patches, 3) each."""
     # For each patch of directions, a mean over four views: the displacement of the outline in
-    # pixels, FLIP of what is covered beyond that of the mesh drawn once per pixel, and the ratio
-    # of the two. Colours of lighter meshes are means over all views: they depend on directions
+    # pixels, FLIP of what is covered, and that of the mesh drawn once per pixel. Colours of lighter meshes are means over all views: they depend on directions
     # less than on which samples happen to hit.
     atlas = model.atlas
     table = {'sizes': np.array(SIZES, float)} | _measured(
@@ -108,16 +108,17 @@ def _rows(truths, draw, largest=np.inf):
     rows: list[np.ndarray] = []
     for truth in truths:
         if truth.size > 2 * largest or (rows and np.median(allowed(rows[-1])) > _HOPELESS):
-            rows.append(rows[-1] * [2.0, 1.5, 1.5])  # it grows with the size
+            rows.append(rows[-1] * [2.0, 1.5, 1.0])  # it grows with the size
         else:
             rows.append(truth.errors(draw(truth)))
     return np.array(rows)
 
 
-def allowed(rows):
+def allowed(rows, share=CARD_SHARE):
     """Return the least `max_error`, in pixels, that allows errors: (..., 3) to (...)."""
-    moved, beyond, ratio = np.moveaxis(np.asarray(rows), -1, 0)
-    color = np.where(ratio <= RATIO, 0.0, np.minimum(beyond / BEYOND, ratio / RATIO))
+    moved, flip, own = np.moveaxis(np.asarray(rows), -1, 0)
+    own = share * own
+    color = np.where(flip <= own, 0.0, np.minimum((flip - own) / BEYOND, flip / own))
     return np.maximum(np.maximum(moved - SLACK, 0.0), color)
 
 
@@ -136,10 +137,9 @@ class _Truth:
         self.base = self._flip(_once(reference, size))
 
     def errors(self, picture):
-        """Return displacement, excess of FLIP and its ratio in each patch of directions."""
-        flip, base = _patches(self._flip(picture)), _patches(self.base)
+        """Return displacement, FLIP and that of the mesh itself in each patch of directions."""
         moved = _patches(_moved(picture, self.picture, self.size))
-        return np.stack([moved, flip - base, flip / base], 1)
+        return np.stack([moved, _patches(self._flip(picture)), _patches(self.base)], 1)
 
     def _flip(self, picture):
         """Return the FLIP of a pixel that is covered, in some views, clamped to what is seen."""

@@ -120,8 +120,8 @@ class NearMeshes:
         """Return the mesh level of each slot: the lightest within the error at its size."""
         # By the view alone: the same one is the same picture, whatever was drawn before.
         levels = np.zeros(len(sizes), np.int8)
-        for limit in limits[1:]:
-            levels += sizes <= limit
+        for k, limit in enumerate(limits[1:], 1):
+            levels[sizes <= limit] = k
         return levels
 
     def _show_singly(self, group, slots, levels, shares):

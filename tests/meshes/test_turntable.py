@@ -183,8 +183,8 @@ def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
 
 
 def test_sizes_follow_from_errors():
-    good = np.array([[0.4, -0.1, 0.5], [1.4, -0.1, 0.8]])
-    bad = np.array([[0.4, -0.1, 0.5], [2.5, -0.1, 0.8]])
+    good = np.array([[0.4, 0.1, 0.2], [1.4, 0.1, 0.2]])
+    bad = np.array([[0.4, 0.1, 0.2], [2.5, 0.1, 0.2]])
     table = {
         'sizes': np.array([8.0, 16.0]),
         'splat': good,
