@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.impostors.impostor import Impostor
-from pvibr.maths.octahedral import encode
+from pvibr.instances.card_layers import PATCH_SIDE
+from pvibr.instances.cards import FADE
+from pvibr.maths import octahedral
 from pvibr.meshes.turntable import LEVEL
 
 #: Of images that were drawn for this frame.
@@ -63,16 +65,23 @@ def used_views(group, frame) -> np.ndarray:
         return np.zeros((0, 2), int)
     toward, rise, away = _toward(group, slots, frame)
     size = 2 * group.radii[slots] * frame.pixel_scale / away
-    near, *others = (group.cards.layers[name].sizes for name in ('blended', *_ONE))
+    cells = octahedral.cells(toward, PATCH_SIDE, group.atlas.half)[0]
+    three, *others = (_drawn(group, name, cells, size) for name in ('blended', *_ONE))
     if group.atlas.turntable is not None:
-        toward, size = toward[rise >= LEVEL], size[rise >= LEVEL]
-    grid = (encode(toward, group.atlas.half) * 0.5 + 0.5) * (group.atlas.views - 1)
-    three = (size >= near[0]) & (size < near[3])
-    one = np.any([(size >= low) & (size < gone) for low, *_, gone in others], 0)
+        others = [drawn & (rise >= LEVEL) for drawn in others]
+        three &= rise >= LEVEL
+    grid = (octahedral.encode(toward, group.atlas.half) * 0.5 + 0.5) * (group.atlas.views - 1)
+    one = np.any(others, 0)
     found = np.concatenate([_blended(grid[three], group.atlas.views), np.rint(grid[one])])
     grid = np.zeros((group.atlas.views, group.atlas.views), bool)
     grid[tuple(found.astype(int).T)] = True
     return np.argwhere(grid)
+
+
+def _drawn(group, name, cells, size):
+    """Return which instances a shader draws, by the patches that they are seen from."""
+    low, high = group.cards.layers[name].ranges[cells, :2].T
+    return (size >= low) & (size < high * FADE)
 
 
 def _slots(group):

@@ -14,6 +14,7 @@ from pvibr.core.errors import ClosedError
 from pvibr.inspection.inspection import LEVELS, level_counts
 from pvibr.inspection.marks import edges, outlines, projected
 from pvibr.inspection.tiles import FLASH, as_bytes, used_views
+from pvibr.instances.cards import FADE
 from pvibr.maths.octahedral import view_directions
 
 SIZE = (320, 240)
@@ -90,9 +91,9 @@ def said(group, cubes, frame_scale):
     out = {}
     for slot, number in enumerate(group.ids.tolist()):
         size = 2 * group.radii[slot] * frame_scale / np.linalg.norm(group.centers([slot])[0])
-        fits = [
-            n for n, layer in group.cards.layers.items() if layer.sizes[1] <= size < layer.sizes[2]
-        ]
+        # These are the same in all directions.
+        ends = {name: layer.ranges[0, :2] for name, layer in group.cards.layers.items()}
+        fits = [name for name, (low, high) in ends.items() if FADE * low <= size < high]
         out[number] = 'mesh' if group.near.level_of[slot] >= 0 else fits[0]
     assert len(out) == len(cubes)
     return [out[k] for k in range(len(cubes))]
