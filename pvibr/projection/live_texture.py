@@ -19,6 +19,7 @@ from pvibr.maths.views import View, frustum, look_along, may_see
 from pvibr.projection.depth_maps import view_of
 from pvibr.scene.casters import Casters
 from pvibr.scene.content_key import lights_key
+from pvibr.scene.draw_order import in_order
 from pvibr.scene.seen_from import seen_from
 
 _FINE = 2  # pixels drawn for each texel, along a side
@@ -249,9 +250,10 @@ class LiveTexture(Effect):
         with seen_from(casters.things, seen), drawn.drawing(clear=clear):
             ready = {t for t in casters.things if t.needed(seen) is True}
             found = [(t.draws(seen) if t in ready else t.drawn()) for t in casters.things]
-            things = [actor for actors in found for actor in actors]
+            things = in_order([actor for actors in found for actor in actors], casters.things)
             self._drawer.light_from(lamp)
             self._drawer.look(view, (0, 0, *seen.size))
+            frame.window.GetState().vtkglBlendFuncSeparate(*gl.OVER)  # of soft edges
             self._drawer.draw([*casters.actors, *things])
             with _blended(frame.window):
                 self._drawer.draw([*casters.translucent, *things], translucent=True)

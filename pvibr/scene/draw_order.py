@@ -109,6 +109,12 @@ class DrawOrder:
             self.renderer.SetUseOIT(True)
 
 
+def in_order(actors, things) -> list:
+    """Return actors of things and others as a renderer draws them, for a frame of another view."""
+    keys = {address(actor): key for thing in things for key, actor in thing.order}
+    return sorted(actors, key=lambda actor: keys.get(address(actor), (Stage.OPAQUE,)))
+
+
 def translucent(depth, own=0.0, *, after=False) -> tuple:
     """Return the key of draws that are farther than a depth, or of a prop there."""
     return Stage.TRANSLUCENT, -depth, after, -own
