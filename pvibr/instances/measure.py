@@ -56,8 +56,9 @@ def _around(z):
 def measure(model, progress=None) -> dict[str, np.ndarray]:
     """Return the error table of a model's levels, (sizes, patches, 3) each."""
     # For each patch of directions, a mean over four views: the displacement of the outline in
-    # pixels, FLIP of what is covered, and that of the mesh drawn once per pixel. Colours of lighter meshes are means over all views: they depend on directions
-    # less than on which samples happen to hit.
+    # pixels, FLIP of what is covered, and that of the mesh drawn once per pixel. Colours of
+    # lighter meshes are means over all views: they depend on directions less than on which
+    # samples happen to hit.
     atlas = model.atlas
     table = {'sizes': np.array(SIZES, float)} | _measured(
         model, None, CARD_SHADERS, meshes=True, progress=progress or _unseen
