@@ -26,6 +26,7 @@ def served(start):
 @pytest.fixture
 def off_screen(monkeypatch, cache):
     """A function: what the application draws, of some size, with some strengths of bloom."""
+    monkeypatch.setattr(pv.global_theme, 'anti_aliasing', pv.themes.Theme().anti_aliasing)
 
     def pictures(size, strengths):
         found = []

@@ -137,7 +137,7 @@ def test_a_bake_that_failed_is_repeated_only_if_asked_for(scenes, bean, monkeypa
 
 def test_sets_of_a_mesh_share_images_that_had_to_shrink(scenes, bean, limited):
     limited(4)
-    pl, one = scenes.instances(bean.scale(1.01), [[0, 0, 0]], level='flat', color='tan')
+    pl, one = scenes.instances(bean.scale(1.01), [[0, 0, 0]], color='tan')
     two = pl.ibr.add_instances(
         bean.scale(1.01), [[2, 0, 0]], cache=scenes.folder, bake=True, color='tan'
     )
