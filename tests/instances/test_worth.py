@@ -154,7 +154,7 @@ def test_an_interrupted_bake_was_not_asked_for(scenes, bean, monkeypatch, call):
 
     pl, things = scenes.instances(bean, [[0, 0, 0]], bake=None)
     with monkeypatch.context() as patch:
-        patch.setattr('pvibr.instances.instances.make_model', interrupt)
+        patch.setattr('pvibr.instances.baked_set.make_model', interrupt)
         with pytest.raises(KeyboardInterrupt):
             call(things)
     assert things.force_level is None
