@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -36,13 +37,13 @@ class Choice:
     level: np.ndarray
     #: The first that may have a core.
     cored: int
+    limits: Any
 
-    def fits(self, sizes) -> np.ndarray:
+    def fits(self, sizes, patches) -> np.ndarray:
         """Return which sizes may be drawn: a little more than the shader, which decides, draws."""
-        rows = np.stack([*self.ranges, self.level])
-        rows = rows[rows[:, 1] > rows[:, 0]]
-        low, high = (rows[:, 0].min(), rows[:, 1].max() * FADE) if len(rows) else (np.inf, 0.0)
-        return (sizes > 0.99 * low) & (sizes < 1.01 * high)
+        spans = self.ranges[:, :2].T, np.tile(self.level[:2, None], len(self.ranges))
+        found = [_fits(span, patches, 0.99 * sizes, 1.01 * sizes) for span in spans]
+        return found[0] | found[1]
 
 
 def unit_of(count) -> int:
@@ -201,7 +202,7 @@ class InstanceGroup:
             used = np.flatnonzero(fits[0] | fits[1])
             ranges, level = (_ranges(span, limits.mesh) for span in spans)
             cored = self._first_cored(large[used])
-            chosen[name] = Choice(table[used], depths[used], ranges, level[0], cored)
+            chosen[name] = Choice(table[used], depths[used], ranges, level[0], cored, limits)
             self.counts[name] = min(len(used) * self.unit, len(self))
         self.large = table[large >= _least(limits.mesh)[patches]]
         return chosen
@@ -269,7 +270,8 @@ class InstanceGroup:
         """Sort the single instances of a choice of blocks, and drop those out of its sizes."""
         slots, rows, eye, away, size = self.singles(frame, choice.table)
         depths = eye[2] if frame.parallel else -away
-        used = np.flatnonzero(choice.fits(size))
+        patches = self.patches(frame, choice.limits, slots, eye, size)
+        used = np.flatnonzero(choice.fits(size, patches))
         used = used[ascending(depths[used])]
         table = np.empty((len(used), 4), np.float32)
         table[:, :3], table[:, 3] = choice.table[rows[used], :3], slots[used]

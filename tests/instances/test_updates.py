@@ -297,7 +297,8 @@ def test_sets_of_a_mesh_share_its_textures(scenes, see, shapes):
 
 
 def test_memory_of_an_instance_is_bounded(scenes, shapes):
-    pl, things = scenes.instances(shapes[1], np.zeros((40_000, 3)), size=SIZE)
+    places = np.random.default_rng(0).uniform(0, 9, (40_000, 3))
+    pl, things = scenes.instances(shapes[1], places, size=SIZE)
     pl.show(auto_close=False)
     numbers = [int(word) for word in things.report()['an instance'].split() if word.isdigit()]
     assert max(numbers) < 40
