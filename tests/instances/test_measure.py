@@ -78,8 +78,10 @@ def test_one_bad_view_is_told_from_others():
 
 
 def test_a_colour_is_allowed_by_its_excess_or_its_ratio():
-    rows = np.array([[0.5, 0.0, 1.0], [2.5, 0, 1], [0, 0.04, 1.5], [0, 0.01, 9.0], [0, -1, 0.1]])
-    np.testing.assert_allclose(me.allowed(rows), [0, 2, 1.5, 0.5, 0])
+    rows = [[0.5, 0.1, 0.1], [2.5, 0.1, 0.1], [0, 0.12, 0.08], [0, 0.011, 0.001], [0, 0.01, 0.1]]
+    np.testing.assert_allclose(me.allowed(rows, me.MESH_SHARE), [0, 2, 1.5, 0.5, 0])
+    # Of cards less is allowed: 0.02 beyond four fifths of the mesh's own.
+    np.testing.assert_allclose(me.allowed([[0, 0.1, 0.1], [0, 0.08, 0.1]]), [1, 0], atol=1e-9)
 
 
 def test_a_bar_is_never_below_the_mesh_itself():
