@@ -36,7 +36,7 @@ def _bake():
     mesh = pv.ParametricTorus(u_res=251, v_res=201)
     with Stage((64, 64)) as stage:
         add = partial(stage.plotter.ibr.add_instances, cache=False, progress=False)
-        ring, seconds = timed(lambda: add(mesh, [[0, 0, 0]]))
+        ring, seconds = timed(lambda: add(mesh, [[0, 0, 0]], bake=True))
         (atlas,) = ring.atlases
         yield Row(f'bake of {mesh.n_cells:,} triangles', seconds, 's', 3.0)
         yield Row('its atlas', atlas.nbytes / 2**20, 'MiB', 48.0)
@@ -55,13 +55,13 @@ def _drawn(mesh, points, cameras, size):
     """Yield the rows of a crowd, and return the ms of its frame."""
     with Stage(size, view_angle=VIEW_ANGLE) as stage:
         parts = [as_parts(mesh)]
-        first = stage.plotter.ibr.add_instances(parts, points[:1])
+        first = stage.plotter.ibr.add_instances(parts, points[:1], bake=True)
         stage.seconds(cameras[:1])
         alone = first.report()['bytes']
         first.remove()
         # Baked before the measured call, and kept on disk: the bytes are the instances'.
         tracemalloc.start()
-        many = stage.plotter.ibr.add_instances(parts, points)
+        many = stage.plotter.ibr.add_instances(parts, points, bake=True)
         stage.seconds(cameras[:1])
         held, _ = tracemalloc.get_traced_memory()
         tracemalloc.stop()

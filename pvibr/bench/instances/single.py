@@ -81,7 +81,7 @@ class _Mesh:
         with Stage(_window(size), view_angle=_angle(size), background='white') as stage:
             stage.bounds = self._bounds()
             add = stage.plotter.ibr.add_instances
-            drawn = add([self.parts], [[0.0, 0.0, 0.0]], show_scalar_bar=False)
+            drawn = add([self.parts], [[0.0, 0.0, 0.0]], bake=True, show_scalar_bar=False)
             for max_error in self.settings.errors:
                 drawn.max_error = max_error
                 pictures = []
