@@ -88,7 +88,7 @@ class CardLayer:
         # are narrow, and the early depth test of a plane saves half of their time.
         self.fringe = made(deep=shader.steps > 0)
         self.depth = made(deep=True)
-        self.ranges = self.level = np.zeros(4)
+        self.ranges, self.level = np.zeros((PATCHES, 4)), np.zeros(4)
         self.unit = cards.unit
         self.tint: tuple | None = None  # a colour for all that it draws
 
@@ -133,10 +133,8 @@ class CardLayer:
             part = parts.get(draws)
             draws.entries, draws.part = self.fringe.entries, part or SOLID
             first = cored if part is CORE else 0
-            spans = [
-                (max(a, first) * self.unit, b) if b > max(a, first) else (0, 0) for a, b in ends
-            ]
-            draws.show_spans(spans if part else ())
+            some = [(max(a, first), b) for a, b in ends] if part else []
+            draws.show_spans([(a * self.unit, b) if b > a else (0, 0) for a, b in some])
 
     def hide(self):
         """Draw nothing."""

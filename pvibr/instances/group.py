@@ -37,6 +37,7 @@ class Choice:
     level: np.ndarray
     #: The first that may have a core.
     cored: int
+    #: By which single instances of the blocks are chosen.
     limits: Any
 
     def fits(self, sizes, patches) -> np.ndarray:
