@@ -33,9 +33,14 @@ _MODULES = (
 )
 
 
+def method(prop, name):
+    """Return VTK's method of an object, without the check that PyVista makes in Python."""
+    return object.__getattribute__(prop, name)
+
+
 def address(prop) -> str:
     """Return what two wrappers of one VTK object have in common."""
-    return prop.GetAddressAsString('')
+    return method(prop, 'GetAddressAsString')('')
 
 
 def _root() -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 _FLAT = ('vtkActor2D', 'vtkContextActor', 'vtkLegendScaleActor')
+_KINDS: dict[type, bool] = {}
 
 
 class Annotations:
@@ -44,4 +45,7 @@ class Annotations:
 
 def is_flat(prop) -> bool:
     """Return whether a prop lies on the screen, as text does."""
-    return any(prop.IsA(kind) for kind in _FLAT)
+    kind = type(prop)
+    if kind not in _KINDS:
+        _KINDS[kind] = any(prop.IsA(name) for name in _FLAT)
+    return _KINDS[kind]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import method
 from pvibr.gl.enums import COLOR_BUFFER_BIT
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture, release
@@ -140,12 +141,12 @@ def hidden_name(name) -> str:
 
 def is_marker(prop) -> bool:
     """Return whether a prop is no part of the scene: callbacks and markers."""
-    return prop.GetObjectName().startswith(_MARK)
+    return method(prop, 'GetObjectName')().startswith(_MARK)
 
 
 def is_end(prop) -> bool:
     """Return whether a prop is the one after all opaque ones."""
-    return prop.GetObjectName() == _NAME
+    return method(prop, 'GetObjectName')() == _NAME
 
 
 def _no_area():

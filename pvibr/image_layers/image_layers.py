@@ -162,7 +162,7 @@ class ImageLayers(Substitute):
     def _claimed(self) -> list:
         return self.actors() if self._groups is not None else []
 
-    def _conflicts(self, other) -> bool:
+    def _conflicts(self, other, _props) -> bool:
         if isinstance(other, ImageLayers) and self._groups is other.groups is None:
             return True
         return bool(addresses([*other.actors(), *other.props]) & self._members.keys())

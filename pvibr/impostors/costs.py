@@ -38,6 +38,10 @@ class Costs:
         """Set the number of actors."""
         self.busy, self._sums = np.zeros(actors), None
 
+    def grow(self, more):
+        """Note that there may be more actors."""
+        self.busy, self._sums = np.append(self.busy, np.zeros(more)), None
+
     def changed(self, actors):
         """Note the actors that changed since the last frame."""
         self.busy[actors] = np.minimum(self.busy[actors] + 0.3, 1.0)
@@ -58,7 +62,7 @@ class Costs:
     def meshes(self, leaves, nodes) -> np.ndarray:
         """Return the seconds of the meshes under each node."""
         if self._sums is None:
-            seconds = np.array([self._of(source) for source in leaves.sources])
+            seconds = self._of(leaves.seconds, leaves.cells)
             self._sums = nodes.tree.gather(seconds * nodes.live[: len(leaves)], np.add)
         return self._sums
 
@@ -66,14 +70,12 @@ class Costs:
         """Return the share of frames in which each node changed."""
         return tree.gather(self.busy, np.maximum) if self.busy.max() > 1e-3 else 0.0
 
-    def _of(self, source):
-        if source.seconds < np.inf:
-            return source.seconds
-        return expected_seconds(source.cells) * self._ratio.value
+    def _of(self, seconds, cells):
+        return np.where(seconds < np.inf, seconds, expected_seconds(cells) * self._ratio.value)
 
-    def expected(self, sources) -> float:
+    def expected(self, leaves, rows) -> float:
         """Return the expected seconds of an image of some actors."""
-        return _IMAGE + sum(map(self._of, sources))
+        return _IMAGE + float(self._of(leaves.seconds[rows], leaves.cells[rows]).sum())
 
     def images(self, seconds, rate, busy, area) -> np.ndarray:
         """Return the seconds per frame spent on images, re-rendering included."""
@@ -81,19 +83,20 @@ class Costs:
         return often * (seconds + _IMAGE) + _CARD + self.pixel * area
 
     @contextmanager
-    def timed(self, window, sources):
+    def timed(self, window, leaves, rows):
         """Measure the seconds of the meshes of some actors."""
-        expected = self.expected(sources)
-        if len(sources) != 1 or sources[0].tries >= _TRIES or is_deterministic():
+        expected = self.expected(leaves, rows)
+        source = leaves.sources[rows[0]]
+        if len(rows) != 1 or source.tries >= _TRIES or is_deterministic():
             yield SimpleNamespace(seconds=expected)
             return
         with timed(window, expected) as spent:
             yield spent
-        (source,) = sources
         source.tries += 1
         self._sums = None
         if source.tries > 1:  # the first draw uploads the mesh and builds its shader
             source.seconds = min(source.seconds, max(spent.seconds - _IMAGE, 1e-6))
+            leaves.seconds[rows] = source.seconds
             self._ratio.add(source.seconds / expected_seconds(source.cells))
 
     def measure(self, frame, cards, drawer, area):

@@ -35,6 +35,15 @@ class Images:
         self.taken = np.full(total, -1)  # the frame that drew it
         self.drawer = drawer
 
+    def grow(self, objects):
+        """Have places for more objects, before which others have theirs."""
+        at = np.repeat(objects, self.views) * self.views
+        self.count += len(objects)
+        self.card = Card(*(np.insert(field, at, 0, axis=0) for field in self.card))
+        for name in ('alive', 'parallel', 'texel', 'planes', 'tile', 'size'):
+            setattr(self, name, np.insert(getattr(self, name), at, 0, axis=0))
+        self.used, self.taken = (np.insert(a, at, -1) for a in (self.used, self.taken))
+
     # -- how wrong they are ----------------------------------------------------------------------
 
     def errors(self, objects, eyes):

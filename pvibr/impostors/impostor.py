@@ -29,6 +29,8 @@ LARGEST = 1024
 _SLOW = 1e-4
 # What was drawn one way goes on so unless another is cheaper by this.
 _KEPT = 0.8
+# Places for actors that may come, at least, once one did.
+_SPARE = 64
 
 
 class Impostor(Substitute):
@@ -74,6 +76,8 @@ class Impostor(Substitute):
     memory = Param(2**28, 'Maximum GPU memory of the images.', range='[65536, inf)', unit='bytes')
     views = Param(2, 'Maximum number of images per actor.', range='[1, 16]')
 
+    things: list
+    _leaves: Leaves
     _nodes: Nodes  # both while `_built`
     _images: Images
     _built = _fitted = False
@@ -146,11 +150,115 @@ class Impostor(Substitute):
         """Tree over what images show; None before the first frame."""
         return self._nodes if self._built else None
 
+    # -- actors that come and go -----------------------------------------------------------------
+
+    def add(self, actors):
+        """Stand for more actors, at the cost of these.
+
+        Parameters
+        ----------
+        actors : vtkActor, pvibr.Instances, or sequence of these
+            Actors of its subplot; instances have all images taken anew.
+
+        Raises
+        ------
+        TypeError
+            If one is neither.
+        ValueError
+            If an impostor stands for one already, or one is in another subplot.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> impostor = pl.ibr.add_impostor(pl.add_mesh(pv.Sphere()))
+        >>> later = pl.add_mesh(pv.Sphere(center=(1, 0, 0)))
+        >>> impostor.add(later)
+        >>> len(impostor.things)
+        2
+        >>> impostor.remove(later)
+        >>> impostor.things == [later]
+        False
+        >>> pl.close()
+        """
+        found = self._refused_none(_checked(actors))
+        self.things = [*self.things, *found]
+        if not all(map(_is_actor, found)):
+            self._begin_again(self.things)
+            return
+        missing = len(found) - self._leaves.sources.count(None)
+        if missing > 0:
+            self._grow(max(missing, _SPARE, len(self._leaves) // 4))
+        for actor in found:
+            self._leaves.add(Source(actor, self._materials))
+
+    def remove(self, actors=None):
+        """Stand no more for some actors, which are drawn themselves; or remove the impostor.
+
+        Parameters
+        ----------
+        actors : vtkActor, pvibr.Instances, or sequence of these, optional
+            Some of its actors. Without any it is removed from its plotter, as it is once the last
+            of its actors was.
+
+        Raises
+        ------
+        ValueError
+            If it does not stand for one.
+        """
+        if actors is None:
+            super().remove()
+            return
+        found = listed(actors)
+        mine = {id(thing) for thing in self.things}
+        for place, thing in enumerate(found):
+            if id(thing) not in mine:
+                msg = f'actors[{place}] is none of the {len(mine)} that {self.name} stands for'
+                raise ValueError(msg)
+        if self.pipeline is not None:
+            self.pipeline.make_current()
+        self._forget(found)
+
+    def _refused_none(self, found):
+        mine = addresses(self.things)
+        for place, thing in enumerate(found):
+            if address(thing) in mine:
+                msg = f'actors[{place}] is one that {self.name} stands for already: leave it out'
+                raise ValueError(msg)
+        if self.pipeline is not None:
+            self._claim(self.pipeline, found)
+        return found
+
+    def _grow(self, more):
+        before = len(self._leaves)
+        self._leaves.grow(more)
+        if self._built:
+            inner = len(self._nodes.tree.children)
+            self._nodes.grow(more)
+            added = [before] * more, [before + inner] * (len(self._nodes) - before - inner - more)
+            self._images.grow(np.concatenate(added).astype(int))
+            self._costs.grow(more)
+            self._last = self._last + more * (self._last >= before)
+
+    def _forget(self, gone):
+        """Let go of some things."""
+        away = {id(thing) for thing in gone}
+        self.things = [thing for thing in self.things if id(thing) not in away]
+        if not all(map(_is_actor, gone)):
+            self._begin_again(self.things)
+            return
+        for actor in gone:
+            leaf = self._leaves.remove(actor, self.pipeline and self.pipeline.window)
+            if self._built:
+                self._costs.changed([])
+                self._images.drop_objects(self._nodes.remove(leaf))
+        self._version += 1
+        self._fitted = False
+
     # -- the life of an effect -------------------------------------------------------------------
 
-    def _conflicts(self, other) -> bool:
-        same = isinstance(other, Impostor)
-        return same and bool(addresses(self.things) & addresses(other.things))
+    def _conflicts(self, other, props) -> bool:
+        return isinstance(other, Impostor) and bool(addresses(props) & addresses(other.things))
 
     def deactivate(self):
         """Draw the actors themselves again."""
@@ -196,18 +304,22 @@ class Impostor(Substitute):
         self._version += 1
         self._fitted = False
         if self._built:
+            tree = self._nodes.tree
+            for leaf in changed:
+                if not tree.has(leaf):
+                    self._images.drop_objects(self._nodes.insert(leaf))
             self._costs.changed(changed)
-            self._images.drop_objects(self._nodes.tree.above(changed))
+            self._images.drop_objects(tree.above(changed))
 
     def _forget_removed(self):
         time = self.pipeline.renderer.GetViewProps().GetMTime()
         if time == self._props_time:
             return
         self._props_time = time
-        present = addresses(self.pipeline.renderer.GetViewProps())
-        kept = [thing for thing in self.things if address(thing) in present]
-        if len(kept) < len(self.things):
-            self._begin_again(kept)
+        present = set(map(id, self.pipeline.renderer.GetViewProps()))
+        gone = [thing for thing in self.things if id(thing) not in present]
+        if gone:
+            self._forget(gone)
 
     def _begin_again(self, kept):
         self._leaves.release(self.pipeline.window)
@@ -216,7 +328,7 @@ class Impostor(Substitute):
         self._forget_tree()
 
     def _is_deep(self) -> bool:
-        return bool(self.hierarchical and len(self._leaves) > 1)
+        return bool(self.hierarchical)
 
     def _forget_tree(self):
         if self._built:
@@ -325,15 +437,16 @@ class Impostor(Substitute):
         drawn = 0
         with pool.target.drawing():
             for k, node in enumerate(nodes.tolist()):
-                below = [self._leaves.sources[i] for i in self._nodes.below(node)]
-                if drawn and self._costs.expected(below) > left:
+                below = self._nodes.below(node)
+                if drawn and self._costs.expected(self._leaves, below) > left:
                     break
                 index = images.room(node, sizes[k].max(), frame.index)
                 if index is None:
                     self._want = max(2 * area, 2 * pool.side**2)
                     continue
-                with self._costs.timed(frame.window, below) as spent:
-                    images.draw(index, card, k, sizes[k], below, parallel=eyes.parallel)
+                with self._costs.timed(frame.window, self._leaves, below) as spent:
+                    sources = [self._leaves.sources[i] for i in below]
+                    images.draw(index, card, k, sizes[k], sources, parallel=eyes.parallel)
                 images.used[index] = images.taken[index] = frame.index
                 found[k] = index
                 left -= spent.seconds

@@ -20,15 +20,31 @@ class Nodes:
 
     def __init__(self, leaves, hierarchical):
         self.leaves = leaves
-        self.tree = Tree(leaves.center, hierarchical)
+        self.tree = Tree(leaves.center, hierarchical, leaves.present)
+        self.fit()
 
     def __len__(self):
         return len(self.tree)
 
     @property
     def has_levels(self) -> bool:
-        """Whether there are inner nodes."""
-        return len(self.tree) > self.tree.leaves
+        """Whether there may be inner nodes."""
+        return self.tree.hierarchical
+
+    def grow(self, more):
+        """Have places for more leaves, as these have."""
+        self.tree.grow(more)
+        self.fit()
+
+    def insert(self, leaf) -> list[int]:
+        """Put a leaf in, and return the nodes that are others now."""
+        middle, reach = self.leaves.center[leaf], self.leaves.reach[leaf]
+        self.low[leaf], self.high[leaf] = middle - reach, middle + reach
+        return self.tree.insert(leaf, self.low, self.high)
+
+    def remove(self, leaf) -> list[int]:
+        """Take a leaf out, and return the nodes that are others now."""
+        return self.tree.remove(leaf, self.low, self.high)
 
     def fit(self):
         """Fit all nodes to the leaves."""

@@ -53,6 +53,29 @@ class ActorWatch:
         """A number for each actor and state of it that `changed` found."""
         return [watched.version for watched in self._watched]
 
+    def add(self, actor):
+        """Watch one more actor, the last of all."""
+        self._new.append(len(self))
+        watched = _Watched(actor)
+        self.known[address(actor)] = watched
+        new = actor, watched, actor.GetMTime, actor.VisibilityOff, actor.VisibilityOn
+        for column, value in zip(self._columns(), new, strict=True):
+            column.append(value)
+        self._all.AddPart(actor)
+
+    def drop(self, row):
+        """Watch an actor no more; those after it take its row."""
+        actor = self.actors[row]
+        for column in self._columns():
+            del column[row]
+        self._new = [i - (i > row) for i in self._new if i != row]
+        self._all.RemovePart(actor)
+        self.known.pop(address(actor), None)
+        self._list_clocks()
+
+    def _columns(self) -> tuple:
+        return self.actors, self._watched, self._times, self._off, self._on
+
     def changed(self) -> list[int]:
         """Return which actors changed since :meth:`settle`, their data brought up to date."""
         if len(self.hidden):
@@ -65,9 +88,7 @@ class ActorWatch:
         times = np.array([time() for time in self._clocks], np.int64)
         others = self._owners[times > self._seen.GetMTime()].tolist()
         found = sorted({*self._new, *own, *others})
-        for i in found:
-            self._watched[i].update()
-        if found:
+        if sum(self._watched[i].update() for i in found):
             self._list_clocks()
         return found
 
@@ -111,13 +132,16 @@ class _Watched:
         self.clocks: list = []
         self.pipeline = None
 
-    def update(self):
+    def update(self) -> bool:
+        """Have a new version; return True if its clocks may be others."""
         self.version = next(_VERSIONS)
         holders = *(holder() for holder in self._holders), *self._composites
         held = [(holder, holder.GetMTime()) for holder in holders if holder is not None]
-        if held != self._held:
-            self._held = held
-            self._list_parts()
+        if held == self._held:
+            return False
+        self._held = held
+        self._list_parts()
+        return True
 
     def _list_parts(self):
         mapper = self._actor.GetMapper()

@@ -43,7 +43,7 @@ class DrawOrder:
     def __init__(self, renderer):
         self.renderer = renderer
         self._orders: list[tuple] = []
-        self._keys: dict[str, tuple] = {}
+        self._keys: dict[int, tuple] = {}
         self._time = -1
         self._frame: Any = None
         self._others: list[tuple] = []
@@ -90,11 +90,12 @@ class DrawOrder:
             orders.append(tuple((translucent(d, after=True), p) for d, p in self._others))
         if orders != self._orders:
             self._orders = orders
-            self._keys = {address(actor): key for order in orders for key, actor in order}
+            # By wrappers: VTK makes but one while it lives, and the orders hold them.
+            self._keys = {id(actor): key for order in orders for key, actor in order}
         elif props.GetMTime() == self._time:
             return
         listed = list(props)
-        keys = [self._keys.get(address(prop)) or _key(prop) for prop in listed]
+        keys = [self._keys.get(id(prop)) or _key(prop) for prop in listed]
         if any(a > b for a, b in pairwise(keys)):
             props.RemoveAllItems()
             for k in sorted(range(len(listed)), key=keys.__getitem__):

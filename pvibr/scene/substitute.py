@@ -47,8 +47,8 @@ class Substitute(Thing):
         """Show images in place of actors."""
         raise NotImplementedError
 
-    def _conflicts(self, other) -> bool:
-        """Return True if another effect stands for the same actors."""
+    def _conflicts(self, other, props) -> bool:
+        """Return True if another effect stands for some of these props."""
         raise NotImplementedError
 
     # -- what it is to others --------------------------------------------------------------------
@@ -91,18 +91,22 @@ class Substitute(Thing):
 
     def attach(self, pipeline):
         """Add its images to the scene."""
-        for actor in self._claimed():
+        self._claim(pipeline, self._claimed())
+        super().attach(pipeline)
+
+    def _claim(self, pipeline, props):
+        """Raise an error unless it may stand for props in a subplot."""
+        for actor in props:
             if not pipeline.renderer.HasViewProp(actor):
                 msg = f'{self._argument}: {actor!r} is not in this subplot; add it there first'
                 raise ValueError(msg)
         for other in pipeline.things:
-            if self._conflicts(other):
+            if other is not self and self._conflicts(other, props):
                 msg = (
                     f'{self._argument}: {other.name} stands for some of them already; '
                     'remove it first'
                 )
                 raise ValueError(msg)
-        super().attach(pipeline)
 
     def _claimed(self) -> list:
         """Return the props that must be in the subplot."""
