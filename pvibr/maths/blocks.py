@@ -213,7 +213,7 @@ class Blocks:
             near = far = 1.0
         else:
             reach, away = self.reach[index], -depths
-            near, far = np.maximum(away - reach, 1e-300), away + reach
+            near, far = np.maximum(away - reach, 1e-200), away + reach
         small, large = self.smallest[index] / far, self.largest[index] / near
         return index, origins, scale * small, scale * large
 

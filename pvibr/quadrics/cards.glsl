@@ -1,6 +1,8 @@
 // Spheres, ellipsoids and cylinders, each on a card that holds it tightly; rays from the eye are
 // met with it exactly. What they are says a file of each shape:
-//   bool ibr_place(int i, vec3 origin, out IbrCard card)  vertex: fetches one; false: not drawn
+//   vec3 ibr_offset(int i)                           vertex: its middle less that of its block
+//   bool ibr_place(int i, vec3 c, out IbrCard card)  vertex: fetches one; c its middle, eye space;
+//     false: not drawn
 //   void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, out vec3 leaves)
 //     fragment: where a ray enters and leaves it, and the outward normals there
 //   vec4 ibr_painted(vec3 place)                          fragment: its look there
@@ -8,6 +10,10 @@
 // (Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019,
 // chapter 7). Middles are relative to those of blocks, which come in eye space, subtracted in
 // double precision.
+// GAPS is 1 where entries may have a second texel, from double precision: what is left of the
+// equation at the eye, the heights of both ends there, and whether to use it; then the first has
+// the item's own middle. A giant beside the eye is as far as a difference of two numbers that
+// floats cannot tell apart.
 // CORNERS is 4, or 1 for point sprites. DEPTH is 1 where each pixel has its own: then drivers light
 // also what is hidden. The others, a few pixels large, are as deep as the mean of their front.
 // HIDES is 1 where only depth is drawn, to find what is hidden: nowhere more than will be covered,
@@ -23,12 +29,19 @@ uniform int ibr_count;
 uniform int ibr_unit;             // items of an entry
 uniform int ibr_parallel;
 uniform vec2 ibr_size;            // of the picture, pixels
+uniform float ibr_margin;         // pixels: half of one where a pixel has samples besides its middle
 uniform float ibr_pixel;          // a pixel in world units, in perspective at a distance of 1
 uniform float ibr_near;
 uniform vec4 ibr_ndc_from_slope;  // factors and offsets of x / -z and y / -z, or of x and y
 uniform vec4 ibr_zw_from_z;       // factor and offset of clip z, of clip w
 uniform mat3 ibr_eye_from_world;
 flat out vec4 ibr_look;           // alpha below 0 where it fills its pixel
+#if GAPS == 1
+uniform int ibr_stride;           // texels of an entry
+flat out vec4 ibr_gap;
+#else
+const int ibr_stride = 1;
+#endif
 
 const float ibr_none = 1e9;
 
@@ -87,15 +100,23 @@ vec2 ibr_ndc(vec2 p, vec2 way)
     int slot = ibr_first + gl_VertexID / CORNERS;
     int entry = slot / ibr_unit;
     bool live = entry < ibr_end;
-    vec4 block = ibr_fetched(ibr_entries, live ? entry : 0);
+    entry = (live ? entry : 0) * ibr_stride;
+    vec4 block = ibr_fetched(ibr_entries, entry);
+#if GAPS == 1
+    ibr_gap = ibr_stride == 2 ? ibr_fetched(ibr_entries, entry + 1) : vec4(0.0);
+#endif
     int i = int(block.w) * ibr_unit + slot % ibr_unit;
     live = live && i < ibr_count;
     i = live ? i : 0;
     ibr_look = ibr_fetched(ibr_looks, i * LOOKS);
     IbrCard card;
-    if (ibr_place(i, block.xyz, card) && live && ibr_look.a > 0.0)
+    vec3 c = block.xyz + (ibr_stride == 2 ? vec3(0.0) : ibr_eye_from_world * ibr_offset(i));
+    if (ibr_place(i, c, card) && live && ibr_look.a > 0.0)
     {
       if (card.dot_sized) ibr_look.a = -ibr_look.a;
+#if GAPS == 1
+      if (ibr_gap.w > 0.0) card.bounds = vec4(-ibr_none, ibr_none, -ibr_none, ibr_none);
+#endif
       vec2 middle = ibr_ndc(0.5 * (card.bounds.xz + card.bounds.yw), card.way);
       vec2 pixel = floor((0.5 * middle + 0.5) * ibr_size);
       vec2 zw = ibr_zw_from_z.xz * (HIDES == 1 ? card.back : card.front) + ibr_zw_from_z.yw;
@@ -104,16 +125,14 @@ vec2 ibr_ndc(vec2 p, vec2 way)
       if (card.dot_sized) middle = (pixel + 0.5) / ibr_size * 2.0 - 1.0;
       gl_Position = vec4(middle, z, 1.0);
       vec2 side = (card.bounds.yw - card.bounds.xz) * ibr_ndc_from_slope.xy * ibr_size * 0.5;
-      gl_PointSize = card.dot_sized ? 1.0 : max(side.x, side.y) + (HIDES == 1 ? -0.9 : 0.1);
+      gl_PointSize = card.dot_sized ? 1.0 : max(side.x, side.y) + (HIDES == 1 ? -0.9 : 0.1 + 2.0 * ibr_margin);
 #else
       int corner = gl_VertexID % 4;
       vec2 unit = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
       // A little larger, and not far beyond the picture.
       vec2 scale = 1.0 / ibr_ndc_from_slope.xy, across = vec2(-card.way.y, card.way.x);
-      vec2 margin = vec2(-0.1, 0.1) * scale.y / ibr_size.y;
-#if HIDES == 1
-      margin *= -9.0;
-#endif
+      float wide = HIDES == 1 ? -0.9 : 0.1 + 2.0 * ibr_margin * (abs(card.way.x) + abs(card.way.y));
+      vec2 margin = vec2(-wide, wide) * scale.y / ibr_size.y;
       vec2 reach = 1.1 * vec2(dot(abs(card.way), scale), dot(abs(across), scale));
       vec2 centre = -ibr_ndc_from_slope.zw * scale;
       centre = vec2(dot(centre, card.way), dot(centre, across));
@@ -132,6 +151,21 @@ uniform float ibr_near;
 uniform vec4 ibr_slope_from_pixel; // factors and offsets of gl_FragCoord.xy
 uniform vec4 ibr_zw_from_z;
 flat in vec4 ibr_look;
+#if GAPS == 1
+flat in vec4 ibr_gap;
+#else
+const vec4 ibr_gap = vec4(0.0);
+#endif
+
+// The roots of a t^2 - 2 b t + q, the lower first, without cancellation (Press et al., "Numerical
+// Recipes", 2007, section 5.6); less than none: the last is below 0.
+vec3 ibr_roots(float a, float b, float q)
+{
+  float square = b * b - a * q, root = sqrt(max(square, 0.0));
+  float sum = b < 0.0 ? b - root : b + root;
+  vec2 t = vec2(sum / a, sum == 0.0 ? 0.0 : q / sum);
+  return vec3(min(t.x, t.y), max(t.x, t.y), square);
+}
 
 //@fragment.meet
   vec2 ibr_slope = gl_FragCoord.xy * ibr_slope_from_pixel.xy + ibr_slope_from_pixel.zw;

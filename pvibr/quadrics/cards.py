@@ -16,6 +16,7 @@ from pvibr.maths.blocks import BLOCK, frustum_planes
 from pvibr.scene.draw_order import MOST
 from pvibr.scene.shader_draws import DULL, ShaderDraws
 
+_GIANT = 300.0  # largest size over the distance of the near plane: floats are good to 1e-5
 _LARGEST_SMALL = 4.0  # px: those are edges all over, and their depths differ by two pixels
 
 
@@ -43,6 +44,7 @@ class DrawMode:
     dots: bool = False
     blends: bool = False
     hides: bool = False
+    gaps: bool = False
 
     def feature(self, shape) -> Feature:
         """Return the shader text by VTK's tags."""
@@ -51,6 +53,7 @@ class DrawMode:
             'HIDES': int(self.hides),
             'CORNERS': self.corners,
             'DEPTH': int(self.depth),
+            'GAPS': int(self.gaps),
             'TEXELS': shape.texels,
             'LOOKS': shape.looks,
             'INSIDES': int(shape.open or self.corners == 4),
@@ -81,14 +84,16 @@ DOTS = DrawMode('dots', 1, 65_536, depth=False, dots=True)
 SMALL = DrawMode('small', 1, 65_536, depth=False)
 POINTS = DrawMode('points', 1, 65_536)
 QUADS = DrawMode('quads', 4, 16_384)
-BLENDED = DrawMode('blended', 4, 65_536, blends=True)
+BLENDED = DrawMode('blended', 4, 65_536, blends=True, gaps=True)
+#: Giants beside the eye, and what is in their blocks; one draw of them.
+GIANTS = DrawMode('giants', 4, 4096, gaps=True)
 #: Depth prepass of point sprites and of quads.
 HIDING = (
     DrawMode('hiding_points', 1, 65_536, depth=False, hides=True),
     DrawMode('hiding_quads', 4, 16_384, depth=False, hides=True),
 )
 #: Near ones first: they hide much, and hidden fragments are not lit.
-DRAW_MODES = (QUADS, POINTS, SMALL, DOTS)
+DRAW_MODES = (GIANTS, QUADS, POINTS, SMALL, DOTS)
 _DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
 
 
@@ -99,8 +104,9 @@ class Layer(ShaderDraws):
         self._owner, self.mode = weakref.proxy(quadrics), mode
         slots = max(-(-len(quadrics) // BLOCK), 1) * BLOCK
         chunk = min(mode.chunk, slots)
+        draws = 1 if mode is GIANTS else -(-slots // chunk)
         super().__init__(
-            draws=-(-slots // chunk) + (MOST if mode.blends else 0),
+            draws=draws + (MOST if mode.blends else 0),
             chunk=chunk,
             prop=pv.Property(lighting=False) if mode.hides else quadrics.prop,
             feature=mode.feature(quadrics.shape),
@@ -108,7 +114,7 @@ class Layer(ShaderDraws):
             binder=quadrics.binder,
         )
         self._shiny = True
-        self.drawn = 0
+        self.drawn, self._stride = 0, 1
         self.bound(quadrics.bounds)
 
     def bound(self, bounds):
@@ -124,16 +130,19 @@ class Layer(ShaderDraws):
                 (_DULL.detach if shiny else _DULL.attach)(actor)
             self._shiny = shiny
 
-    def show(self, entries, unit=BLOCK, cuts=()):
+    def show(self, entries, unit=BLOCK, cuts=(), gaps=None):
         """Draw items; return the actors of the parts between cuts."""
         self.drawn = min(len(entries) * unit, len(self._owner))
-        self.upload(self._owner.window, entries.astype(np.float32))
+        self._unit, self._stride = unit, 1 if gaps is None else 2
+        rows = entries if gaps is None else np.concatenate([entries, gaps], 1).reshape(-1, 4)
+        self.upload(self._owner.window, rows.astype(np.float32))
         return self.show_parts((0, *cuts, len(entries)), unit)
 
     def _inputs(self):
         owner = self._owner
         pixels = _pixel_uniforms(owner.window.GetState(), owner.uniforms)
-        return owner.textures, owner.uniforms | pixels
+        own = {'ibr_unit': self._unit, 'ibr_stride': self._stride}
+        return owner.textures, owner.uniforms | pixels | own
 
 
 @dataclass
@@ -158,17 +167,38 @@ def seen_blocks(blocks, frame, shape) -> Seen:
     )
     modes[inside & (large <= _LARGEST_SMALL)] = DRAW_MODES.index(SMALL)
     modes[inside & (large <= 1.0)] = DRAW_MODES.index(DOTS)
+    modes[giant_blocks(blocks, frame, origins, index)] = DRAW_MODES.index(GIANTS)
     areas = shape.fill * BLOCK * np.pi / 16 * (small + np.minimum(large, frame.size[1])) ** 2
     return Seen(np.column_stack([origins, index]), modes, around, areas)
 
 
-def view_uniforms(frame, count, unit) -> dict:
+def giant_blocks(blocks, frame, origins, index) -> np.ndarray:
+    """Return the numbers of blocks with surfaces beside the eye that are too large for floats."""
+    largest = blocks.largest[index]
+    scene = frame.far - frame.near if frame.parallel else frame.near
+    near = np.linalg.norm(origins, axis=1) < blocks.reach[index] + 1.01 * largest
+    return np.flatnonzero(near & (largest > _GIANT * scene))[: GIANTS.chunk // BLOCK]
+
+
+def eye_of(frame) -> np.ndarray:
+    """Return the origin of eye space, world units."""
+    view = frame.view_from_world
+    return -view[:3, :3].T @ view[:3, 3]
+
+
+def gap_rows(gaps, scale, heights=0.0) -> np.ndarray:
+    """Return rows of gaps at the eye, to be used within or a little outside of what they are."""
+    rows = np.zeros((len(gaps), 4))
+    rows[:, 0], rows[:, 1:3], rows[:, 3] = gaps, heights, gaps < 0.05 * scale
+    return rows
+
+
+def view_uniforms(frame, count) -> dict:
     """Return the uniforms of a view."""
     m = frame.clip_from_view
     offset = m[:2, 3] if frame.parallel else -m[:2, 2]
     return {
         'ibr_count': count,
-        'ibr_unit': unit,
         'ibr_parallel': int(frame.parallel),
         'ibr_pixel': float(frame.scale / frame.pixel_scale),
         'ibr_near': float(frame.near),
@@ -180,13 +210,16 @@ def view_uniforms(frame, count, unit) -> dict:
 
 def _pixel_uniforms(state, uniforms) -> dict:
     """Return the uniforms of the target's pixels, whose size differs between passes."""
-    found = [0, 0, 0, 0]
+    found, samples = [0, 0, 0, 0], [0]
     state.vtkglGetIntegerv(gl.VIEWPORT, found)
+    state.vtkglGetIntegerv(gl.SAMPLES, samples)
     corner, size = np.array(found[:2], float), np.array(found[2:], float)
     scale, offset = np.reshape(uniforms['ibr_ndc_from_slope'], (2, 2))
     factors = 2 / size / scale
     offsets = (-1 - offset) / scale - corner * factors
     return {
         'ibr_size': tuple(size.tolist()),
+        # A fragment is met at its middle and covers the samples that its card covers.
+        'ibr_margin': 0.5 if samples[0] > 1 else 0.0,
         'ibr_slope_from_pixel': (*factors.tolist(), *offsets.tolist()),
     }

@@ -9,12 +9,16 @@ flat out vec4 ibr_middle; // eye space; radius
 flat out vec4 ibr_axis;   // of length 1, eye space; half the length
 flat out vec4 ibr_second; // the other end's look
 
-bool ibr_place(int i, vec3 origin, out IbrCard card)
+vec3 ibr_offset(int i)
+{
+  return ibr_fetched(ibr_items, 2 * i).xyz;
+}
+
+bool ibr_place(int i, vec3 c, out IbrCard card)
 {
   vec4 item = ibr_fetched(ibr_items, 2 * i);
   vec4 axis = ibr_fetched(ibr_items, 2 * i + 1);
   ibr_second = ibr_fetched(ibr_looks, 2 * i + 1);
-  vec3 c = origin + ibr_eye_from_world * item.xyz;
   vec3 u = ibr_eye_from_world * axis.xyz;
   float least = ibr_half_pixel(c.z), r = max(item.w, least);
   ibr_middle = vec4(c, r);
@@ -52,9 +56,14 @@ flat in vec4 ibr_middle;
 flat in vec4 ibr_axis;
 flat in vec4 ibr_second;
 
-// Where a ray meets the sphere about an end; x below 0 where it does not.
-vec2 ibr_ball(vec3 off, vec3 ray, float sign_of_t)
+// Where a ray meets the sphere about an end, `gap` its equation's rest; x below 0 where it does not.
+vec2 ibr_ball(vec3 off, vec3 ray, float sign_of_t, float gap)
 {
+  if (ibr_gap.w > 0.0)
+  {
+    vec3 roots = ibr_roots(dot(ray, ray), -dot(off, ray), gap);
+    return vec2(roots.z, sign_of_t < 0.0 ? roots.x : roots.y);
+  }
   float inverse = 1.0 / dot(ray, ray);
   float along = -dot(off, ray) * inverse;
   vec3 near = off + along * ray;
@@ -66,7 +75,8 @@ void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, 
 {
   float r = ibr_middle.w, reach = ibr_axis.w;
   vec3 u = ibr_axis.xyz, away = ibr_middle.xyz - from;
-  float foot = dot(away, ray) / dot(ray, ray);
+  bool close = ibr_gap.w > 0.0; // then all is told from where the ray starts
+  float foot = close ? 0.0 : dot(away, ray) / dot(ray, ray);
   vec3 off = foot * ray - away; // from the middle to the foot
   float up = dot(off, u), rise = dot(ray, u);
   vec3 start = off - up * u, way = ray - rise * u;
@@ -76,33 +86,47 @@ void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, 
   float square = r * r - dot(near, near);
   float half_chord = sqrt(max(square, 0.0) * inverse);
   t = along + vec2(-half_chord, half_chord);
+  vec2 ends_at = vec2(-reach, reach) - up; // heights of both ends
+  float gap = 0.0;
+  if (close)
+  {
+    vec3 across = from - dot(from, u) * u;
+    gap = ibr_gap.x + dot(across, across - 2.0 * ibr_middle.xyz);
+    vec3 roots = ibr_roots(dot(way, way), -dot(start, way), gap);
+    t = roots.xy;
+    square = roots.z;
+    ends_at = ibr_gap.yz - dot(from, u);
+  }
   hits = bvec2(square >= 0.0);
   enters = start + t.x * way;
   leaves = start + t.y * way;
 #if CAPS == 1
   float steep = abs(rise) < 1e-12 ? 1e-12 : rise;
-  vec2 ends = (vec2(-reach, reach) * sign(steep) - up) / steep;
+  vec2 ends = (steep < 0.0 ? ends_at.yx : ends_at) / steep;
   if (ends.x > t.x) enters = -sign(steep) * u;
   if (ends.y < t.y) leaves = sign(steep) * u;
   t = vec2(max(t.x, ends.x), min(t.y, ends.y));
   hits = bvec2(hits.x && t.x <= t.y);
 #else
-  vec2 heights = up + t * rise;
+  vec2 heights = t * rise;
+  bvec2 below = lessThan(heights, ends_at.xx), above = greaterThan(heights, ends_at.yy);
 #if CAPS == 0
-  hits = bvec2(hits.x && abs(heights.x) <= reach, hits.y && abs(heights.y) <= reach);
+  hits = bvec2(hits.x && !below.x && !above.x, hits.y && !below.y && !above.y);
 #else
-  if (abs(heights.x) > reach)
+  if (below.x || above.x)
   {
-    vec3 end = off - sign(heights.x) * reach * u;
-    vec2 ball = ibr_ball(end, ray, -1.0);
+    float height = below.x ? ends_at.x : ends_at.y;
+    vec3 end = off + (below.x ? reach : -reach) * u;
+    vec2 ball = ibr_ball(end, ray, -1.0, gap + height * height);
     hits.x = hits.x && ball.x >= 0.0;
     t.x = ball.y;
     enters = end + t.x * ray;
   }
-  if (abs(heights.y) > reach)
+  if (below.y || above.y)
   {
-    vec3 end = off - sign(heights.y) * reach * u;
-    vec2 ball = ibr_ball(end, ray, 1.0);
+    float height = below.y ? ends_at.x : ends_at.y;
+    vec3 end = off + (below.y ? reach : -reach) * u;
+    vec2 ball = ibr_ball(end, ray, 1.0, gap + height * height);
     hits.y = hits.y && ball.x >= 0.0;
     t.y = ball.y;
     leaves = end + t.y * ray;

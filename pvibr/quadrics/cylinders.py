@@ -8,7 +8,7 @@ from pvibr.billboards.cards import as_points
 from pvibr.core.signatures import takes
 from pvibr.maths.quadric_rays import CAPS, meet_cylinders
 from pvibr.meshes.unit_meshes import along, balls, linear, tubes
-from pvibr.quadrics.cards import Shape
+from pvibr.quadrics.cards import Shape, gap_rows
 from pvibr.quadrics.quadrics import Quadrics, checked_lengths
 from pvibr.scene import looks as look
 
@@ -153,6 +153,14 @@ class Cylinders(Quadrics):
             for ends, colors in zip(self._ends, (first, last), strict=True):
                 found.append((*balls(self.prop), linear(ends, size), colors))
         return found
+
+    def _gaps(self, eye, index):
+        middles, (_, lengths, units) = self._spheres()[0], self._halves()
+        away, radii = middles[index] - eye, self._radii[index]
+        up = np.einsum('ni,ni->n', away, units[index])
+        across = np.linalg.norm(away - up[:, None] * units[index], axis=1)
+        ends = up[:, None] + lengths[index, None] * [-1, 1]
+        return gap_rows((across - radii) * (across + radii), radii**2, ends)
 
     def _meet(self, start, direction, index):
         middles, halves = self._spheres()[0][index], self._halves()[0][index]

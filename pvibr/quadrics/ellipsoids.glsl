@@ -9,20 +9,23 @@ flat out vec3 ibr_centre; // eye space
 flat out mat3 ibr_scaled; // half axes over their squared lengths, eye space
 
 // Centre and half extents of the picture along a way, that of the longer axis for cards, and across
-// it; the last is half its least width.
-void ibr_outline(vec3 c, mat3 m, out vec2 middle, out vec3 extent, inout vec2 way)
+// it; the last is half its least width, from the determinant: a difference of squares has no more
+// than half a float's digits.
+void ibr_outline(vec3 c, mat3 m, vec3 radii, out vec2 middle, out vec3 extent, inout vec2 way)
 {
   mat3 rows = transpose(m);
   vec3 x = rows[0], y = rows[1], z = rows[2];
   vec3 across = vec3(0.0);
   middle = c.xy;
-  float share = 1.0;
+  float share = 1.0, area = 0.0;
   if (ibr_parallel == 0)
   {
     // In units of the distance: no square leaves what a float can hold.
     x /= -c.z, y /= -c.z, z /= -c.z;
     middle /= -c.z;
     share = 1.0 - dot(z, z);
+    vec3 from = (c * m) / (radii * radii), sides = radii / -c.z;
+    area = sides.x * sides.y * sides.z * sqrt(max(dot(from, from) - 1.0, 0.0) / share) / share;
     vec3 wx = cross(x, z), wy = cross(y, z);
     across = vec3(dot(wx, wx), dot(wx, wy), dot(wy, wy));
     vec2 slopes = middle;
@@ -33,6 +36,8 @@ void ibr_outline(vec3 c, mat3 m, out vec2 middle, out vec3 extent, inout vec2 wa
   vec3 form = (vec3(dot(x, x), dot(x, y), dot(y, y)) - across) / (share * share);
   float size = max(form.x + form.z, 1e-30);
   form /= size;
+  float scale = inversesqrt(size);
+  area = ibr_parallel == 1 ? length(cross(x * scale, y * scale)) : area / size;
   float gap = 0.5 * (form.x - form.z);
   float root = length(vec2(gap, form.y));
 #if CORNERS == 4
@@ -41,16 +46,25 @@ void ibr_outline(vec3 c, mat3 m, out vec2 middle, out vec3 extent, inout vec2 wa
 #endif
   vec2 squares = way * way;
   float mixed = 2.0 * way.x * way.y * form.y;
-  vec3 found = vec3(dot(squares, form.xz) + mixed, dot(squares.yx, form.xz) - mixed, 0.5 - root);
-  extent = sqrt(size * max(found, 0.0));
+  vec2 found = vec2(dot(squares, form.xz) + mixed, dot(squares.yx, form.xz) - mixed);
+  extent.xy = sqrt(size * max(found, 0.0));
+  extent.z = area * sqrt(size / (0.5 + root));
+#if CORNERS == 4
+  if (root > 1e-3) extent.y = extent.z;
+#endif
 }
 
-bool ibr_place(int i, vec3 origin, out IbrCard card)
+vec3 ibr_offset(int i)
+{
+  return vec3(ibr_fetched(ibr_items, 3 * i).w, ibr_fetched(ibr_items, 3 * i + 1).w,
+    ibr_fetched(ibr_items, 3 * i + 2).w);
+}
+
+bool ibr_place(int i, vec3 c, out IbrCard card)
 {
   vec4 a = ibr_fetched(ibr_items, 3 * i);
   vec4 b = ibr_fetched(ibr_items, 3 * i + 1);
   vec4 d = ibr_fetched(ibr_items, 3 * i + 2);
-  vec3 c = origin + ibr_eye_from_world * vec3(a.w, b.w, d.w);
   mat3 m = ibr_eye_from_world * mat3(a.xyz, b.xyz, d.xyz);
   vec3 radii = vec3(length(m[0]), length(m[1]), length(m[2]));
   float least = ibr_half_pixel(c.z), largest = max(max(radii.x, radii.y), radii.z);
@@ -63,7 +77,7 @@ bool ibr_place(int i, vec3 origin, out IbrCard card)
   {
     vec2 middle;
     vec3 extent;
-    ibr_outline(c, m, middle, extent, card.way);
+    ibr_outline(c, m, radii, middle, extent, card.way);
     if (extent.z < 0.5 * ibr_pixel)
     {
       // Half as much again, as it tapers.
@@ -89,15 +103,26 @@ flat in mat3 ibr_scaled;
 void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, out vec3 leaves)
 {
   vec3 away = ibr_centre - from;
-  float along = dot(away, ray) / dot(ray, ray);
-  // In a space where it is the unit sphere, from the foot on.
-  vec3 start = (along * ray - away) * ibr_scaled, way = ray * ibr_scaled;
+  // In a space where it is the unit sphere, from the foot on; found twice, as what is left of the
+  // first is of the size of the longest axis.
+  vec3 way = ray * ibr_scaled;
   float inverse = 1.0 / dot(way, way);
+  float along = dot(away, ray) / dot(ray, ray);
+  along -= dot((along * ray - away) * ibr_scaled, way) * inverse;
+  vec3 start = (along * ray - away) * ibr_scaled;
   float foot = -dot(start, way) * inverse;
   start += foot * way;
   float square = 1.0 - dot(start, start);
   float half_chord = sqrt(max(square * inverse, 0.0));
   t = along + foot + vec2(-half_chord, half_chord);
+  if (ibr_gap.w > 0.0)
+  {
+    vec3 scaled = from * ibr_scaled, centre = ibr_centre * ibr_scaled;
+    float gap = ibr_gap.x + dot(scaled, scaled - 2.0 * centre);
+    vec3 roots = ibr_roots(dot(way, way), dot(centre - scaled, way), gap);
+    t = roots.xy;
+    square = roots.z;
+  }
   hits = bvec2(square >= 0.0);
   enters = normalize(ibr_scaled * (start - half_chord * way));
   leaves = normalize(ibr_scaled * (start + half_chord * way));

@@ -9,7 +9,7 @@ from pvibr.core.signatures import takes
 from pvibr.maths.quadric_rays import meet_ellipsoids
 from pvibr.maths.quaternions import to_matrices
 from pvibr.meshes.unit_meshes import balls, linear
-from pvibr.quadrics.cards import Shape
+from pvibr.quadrics.cards import Shape, gap_rows
 from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths
 
 _FLATTEST = 1e-4  # of the largest radius: what floats can tell from a disc
@@ -104,6 +104,13 @@ class Ellipsoids(PointQuadrics):
 
     def _bodies(self):
         return [(*balls(self.prop), linear(self._points, self.axes()), self._colors)]
+
+    def _gaps(self, eye, index):
+        axes = self.axes()[index]
+        with np.errstate(divide='ignore', invalid='ignore'):  # of length 0: not drawn
+            scaled = axes / (axes**2).sum(1, keepdims=True)
+        away = np.linalg.norm(np.einsum('nji,nj->ni', scaled, self._points[index] - eye), axis=1)
+        return gap_rows((away - 1) * (away + 1), 1.0)
 
     def _meet(self, start, direction, index):
         return meet_ellipsoids(start, direction, self._points[index], self.axes()[index])

@@ -15,8 +15,11 @@ from pvibr.maths.quadric_rays import Meeting
 from pvibr.quadrics.cards import (
     BLENDED,
     DRAW_MODES,
+    GIANTS,
     Layer,
     Shape,
+    eye_of,
+    giant_blocks,
     seen_blocks,
     view_uniforms,
 )
@@ -128,6 +131,10 @@ class Quadrics(CardSet):
         """Return texels, shape (n, t, 4), for centres relative to their blocks."""
         raise NotImplementedError
 
+    def _gaps(self, eye, index) -> np.ndarray:
+        """Return what is left of the equation of some at the eye, heights of both ends, use."""
+        raise NotImplementedError
+
     def _meet(self, start, direction, index) -> Meeting:
         """Return the intersections of a ray with some of them."""
         raise NotImplementedError
@@ -201,14 +208,18 @@ class Quadrics(CardSet):
         super().prepare(frame)
 
     def _choose(self, frame, others):
-        self.uniforms = view_uniforms(frame, len(self), 1 if self.blends else BLOCK)
+        self.uniforms = view_uniforms(frame, len(self))
         (self._show_blended if self.blends else self._show_opaque)(frame, others)
 
     def _show_opaque(self, frame, _others):
         seen = seen_blocks(self._blocks, frame, self.shape)
         hidden = self._occlusion.hidden(self, frame, seen)
         self._hidden = min(int(hidden.sum()) * BLOCK, len(self))
-        for k, layer in enumerate(self._layers):
+        giant = seen.modes == DRAW_MODES.index(GIANTS)
+        slots = self._slots(seen.entries[giant, 3].astype(int))
+        gaps = self._gaps(eye_of(frame), self._order[slots])
+        self._layers[0].show(self._entries_of(frame, slots, own=True), 1, gaps=gaps)
+        for k, layer in enumerate(self._layers[1:], 1):
             layer.show(seen.entries[(seen.modes == k) & ~hidden])
 
     def _show_blended(self, frame, others):
@@ -216,17 +227,30 @@ class Quadrics(CardSet):
         for layer in self._layers[:-1]:
             layer.show(np.zeros((0, 4)))
         self._hidden = 0
-        seen = self._blocks.seen(frame)[0]
-        slots = (seen[:, None] * BLOCK + np.arange(BLOCK)).ravel()
-        slots = slots[slots < len(self)]
+        seen, origins = self._blocks.seen(frame)[:2]
+        giant = seen[giant_blocks(self._blocks, frame, origins, seen)]
+        slots = self._slots(seen)
         depths = depths_of(frame, self._spheres()[0][self._order[slots]])
         order = np.argsort(-depths, kind='stable')
         slots, depths = slots[order], depths[order]
+        entries, gaps = self._entries_of(frame, slots, own=len(giant) > 0), None
+        if len(giant):
+            gaps, found = np.zeros((len(slots), 4)), np.isin(slots // BLOCK, giant)
+            gaps[found] = self._gaps(eye_of(frame), self._order[slots[found]])
+        cuts = np.searchsorted(-depths, [-d for d in others], side='right').tolist()
+        self._order_parts(frame, others, self._layers[-1].show(entries, 1, cuts, gaps))
+
+    def _slots(self, blocks):
+        """Return the slots of the items in blocks."""
+        slots = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+        return slots[slots < len(self)]
+
+    def _entries_of(self, frame, slots, own):
+        """Return entries of one item each, with middles of their own or of their blocks."""
         view = frame.view_from_world
-        origins = self._blocks.centers @ view[:3, :3].T + view[:3, 3]
-        entries = np.column_stack([origins[slots // BLOCK], slots])
-        cuts = np.searchsorted(-depths, [-d for d in others], side='right')
-        self._order_parts(frame, others, self._layers[-1].show(entries, 1, cuts.tolist()))
+        middles = self._spheres()[0][self._order[slots]] if own else self._blocks.centers
+        origins = middles @ view[:3, :3].T + view[:3, 3]
+        return np.column_stack([origins if own else origins[slots // BLOCK], slots])
 
     # -- the GPU ------------------------------------------------------------------------------
 

@@ -3,10 +3,14 @@
 //@vertex.declare
 flat out vec4 ibr_item; // centre, eye space; radius
 
-bool ibr_place(int i, vec3 origin, out IbrCard card)
+vec3 ibr_offset(int i)
+{
+  return ibr_fetched(ibr_items, i).xyz;
+}
+
+bool ibr_place(int i, vec3 c, out IbrCard card)
 {
   vec4 item = ibr_fetched(ibr_items, i);
-  vec3 c = origin + ibr_eye_from_world * item.xyz;
   float r = max(item.w, ibr_half_pixel(c.z));
   ibr_item = vec4(c, r);
   card.way = vec2(1.0, 0.0);
@@ -29,6 +33,13 @@ void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, 
   float square = ibr_item.w * ibr_item.w - dot(off, off);
   float half_chord = sqrt(max(square * inverse, 0.0));
   t = along + vec2(-half_chord, half_chord);
+  if (ibr_gap.w > 0.0)
+  {
+    float gap = ibr_gap.x + dot(from, from - 2.0 * ibr_item.xyz);
+    vec3 roots = ibr_roots(dot(ray, ray), dot(away, ray), gap);
+    t = roots.xy;
+    square = roots.z;
+  }
   hits = bvec2(square >= 0.0);
   enters = normalize(off - half_chord * ray);
   leaves = normalize(off + half_chord * ray);

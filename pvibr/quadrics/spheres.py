@@ -8,7 +8,7 @@ from pvibr.billboards.cards import as_points
 from pvibr.core.signatures import takes
 from pvibr.maths.quadric_rays import meet_spheres
 from pvibr.meshes.unit_meshes import balls, linear
-from pvibr.quadrics.cards import Shape
+from pvibr.quadrics.cards import Shape, gap_rows
 from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths
 
 
@@ -80,6 +80,10 @@ class Spheres(PointQuadrics):
     def _bodies(self):
         matrices = linear(self._points, self._radii[:, None, None] * np.eye(3))
         return [(*balls(self.prop), matrices, self._colors)]
+
+    def _gaps(self, eye, index):
+        away, radii = np.linalg.norm(self._points[index] - eye, axis=1), self._radii[index]
+        return gap_rows((away - radii) * (away + radii), radii**2)
 
     def _meet(self, start, direction, index):
         return meet_spheres(start, direction, self._points[index], self._radii[index])
