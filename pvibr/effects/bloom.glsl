@@ -19,8 +19,8 @@ uniform float firefly_reduction;
 vec4 above(vec4 c)
 {
 #if FLOATS
-  // Infinity would stay in sums for ever; NaN fails every comparison.
-  if (!(dot(c, vec4(1.0)) < 1e9)) return vec4(0.0);
+  // Infinity would stay in sums for ever. Comparisons do not find NaN: NVIDIA turns !(a < b) round.
+  if (any(isnan(c)) || any(isinf(c))) return vec4(0.0);
   c.rgb = clamp(c.rgb, 0.0, 10000.0);
 #endif
   vec3 s = c.rgb * clamp(c.a + background, 0.0, 1.0);

@@ -359,6 +359,46 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   vec2 t = clamp(p / ibr_margin * 0.5 + 0.5, ibr_card.x, 1.0 - ibr_card.x);
   return ibr_level.xy + (cell + t) * ibr_level.zw;
 }
+
+// Adds what the eye's ray meets in one view to the weighted sums.
+void ibr_see(vec3 point, vec3 ray, vec3 cell, vec4 depth_row, inout vec4 geometry,
+  inout vec4 albedo, inout float weights)
+{
+  vec2 slope = ray.xy / ray.z;
+  vec2 base = point.xy - slope * point.z;
+  float h = 0.0;
+#if STEPS > 0
+  // Where the ray meets the depth: two fixed-point steps. Where one view must do, the second is
+  // a secant step, exact on planes however steep, where another fixed-point step would run away;
+  // where views are weighed by what they miss, those that run away lose.
+  vec2 t0 = ibr_texcoord(base, cell.xy);
+  float h1 = (texture(ibr_geometry, t0).r * 2.0 - 1.0) * ibr_margin;
+  vec2 t1 = ibr_texcoord(base + slope * h1, cell.xy);
+  h = (texture(ibr_geometry, t1).r * 2.0 - 1.0) * ibr_margin;
+#if VIEWS_BLENDED == 1
+  float bend = 2.0 * h1 - h;
+  h = abs(bend) > 0.3 * abs(h1) ? h1 + (h - h1) * h1 / bend : h;
+#endif
+  h = clamp(h, -ibr_margin, ibr_margin);
+#endif
+  vec2 p = STEPS > 0 ? base + slope * h : point.xy;
+  vec2 t = ibr_texcoord(p, cell.xy);
+  vec4 g = texture(ibr_geometry, t);
+  vec4 a = texture(ibr_albedo, t);
+  float z = (g.r * 2.0 - 1.0) * ibr_margin;
+#if VIEWS_BLENDED == 3
+  // A view that sees the background where others see the object may just look past an edge.
+  float miss = z - h;
+  float w = cell.z * (exp2(-400.0 * miss * miss) * (0.3 + 0.7 * g.g) + 1e-6);
+#else
+  float w = 1.0;
+#endif
+  float depth = dot(depth_row.xyz, vec3(p, z)) + depth_row.w;
+  float inside = step(max(abs(p.x), abs(p.y)), ibr_margin);
+  geometry += w * vec4(depth, inside * vec3(g.g, g.ba * 2.0 - 1.0));
+  albedo += w * inside * vec4(a.rgb, a.a * 2.0 - 1.0);
+  weights += w;
+}
 #endif
 
 //@fragment.sample
@@ -370,44 +410,12 @@ vec2 ibr_texcoord(vec2 p, vec2 cell)
   vec4 ibr_g = vec4(0.0);        // eye depth, coverage, normal xy: sums over views
   vec4 ibr_a = vec4(0.0);        // albedo, normal z
   float ibr_w = 0.0;
-  for (int k = 0; k < VIEWS_BLENDED; ++k)
-  {
-    vec3 point = ibr_point[k];
-    vec2 slope = ibr_ray[k].xy / ibr_ray[k].z;
-    vec2 base = point.xy - slope * point.z;
-    float h = 0.0;
-#if STEPS > 0
-    // Where the ray meets the depth: two fixed-point steps. Where one view must do, the second is
-    // a secant step, exact on planes however steep, where another fixed-point step would run away;
-    // where views are weighed by what they miss, those that run away lose.
-    vec2 t0 = ibr_texcoord(base, ibr_cell[k].xy);
-    float h1 = (texture(ibr_geometry, t0).r * 2.0 - 1.0) * ibr_margin;
-    vec2 t1 = ibr_texcoord(base + slope * h1, ibr_cell[k].xy);
-    h = (texture(ibr_geometry, t1).r * 2.0 - 1.0) * ibr_margin;
-#if VIEWS_BLENDED == 1
-    float bend = 2.0 * h1 - h;
-    h = abs(bend) > 0.3 * abs(h1) ? h1 + (h - h1) * h1 / bend : h;
-#endif
-    h = clamp(h, -ibr_margin, ibr_margin);
-#endif
-    vec2 p = STEPS > 0 ? base + slope * h : point.xy;
-    vec2 t = ibr_texcoord(p, ibr_cell[k].xy);
-    vec4 g = texture(ibr_geometry, t);
-    vec4 a = texture(ibr_albedo, t);
-    float z = (g.r * 2.0 - 1.0) * ibr_margin;
+  // No loop: NVIDIA's compiler (580.159) loses its sums where normals are not used.
+  ibr_see(ibr_point[0], ibr_ray[0], ibr_cell[0], ibr_depth_row[0], ibr_g, ibr_a, ibr_w);
 #if VIEWS_BLENDED == 3
-    // A view that sees the background where others see the object may just look past an edge.
-    float miss = z - h;
-    float w = ibr_cell[k].z * (exp2(-400.0 * miss * miss) * (0.3 + 0.7 * g.g) + 1e-6);
-#else
-    float w = 1.0;
+  ibr_see(ibr_point[1], ibr_ray[1], ibr_cell[1], ibr_depth_row[1], ibr_g, ibr_a, ibr_w);
+  ibr_see(ibr_point[2], ibr_ray[2], ibr_cell[2], ibr_depth_row[2], ibr_g, ibr_a, ibr_w);
 #endif
-    float depth = dot(ibr_depth_row[k].xyz, vec3(p, z)) + ibr_depth_row[k].w;
-    float inside = step(max(abs(p.x), abs(p.y)), ibr_margin);
-    ibr_g += w * vec4(depth, inside * vec3(g.g, g.ba * 2.0 - 1.0));
-    ibr_a += w * inside * vec4(a.rgb, a.a * 2.0 - 1.0);
-    ibr_w += w;
-  }
   ibr_g /= ibr_w;
   ibr_a /= ibr_w;
 #endif

@@ -71,8 +71,9 @@ class DrawMode:
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
         }
         if self.hides:
-            tags = 'VTK::Color::Impl', 'VTK::Normal::Impl', 'VTK::Light::Impl'
-            fragment |= dict.fromkeys(tags, '\n')
+            fragment |= dict.fromkeys(('VTK::Color::Impl', 'VTK::Normal::Impl'), '\n')
+            # VTK discards where alpha is 0, and some drivers take what is not written for 0.
+            fragment['VTK::Light::Impl'] = 'gl_FragData[0] = vec4(1.0);\n'
         if not self.dots:
             cut = part['fragment.cut'] + (part['fragment.depth'] if self.depth else '')
             # Depth peeling sets that of the card first.
