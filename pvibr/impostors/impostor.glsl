@@ -86,6 +86,10 @@ in vec4 vertexVCVSOutput;
     float ibr_along = ibr_near * ibr_far / (ibr_far - ibr_d * (ibr_far - ibr_near));
     ibr_place = ibr_from.xyz + (ibr_place - ibr_from.xyz) * (ibr_along / ibr_planes.z);
   }
+  // As a mesh is cut: what stands before the near plane is none of an image's.
+  vec2 ibr_zw = vec2(ibr_clip_depth.x * ibr_place.z + ibr_clip_depth.y,
+    ibr_clip_depth.z * ibr_place.z + ibr_clip_depth.w);
+  if (ibr_zw.x > ibr_zw.y) { discard; }
   vec4 vertexVC = vec4(ibr_place, 1.0);
   bool ibr_is_lit = dot(ibr_normal, ibr_normal) > 0.04 * ibr_color.a * ibr_color.a;
   ibr_normal = ibr_eye_from_world * normalize(ibr_is_lit ? ibr_normal : vec3(0.0, 0.0, 1.0));
@@ -101,11 +105,7 @@ in vec4 vertexVCVSOutput;
 #define IBR_NORMAL ibr_normal
 
 //@fragment.depth
-  {
-    float z = ibr_place.z;
-    vec2 zw = vec2(ibr_clip_depth.x * z + ibr_clip_depth.y, ibr_clip_depth.z * z + ibr_clip_depth.w);
-    gl_FragDepth = clamp(zw.x / zw.y * 0.5 + 0.5, 0.0, 1.0);
-  }
+  gl_FragDepth = clamp(ibr_zw.x / ibr_zw.y * 0.5 + 0.5, 0.0, 1.0);
 
 //@fragment.color
   ambientColor = ibr_matter.x * ibr_base_color;

@@ -6,7 +6,6 @@ from collections import Counter
 
 import numpy as np
 
-from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.params import Param
 from pvibr.gl.drawer import Drawer
@@ -15,13 +14,13 @@ from pvibr.impostors.costs import Costs
 from pvibr.impostors.images import FINEST, Eyes, Images
 from pvibr.impostors.instance_sets import InstanceSet
 from pvibr.impostors.leaves import Leaves
+from pvibr.impostors.members import checked, is_actor
 from pvibr.impostors.nodes import FARTHEST, NEAREST, Nodes
 from pvibr.impostors.sources import Materials, Source
 from pvibr.instances.instances import Instances
 from pvibr.maths.views import may_see_boxes
 from pvibr.scene.casters import listed
 from pvibr.scene.substitute import Substitute, addresses
-from pvibr.scene.thing import Thing
 
 #: Side of an image in texels above which there is none.
 LARGEST = 1024
@@ -83,7 +82,7 @@ class Impostor(Substitute):
     _built = _fitted = False
 
     def __init__(self, actors, *, name=None, **settings):
-        found = _checked(actors)
+        found = checked(actors)
         super().__init__(**settings)
         if not self.hierarchical and any(isinstance(thing, Instances) for thing in found):
             msg = (
@@ -122,7 +121,7 @@ class Impostor(Substitute):
         return [self._card.actor, *self._stood_for()]
 
     def _stood_for(self) -> list:
-        return [thing for thing in self.things if _is_actor(thing)]
+        return [thing for thing in self.things if is_actor(thing)]
 
     def _cards(self) -> list:
         return [self._card]
@@ -181,9 +180,9 @@ class Impostor(Substitute):
         False
         >>> pl.close()
         """
-        found = self._refused_none(_checked(actors))
+        found = self._refused_none(checked(actors))
         self.things = [*self.things, *found]
-        if not all(map(_is_actor, found)):
+        if not all(map(is_actor, found)):
             self._begin_again(self.things)
             return
         missing = len(found) - self._leaves.sources.count(None)
@@ -244,7 +243,7 @@ class Impostor(Substitute):
         """Let go of some things."""
         away = {id(thing) for thing in gone}
         self.things = [thing for thing in self.things if id(thing) not in away]
-        if not all(map(_is_actor, gone)):
+        if not all(map(is_actor, gone)):
             self._begin_again(self.things)
             return
         for actor in gone:
@@ -290,8 +289,8 @@ class Impostor(Substitute):
 
     def _stand_for(self, things):
         self.things = things
-        actors = [thing for thing in things if _is_actor(thing)]
-        sets = [InstanceSet(t, self._materials) for t in things if not _is_actor(t)]
+        actors = [thing for thing in things if is_actor(thing)]
+        sets = [InstanceSet(t, self._materials) for t in things if not is_actor(t)]
         self._leaves = Leaves([Source(actor, self._materials) for actor in actors], sets)
 
     def _update(self):
@@ -358,12 +357,16 @@ class Impostor(Substitute):
         """Return the nodes to draw as images, and why other actors are not."""
         nodes, n = self._nodes, len(self._leaves)
         why = self._leaves.why.copy()
+        before, behind = nodes.span(eyes)
         here = nodes.live & may_see_boxes(eyes.frame.view, nodes.low, nodes.high)
+        here &= behind > eyes.frame.view.near
         why[nodes.live[:n] & ~here[:n]] = 'out of view'
         away = eyes.away(nodes.center)
         scale = eyes.pixels(nodes.center, nodes.radius) / away
         pixels = 2 * nodes.radius * scale
         ahead = (away > NEAREST * nodes.radius) | eyes.parallel
+        # Where the near plane cuts a mesh, it shows what no image has.
+        ahead &= before >= eyes.frame.view.near
         usable = ahead & (pixels * 1.2 / self._allowed < min(LARGEST, self._side()))
         seconds = self._costs.meshes(self._leaves, nodes)
         own = self._own_costs(eyes, seconds, scale, away)
@@ -494,29 +497,3 @@ class Impostor(Substitute):
             **self._told,
             'meshes': dict(Counter(w for w in self._why if w and w != 'hidden')),
         }
-
-
-def _checked(actors) -> list:
-    """Return actors and instances as a checked list."""
-    found = listed(actors)
-    for thing in found:
-        if not _is_actor(thing) and type(thing) is not Instances:
-            msg = (
-                f'actors holds a {type(thing).__name__}: each must be an actor, as add_mesh '
-                'returns it, or Instances, as add_instances does'
-            )
-            raise TypeError(msg)
-    if not found:
-        msg = 'actors is empty: give one or more'
-        raise ValueError(msg)
-    seen: set = set()
-    for place, thing in enumerate(found):
-        if id(thing) in seen:
-            msg = f'actors[{place}] is there twice: give each of them once'
-            raise ValueError(msg)
-        seen.add(id(thing))
-    return found
-
-
-def _is_actor(thing) -> bool:
-    return isinstance(thing, _vtk.vtkActor) and not isinstance(thing, Thing)

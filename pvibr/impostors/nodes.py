@@ -71,6 +71,13 @@ class Nodes:
         """Bounds of all live nodes: x, y and z, low and high."""
         return np.stack([self.low[self.live].min(0), self.high[self.live].max(0)], 1).ravel()
 
+    def span(self, eyes):
+        """Return the least and the largest distance of each box along the view."""
+        row = eyes.frame.view_from_world[2]
+        middle, half = (self.low + self.high) / 2, (self.high - self.low) / 2
+        away, reach = -(middle - eyes.eye) @ row[:3], half @ np.abs(row[:3])
+        return away - reach, away + reach
+
     def faces(self, eyes):
         """Return depth and visible area of the boxes."""
         if eyes.parallel:
