@@ -15,7 +15,7 @@ def make(seed, parallel, **settings):
     pl = plotter((200, 150))
     torus = pv.ParametricTorus(u_res=80, v_res=40)
     actors = [pl.add_mesh(torus, color='gold', smooth_shading=True)]
-    for k in range(9):
+    for _ in range(9):
         ball = pv.Sphere(radius=0.35, center=rng.uniform(-1.6, 1.6, 3))
         actors.append(pl.add_mesh(ball, color=rng.uniform(0.1, 0.9, 3)))
     actors[0].orientation = rng.uniform(0, 360, 3)
