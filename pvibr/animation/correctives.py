@@ -290,7 +290,7 @@ def _slopes(mesh, points):
         return np.zeros((mesh.n_points, 3))
     shape = pv.PolyData()
     shape.copy_structure(mesh)
-    shape.points = np.asarray(points, dtype=np.float64)
+    shape.SetPoints(pv.vtk_points(np.asarray(points, dtype=np.float64)))  # the others are shared
     found = shape.compute_normals(
         cell_normals=False, split_vertices=False, consistent_normals=False
     )
