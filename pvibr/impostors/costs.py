@@ -62,13 +62,25 @@ class Costs:
     def meshes(self, leaves, nodes) -> np.ndarray:
         """Return the seconds of the meshes under each node."""
         if self._sums is None:
-            seconds = self._of(leaves.seconds, leaves.cells)
+            seconds = self.of(leaves)
             self._sums = nodes.tree.gather(seconds * nodes.live[: len(leaves)], np.add)
         return self._sums
 
     def often(self, tree) -> np.ndarray | float:
         """Return the share of frames in which each node changed."""
         return tree.gather(self.busy, np.maximum) if self.busy.max() > 1e-3 else 0.0
+
+    def of(self, leaves) -> np.ndarray:
+        """Return the measured or expected seconds of the mesh of each leaf."""
+        return self._of(leaves.seconds, leaves.cells)
+
+    def by_reason(self, leaves, why) -> dict:
+        """Return the milliseconds of the leaves that are drawn as meshes, by the reason."""
+        found: dict = {}
+        for reason, seconds in zip(why, self.of(leaves).tolist(), strict=False):
+            if reason not in ('', 'hidden', 'out of view'):
+                found[reason] = found.get(reason, 0.0) + 1e3 * seconds
+        return found
 
     def _of(self, seconds, cells):
         return np.where(seconds < np.inf, seconds, expected_seconds(cells) * self._ratio.value)

@@ -496,4 +496,5 @@ class Impostor(Substitute):
             'frames_with_rendering': self._drawn_frames / max(self._frames, 1),
             **self._told,
             'meshes': dict(Counter(w for w in self._why if w and w != 'hidden')),
+            'meshes_ms': self._costs.by_reason(self._leaves, self._why),
         }

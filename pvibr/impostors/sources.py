@@ -9,7 +9,8 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.maths.impostors import dop_corners
 from pvibr.meshes.parts import copy_property
-from pvibr.scene.actor_watch import NOT_FINITE, ineligibility
+from pvibr.scene.actor_watch import NOT_FINITE, ineligibility, updated_data
+from pvibr.scene.stray_cells import without_strays
 
 # What is kept is the colour before light, which VTK then multiplies by the texture, and the normal
 # after VTK's own flips for surfaces with two sides; without light, the colour as it is.
@@ -89,6 +90,9 @@ class Source:
         """Update eligibility, bounding box and double."""
         self.why = ineligibility(self.actor, relit=True)
         if self.why:
+            data = updated_data(self.actor.GetMapper())
+            self.cells = data.GetNumberOfCells() if data and data.IsA('vtkDataSet') else 0
+            self.seconds, self._shape = np.inf, ()
             return
         data = self.actor.GetMapper().GetInput()
         self._measure(data, dops)
@@ -131,15 +135,17 @@ class Source:
         """Copy the actor's looks to the double."""
         actor = self.actor
         mapper, prop = actor.GetMapper(), actor.GetProperty()
-        times = mapper, mapper.GetMTime(), prop, prop.GetMTime()
+        drawn = without_strays(data)
+        made = 0 if drawn is data else data.GetMTime()
+        times = mapper, mapper.GetMTime(), prop, prop.GetMTime(), data, made
         number = self.materials.number(actor.GetProperty())
         double = self._double
         double.SetUserMatrix(actor.GetMatrix())
         double.SetTexture(actor.GetTexture())
-        if times == self._times and double.GetMapper().GetInput() is data:
+        if times == self._times:
             return
         self._times = times
-        double.SetMapper(copied(actor.GetMapper(), data))
+        double.SetMapper(copied(actor.GetMapper(), drawn))
         copy_property(double.GetProperty(), actor.GetProperty())
         unlit(double, number)
 

@@ -10,6 +10,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.gl.feature import replacements
 from pvibr.scene.content_key import parts_of
+from pvibr.scene.stray_cells import has_strays_only
 
 #: Why an actor is not replaced whose points or matrix are broken.
 NOT_FINITE = 'bounds that are not finite'
@@ -187,9 +188,12 @@ def _not_relit(actor, data) -> str:
     prop = actor.GetProperty()
     if not data.IsA('vtkDataSet') or not data.GetNumberOfCells():
         return 'empty'
-    if prop.GetRepresentation() != _SURFACE or prop.GetEdgeVisibility():
+    if prop.GetRepresentation() != _SURFACE:
         return 'points or lines'
-    if data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines():
+    if prop.GetEdgeVisibility():
+        return 'edges'
+    thin = data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines()
+    if thin and not has_strays_only(data):
         return 'points or lines'
     if prop.GetInterpolation() == _PBR or actor.GetBackfaceProperty() is not None:
         return 'a material of another kind'
