@@ -178,11 +178,14 @@ flat in vec4 ibr_look;
 flat in vec3 ibr_normal;
 flat in float ibr_reach;
 
-// Half a texel of the smaller level that is read stays clear of what is beside the image.
+// Half a texel of the smaller level that is read stays clear of what is beside the image and what
+// pads it to whole texels of the last level.
 vec4 ibr_sampled(vec4 rect, vec2 texel, float lod)
 {
-  vec2 inset = min(vec2(0.5 * exp2(ceil(lod))), 0.5 * (rect.zw - rect.xy));
-  vec2 at = clamp(texel, rect.xy + inset, rect.zw - inset);
+  vec2 extent = rect.zw - rect.xy;
+  if (ibr_straight == 0) extent = ceil(extent * exp2(-ibr_smallest)) * exp2(ibr_smallest);
+  vec2 inset = min(vec2(0.5 * exp2(ceil(lod))), 0.5 * extent);
+  vec2 at = clamp(texel, rect.xy + inset, rect.xy + extent - inset);
   return textureLod(ibr_sheet, at / vec2(textureSize(ibr_sheet, 0)), lod);
 }
 

@@ -16,7 +16,7 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
 from pvibr.images.sheet import as_images
 from pvibr.maths.blocks import BLOCK
-from pvibr.scene.draw_order import MOST
+from pvibr.scene.draw_order import PARTS
 from pvibr.scene.item_set import CardSet
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import Hit, pixel_ray
@@ -192,7 +192,7 @@ class Billboards(CardSet):
         slots = max(-(-len(self) // BLOCK), 1) * BLOCK
         self._chunk, draws = min(slots, _CHUNK), -(-slots // _CHUNK)
         # Blended draws, and for lights those of texels that are at least half opaque.
-        self._draws = self._made(draws + MOST * self.blends, self.blends)
+        self._draws = self._made(draws + PARTS * self.blends, self.blends)
         self._dense = self._made(draws, False) if self.blends else None
         self._dressed = tuple(self.actors())
         self._fit()

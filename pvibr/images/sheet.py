@@ -28,15 +28,14 @@ class Sheet:
         cells = -(-self.sizes // step) * step
         corners, (width, height) = shelves(cells, LARGEST)
         self.rects = np.concatenate([corners, corners + self.sizes], 1).astype(np.float32)
-        full = np.zeros((height, width, 4), np.float32)
-        for image, (x, y), (w, h) in zip(images, corners, cells, strict=True):
-            padding = ((0, h - image.shape[0]), (0, w - image.shape[1]), (0, 0))
-            full[y : y + h, x : x + w] = np.pad(image[::-1], padding, mode='edge')
-        full[..., :3] *= full[..., 3:] / 255
-        self.levels = [np.rint(full).astype(np.uint8)]
-        for k in range(1, int(step).bit_length()):
-            full = _halved(full)
-            level = full if cutout is None else self._kept(full, k, 255 * cutout)
+        reduced = [_Reduced(image[::-1]) for image in images]
+        self.levels: list[np.ndarray] = []
+        for k in range(int(step).bit_length()):
+            full = np.zeros((height >> k, width >> k, 4), np.float32)
+            for one, (x, y), (w, h) in zip(reduced, corners >> k, cells >> k, strict=True):
+                full[y : y + h, x : x + w] = one.padded(h, w)
+                one.halve()
+            level = full if cutout is None or not k else self._kept(full, k, 255 * cutout)
             self.levels.append(np.rint(level).astype(np.uint8))
 
     def _kept(self, full, k, cut):
@@ -127,8 +126,35 @@ def _window(rect, k):
     return rows, slice(left >> k, max(-(-right >> k), (left >> k) + 1))
 
 
-def _halved(a):
-    return 0.25 * (a[::2, ::2] + a[1::2, ::2] + a[::2, 1::2] + a[1::2, 1::2])
+class _Reduced:
+    """An image times its alpha at smaller and smaller levels, without what pads it."""
+
+    def __init__(self, image):
+        self.pixels = image.astype(np.float32)
+        self.pixels[..., :3] *= self.pixels[..., 3:] / 255
+        self._shares = [np.ones(n, np.float32) for n in image.shape[:2]]  # of texels that it fills
+
+    def halve(self):
+        """Go on to the next level."""
+        for axis in (0, 1):
+            share = _paired(self._shares[axis])
+            weight = share.reshape([*share.shape, 1, 1] if axis == 0 else [1, *share.shape, 1])
+            pairs = _paired(self.pixels, axis) * weight
+            self._shares[axis] = total = share.sum(1)
+            shape = (-1, 1, 1) if axis == 0 else (1, -1, 1)
+            self.pixels = pairs.sum(axis + 1) / total.reshape(shape)
+
+    def padded(self, height, width):
+        """Return the level, its border repeated."""
+        missing = (height - self.pixels.shape[0], width - self.pixels.shape[1], 0)
+        return np.pad(self.pixels, [(0, n) for n in missing], mode='edge')
+
+
+def _paired(a, axis=0):
+    """Return an array with an axis split into pairs, padded with a zero."""
+    count = a.shape[axis]
+    a = np.pad(a, [(0, count % 2 if k == axis else 0) for k in range(a.ndim)])
+    return a.reshape(*a.shape[:axis], -1, 2, *a.shape[axis + 1 :])
 
 
 def as_images(image, frames=None) -> list:

@@ -13,7 +13,7 @@ from pvibr.gl import enums as gl
 from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.maths.blocks import BLOCK, frustum_planes
-from pvibr.scene.draw_order import MOST
+from pvibr.scene.draw_order import PARTS
 from pvibr.scene.shader_draws import DULL, ShaderDraws
 
 _GIANT = 300.0  # largest size over the distance of the near plane: floats are good to 1e-5
@@ -107,7 +107,7 @@ class Layer(ShaderDraws):
         chunk = min(mode.chunk, slots)
         draws = 1 if mode is GIANTS else -(-slots // chunk)
         super().__init__(
-            draws=draws + (MOST if mode.blends else 0),
+            draws=draws + (PARTS if mode.blends else 0),
             chunk=chunk,
             prop=pv.Property(lighting=False) if mode.hides else quadrics.prop,
             feature=mode.feature(quadrics.shape),

@@ -14,6 +14,9 @@ from pvibr.gl.scene_pass import is_end
 
 #: Other translucent props among which a thing divides its draws; more share a place.
 MOST = 8
+_SLICES = 96  # of depth, in which things that mix take turns
+#: Parts into which the draws of a thing may be divided.
+PARTS = MOST + _SLICES + 1
 
 
 class Stage(IntEnum):
@@ -50,14 +53,14 @@ class DrawOrder:
         self._weighted = False
 
     def others(self, frame, thing, things) -> list[float]:
-        """Return the depths of other translucent props, the farthest first."""
+        """Return the depths at which a thing divides its draws, the farthest first."""
         self._look(frame, things)
-        found = [depth for depth, _ in self._others]
-        found += [_depth(frame, t) for t in things if t.blends and t is not thing and _shown(t)]
-        found.sort(reverse=True)
-        if len(found) <= MOST:
-            return found
-        return [found[i] for i in np.linspace(0, len(found) - 1, MOST).astype(int)]
+        found = sorted(depth for depth, _ in self._others)
+        if len(found) > MOST:
+            found = [found[i] for i in np.linspace(0, len(found) - 1, MOST).astype(int)]
+        shown = [t for t in things if t.blends and _shown(t)]
+        found += _slices([_depth_range(frame, t) for t in shown])
+        return sorted(found, reverse=True)
 
     def _look(self, frame, things):
         """Find the translucent props of others once in a frame; VTK's own mixing is off then."""
@@ -128,8 +131,36 @@ def _key(prop) -> tuple:
     return (Stage.ANNOTATION,) if is_flat(prop) else (Stage.OPAQUE,)
 
 
+def _slices(ranges) -> list[float]:
+    """Return depths that divide ranges where two or more overlap, and part those that do not."""
+    if len(ranges) < 2:
+        return []
+    ends = np.unique(ranges)
+    middles = (ends[:-1] + ends[1:]) / 2
+    depth = sum(((middles > low) & (middles < high)).astype(int) for low, high in ranges)
+    mixed = np.where(depth > 1, np.diff(ends), 0.0)
+    found = [float(end) for end in ends[:: max(1, -(-len(ends) // (_SLICES // 4)))]]
+    if mixed.sum() > 0:
+        shares = (np.arange(_SLICES - len(found)) + 0.5) / (_SLICES - len(found))
+        at = np.concatenate([[0], np.cumsum(mixed)]) / mixed.sum()
+        found += np.interp(shares, at, ends).tolist()
+    return found
+
+
+def _depth_range(frame, thing) -> tuple[float, float]:
+    """Return the least and the largest depth of a thing's bounds."""
+    low, high = np.reshape(thing.GetBounds(), (3, 2)).T
+    corners = np.where(np.indices((2, 2, 2)).reshape(3, -1).T, high, low)
+    depths = depths_of(frame, corners)
+    if frame.parallel:
+        return float(depths.min()), float(depths.max())
+    nearest = depths_of(frame, np.clip(frame.eye, low, high)[None])
+    return float(nearest[0]), float(depths.max())
+
+
 def _shown(thing) -> bool:
-    return thing.enabled and thing.visibility and bool(thing.drawn())
+    bounds = thing.GetBounds()  # those that come later are not prepared yet
+    return thing.enabled and thing.visibility and bounds is not None and bounds[0] <= bounds[1]
 
 
 def _depth(frame, prop) -> float:

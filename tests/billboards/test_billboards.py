@@ -742,3 +742,61 @@ def test_everything_is_given_back():
     assert thing.report()['bytes'] > 0
     pl.close()
     assert thing.report()['bytes'] == 0
+
+
+@pytest.mark.parametrize('cutout', [None, 0.5])
+@pytest.mark.parametrize('away', [4, 15, 60])
+def test_thin_images_show_nothing_of_their_neighbours(away, cutout, see):
+    """A strip of 90 x 3, between others of other colours, at any distance."""
+    shapes = (3, 90), (90, 3), (2, 70), (5, 5)
+    images = []
+    for k in range(12):
+        image = np.zeros((*shapes[k % 4], 4), np.uint8)
+        image[..., k % 3], image[..., 3] = 255, 255
+        images.append(image)
+    rng, pl = np.random.default_rng(away), plotter()
+    for k in rng.permutation(12):
+        cards = pl.ibr.add_billboards(
+            np.zeros((1, 3)), images, index=k, size=[[2.0, 2.0]], lighting=False, cutout=cutout
+        )
+        pl.set_background('black')
+        pl.camera.position, pl.camera.focal_point, pl.camera.up = (
+            (0, -away, 0),
+            (0, 0, 0),
+            (0, 0, 1),
+        )
+        pl.camera.clipping_range = 0.1, 100
+        picture = see.grab(pl)
+        lit = picture[picture.max(2) > 0.2]
+        assert len(lit), 'nothing is seen'
+        others = np.delete(lit, k % 3, axis=1)
+        assert (others / lit[:, k % 3, None]).max() < 0.01
+        cards.remove()
+    pl.close()
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+@pytest.mark.parametrize('parallel', [None, 2.5])
+@pytest.mark.parametrize('kind', ['billboards', 'spheres'])
+def test_two_blended_sets_that_mix(kind, parallel, seed, see):
+    """Two sets, and two more far apart, look as one with the items of all."""
+    rng = np.random.default_rng(seed)
+    points, colors = rng.uniform(-2, 2, (400, 3)), rng.uniform(size=(400, 3))
+    points[2::4] += 0, 1, 0
+    disc = np.full((8, 8, 4), 255, np.uint8)
+    pictures = []
+    for count in (1, 4):
+        pl = plotter()
+        for k in range(count):
+            look = {'colors': colors[k::count], 'opacity': 0.6, 'lighting': False}
+            if kind == 'spheres':
+                pl.ibr.add_spheres(points[k::count], 0.15, **look)
+            else:
+                pl.ibr.add_billboards(points[k::count], disc, size=0.3, cutout=None, **look)
+        aim(pl, (1, -9, 2), parallel=parallel)
+        pictures.append(see.grab(pl))
+        pl.close()
+    truth, picture = pictures
+    off = np.abs(picture - truth).max(2) > 0.02
+    assert (np.ptp(truth, axis=2) > 0.1).mean() > 0.1
+    assert off.mean() < 0.005

@@ -125,3 +125,23 @@ def test_frames_are_cut_by_rows_from_the_upper_left():
 def test_too_many_texels_are_refused():
     with pytest.raises(ValueError, match='texels together'):
         shelves(np.full((9, 2), 100), 250)
+
+
+@pytest.mark.parametrize('seed', [0, 1, 2])
+def test_each_level_of_a_thin_image_is_its_own_mean(seed):
+    rng = np.random.default_rng(seed)
+    images = [
+        rng.integers(0, 255, (h, w, 4), dtype=np.uint8)
+        for w, h in ((90, 3), (3, 90), (90, 3), (5, 7), *rng.integers(1, 40, (4, 2)))
+    ]
+    sheet = Sheet(images)
+    for image, (left, bottom, right, top) in zip(images, sheet.rects.astype(int), strict=True):
+        whole = image[::-1].astype(float)
+        whole[..., :3] *= whole[..., 3:] / 255
+        for k, level in enumerate(sheet.levels):
+            side = 1 << k
+            for y in range(bottom >> k, -(-top >> k)):
+                for x in range(left >> k, -(-right >> k)):
+                    rows = slice(y * side - bottom, (y + 1) * side - bottom)
+                    mean = whole[rows, x * side - left : (x + 1) * side - left].mean((0, 1))
+                    assert np.abs(level[y, x] - mean).max() <= 0.51
