@@ -16,7 +16,7 @@ from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import TEXTURE_MODES, bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.limits import SIDES, Limits, cast, limits_of
-from pvibr.instances.measure import allowed, measure
+from pvibr.instances.measure import MESH_SHARE, allowed, measure
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.progress import baking
@@ -25,8 +25,9 @@ from pvibr.instances.worth import why_not
 from pvibr.maths.posed_bounds import hull_corners
 from pvibr.meshes.decimate import displacement, lighter
 from pvibr.meshes.parts import as_parts
+from pvibr.meshes.smoothed import smoothed
 
-VERSION = 26  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 27  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 _ALIKE = 0.5  # px: a greater error of the smallest cards is one of what was baked
 _LIGHTEST = 150  # triangles of the lightest level, at least
@@ -142,9 +143,8 @@ def _fitting(content, views, tile, half, room) -> int:
 
 def _new_model(parts, store, key, progress, **grid) -> LodModel:
     """Bake and measure; meshes alone are left where the driver fails."""
-    levels = _levels(parts)
     try:
-        model = _baked(levels, progress, **grid)
+        model = _baked(_levels(parts), _smooth_levels(parts), progress, **grid)
     except RuntimeError as error:
         msg = (
             f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
@@ -153,7 +153,7 @@ def _new_model(parts, store, key, progress, **grid) -> LodModel:
         warnings.warn(msg, PvibrWarning, stacklevel=4)
         return unbaked(parts, str(error) or 'the bake failed', needs=np.inf)
     if store is not None:
-        kept = {} if given(parts) else to_arrays(levels)
+        kept = {} if given(parts) else to_arrays(model.levels)
         store.put(key, model.atlas.to_arrays() | kept)
         _atlases[key] = model.atlas
     return model
@@ -184,7 +184,7 @@ def unbaked(parts, why, needs=0.0) -> LodModel:
     return LodModel([MeshLevel(list(parts))], blank, why, needs)
 
 
-def _baked(levels, progress, **grid):
+def _baked(levels, others, progress, **grid):
     start = time.perf_counter()
     turns = _turns(levels[0].parts)
     light = _bake_level(levels)
@@ -192,8 +192,9 @@ def _baked(levels, progress, **grid):
         shown = _bake_parts(levels[: level + 1])
         with baking(progress) as advance:
             atlas = bake_parts(shown, turns=turns, progress=lambda d: advance(d / 2), **grid)
-            model = LodModel(levels, atlas)
-            atlas.errors = measure(model, lambda d: advance((1 + d) / 2))
+            model = LodModel([*levels, *others], atlas)
+            errors = measure(model, lambda d: advance((1 + d) / 2))
+            model.levels, atlas.errors = _least_wrong(levels, others, errors)
         if level == 0 or np.median(allowed(atlas.errors['blended'][:2])) < _ALIKE:
             break  # else what the pictures show is not the mesh: once more, from the mesh itself
     atlas.seconds = time.perf_counter() - start
@@ -217,7 +218,20 @@ def _levels(parts):
             [q for p in parts for q in (p.stand_ins or ((p,),) * count)[k]] for k in range(count)
         ]
         return levels + [MeshLevel(level) for level in coarser]
+    return levels + _lighter_levels(parts)
+
+
+def _smooth_levels(parts) -> list:
+    """Return the lighter levels of facets whose normals are smoothed, if there are any."""
+    smooth = [] if given(parts) else [smoothed(part) for part in parts]
+    if not any(smooth):
+        return []
+    return _lighter_levels([s or p for s, p in zip(smooth, parts, strict=True)])
+
+
+def _lighter_levels(parts) -> list:
     radius = bounding_sphere(np.concatenate([p.mesh.points for p in parts]))[1]
+    levels = [MeshLevel(list(parts))]
     while levels[-1].triangles * SHARE > _LIGHTEST:
         level = MeshLevel([lighter(p, SHARE) or p for p in levels[-1].parts])
         if level.triangles > 0.5 * levels[-1].triangles:
@@ -226,7 +240,19 @@ def _levels(parts):
         known = [m for m in moved if m is not None]
         level.error = max(known) / radius if len(known) == len(moved) else None
         levels.append(level)
-    return levels
+    return levels[1:]
+
+
+def _least_wrong(levels, others, errors) -> tuple[list, dict]:
+    """Return for each lighter level the way with the least error, and the errors of those."""
+    made, last = [*levels, *others], len(levels) - 1
+    kept, table = levels[:1], {n: e for n, e in errors.items() if not n.startswith('mesh')}
+    for k in range(1, len(levels)):
+        ways = [k, last + k] if k <= len(others) else [k]
+        best = min(ways, key=lambda i: allowed(errors[f'mesh{i}'], MESH_SHARE).mean())
+        kept.append(made[best])
+        table |= {f'mesh{k}{n}': errors[f'mesh{best}{n}'] for n in ('', '.radii')}
+    return kept, table
 
 
 def _bake_level(levels):

@@ -165,6 +165,7 @@ def _mesh_good_up_to(errors, name, max_error):
     if good < sizes[-1]:
         return good
     need = allowed(rows, MESH_SHARE).reshape(len(sizes), -1).max(1)
-    octaves = (max_error - need[-1]) / max(need[-1] - need[-2], 0.1 * max_error)
+    # Facets that grow visible: an error of colour doubles with the size, or nearly.
+    octaves = np.log2(max_error / max(need[-1], 1e-9))
     far = sizes[-1] * 2 ** min(octaves, _OCTAVES)
     return min(far, max(2 * max_error / max(float(errors[f'{name}.radii']), 1e-9), good))

@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 import pyvista as pv
 
-from pvibr.core import _vtk
 from pvibr.gl import shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.mesh_pool import cutoff, with_looks
+from pvibr.meshes.decimate import take_arrays
 from pvibr.meshes.parts import draws_more
 from pvibr.scene.shader_draws import ShaderDraws
 
@@ -213,22 +213,15 @@ def _feature(mesh, *, depth=False) -> Feature:
 
 def copies(mesh, count, origin) -> pv.PolyData:
     """Return shrunk copies of a mesh about an origin, and a cell without area for bounds."""
-    one = mesh.copy(deep=False)
-    one.SetPoints(pv.vtk_points(((mesh.points - origin) * _SHRUNK).astype(np.float32)))
-    spare = pv.PolyData(np.zeros((2, 3), np.float32), [3, 0, 1, 1])
-    for theirs, ours, size in (
-        (mesh.GetPointData(), spare.GetPointData(), 2),
-        (mesh.GetCellData(), spare.GetCellData(), 1),
-    ):
-        ours.CopyAllocate(theirs, size)
-        for i in range(size):
-            ours.CopyData(theirs, 0, i)
-    join = _vtk.vtkAppendPolyData()
-    for _ in range(count):
-        join.AddInputData(one)
-    join.AddInputData(spare)
-    join.Update()
-    return pv.wrap(join.GetOutput())
+    size, faces = mesh.n_points, np.asarray(mesh.regular_faces)
+    points = np.tile(((mesh.points - origin) * _SHRUNK).astype(np.float32), (count, 1))
+    starts = size * np.arange(count)[:, None, None]
+    out = pv.PolyData.from_regular_faces(
+        np.concatenate([points, np.zeros((2, 3), np.float32)]),
+        np.concatenate([(faces + starts).reshape(-1, 3), size * count + np.array([[0, 1, 1]])]),
+    )
+    of_points, of_cells = (np.tile(np.arange(n), count) for n in (size, len(faces)))
+    return take_arrays(mesh, out, np.append(of_points, [0, 0]), np.append(of_cells, 0))
 
 
 def spread(mesh, half):

@@ -6,8 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.instances.mesh_pool import MeshLevel
-
-_ACTIVE = ('active_scalars_name', 'active_normals_name', 'active_texture_coordinates_name')
+from pvibr.meshes.decimate import ACTIVE
 
 
 def to_arrays(levels) -> dict[str, np.ndarray]:
@@ -17,7 +16,9 @@ def to_arrays(levels) -> dict[str, np.ndarray]:
     for i, level in enumerate(levels[1:]):
         for j, part in enumerate(level.parts):
             if part is not levels[0].parts[j]:
-                out |= {f'level{i}.{j}.{k}': a for k, a in _mesh_arrays(part.mesh).items()}
+                shading = np.array(part.actor.GetProperty().GetInterpolation())
+                arrays = {**_mesh_arrays(part.mesh), 'shading': shading}
+                out |= {f'level{i}.{j}.{k}': a for k, a in arrays.items()}
     return out
 
 
@@ -26,7 +27,7 @@ def _mesh_arrays(mesh):
     for side in ('point', 'cell'):
         data = getattr(mesh, f'{side}_data')
         out |= {f'{side}:{name}': np.asarray(data[name]) for name in data}
-        out[f'{side}.active'] = np.array([getattr(data, name) or '' for name in _ACTIVE])
+        out[f'{side}.active'] = np.array([getattr(data, name) or '' for name in ACTIVE])
     return out
 
 
@@ -58,7 +59,8 @@ def _part(part, arrays):
         data = getattr(mesh, f'{side}_data')
         for name, values in _below(arrays, f'{side}:').items():
             data[name] = np.array(values)
-        for kind, name in zip(_ACTIVE, arrays[f'{side}.active'].tolist(), strict=True):
+        data.active_scalars_name = None  # PyVista makes scalars of what is added
+        for kind, name in zip(ACTIVE, arrays[f'{side}.active'].tolist(), strict=True):
             if name:
                 setattr(data, kind, name)
-    return part.with_mesh(mesh)
+    return part.with_mesh(mesh, int(arrays['shading']))

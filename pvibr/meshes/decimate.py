@@ -23,6 +23,8 @@ _JUMP = 0.1  # of an array's range: corners of a point that differ by more stay 
 _TURN = 0.2  # the same of normals
 _ROUGHLY = 1000  # places that tell whether a surface was wrecked
 _OUTWARD = 1e-5  # of the mesh's size: what is looked up is the near side of a plate
+#: PyVista's names of what arrays are to VTK.
+ACTIVE = 'active_scalars_name', 'active_normals_name', 'active_texture_coordinates_name'
 _INWARD = 0.02  # of the way to a triangle's centre, where its side of a seam is looked up
 
 
@@ -50,8 +52,7 @@ def displacement(part, light) -> float | None:
     if part.alpha_cutoff is not None:
         return None
     one, other = Welded.of(part.mesh), Welded.of(light.mesh)
-    pieces, labels = _pieces(one.faces, len(one.points))
-    if is_scattered(one, labels, pieces):
+    if is_foliage(one):
         return None
     places = [w.points * w.size + w.low - one.low for w in (one, other)]
     return hausdorff(*(Surface(p, w.faces) for p, w in zip(places, (one, other), strict=True)))
@@ -95,9 +96,20 @@ class Welded:
         return cls(points, faces.reshape(-1, 3), corners[cells], cells, low, size)
 
     @property
+    def facets(self) -> np.ndarray:
+        """The unit normals of the triangles."""
+        return _facets(self.points, self.faces)
+
+    @property
     def surface(self) -> Surface:
         """What finds the nearest triangle."""
         return Surface(self.points, self.faces)
+
+
+def is_foliage(welded) -> bool:
+    """Return True for welded triangles that are aggregate detail, such as leaves."""
+    pieces, labels = _pieces(welded.faces, len(welded.points))
+    return is_scattered(welded, labels, pieces)
 
 
 def is_scattered(welded, labels, pieces) -> bool:
@@ -274,8 +286,7 @@ def _is_faceted(normals):
 def _dressed(mesh, welded, columns, points, faces):
     """Return a mesh of simplified triangles, with the arrays that the surface has there."""
     surface = welded.surface
-    facets = np.cross(*(points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2)))
-    facets /= np.maximum(np.linalg.norm(facets, axis=1, keepdims=True), 1e-300)
+    facets = _facets(points, faces)
     used, faces = np.unique(faces, return_inverse=True)
     points, faces = points[used], faces.reshape(-1, 3)
     sums = np.zeros_like(points)
@@ -294,6 +305,11 @@ def _dressed(mesh, welded, columns, points, faces):
         cells = welded.cells[surface.nearest(points[place[faces]].mean(1) + _OUTWARD * facets)[0]]
     take_arrays(mesh, new, None, cells)
     return new if columns.normals is None else _upright(new, mesh)
+
+
+def _facets(points, faces):
+    normals = np.cross(*(points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2)))
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
 
 
 def _looked_up(arrays, surface, places, normals):
@@ -365,10 +381,10 @@ def take_arrays(old, new, points, cells):
     ):
         for name in source if ids is not None else ():
             target[name] = np.asarray(source[name])[ids]
-        for kind in ('active_scalars_name', 'active_normals_name'):
+        for kind in ACTIVE:
             if getattr(source, kind) in target:
                 setattr(target, kind, getattr(source, kind))
-        coordinates = source.active_texture_coordinates_name
-        if coordinates in target:
-            target.active_texture_coordinates_name = coordinates
+        # PyVista makes scalars of what is added, which VTK then no longer takes for normals.
+        if source.active_scalars_name not in target:
+            target.active_scalars_name = None
     return new

@@ -112,11 +112,16 @@ class Part:
         _dress(actor, self.actor)
         return actor
 
-    def with_mesh(self, mesh) -> Part:
-        """Return a part with this look and another mesh."""
+    def with_mesh(self, mesh, interpolation=None) -> Part:
+        """Return a part with this look and another mesh; with VTK's interpolation of light."""
         mapper = self.polydata_mapper()
         mapper.SetInputDataObject(mesh)
-        return Part(self.new_actor(mapper), mesh, self.alpha_cutoff)
+        part = Part(self.new_actor(mapper), mesh, self.alpha_cutoff)
+        if interpolation in (None, self.actor.GetProperty().GetInterpolation()):
+            return part
+        part = _with_own_property(part)
+        part.actor.GetProperty().SetInterpolation(interpolation)
+        return part
 
 
 @takes(add_mesh_kwargs=pv.Plotter.add_mesh, without=(*EXTRAS, *FIXED, 'scalar_bar_args'))

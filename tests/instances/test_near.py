@@ -8,6 +8,7 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 import pvibr
+from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 
 SIZE = (150, 110)
@@ -78,16 +79,39 @@ def test_looks_are_those_of_plain_actors(scenes, see, look):
     same(see.grab(drawn), see.grab(plain(scenes, body(), poses(), **look)))
 
 
-def test_holes_and_parts(scenes, see):
-    look = {'texture': checks(alpha=True), 'smooth_shading': True, 'alpha_cutoff': 0.5}
-    drawn, _ = near(scenes, body(), poses(), **look)
+@pytest.mark.parametrize('look', ['smooth', 'textured', 'painted'])
+def test_lighter_meshes_keep_their_looks(scenes, see, look):
+    """Their normals and coordinates are what they are to VTK, in a draw of many as in an actor."""
+    (part,) = as_parts(body(), **LOOKS[look])
+    part = lighter(part, 0.5)
+    drawn, _ = near(scenes, [part], poses())
+    same(see.grab(drawn), see.grab(plain_parts(scenes, see, part)))
+    data = part.mesh.point_data
+    assert (data.active_scalars_name is None) == (look in ('smooth', 'textured'))
+
+
+def test_normals_that_are_scalars_too_are_normals(scenes, see):
+    mesh = body()
+    mesh.set_active_scalars(mesh.point_data.active_normals_name)
+    drawn, _ = near(scenes, mesh, poses(), **LOOKS['smooth'])
+    same(see.grab(drawn), see.grab(plain(scenes, body(), poses(), **LOOKS['smooth'])))
+
+
+def plain_parts(scenes, see, part):
+    """Return a plotter with an actor of a part at each pose."""
     truth = scenes.empty(SIZE)
-    (part,) = as_parts(body(), **look)
     for matrix in poses():
         actor = part.new_actor(part.actor.mapper)
         actor.user_matrix = matrix
         truth.renderer.AddViewProp(actor)
-    same(see.grab(drawn), see.grab(see.place(truth, **CAMERA)))
+    return see.place(truth, **CAMERA)
+
+
+def test_holes_and_parts(scenes, see):
+    look = {'texture': checks(alpha=True), 'smooth_shading': True, 'alpha_cutoff': 0.5}
+    drawn, _ = near(scenes, body(), poses(), **look)
+    (part,) = as_parts(body(), **look)
+    same(see.grab(drawn), see.grab(plain_parts(scenes, see, part)))
     drawn, _ = near(scenes, halves(), poses(), color='tan')
     truth = scenes.empty(SIZE)
     for matrix in poses():
