@@ -1,4 +1,4 @@
-"""Smooth shading of what is flat-shaded, for lighter meshes of facets that are too small to see."""
+"""Smooth shading of flat-shaded meshes, for lighter ones of facets too small to see."""
 
 from __future__ import annotations
 
