@@ -30,9 +30,8 @@ def smoothed(part) -> Part | None:
     if bent.mean() < _SOME or is_foliage(welded):
         return None
     ids = welded.corners.ravel()
-    mesh = pv.PolyData.from_regular_faces(
-        np.asarray(part.mesh.points)[ids], np.arange(len(ids)).reshape(-1, 3)
-    )
+    faces: np.ndarray = np.arange(len(ids)).reshape(-1, 3)
+    mesh = pv.PolyData.from_regular_faces(np.asarray(part.mesh.points)[ids], faces)
     mesh.point_data[_NORMALS] = normals.reshape(-1, 3).astype(np.float32)
     take_arrays(part.mesh, mesh, ids, welded.cells)
     mesh.point_data.active_normals_name = _NORMALS
