@@ -16,6 +16,26 @@
 // TURNED 1 where it has a turntable, whose pictures serve eyes that are level with it; SIDES 1 or 2
 // for a card that stands upright and shows one of these: the first, or that nearest to the eye.
 
+//@surface
+// Both of a mean over what is covered: of a pixel, or of a whole splat.
+
+vec3 ibr_base_of(vec3 albedo, float coverage, vec4 look, vec4 paint, int multiply)
+{
+  vec3 base = clamp(albedo / max(coverage, 0.003), 0.0, 1.0);
+  if (paint.a > 0.5) { base = paint.rgb; }
+  if (look.a > 0.75) { base = multiply == 1 ? base * look.rgb : look.rgb; }
+  return base;
+}
+
+// Normal in eye space, as long as the mean, and how much it spreads.
+vec4 ibr_normal_of(mat3 eye_from_q, vec3 normal, float coverage)
+{
+  vec3 mean = normal / max(coverage, 0.003);
+  float square = min(dot(mean, mean), 1.0);
+  vec3 turned = eye_from_q * mean;
+  return vec4(turned * sqrt(square / max(dot(turned, turned), 1e-12)), 0.92 * sqrt(1.0 - square));
+}
+
 //@vertex.declare
 uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
 uniform sampler2D ibr_entries;     // visible blocks: origin in eye space, index of the block
@@ -62,11 +82,12 @@ out vec4 vertexVCVSOutput;
 #if SPLAT
 uniform sampler2D ibr_geometry;
 uniform sampler2D ibr_albedo;
+uniform int ibr_multiply;
+uniform vec4 ibr_paint;
 flat out vec4 ibr_box;                   // its half sides and its first axis, in pixels
 flat out float ibr_side;                 // side of the sprite in pixels
-flat out float ibr_fill;                 // area of a tile over that of the box
-flat out vec4 ibr_mean_geometry;         // mean of the view
-flat out vec4 ibr_mean_albedo;
+flat out vec4 ibr_mean_base;             // colour and coverage of its box: means of the view
+flat out vec4 ibr_mean_normal;           // normal and how much it spreads
 #else
 out vec3 ibr_point[VIEWS_BLENDED];
 out vec3 ibr_ray[VIEWS_BLENDED];
@@ -74,8 +95,10 @@ flat out vec3 ibr_cell[VIEWS_BLENDED];   // column, row, weight
 flat out vec4 ibr_depth_row[VIEWS_BLENDED];
 flat out vec4 ibr_level;                 // origin and scale of the level of detail
 #endif
+#if !SPLAT
 flat out mat3 ibr_eye_normal;
 flat out vec4 ibr_look;
+#endif
 flat out float ibr_stretch;              // radius of the instance
 flat out vec4 ibr_card;                  // half texel, size in px, where it ends, where it begins
 flat out vec2 ibr_part_of;               // coverage up to which it is drawn; 1 before a mesh
@@ -109,19 +132,19 @@ mat3 ibr_frame(vec3 d)
   {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: an empty slot
     vertexVCVSOutput = vec4(0.0);
-    ibr_look = vec4(0.0);
+    vec4 look = vec4(0.0, 0.0, 0.0, 0.5);
     ibr_stretch = 0.0;
     ibr_card = vec4(0.0);
     ibr_part_of = vec2(0.0);
-    ibr_eye_normal = mat3(1.0);
 #if SPLAT
     ibr_box = vec4(0.0);
     ibr_side = 1.0;
-    ibr_fill = 0.0;
     gl_PointSize = 1.0;
-    ibr_mean_geometry = vec4(0.0);
-    ibr_mean_albedo = vec4(0.0);
+    ibr_mean_base = vec4(0.0);
+    ibr_mean_normal = vec4(0.0);
 #else
+    ibr_eye_normal = mat3(1.0);
+    ibr_look = look;
     ibr_level = vec4(0.0);
     for (int k = 0; k < VIEWS_BLENDED; ++k)
     {
@@ -150,9 +173,8 @@ mat3 ibr_frame(vec3 d)
         world_from_q = transpose(mat3(r0.xyz, r1.xyz, r2.xyz)) * ibr_radius;
         center = vec3(r0.w, r1.w, r2.w);
       }
-      if (ibr_has_looks == 1) { ibr_look = texelFetch(ibr_looks, ivec2(i % 1024, i / 1024), 0); }
-      else { ibr_look = vec4(0.0, 0.0, 0.0, 0.5); }
-      if (ibr_tint.a > 0.5 && ibr_look.a > 0.25) { ibr_look = ibr_tint; }
+      if (ibr_has_looks == 1) { look = texelFetch(ibr_looks, ivec2(i % 1024, i / 1024), 0); }
+      if (ibr_tint.a > 0.5 && look.a > 0.25) { look = ibr_tint; }
       vec3 c = block.xyz + ibr_eye_from_world * center;
       mat3 eye_from_q = ibr_eye_from_world * world_from_q;
       // Gershgorin's bound of the largest stretch, exact where the columns are at right angles.
@@ -181,8 +203,8 @@ mat3 ibr_frame(vec3 d)
       lod = min(lod, log2(float(ibr_tile)));
       bool cored = lod <= ibr_core_level;
       ibr_part_of = vec2(cored ? ibr_part.y : 2.0, range.z);
-      bool shown = (cored || ibr_nearest_first == 0) && ibr_look.a > 0.25 && size >= range.x && size < range.y * ibr_fade
-        && (ibr_parallel == 1 || c.z < stretch);
+      bool shown = (cored || ibr_nearest_first == 0) && look.a > 0.25 && size >= range.x
+        && size < range.y * ibr_fade && (ibr_parallel == 1 || c.z < stretch);
       if (shown)
       {
         vec3 helper = abs(d.z) < 0.99 ? vec3(0.0, 0.0, 1.0) : vec3(0.0, 1.0, 0.0);
@@ -256,22 +278,27 @@ mat3 ibr_frame(vec3 d)
         ibr_level = vec4(origin, scale);
 #endif
         // Normals go by the inverse transpose; their length, the spread of an average, is kept.
-        ibr_eye_normal = n / length(n[0]);
+        mat3 eye_normal = n / length(n[0]);
 #if SIDES
-        ibr_eye_normal *= mat3(right, up, ahead) * transpose(mat3(cross(up, seen), up, seen));
+        eye_normal *= mat3(right, up, ahead) * transpose(mat3(cross(up, seen), up, seen));
         ivec2 cell = ivec2(int(view) % ibr_views, int(view) / ibr_views);
         ibr_cell[0] = vec3(vec2(cell), 1.0);
         ibr_point[0] = vec3(q, 0.0);
         ibr_ray[0] = vec3(0.0, 0.0, -1.0);
         vec3 deep = vec3(eye_from_q[0].z, eye_from_q[1].z, eye_from_q[2].z);
         ibr_depth_row[0] = vec4(dot(deep, right), dot(deep, up), dot(deep, ahead), c.z);
-#else
+#endif
+#if !SPLAT
+        ibr_eye_normal = eye_normal;
+        ibr_look = look;
+#endif
+#if !SIDES
         vec2 g = (ibr_encode(d) * 0.5 + 0.5) * float(ibr_views - 1);
 #if SPLAT
         vec2 axis = normalize((eye_from_q * right).xy + vec2(1e-30, 0.0));
         vec2 lengths = vec2(length(eye_from_q * right), length(eye_from_q * up));
         ibr_box = vec4(half_sides * lengths * ibr_pixel_scale / away, axis);
-        ibr_fill = ibr_margin * ibr_margin / max(half_sides.x * half_sides.y, 1e-6);
+        float fill = ibr_margin * ibr_margin / max(half_sides.x * half_sides.y, 1e-6);
         // The smallest square around what a pixel's own box reaches of it.
         vec2 ends = abs(axis) * (ibr_box.x + 0.5) + abs(axis.yx) * (ibr_box.y + 0.5);
         ibr_side = 2.0 * max(ends.x, ends.y) + 0.02;
@@ -280,8 +307,12 @@ mat3 ibr_frame(vec3 d)
 #if ANIMATED
         texel += page * (ibr_views * ibr_tile) * ivec2(3, 2) / 2;
 #endif
-        ibr_mean_geometry = texelFetch(ibr_geometry, texel, 0);
-        ibr_mean_albedo = texelFetch(ibr_albedo, texel, 0);
+        vec4 geometry = texelFetch(ibr_geometry, texel, 0);
+        vec4 albedo = texelFetch(ibr_albedo, texel, 0);
+        vec3 normal = vec3(geometry.ba, albedo.a) * 2.0 - 1.0;
+        ibr_mean_base = vec4(ibr_base_of(albedo.rgb, geometry.g, look, ibr_paint, ibr_multiply),
+          min(geometry.g * fill, 1.0));
+        ibr_mean_normal = ibr_normal_of(eye_normal, normal, geometry.g);
 #else
         vec2 base = clamp(floor(g), vec2(0.0), vec2(float(ibr_views - 2)));
         vec2 f = g - base;
@@ -322,9 +353,8 @@ in vec4 vertexVCVSOutput;
 #if SPLAT
 flat in vec4 ibr_box;
 flat in float ibr_side;
-flat in float ibr_fill;
-flat in vec4 ibr_mean_geometry;
-flat in vec4 ibr_mean_albedo;
+flat in vec4 ibr_mean_base;
+flat in vec4 ibr_mean_normal;
 #else
 in vec3 ibr_point[VIEWS_BLENDED];
 in vec3 ibr_ray[VIEWS_BLENDED];
@@ -332,14 +362,17 @@ flat in vec3 ibr_cell[VIEWS_BLENDED];
 flat in vec4 ibr_depth_row[VIEWS_BLENDED];
 flat in vec4 ibr_level;
 #endif
+#if !SPLAT
 flat in mat3 ibr_eye_normal;
 flat in vec4 ibr_look;
+#endif
 flat in float ibr_stretch;
 flat in vec4 ibr_card;
 flat in vec2 ibr_part_of;
 
 // How much the normals of a fragment spread: half the width of the soft corner of its cosine.
-float ibr_spread = 0.0;
+float ibr_spread = 1e-4;
+float ibr_bend = 2500.0;  // of its parabola: a quarter of the inverse
 
 // The mean of max(0, n . l) over spread normals, which is more than max(0, mean . l): what the
 // card of a tree would lose by lighting the mean alone. A normal distribution of n . l of variance
@@ -347,9 +380,8 @@ float ibr_spread = 0.0;
 // calls it as max(0, cosine); its max(1e-5, ...) of highlights stays what it is.
 float ibr_lit(float least, float cosine)
 {
-  float s = max(ibr_spread, 1e-4);
-  float soft = cosine + s;
-  float mean = cosine >= s ? cosine : (cosine <= -s ? 0.0 : 0.25 * soft * soft / s);
+  float soft = clamp(cosine, -ibr_spread, ibr_spread) + ibr_spread;
+  float mean = ibr_bend * soft * soft + max(cosine - ibr_spread, 0.0);
   return least < 5e-6 ? mean : max(least, cosine);
 }
 
@@ -404,8 +436,7 @@ void ibr_see(vec3 point, vec3 ray, vec3 cell, vec4 depth_row, inout vec4 geometr
 //@fragment.sample
   vec4 vertexVC = vertexVCVSOutput;
 #if SPLAT
-  vec4 ibr_g = vec4(vertexVC.z, ibr_mean_geometry.g, ibr_mean_geometry.ba * 2.0 - 1.0);
-  vec4 ibr_a = vec4(ibr_mean_albedo.rgb, ibr_mean_albedo.a * 2.0 - 1.0);
+  vec4 ibr_g = vec4(vertexVC.z, ibr_mean_base.a, 0.0, 0.0);
 #else
   vec4 ibr_g = vec4(0.0);        // eye depth, coverage, normal xy: sums over views
   vec4 ibr_a = vec4(0.0);        // albedo, normal z
@@ -427,36 +458,36 @@ void ibr_see(vec3 point, vec3 ray, vec3 cell, vec4 depth_row, inout vec4 geometr
 #define IBR_PLACE vertexVC.xyz
 #define IBR_NORMAL ibr_normal
   float ibr_coverage = ibr_g.g;
-  float ibr_norm = 1.0 / max(ibr_coverage, 0.003);
-  vec3 ibr_base = clamp(ibr_a.rgb * ibr_norm, 0.0, 1.0);
-  vec3 ibr_mean = vec3(ibr_g.ba, ibr_a.a) * ibr_norm;
-  vec3 ibr_normal = ibr_eye_normal * ibr_mean;
-  float ibr_length = min(length(ibr_mean), 1.0);
-  ibr_spread = 0.92 * sqrt(1.0 - ibr_length * ibr_length);
-  ibr_normal *= ibr_length / max(length(ibr_normal), 1e-6);
-  if (ibr_paint.a > 0.5) { ibr_base = ibr_paint.rgb; }
-  if (ibr_look.a > 0.75) { ibr_base = ibr_multiply == 1 ? ibr_base * ibr_look.rgb : ibr_look.rgb; }
+#if SPLAT
+  vec3 ibr_base = ibr_mean_base.rgb;
+  vec4 ibr_spread_normal = ibr_mean_normal;
+#else
+  vec3 ibr_base = ibr_base_of(ibr_a.rgb, ibr_coverage, ibr_look, ibr_paint, ibr_multiply);
+  vec4 ibr_spread_normal = ibr_normal_of(ibr_eye_normal, vec3(ibr_g.ba, ibr_a.a), ibr_coverage);
+#endif
+  vec3 ibr_normal = ibr_spread_normal.xyz;
+  ibr_spread = max(ibr_spread_normal.w, 1e-4);
+  ibr_bend = 0.25 / ibr_spread;
 #if SPLAT
   // The bounding box's rectangle with the view's mean coverage, filtered by the pixel's own box:
   // exact, so that what is smaller than a pixel neither flickers nor vanishes.
   vec2 ibr_off = (gl_PointCoord - 0.5) * vec2(ibr_side, -ibr_side);
   ibr_off = vec2(dot(ibr_off, ibr_box.zw), dot(ibr_off, vec2(-ibr_box.w, ibr_box.z)));
   vec2 ibr_in = clamp(min(ibr_off + 0.5, ibr_box.xy) - max(ibr_off - 0.5, -ibr_box.xy), 0.0, 1.0);
-  ibr_coverage = min(ibr_coverage * ibr_fill, 1.0) * ibr_in.x * ibr_in.y;
+  ibr_coverage *= ibr_in.x * ibr_in.y;
 #endif
   // While it takes over from a coarser level a card of coverage c is drawn over it with w c; the
-  // coarser one has what is missing to c below it: 1 - (1 - c) / (1 - w c). So edges keep their
+  // coarser one has what is missing to c below it: c (1 - w) / (1 - w c). So edges keep their
   // area and nothing shines through. Before a mesh, which cannot blend, pixels are shared.
   // Where nothing is blended (a light, a pick, ids of pixels) both are there wholly.
-  float ibr_full = ibr_coverage;
-  if (ibr_fades == 1) { ibr_coverage *= clamp(ibr_card.w, 0.0, 1.0); }
   if (ibr_fades == 1 && ibr_part_of.y < 0.5)
   {
-    float ibr_over = clamp(ibr_card.z, 0.0, 0.999) * ibr_full;
-    float ibr_left = 1.0 - (1.0 - ibr_full) / (1.0 - ibr_over);
-    ibr_coverage *= clamp(ibr_left / max(ibr_full, 1e-4), 0.0, 1.0);
+    float ibr_over = clamp(ibr_card.z, 0.0, 0.999);
+    float ibr_left = (1.0 - ibr_over) / (1.0 - ibr_over * ibr_coverage);
+    ibr_coverage *= ibr_left;
     if (ibr_card.z >= 0.98) { discard; }  // the finer level has a core of its own
   }
+  if (ibr_fades == 1) { ibr_coverage *= clamp(ibr_card.w, 0.0, 1.0); }
   if (ibr_coverage < ibr_part.x || ibr_coverage >= ibr_part_of.x) { discard; }
   if (ibr_fades == 1 && ibr_part_of.y > 0.5 && IBR_DITHER < ibr_card.z) { discard; }
 

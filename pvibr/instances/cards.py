@@ -61,12 +61,12 @@ class CardShader:
         deep = deep and not self.splat
         defines = self.defines(animated, turned, deep=deep)
         vertex = {
-            'VTK::PositionVC::Dec': defines + part['vertex.declare'],
+            'VTK::PositionVC::Dec': defines + part['surface'] + part['vertex.declare'],
             'VTK::PositionVC::Impl': part['vertex.position'],
         }
         depth = part['fragment.depth'] if deep else ''
         fragment = {
-            'VTK::PositionVC::Dec': defines + part['fragment.declare'],
+            'VTK::PositionVC::Dec': defines + part['surface'] + part['fragment.declare'],
             'VTK::PositionVC::Impl': part['fragment.sample'],
             'VTK::Depth::Impl': depth + '//VTK::Depth::Impl\n',
             'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
