@@ -223,13 +223,11 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         Returns
         -------
         object or None
-            The hit of the first thing that is hit; None if none is.
+            The nearest hit; None if nothing is hit. Of what stands for actors, such as an
+            impostor, its ``actor`` is the one that was hit.
         """
-        for thing in self.pipeline.effects:
-            hit = thing.pick(x, y)
-            if hit is not None:
-                return hit
-        return None
+        hits = [hit for thing in self.pipeline.effects if (hit := thing.pick(x, y)) is not None]
+        return min(hits, key=lambda hit: getattr(hit, 'distance', 0.0), default=None)
 
     def enable_picking(self, callback, *, left_clicking=True):
         """Call a function with what a click hits.

@@ -15,6 +15,7 @@ from pvibr.gl import enums as gl
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.mipmaps import copy
 from pvibr.maths.cameras import as_camera
+from pvibr.maths.reflections import through_rectangle
 from pvibr.maths.views import View, frustum, look_along, may_see
 from pvibr.projection.depth_maps import view_of
 from pvibr.scene.casters import Casters
@@ -335,7 +336,8 @@ class Mirror(LiveTexture):
     """Render the reflection in a flat mirror, for the camera of its subplot.
 
     The mirror is the rectangle ``corner + u * right + v * up``; show ``mirror.texture`` on a mesh
-    there with texture coordinates (u, v). Actors behind the mirror are not reflected.
+    there with texture coordinates (u, v). Actors behind the mirror are not reflected. Cameras may be
+    of perspective or parallel projection.
 
     Parameters
     ----------
@@ -366,12 +368,10 @@ class Mirror(LiveTexture):
     _flipped = True
 
     def needed(self, frame) -> bool | str:
-        """Return True if the camera is in front of it."""
-        if frame.parallel:
-            return 'the projection is parallel'
+        """Return True if the camera is in front of it, or in parallel projection faces it."""
         normal = np.cross(self.right, self.up)
-        before = normal @ (frame.eye - self.corner) > 0
-        return bool(before) or 'the camera is behind it'
+        toward = frame.view_from_world[2, :3] if frame.parallel else frame.eye - self.corner
+        return bool(normal @ toward > 0) or 'the camera is behind it'
 
     def _follow(self, frame):
         return lights_key(frame.renderer, frame.view.key())
@@ -383,6 +383,10 @@ class Mirror(LiveTexture):
         right = self.right / np.linalg.norm(self.right)
         up = self.up / np.linalg.norm(self.up)
         back = np.cross(right, up)
+        if frame.parallel:
+            return through_rectangle(
+                (self.corner, self.right, self.up), -frame.view_from_world[2, :3], bounds
+            )
         away = float(back @ (frame.eye - self.corner))
         eye = frame.eye - 2 * away * back
         view = look_along(eye, back, up)

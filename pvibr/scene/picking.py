@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,11 +12,12 @@ from pvibr.core import _vtk
 
 @dataclass(frozen=True)
 class Hit:
-    """Where a ray met an instance."""
+    """Where a ray met an instance, or an actor that something stands for."""
 
     index: int
     point: tuple
     distance: float
+    actor: Any = None
 
 
 def pixel_ray(renderer, x, y):
@@ -28,6 +30,21 @@ def pixel_ray(renderer, x, y):
         ends.append(point[:3] / point[3])
     direction = ends[1] - ends[0]
     return ends[0], direction / np.linalg.norm(direction)
+
+
+def nearest_actor(actors, renderer, x, y):
+    """Return the first of some actors that the ray through a pixel meets."""
+    picker = _vtk.vtkCellPicker()
+    picker.SetTolerance(0.0)
+    picker.PickFromListOn()
+    for actor in actors:
+        picker.AddPickList(actor)
+    if not actors or not picker.Pick(x, y, 0.0, renderer):
+        return None
+    start, direction = pixel_ray(renderer, x, y)
+    point, found = picker.GetPickPosition(), picker.GetActor()
+    index = next(i for i, actor in enumerate(actors) if actor is found)
+    return Hit(index, point, float((point - start) @ direction), found)
 
 
 def nearest_hit(groups, renderer, x, y, visible):

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from pvibr.core._vtk import address
+from pyvista.plotting.plotter import _ALL_PLOTTERS
+
+from pvibr.core._vtk import address, method
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.frame import Frame
 from pvibr.core.params import Param
 from pvibr.maths.views import may_see
+from pvibr.scene.picking import Hit, nearest_actor
 from pvibr.scene.thing import Thing, joined_bounds
 
 
@@ -87,6 +90,13 @@ class Substitute(Thing):
         seen = may_see(frame.view, [box for _, box in boxes])
         return [a for (a, _), s in zip(boxes, seen, strict=True) if s]
 
+    def pick(self, x, y) -> Hit | None:
+        """Return the nearest of its visible actors under a pixel, also as ``actor``."""
+        if not self.pickable or self.pipeline is None:
+            return None
+        actors = [actor for actor in self.solids() if actor.GetPickable()]
+        return nearest_actor(actors, self.pipeline.renderer, x, y)
+
     # -- the life of an effect -------------------------------------------------------------------
 
     def attach(self, pipeline):
@@ -100,11 +110,23 @@ class Substitute(Thing):
             if not pipeline.renderer.HasViewProp(actor):
                 msg = f'{self._argument}: {actor!r} is not in this subplot; add it there first'
                 raise ValueError(msg)
+        self._refuse_shared(pipeline.window, props)
         for other in pipeline.things:
             if other is not self and self._conflicts(other, props):
                 msg = (
                     f'{self._argument}: {other.name} stands for some of them already; '
                     'remove it first'
+                )
+                raise ValueError(msg)
+
+    def _refuse_shared(self, window, props):
+        elsewhere = _mappers_elsewhere(window)
+        for actor in props if elsewhere else ():
+            if address(actor.GetMapper()) in elsewhere:
+                msg = (
+                    f'{self._argument}: {actor!r} shares its mapper with an actor of another '
+                    'window, where VTK crashes: give each its own, such as '
+                    'pyvista.DataSetMapper(actor.mapper.dataset)'
                 )
                 raise ValueError(msg)
 
@@ -157,3 +179,11 @@ class Substitute(Thing):
 def addresses(actors) -> set[str]:
     """Return the addresses of actors, equal for all wrappers of one VTK object."""
     return {address(actor) for actor in actors}
+
+
+def _mappers_elsewhere(window) -> set[str]:
+    """Return the addresses of the mappers of actors in the windows of other plotters."""
+    windows = [plotter.render_window for plotter in _ALL_PLOTTERS.values()]
+    renderers = [r for w in windows if w not in (None, window) for r in w.GetRenderers()]
+    actors = [p for r in renderers for p in r.GetViewProps() if p.IsA('vtkActor')]
+    return {address(m) for m in (method(a, 'GetMapper')() for a in actors) if m is not None}

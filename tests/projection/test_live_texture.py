@@ -284,3 +284,72 @@ def test_one_that_sees_where_it_is_projected_settles():
     assert [r.state for r in pl.ibr.report().rows] == ['ran', 'ran']
     assert np.array_equal(shot(pl), one)
     assert live.draws == draws
+
+
+def in_a_room(pl, mirrors, depth, side, seed):
+    """Add things between two walls: their mirrors, or what these show as meshes."""
+    rng = np.random.default_rng(seed)
+    for _ in range(5):
+        mesh = pv.Sphere(radius=rng.uniform(0.15, 0.35)).translate(rng.uniform(-0.9, 0.9, 3))
+        color = rng.uniform(0, 1, 3)
+        for k in range(1 if mirrors else depth + 2):
+            twin = mesh.copy()
+            twin.points = twin.points * [1, (-1) ** k, 1] + [0, 2 * side * k, 0]
+            pl.add_mesh(twin, color=color, lighting=False)
+    for sign in (1, -1) if mirrors and depth else (1,) if mirrors else ():
+        wide = 8 * sign
+        live = pl.ibr.add(
+            pvibr.Mirror(
+                (-wide / 2, side * sign, -4),
+                (wide, 0, 0),
+                (0, 0, 8),
+                size=(1024, 1024),
+                recursion=depth,
+            )
+        )
+        plate = pv.Plane(center=(0, side * sign, 0), direction=(0, -1, 0), i_size=8, j_size=8)
+        uv = (plate.points[:, [0, 2]] - [-wide / 2, -4]) / [wide, 8]
+        plate.active_texture_coordinates = uv.astype(np.float32)
+        pl.add_mesh(plate, lighting=False, color='white').texture = live.texture
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+@pytest.mark.parametrize('depth', [0, 1, 3])
+def test_mirrors_in_parallel_projection_show_the_unfolded_scene(depth, seed):
+    found = []
+    for mirrors in (True, False):
+        pl = plotter(window_size=(200, 150))
+        pl.render_window.SetMultiSamples(0)
+        in_a_room(pl, mirrors, depth, 1.2, seed)
+        pl.camera.position, pl.camera.focal_point = (0.1, -1.1, 0.25), (0, 1.2, 0)
+        pl.camera.up, pl.camera.parallel_projection = (0, 0, 1), True
+        pl.camera.parallel_scale = 1.3
+        pl.camera.clipping_range = (0.01, 60)
+        pl.show(auto_close=False)
+        found.append(shot(pl))
+    assert (found[1] != found[1][0, 0]).any(-1).mean() > 0.1
+    psnr = 10 * np.log10(255**2 / ((found[0] - found[1]) ** 2).mean())
+    assert psnr > 30
+
+
+def test_a_mirror_follows_from_one_projection_to_the_other_and_when_the_view_turns():
+    pl = plotter(window_size=(100, 75))
+    in_a_room(pl, True, 0, 1.2, 2)
+    pl.camera.position, pl.camera.focal_point = (0.1, -3, 0.25), (0, 1.2, 0)
+    pl.camera.up = (0, 0, 1)
+    pl.camera.clipping_range = (0.01, 60)
+    pl.show(auto_close=False)
+    (live,) = pl.ibr.effects
+    seen = [shot(pl)]
+    for change in (
+        lambda: setattr(pl.camera, 'parallel_projection', True),
+        lambda: pl.camera.Azimuth(15),
+        lambda: setattr(pl.camera, 'parallel_projection', False),
+    ):
+        draws = live.draws
+        change()
+        seen.append(shot(pl))
+        assert live.draws == draws + 1
+        assert (seen[-1] != seen[-2]).any()
+    shot(pl)
+    assert live.draws == draws + 1
