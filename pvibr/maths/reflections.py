@@ -49,6 +49,7 @@ def through_rectangle(rectangle, sight, bounds) -> View | None:
     near = _OFFSET * size
     if far <= near:
         return None
+    far *= 1 + _OFFSET  # so that what ends there is seen
     middle = corner + (right + up) / 2
     reach = size + float(np.linalg.norm((low + high) / 2 - middle))
     view = look_along(middle - reach * out, out, up)

@@ -336,8 +336,8 @@ class Mirror(LiveTexture):
     """Render the reflection in a flat mirror, for the camera of its subplot.
 
     The mirror is the rectangle ``corner + u * right + v * up``; show ``mirror.texture`` on a mesh
-    there with texture coordinates (u, v). Actors behind the mirror are not reflected. Cameras may be
-    of perspective or parallel projection.
+    there with texture coordinates (u, v). Actors behind the mirror are not reflected. The camera's
+    projection may be perspective or parallel.
 
     Parameters
     ----------

@@ -313,15 +313,15 @@ def in_a_room(pl, mirrors, depth, side, seed):
         pl.add_mesh(plate, lighting=False, color='white').texture = live.texture
 
 
-@pytest.mark.parametrize('seed', [0, 1])
+@pytest.mark.parametrize(('seed', 'focus'), [(0, (0, 1.2, 0)), (3, (0.5, 1.2, 0.15))])
 @pytest.mark.parametrize('depth', [0, 1, 3])
-def test_mirrors_in_parallel_projection_show_the_unfolded_scene(depth, seed):
+def test_mirrors_in_parallel_projection_show_the_unfolded_scene(depth, seed, focus):
     found = []
     for mirrors in (True, False):
         pl = plotter(window_size=(200, 150))
         pl.render_window.SetMultiSamples(0)
         in_a_room(pl, mirrors, depth, 1.2, seed)
-        pl.camera.position, pl.camera.focal_point = (0.1, -1.1, 0.25), (0, 1.2, 0)
+        pl.camera.position, pl.camera.focal_point = (0.1, -0.9, 0.25), focus
         pl.camera.up, pl.camera.parallel_projection = (0, 0, 1), True
         pl.camera.parallel_scale = 1.3
         pl.camera.clipping_range = (0.01, 60)
