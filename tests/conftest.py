@@ -21,8 +21,16 @@ import pyvista as pv
 from hypothesis import settings
 
 from pvibr.gl.offscreen import hidden_window
+from pvibr.instances.atlas import Atlas
 from pvibr.scenes.trees import LEVELS
-from tests.instances.scenes import atlases, bean, scenes, see  # noqa: F401
+from tests.instances.scenes import (  # noqa: F401
+    atlases,
+    bean,
+    quick,
+    scenes,
+    see,
+    textures_of,
+)
 
 pv.OFF_SCREEN = True
 # Mesa compiles what resolves samples anew for every window, as long as all else takes. Tests that
@@ -80,6 +88,23 @@ def shared_folder(tmp_path_factory) -> Path:
     """A folder of this run that all its workers share: what one bakes, the others read."""
     base = tmp_path_factory.getbasetemp()
     return base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base
+
+
+@pytest.fixture(scope='module')
+def is_quick(request) -> bool:
+    """Whether atlases are measured at few sizes, as nothing in the module is about their error."""
+    return request.node.get_closest_marker('all_sizes') is None
+
+
+@pytest.fixture(autouse=True, scope='module')
+def _quick_bakes(is_quick):
+    """Bake quickly, with a cache of its own, where all sizes are not asked for."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Atlas, 'textures', textures_of)
+        if is_quick:
+            quick(patch)
+            patch.setenv('PVIBR_CACHE', os.path.join(os.environ['PVIBR_CACHE'], 'quick'))
+        yield
 
 
 @pytest.fixture

@@ -331,7 +331,6 @@ def changes(s, name):
 
 @pytest.mark.parametrize('name', CASES)
 def test_the_next_frame_shows_it(name, monkeypatch):
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
     make, reference, share = CASES[name]
     s = scene()
     standin = make(s)

@@ -131,11 +131,9 @@ MODES = {
 
 
 @pytest.fixture(autouse=True)
-def _small(monkeypatch, shared_folder):
-    monkeypatch.setenv('PVIBR_CACHE', str(shared_folder / 'things'))
+def _small(monkeypatch):
     monkeypatch.setattr('pvibr.figures.pose_atlas.VIEWS', 6)
     monkeypatch.setattr('pvibr.figures.pose_atlas.TILES', (32,))
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
 
 
 def stage(pl):

@@ -58,13 +58,11 @@ def run(path):
 
 
 @pytest.fixture
-def shown(monkeypatch, shared_folder, small_trees):
+def shown(monkeypatch, small_trees):
     """Collect of every plotter, as it closes: its report, its picture, and that without pvibr."""
     found = []
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
     monkeypatch.setattr('pvibr.figures.pose_atlas.VIEWS', 6)
     monkeypatch.setitem(make_model.__kwdefaults__, 'views', 8)
-    monkeypatch.setenv('PVIBR_CACHE', str(shared_folder / 'examples'))
     monkeypatch.setattr(pv, 'OFF_SCREEN', True)
 
     def look(plotter):

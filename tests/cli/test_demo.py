@@ -15,11 +15,9 @@ SIZE = (160, 96)
 
 
 @pytest.fixture(autouse=True)
-def light_trees(monkeypatch, shared_folder, small_trees):
+def light_trees(monkeypatch, small_trees):
     """Trees that bake quickly: what the commands do with them is the same."""
     monkeypatch.setattr(demo, 'landscape', lambda n: landscape(n, triangles=6_000))
-    monkeypatch.setenv('PVIBR_CACHE', str(shared_folder / 'demo'))
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
     monkeypatch.setitem(make_model.__kwdefaults__, 'views', 8)
 
 

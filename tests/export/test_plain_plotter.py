@@ -27,7 +27,6 @@ SIZE = (160, 120)
 
 @pytest.fixture(autouse=True)
 def _quick_bakes(monkeypatch):
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
     monkeypatch.setattr('pvibr.figures.pose_atlas.VIEWS', 6)
 
 

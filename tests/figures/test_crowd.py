@@ -25,7 +25,6 @@ SIZE = (160, 120)
 def _small(monkeypatch):
     monkeypatch.setattr(pose_atlas, 'VIEWS', 6)
     monkeypatch.setattr(pose_atlas, 'TILES', (32,))
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
 
 
 @pytest.fixture(scope='module')

@@ -29,9 +29,8 @@ def atlases(tmp_path_factory):
 
 
 @pytest.fixture
-def empty(monkeypatch):
+def empty():
     """Return a function that makes plotters without multisampling."""
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
 
     def make(**kwargs):
         pl = pv.Plotter(**{'window_size': SIZE} | kwargs)

@@ -1,7 +1,8 @@
-"""What the tests of instances share: one folder of atlases, and pictures beside references."""
+"""What the tests of instances share: folders of atlases, and pictures beside references."""
 
 from __future__ import annotations
 
+from collections import deque
 from types import SimpleNamespace
 from weakref import WeakValueDictionary
 
@@ -9,16 +10,38 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+from pvibr.instances.atlas import Atlas
 from tests.pictures import centroid, depths, grab, place, plotter, reduce, rgba
 
-#: Atlases in use whose errors are measured at few sizes.
-FORCED: WeakValueDictionary = WeakValueDictionary()
+_QUICK = WeakValueDictionary()  # atlases in use whose errors are measured at few sizes
+_KEPT = deque(maxlen=4)  # atlases that the next test may show again, of 80 MB each
+_textures = Atlas.textures
 
 
-@pytest.fixture(scope='session')
-def atlases(shared_folder):
+def quick(patch):
+    """Measure the errors of atlases at two sizes: a bake takes a third of its time."""
+    patch.setattr('pvibr.instances.measure.SIZES', (8, 32))
+    patch.setattr('pvibr.instances.levels._atlases', _QUICK)
+
+
+def textures_of(atlas):
+    """Return the textures of an atlas, made once while it is in use."""
+    if '_textures' not in vars(atlas):
+        atlas._textures = _textures(atlas)
+    return atlas._textures
+
+
+def keep(things):
+    """Keep the atlases of instances in use for the next tests."""
+    for atlas in things.atlases:
+        if not any(atlas is kept for kept in _KEPT):
+            _KEPT.append(atlas)
+
+
+@pytest.fixture(scope='module')
+def atlases(shared_folder, is_quick):
     """A folder of atlases: what one test baked, the next ones read."""
-    return shared_folder / 'atlases'
+    return shared_folder / ('quick' if is_quick else 'atlases')
 
 
 @pytest.fixture(scope='session')
@@ -58,10 +81,10 @@ class Scenes:
         folder = self.folder
         with pytest.MonkeyPatch.context() as patch:
             if level is not None:  # whatever its error is
-                patch.setattr('pvibr.instances.measure.SIZES', (8, 32))
-                patch.setattr('pvibr.instances.levels._atlases', FORCED)
-                folder = folder / 'forced'
+                quick(patch)
+                folder = folder.parent / 'quick'
             things = pl.ibr.add_instances(mesh, poses, cache=folder, **kwargs)
+        keep(things)
         return (place(pl, **camera) if camera else pl), things
 
     def actors(self, mesh, poses, *, size=(120, 90), scale=1, camera=None, **kwargs):
@@ -97,7 +120,7 @@ class Scenes:
         return self._last[2].copy()
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def scenes(atlases):
     """How to make scenes of instances and their references."""
     return Scenes(atlases)

@@ -198,8 +198,7 @@ FORGED = {
 
 
 @pytest.mark.parametrize('how', FORGED)
-def test_what_is_forged_is_baked_again_once(how, tmp_path, monkeypatch):
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
+def test_what_is_forged_is_baked_again_once(how, tmp_path):
     parts = as_parts(pv.Sphere(theta_resolution=30, phi_resolution=30))
     kwargs = {'views': 3, 'tile': 16, 'cache': tmp_path}
     first = make_model(parts, **kwargs)

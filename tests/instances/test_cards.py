@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from pvibr.core.frame import Frame
 
+pytestmark = pytest.mark.all_sizes
+
 VIEWS = {
     'side': (1, 0, 0),
     'pole': (0, 0, 1),

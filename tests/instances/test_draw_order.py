@@ -42,12 +42,17 @@ def inside(scenes, see, sets):
     return minimum_filter(covered, 3)
 
 
+def add(pl, scenes, poses, color, **kwargs):
+    """Add balls that are of one bake whatever their colour is."""
+    colors = np.tile(pv.Color(color).float_rgb, (len(poses), 1))
+    kwargs |= {'cache': scenes.folder, 'colors': colors, 'blend': 'multiply', 'bake': True}
+    return pl.ibr.add_instances(BALL, poses, color='white', **kwargs)
+
+
 def shown(scenes, sets, level, **kwargs):
     pl = scenes.empty(SIZE)
     for color, poses in zip(('tomato', 'royalblue', 'gold'), sets, strict=True):
-        pl.ibr.add_instances(
-            BALL, poses, cache=scenes.folder, color=color, force_level=level, bake=True, **kwargs
-        )
+        add(pl, scenes, poses, color, force_level=level, **kwargs)
     pl.camera.position, pl.camera.focal_point, pl.camera.up = EYE.values()
     return pl
 
@@ -75,17 +80,12 @@ def assert_settled(pl, first):
 @pytest.mark.parametrize('count', [1, 3])
 def test_the_first_frame_is_the_last(scenes, sets, count):
     pl = scenes.empty(SIZE)
-    made = [
-        pl.ibr.add_instances(BALL, poses, cache=scenes.folder, color='gold', bake=True)
-        for poses in sets[:count]
-    ]
+    made = [add(pl, scenes, poses, 'gold') for poses in sets[:count]]
     pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, -14, 8), (0, 0, 0), (0, 0, 1)
     pl.reset_camera_clipping_range()
     pl.show(auto_close=False)
     assert_settled(pl, pl.screenshot(return_img=True))
-    made.append(
-        pl.ibr.add_instances(BALL, sets[1][:60], cache=scenes.folder, color='red', bake=True)
-    )
+    made.append(add(pl, scenes, sets[1][:60], 'red'))
     assert_settled(pl, bits(pl))
     made[0].poses = sets[2]
     assert_settled(pl, bits(pl))

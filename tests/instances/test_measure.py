@@ -12,6 +12,8 @@ from pvibr.instances.levels import make_model
 from pvibr.maths.image_error import box_reduce
 from pvibr.meshes.parts import as_parts
 
+pytestmark = pytest.mark.all_sizes
+
 
 @pytest.fixture(scope='module')
 def sheet(atlases):

@@ -20,6 +20,8 @@ from pvibr.maths.vectors import as_units
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.turntable import LEVEL, Turns
 
+pytestmark = pytest.mark.all_sizes
+
 axes = arrays(float, 3, elements=st.floats(-1, 1)).filter(lambda v: np.linalg.norm(v) > 0.1)
 
 
