@@ -17,8 +17,6 @@ from pvibr.gl import Texture
 from pvibr.instances.cards import CARD_SHADERS
 from tests.pictures import read
 
-pytestmark = pytest.mark.all_sizes
-
 SIZE = (160, 120)
 CAMERA = {'eye': (9, -7, 5), 'focus': (-1, 0, 0.2), 'angle': 30}
 
