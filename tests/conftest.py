@@ -18,7 +18,7 @@ os.environ.setdefault('GALLIVM_PERF', 'nopt')
 
 import pytest
 import pyvista as pv
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from pvibr.gl.offscreen import hidden_window
 from pvibr.instances.atlas import Atlas
@@ -37,7 +37,7 @@ pv.OFF_SCREEN = True
 # are about samples ask for them.
 pv.global_theme.anti_aliasing = None
 # Speed is measured by the bench; a machine that is busy fails no test.
-settings.register_profile('untimed', deadline=None)
+settings.register_profile('untimed', deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile('untimed')
 
 

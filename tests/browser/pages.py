@@ -79,7 +79,7 @@ class View:
             return seen[-1] <= bound
 
         with contextlib.suppress(AssertionError):
-            self._until(near, 30)
+            self._until(near)
         return min(seen)
 
     def drag(self, start, end, steps=4):

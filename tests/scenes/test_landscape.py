@@ -19,9 +19,9 @@ def _feet(scene):
 
 
 def test_ten_thousand_trees_in_less_than_a_second(scene):
-    start = time.perf_counter()
+    start = time.process_time()
     again = landscape(10_000)
-    assert time.perf_counter() - start < 2
+    assert time.process_time() - start < 2
     assert scene.matrices.shape == (10_000, 4, 4)
     np.testing.assert_array_equal(again.matrices, scene.matrices)
     np.testing.assert_array_equal(again.index, scene.index)

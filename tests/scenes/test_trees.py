@@ -72,9 +72,9 @@ def test_bark_is_closed_around_each_branch(kind):
 
 @kinds
 def test_growing_takes_less_than_a_second(kind):
-    start = time.perf_counter()
+    start = time.process_time()
     tree(kind)
-    assert time.perf_counter() - start < 1
+    assert time.process_time() - start < 1
 
 
 @kinds
