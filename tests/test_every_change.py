@@ -329,14 +329,9 @@ def changes(s, name):
             yield what, lambda change=change, owners=owners: [change(owner) for owner in owners]
 
 
-@pytest.mark.parametrize('name', CASES)
-def test_the_next_frame_shows_it(name, monkeypatch):
-    make, reference, share = CASES[name]
-    s = scene()
-    standin = make(s)
-    assert standin is not None
-    shot(s.pl)
-    uploads = []
+def counted_uploads(monkeypatch) -> list:
+    """Return a list that gets the bytes of each upload from now on."""
+    uploads: list = []
     for kind in (Texture, MipTexture):
         upload = kind.upload
         monkeypatch.setattr(
@@ -344,6 +339,35 @@ def test_the_next_frame_shows_it(name, monkeypatch):
             'upload',
             lambda self, array, upload=upload: uploads.append(array.nbytes) or upload(self, array),
         )
+    return uploads
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_many_frames_without_change_take_nothing(name, monkeypatch):
+    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
+    s = scene()
+    standin = CASES[name][0](s)
+    uploads = counted_uploads(monkeypatch)
+    for move in (lambda: None, lambda: setattr(s.pl.camera, 'azimuth', 20.0)):
+        move()
+        for _ in range(6):
+            s.pl.render()  # costs are measured, and what is cheaper is chosen
+        before, count = shot(s.pl), counts(standin)
+        uploads.clear()
+        for _ in range(60):
+            s.pl.render()
+        assert (counts(standin), uploads) == (count, [])
+        assert np.array_equal(shot(s.pl), before)
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_the_next_frame_shows_it(name, monkeypatch):
+    make, reference, share = CASES[name]
+    s = scene()
+    standin = make(s)
+    assert standin is not None
+    shot(s.pl)
+    uploads = counted_uploads(monkeypatch)
     wrong, idle, before = {}, {}, shot(s.pl)
     for what, change in changes(s, name):
         change()
