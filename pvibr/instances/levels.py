@@ -15,7 +15,7 @@ from pvibr.core.errors import PvibrWarning
 from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import TEXTURE_MODES, bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
-from pvibr.instances.limits import SIDES, Limits, cast, limits_of
+from pvibr.instances.limits import SIDES, Limits, by_cost, cast, limits_of
 from pvibr.instances.measure import MESH_SHARE, allowed, measure
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
@@ -60,7 +60,8 @@ class LodModel:
     def limits(self, max_error) -> Limits:
         """Return the sizes at which levels change, for a greatest error in pixels."""
         if max_error not in self._limits:
-            self._limits[max_error] = limits_of(self.atlas.errors, len(self.levels), max_error)
+            found = limits_of(self.atlas.errors, len(self.levels), max_error)
+            self._limits[max_error] = by_cost(found, [level.triangles for level in self.levels])
         return self._limits[max_error]
 
     def cast_limits(self, max_error, aspect) -> Limits:

@@ -10,9 +10,11 @@ import numpy as np
 from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
 from pvibr.instances.measure import CARD_SHARE, MESH_SHARE, allowed
+from pvibr.instances.worth import saved_by_meshes
 
 SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
 _LARGEST = 1e9  # px: no instance is larger
+_STEPS = 100  # of sizes at which costs are compared
 _OCTAVES = 2  # beyond the largest size measured, to which errors of meshes are extrapolated
 
 
@@ -77,6 +79,22 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     return Limits(cards, reached, tuple(meshes), level)
 
 
+def by_cost(limits, triangles) -> Limits:
+    """Return limits by which meshes take over from cards where that saves most."""
+    if limits.level or not limits.mesh.any():
+        return limits
+    sizes = np.geomspace(limits.mesh.max(), 1.0, _STEPS)
+    lightest = (np.array(limits.meshes) >= sizes[:, None]).cumsum(1).argmax(1)
+    saved = np.zeros((_STEPS, PATCHES))
+    for name, (low, high) in limits.cards.items():
+        shown = (sizes[:, None] >= low) & (sizes[:, None] < high)
+        saved += shown * saved_by_meshes(np.array(triangles)[lightest], name, sizes)[:, None]
+    # From the largest size down; of what is far there is more.
+    total = (saved / sizes[:, None] ** 2).cumsum(0)
+    ends = np.where(total.max(0) > 0, sizes[total.argmax(0)], limits.mesh)
+    return Limits(_ended(limits.cards, ends), ends, limits.meshes, limits.level)
+
+
 def cast(limits, errors, triangles, max_error, aspect) -> Limits:
     """Return limits in depth maps, sizes by the short side of their texels."""
     # Maps show a mesh's surface alone, no better than the long side of a texel.
@@ -89,14 +107,18 @@ def cast(limits, errors, triangles, max_error, aspect) -> Limits:
         pays = (count * aspect) ** 0.5
         ends = max(ends, min(pays, high)) if pays > low else ends
     mesh = np.minimum(limits.mesh, ends)
-    return Limits(_cast(limits.cards, mesh), mesh, meshes, _cast(limits.level, mesh))
+    # Splats are square in oblong texels.
+    cards, level = (
+        _ended(spans, mesh, without=SPLAT.name) for spans in (limits.cards, limits.level)
+    )
+    return Limits(cards, mesh, meshes, level)
 
 
-def _cast(spans, ends) -> dict:
-    """Return contiguous spans up to a size, without splats, which are square in oblong texels."""
+def _ended(spans, ends, without='') -> dict:
+    """Return contiguous spans up to a size."""
     kept, reached = {}, np.zeros(PATCHES)
     for name, (_, high) in spans.items():
-        high = reached if name == SPLAT.name else np.clip(high, reached, ends)
+        high = reached if name == without else np.maximum(np.minimum(high, ends), reached)
         kept[name] = np.stack([reached, high])
         reached = high
     return kept

@@ -10,8 +10,10 @@ import pyvista as pv
 
 import pvibr
 from pvibr.instances import memory
+from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.instances import Instances
-from pvibr.instances.worth import why_not
+from pvibr.instances.limits import Limits, by_cost
+from pvibr.instances.worth import saved_by_meshes, why_not
 
 
 def test_more_triangles_and_more_instances_pay_more():
@@ -21,6 +23,46 @@ def test_more_triangles_and_more_instances_pay_more():
     assert pays[2][2]
     assert pays[3][1]
     assert not pays[1][1]
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_meshes_take_over_where_they_cost_less(seed):
+    """Then alone, up to the size from which they are drawn anyway."""
+    rng = np.random.default_rng(seed)
+    names, ends = ('splat', 'flat', 'parallax', 'blended'), np.zeros(PATCHES)
+    cards = {}
+    for name in names:
+        cards[name] = np.stack([ends, ends := ends + rng.uniform(0, 40, PATCHES)])
+    meshes = np.inf, *np.sort(rng.uniform(0, 200, 3))[::-1]
+    triangles = 40_000 // 4 ** np.arange(4)
+    found = by_cost(before := Limits(cards, ends, meshes), triangles)
+    assert found.meshes == before.meshes
+    assert (found.mesh < before.mesh).any()
+    sizes = np.arange(1.0, 161.0, 0.25)
+    level = [max(k for k, limit in enumerate(meshes) if size <= limit) for size in sizes]
+    for patch in range(PATCHES):
+        saved = np.zeros(len(sizes))
+        for name, (low, high) in cards.items():
+            shown = (low[patch] <= sizes) & (sizes < high[patch])
+            saved += shown * saved_by_meshes(triangles[level], name, sizes) / sizes**3
+            now = found.cards[name][:, patch]
+            end = found.mesh[patch]
+            assert np.allclose(now, np.minimum((low[patch], high[patch]), end))
+        total = saved[::-1].cumsum()[::-1]  # from a size on
+        taken = np.interp(found.mesh[patch], sizes, total)
+        assert taken >= max(total.max(), 0) - 0.1 * np.abs(saved).sum()
+        assert taken >= 0 or found.mesh[patch] == before.mesh[patch]
+
+
+def test_heavy_meshes_take_nothing_over():
+    cards = {'blended': np.stack([np.zeros(PATCHES), np.full(PATCHES, 100.0)])}
+    limits = Limits(cards, np.full(PATCHES, 100.0), (np.inf, 90.0))
+    found = by_cost(limits, [10**6, 10**5])
+    np.testing.assert_allclose(found.mesh, 100, rtol=1e-9)
+    np.testing.assert_allclose(found.cards['blended'], cards['blended'], rtol=1e-9)
+    assert by_cost(limits, [10**6, 400]).mesh.max() == pytest.approx(100)  # 91 px show the mesh
+    light = by_cost(Limits(cards, limits.mesh, (np.inf, 200.0)), [10**6, 400])
+    assert light.mesh.max() < 40
 
 
 @pytest.fixture
