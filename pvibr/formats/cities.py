@@ -10,7 +10,6 @@ import pyvista as pv
 from pvibr.core.errors import require
 from pvibr.core.files import existing
 
-ENDINGS = ('.json', '.city.json', '.cityjson')
 #: Supported version; older files are upgraded.
 VERSION = '2.0'
 #: Nesting depth of the surfaces of a geometry, by its type.
