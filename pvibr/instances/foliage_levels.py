@@ -100,7 +100,7 @@ def foliage_levels(
     crossed=3,
     views=16,
     view_size=256,
-    texture=1024,
+    texels=1024,
     axis=(0.0, 0.0, 1.0),
     **looks,
 ) -> FoliageLevels:
@@ -112,8 +112,8 @@ def foliage_levels(
 
     Parameters
     ----------
-    mesh : dataset, MultiBlock, actor, trimesh object, path or list of Part
-        As :meth:`plotter.ibr.add_instances` takes it.
+    mesh : dataset, MultiBlock, actor, trimesh object, path, list of Part or of actors
+        As :meth:`plotter.ibr.add_instances` takes it, or a list of actors.
     labels : array_like of int, shape (m,), optional
         Part of each triangle of a mesh with one look; negative triangles stay a mesh. By default
         parts are connected components.
@@ -127,7 +127,7 @@ def foliage_levels(
         Number of views of the turntable.
     view_size : int
         Texels along the longer side of a view.
-    texture : int
+    texels : int
         Maximum texels along a side of the quads' textures.
     axis : array_like, shape (3,)
         Axis of the turntable.
@@ -151,7 +151,7 @@ def foliage_levels(
     >>> import pvibr
     >>> places = pv.PolyData(np.random.default_rng(0).uniform(size=(40, 3)))
     >>> ferns = places.glyph(geom=pv.Disc(inner=0, outer=0.03), scale=False, orient=False)
-    >>> levels = pvibr.foliage_levels(ferns, views=4, view_size=32, texture=128, color='green')
+    >>> levels = pvibr.foliage_levels(ferns, views=4, view_size=32, texels=128, color='green')
     >>> [(level.name, level.quads) for level in levels.levels]
     [('mesh', 0), ('parts', 40), ('clusters', 39), ('turntable', 1), ('billboard', 1)]
     """
@@ -170,7 +170,7 @@ def foliage_levels(
             sets = [[groups], [bunches.turned(k) for k in range(crossed)]]
         stand_ins = []
         for chosen, share in zip(sets, _SHARES, strict=True):
-            level = [quads(small, chosen, texture=texture)] if chosen else []
+            level = [quads(small, chosen, texels=texels)] if chosen else []
             stand_ins.append(
                 (*level, *([lighter(kept, share) or kept] if kept is not None else []))
             )

@@ -19,6 +19,7 @@ from pvibr.maths.views import orthographic
 from pvibr.meshes.parts import Part, as_parts, copy_property
 
 _SAMPLES = 2  # along a side of a texel
+_ONE_SIDED = 0.9  # of the area of triangles, seen along the normals of their groups
 _EDGE = 1  # texels around a group that stay empty
 _ROUNDS = 12  # of Lloyd's algorithm
 _THIN = 1e-3  # least width of a quad, in parts of its length
@@ -66,6 +67,8 @@ class Groups:
     axes: np.ndarray
     low: np.ndarray
     high: np.ndarray
+    #: Whether the triangles of each look along its normal, so that a quad may be culled as they.
+    one_sided: bool = False
 
     @classmethod
     def of(cls, mesh, labels) -> Groups:
@@ -75,8 +78,14 @@ class Groups:
         group, source = np.divmod(keys, count)
         points = np.asarray(mesh.points, float)[source]
         axes = _principal(points, group)
+        a, b, c = np.asarray(mesh.points, float)[faces].swapaxes(0, 1)
+        across = np.cross(b - a, c - a)
+        facing = np.bincount(labels, (across * axes[labels, 2]).sum(1))
+        axes *= np.where(facing < 0, -1.0, 1.0)[:, None, None] ** [[0], [1], [1]]
+        one_sided = np.abs(facing).sum() > _ONE_SIDED * np.linalg.norm(across, axis=1).sum()
         low, high = _extents(points, group, axes)
-        return cls(points, source, group, corner.reshape(-1, 3), axes, low, high)
+        triangles = corner.reshape(-1, 3)
+        return cls(points, source, group, triangles, axes, low, high, bool(one_sided))
 
     def turned(self, k) -> Groups:
         """Return the groups with another axis as normal."""
@@ -141,14 +150,14 @@ class Layout:
             scale *= 0.93
 
 
-def quads(part, groups, *, texture=1024) -> Part:
+def quads(part, groups, *, texels=1024) -> Part:
     """Return one textured quad per group of a part's triangles."""
     low, high = (
         np.concatenate([getattr(g, name)[:, :2] for g in groups]) for name in ('low', 'high')
     )
     extents = high - low
     extents = np.maximum(extents, _THIN * extents.max(1, keepdims=True) + 1e-30)
-    layout = Layout.of(extents, texture)
+    layout = Layout.of(extents, texels)
     flat = _flattened(part, groups, layout, low)
     picture = pv.Texture(dilated(_drawn(part, flat, layout.size))[::-1])
     picture.interpolate, picture.repeat = True, False
@@ -157,6 +166,9 @@ def quads(part, groups, *, texture=1024) -> Part:
     prop = _vtk.vtkProperty()
     copy_property(prop, part.actor.GetProperty())
     prop.SetColor(1.0, 1.0, 1.0)
+    if not all(g.one_sided for g in groups):
+        prop.BackfaceCullingOff()
+        prop.FrontfaceCullingOff()
     out.actor.SetProperty(prop)
     return out
 

@@ -142,6 +142,8 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
     if add_mesh_kwargs.get('style') == 'points_gaussian':
         msg = "style is 'points_gaussian', which draws points, not triangles; use add_billboards."
         raise ValueError(msg)
+    if isinstance(mesh, list | tuple) and mesh and all(isinstance(m, pv.Actor) for m in mesh):
+        return [part for actor in mesh for part in as_parts(actor, **add_mesh_kwargs)]
     looks = add_mesh_kwargs | FIXED
     if alpha_cutoff is not None:
         looks['alpha_cutoff'] = alpha_cutoff

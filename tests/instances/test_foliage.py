@@ -52,7 +52,7 @@ def test_quads_lie_in_the_planes_of_flat_parts(leaves):
     (part,) = as_parts(mesh, **LOOK)
     groups = Groups.of(part.mesh, components(part.mesh))
     assert groups.thickness().max() < 1e-6
-    quad = quads(part, [groups], texture=256)
+    quad = quads(part, [groups], texels=256)
     assert quad.mesh.n_cells == 120
     corners = np.asarray(quad.mesh.points).reshape(60, 4, 3)
     order = [
@@ -76,7 +76,7 @@ def test_quads_lie_in_the_planes_of_flat_parts(leaves):
 def test_quads_show_the_colours_of_their_parts(leaves):
     mesh = leaves[0].append_polydata(*leaves[1:])
     (part,) = as_parts(mesh, **LOOK)
-    quad = quads(part, [Groups.of(part.mesh, components(part.mesh))], texture=256)
+    quad = quads(part, [Groups.of(part.mesh, components(part.mesh))], texels=256)
     image = quad.actor.GetTexture().to_array()
     height, width = image.shape[:2]
     uv = np.asarray(quad.mesh.active_texture_coordinates).reshape(60, 4, 2).mean(1)
@@ -90,7 +90,7 @@ def test_quads_show_the_colours_of_their_parts(leaves):
 
 def test_a_disc_covers_its_share_of_its_quad(leaves):
     (part,) = as_parts(leaves[0], color='red')
-    quad = quads(part, [Groups.of(part.mesh, np.zeros(part.mesh.n_cells, int))], texture=128)
+    quad = quads(part, [Groups.of(part.mesh, np.zeros(part.mesh.n_cells, int))], texels=128)
     image = quad.actor.GetTexture().to_array()
     texel = np.linalg.norm(np.diff(np.asarray(quad.mesh.points)[:2], axis=0))
     texel /= image.shape[1] - 1
@@ -131,7 +131,7 @@ def test_dilation_leaves_what_is_covered():
 
 
 def test_levels_of_foliage(plant):
-    levels = pvibr.foliage_levels(plant, texture=256, view_size=64, views=8, **LOOK)
+    levels = pvibr.foliage_levels(plant, texels=256, view_size=64, views=8, **LOOK)
     names = [level.name for level in levels.levels]
     assert names == ['mesh', 'parts', 'clusters', 'turntable', 'billboard']
     assert levels.levels[1].quads == 60
@@ -149,7 +149,7 @@ def test_labels_say_what_parts_are(plant):
     trunk = components(plant)[0]
     small = components(plant) != trunk
     labels[small] = np.arange(small.sum()) % 3
-    levels = pvibr.foliage_levels(plant, labels, texture=128, view_size=16, views=2, **LOOK)
+    levels = pvibr.foliage_levels(plant, labels, texels=128, view_size=16, views=2, **LOOK)
     assert levels.levels[1].quads == 3
     for wrong in (labels[:-1], labels.astype(float)):
         with pytest.raises(ValueError, match='labels'):
@@ -165,7 +165,7 @@ def test_what_has_no_small_parts_is_refused():
 
 
 def test_a_turntable_shows_the_side_that_the_eye_sees(plant, see):
-    levels = pvibr.foliage_levels(plant, texture=128, view_size=96, views=16, **LOOK)
+    levels = pvibr.foliage_levels(plant, texels=128, view_size=96, views=16, **LOOK)
     truth = levels._meshes()[0]
     for azimuth in (0.0, np.pi / 2, 4.3):
         pictures = []
@@ -187,7 +187,7 @@ def test_a_turntable_shows_the_side_that_the_eye_sees(plant, see):
 
 
 def test_foliage_joins_the_levels_of_instances(plant, atlases):
-    levels = pvibr.foliage_levels(plant, texture=256, view_size=32, views=2, **LOOK)
+    levels = pvibr.foliage_levels(plant, texels=256, view_size=32, views=2, **LOOK)
     meshes = _levels(levels.parts)
     assert [m.triangles for m in meshes] == [level.triangles for level in levels.levels[:3]]
     plain = as_parts(plant, **LOOK)
@@ -200,3 +200,58 @@ def test_foliage_joins_the_levels_of_instances(plant, atlases):
     assert {'mesh1', 'mesh2'} <= set(errors)
     assert f'mesh {plant.n_cells}' in things.report()
     pl.close()
+
+
+def textured(seed):
+    """Return trunk, leaves that wear a part of an image each, and the image."""
+    rng = np.random.default_rng(seed)
+    image = np.zeros((16, 16, 3), np.uint8)
+    image[:8], image[8:, :8], image[8:, 8:] = (200, 40, 30), (240, 200, 20), (40, 160, 40)
+    leaf, leaves = pv.Plane(i_resolution=2, j_resolution=2).triangulate(), []
+    for turn in Rotation.random(40, random_state=seed):
+        one = leaf.copy()
+        one.points = 0.3 * turn.apply(one.points) + rng.uniform(-1, 1, 3) + (0, 0, 3)
+        one.point_data.active_normals = turn.apply(one.point_data.active_normals)
+        leaves.append(one)
+    trunk = pv.Cylinder(center=(0, 0, 1), direction=(0, 0, 1), radius=0.1, height=2).triangulate()
+    return trunk, leaves[0].append_polydata(*leaves[1:]), pv.Texture(image)
+
+
+def by_texture(trunk, leaves, image, _folder):
+    whole = trunk.append_polydata(leaves)
+    coordinates = np.full((whole.n_points, 2), 0.1, np.float32)
+    coordinates[trunk.n_points :] = leaves.active_texture_coordinates
+    whole.active_texture_coordinates = coordinates
+    return whole, {'texture': image}
+
+
+def by_actors(trunk, leaves, image, _folder):
+    pl = pv.Plotter(off_screen=True)
+    return [pl.add_mesh(trunk, color='brown'), pl.add_mesh(leaves, texture=image)], {}
+
+
+def by_parts(trunk, leaves, image, _folder):
+    return [*as_parts(trunk, color='brown'), *as_parts(leaves, texture=image)], {}
+
+
+def by_blocks(trunk, leaves, _image, _folder):
+    return pv.MultiBlock([trunk, leaves]), {'color': 'green'}
+
+
+def by_glb(trunk, leaves, image, folder):
+    pl = pv.Plotter(off_screen=True)
+    pl.add_mesh(trunk, color='brown')
+    pl.add_mesh(leaves, texture=image)
+    pl.export_gltf(str(folder / 'tree.gltf'))
+    return folder / 'tree.gltf', {}
+
+
+@pytest.mark.parametrize('seed', [0, 7])
+@pytest.mark.parametrize('given', [by_texture, by_actors, by_parts, by_blocks, by_glb])
+def test_a_plant_is_given_as_add_mesh_takes_it(given, seed, tmp_path):
+    what, looks = given(*textured(seed), tmp_path)
+    levels = pvibr.foliage_levels(what, texels=256, view_size=32, views=4, **looks)
+    assert levels.levels[1].quads == 40
+    levels.measure(64, 2)
+    assert levels.levels[1].error['iou'] > 0.7
+    assert levels.levels[1].error['flip'] < 0.15

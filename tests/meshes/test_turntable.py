@@ -73,7 +73,7 @@ LOOK = {'scalars': 'paint', 'rgb': True}
 
 @pytest.fixture(scope='module')
 def foliage(fir):
-    return pvibr.foliage_levels(fir, texture=256, view_size=32, views=12, **LOOK)
+    return pvibr.foliage_levels(fir, texels=256, view_size=32, views=12, **LOOK)
 
 
 def plotter(**kwargs):
