@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
 from pvibr.instances.measure import CARD_SHARE, MESH_SHARE, allowed
-from pvibr.instances.worth import saved_by_meshes
+from pvibr.instances.worth import hardly_costs_from, saved_by_meshes
 
 SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
 _LARGEST = 1e9  # px: no instance is larger
@@ -83,6 +83,9 @@ def by_cost(limits, triangles) -> Limits:
     """Return limits by which meshes take over from cards where that saves most."""
     if limits.level or not limits.mesh.any():
         return limits
+    # A lighter one that would save little is not worth its error.
+    heavier = hardly_costs_from(triangles[:-1])
+    limits = replace(limits, meshes=(np.inf, *np.minimum(limits.meshes[1:], heavier).tolist()))
     sizes = np.geomspace(limits.mesh.max(), 1.0, _STEPS)
     lightest = (np.array(limits.meshes) >= sizes[:, None]).cumsum(1).argmax(1)
     saved = np.zeros((_STEPS, PATCHES))

@@ -34,3 +34,8 @@ def saved_by_meshes(triangles, shader, sizes) -> np.ndarray:
     pixels = np.asarray(sizes, float) ** 2
     mesh = _COPY + np.asarray(triangles) * _TRIANGLE + pixels * _MESH_SQUARE
     return _CARD + pixels * _SQUARE.get(shader, _MESH_SQUARE) - mesh
+
+
+def hardly_costs_from(triangles) -> np.ndarray:
+    """Return the sizes in pixels from which triangles of meshes cost less than their pixels."""
+    return np.sqrt(np.asarray(triangles) * _TRIANGLE / _MESH_SQUARE)
