@@ -55,8 +55,20 @@ DEPTH = Part(0.5, _ALL, 1e-9)
 SOLID = Part(0.5, _ALL, 1.0)
 
 
+# By the address of the pictures' atlas while that lives: a look at all of it takes 20 ms.
+_core_levels: dict[int, int] = {}
+
+
 def core_level(atlas) -> int:
     """Return the coarsest level of an atlas of which most is opaque, -1 if none is."""
+    key = id(atlas)
+    if key not in _core_levels:
+        _core_levels[key] = _core_level(atlas)
+        weakref.finalize(atlas, _core_levels.pop, key, None)
+    return _core_levels[key]
+
+
+def _core_level(atlas) -> int:
     tile, covered = atlas.tile, atlas.geometry[..., 1]
     some = covered.reshape(-1, tile, covered.shape[1])[::_SOME].astype(np.float32)
     level = -1
@@ -135,6 +147,11 @@ class CardLayer:
             first = cored if part is CORE else 0
             some = [(max(a, first), b) for a, b in ends] if part else []
             draws.show_spans([(a * self.unit, b) if b > a else (0, 0) for a, b in some])
+
+    def check(self):
+        """Note shaders that the frame was not drawn with."""
+        for draws in self._all():
+            draws.check()
 
     def hide(self):
         """Draw nothing."""

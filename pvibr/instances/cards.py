@@ -186,6 +186,11 @@ class Cards:
         """Error of the shaders, or None."""
         return next((layer.failure for layer in self.layers.values() if layer.failure), None)
 
+    def check(self):
+        """Note shaders that the frame was not drawn with."""
+        for layer in self.layers.values():
+            layer.check()
+
     def shaders(self) -> list:
         """Return the card shaders in use, in drawing order."""
         return [layer.shader for layer in self.layers.values()]

@@ -374,6 +374,7 @@ class Instances(BakedSet):
         if frame.own and not frame.picking:
             for group in self.groups:
                 group.near.check()
+                group.cards.check()
 
     def release(self):
         """Free GPU memory; the context is current."""

@@ -43,7 +43,7 @@ class ShaderDraws:
         self._spans, self._used = [(0, 0)] * draws, 0
         self._corners = 0
         self.feature: Feature | None = None
-        self.landed = False
+        self.landed = self._asked = False
         if feature is not None:
             self.set_feature(feature)
 
@@ -66,6 +66,7 @@ class ShaderDraws:
                     self.feature.detach(actor)
                 feature.attach(actor)
             self.feature, self.landed = feature, False
+            self._watch()
 
     def place_cards(self, bounds, corners=4):
         """Have cards of 4 corners, or points, as many as a draw may have; VTK culls by bounds."""
@@ -129,6 +130,18 @@ class ShaderDraws:
 
         self.mapper.AddObserver('UpdateShaderEvent', update)
 
+    def _watch(self):
+        """Note the next time that VTK draws, whether or not it has a program."""
+        self._asked, itself = False, weakref.ref(self)
+
+        def note(mapper, _event):
+            alive = itself()
+            if alive is not None:
+                alive._asked = True
+            mapper.RemoveObserver(tag)
+
+        tag = self.mapper.AddObserver('StartEvent', note)
+
     def _inputs(self) -> tuple[dict, dict]:
         """Return the textures and the uniforms of a program that is about to draw."""
         return self.textures, self.uniforms
@@ -148,8 +161,7 @@ class ShaderDraws:
 
     def check(self):
         """Note if the frame that was drawn had no program for what it was to show."""
-        shown = any(end > 0 for _, end in self._spans[: self._used])
-        if shown and not self.landed and self.feature is not None:
+        if self._asked and not self.landed and self.failure is None:
             self.failure = f'the driver refused the shader {self.feature.name}'
 
     def release(self, window):

@@ -564,6 +564,7 @@ FAILURES = {
     'both did not land': (SHADERS[0], 'drawn instead'),
     'meshes did not land': (SHADERS[0], 'actor'),
     'meshes did not compile': (SHADERS[1], 'actor'),
+    'cards did not compile': (SHADERS[1], 'drawn instead'),
 }
 
 
