@@ -132,15 +132,18 @@ class ShaderDraws:
 
     def _watch(self):
         """Note the next time that VTK draws, whether or not it has a program."""
-        self._asked, itself = False, weakref.ref(self)
+        self._asked, method = False, weakref.WeakMethod(self._note)
 
         def note(mapper, _event):
-            alive = itself()
+            alive = method()
             if alive is not None:
-                alive._asked = True
+                alive()
             mapper.RemoveObserver(tag)
 
         tag = self.mapper.AddObserver('StartEvent', note)
+
+    def _note(self):
+        self._asked = True
 
     def _inputs(self) -> tuple[dict, dict]:
         """Return the textures and the uniforms of a program that is about to draw."""
