@@ -164,7 +164,7 @@ class ShaderDraws:
 
     def check(self):
         """Note if the frame that was drawn had no program for what it was to show."""
-        if self._asked and not self.landed and self.failure is None:
+        if self._asked and not self.landed and self.feature is not None:
             self.failure = f'the driver refused the shader {self.feature.name}'
 
     def release(self, window):
