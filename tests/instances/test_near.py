@@ -90,13 +90,6 @@ def test_lighter_meshes_keep_their_looks(scenes, see, look):
     assert (data.active_scalars_name is None) == (look in ('smooth', 'textured'))
 
 
-def test_normals_that_are_scalars_too_are_normals(scenes, see):
-    mesh = body()
-    mesh.set_active_scalars(mesh.point_data.active_normals_name)
-    drawn, _ = near(scenes, mesh, poses(), **LOOKS['smooth'])
-    same(see.grab(drawn), see.grab(plain(scenes, body(), poses(), **LOOKS['smooth'])))
-
-
 def plain_parts(scenes, see, part):
     """Return a plotter with an actor of a part at each pose."""
     truth = scenes.empty(SIZE)
