@@ -20,7 +20,8 @@ from pvibr.meshes.turntable import LEVEL
 from pvibr.scene.draw_order import Stage
 from pvibr.scene.shader_draws import DULL, ROW, pack
 
-_CHUNK = 8192  # cards of one draw
+_CHUNKS = 8192, 65_536  # cards of one draw, of small and of large sets
+_DRAWS = 32  # of a shader, as long as the cards of one allow it
 _SHARPNESS = 1.42  # 1.4 to 2.8 texels a pixel: measured best, 1 blurs outlines
 # Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
 _SOFT_LIGHT = '#define max(a, b) ibr_lit(a, b)\n//VTK::Light::Impl\n#undef max\n'
@@ -96,9 +97,14 @@ FADE = 1.05
 ALWAYS = np.tile([0.0, 1e9, 0.0, 0.0], (PATCHES, 1))
 
 
-def slabs(depths, turns, unit) -> list[np.ndarray]:
+def chunk(instances) -> int:
+    """Return the cards of one draw: drivers are paid by the draw, and by the empty cards of it."""
+    return int(np.clip(-(-instances // _DRAWS // BLOCK) * BLOCK, *_CHUNKS))
+
+
+def slabs(depths, turns, capacity) -> list[np.ndarray]:
     """Divide the blocks of several meshes into alternating draws from far to near."""
-    total, capacity = sum(len(d) for d in depths), _CHUNK // unit
+    total = sum(len(d) for d in depths)
     if len(depths) == 1:
         return [np.minimum(np.arange(-(-total // capacity) + 1) * capacity, total)]
     size = min(capacity, max(1, -(-total // turns)))
@@ -112,7 +118,7 @@ def slabs(depths, turns, unit) -> list[np.ndarray]:
 def slab_counts(instances, meshes, turned=False) -> dict[str, int]:
     """Return the maximum number of draws of each shader."""
     # A block may be partly empty, and each mesh has one such block.
-    full = -(-(instances + meshes * BLOCK) // _CHUNK)
+    full = -(-(instances + meshes * BLOCK) // chunk(instances))
     used = ALL_CARD_SHADERS if turned else CARD_SHADERS
     return {p.name: full + (p.turns if meshes > 1 else 0) for p in used}
 
@@ -161,9 +167,10 @@ class Cards:
             }
         self.unit = unit
         draws = draws or slab_counts(capacity, 1, turntable is not None)
-        most = min(_CHUNK, max(1, -(-capacity // unit)) * unit)
+        #: Cards of one draw.
+        self.chunk = min(chunk(capacity), max(1, -(-capacity // unit)) * unit)
         used = [p for p in ALL_CARD_SHADERS if p.name in draws]
-        self.layers = {p.name: CardLayer(self, p, prop, draws[p.name], most) for p in used}
+        self.layers = {p.name: CardLayer(self, p, prop, draws[p.name], self.chunk) for p in used}
 
     @property
     def nbytes(self) -> int:

@@ -341,7 +341,8 @@ class Instances(BakedSet):
         if unit > 1 and sum(len(c.table) for c in choices) * unit <= SORTED_SEEN:
             pairs = zip(self.groups, choices, strict=True)
             unit, choices = 1, [group.refine(frame, c) for group, c in pairs]
-        cuts = slabs([c.depths for c in choices], shader.turns, unit)
+        capacity = self.groups[0].cards.chunk // unit
+        cuts = slabs([c.depths for c in choices], shader.turns, capacity)
         for group, c, cut in zip(self.groups, choices, cuts, strict=True):
             look = {'ranges': c.ranges, 'level': c.level, 'unit': unit, 'cored': c.cored}
             group.cards.show(shader.name, c.table, cut, **look)
