@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from typing import TYPE_CHECKING
 
 import pyvista as pv
@@ -374,6 +375,15 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
             self._pipelines.pop().release()
         while self._at_close:
             self._at_close.pop()()
+        self._let_go()
+
+    def _let_go(self):
+        """Keep the plotter alive no longer: what it leaves undone ends with it, not at random."""
+        if not isinstance(self._plotter, weakref.ProxyTypes):
+            plotter = weakref.proxy(self._plotter)
+            parts = self._hand_over, self._clock, self._adaptive_quality, self._screenshots
+            for part in (self, *parts):
+                vars(part)['_plotter'] = plotter
 
     def __enter__(self):
         return self
