@@ -16,6 +16,7 @@ from pvibr.core.signatures import accepts
 from pvibr.export.facade import ExportFacade
 from pvibr.export.web_report import Watch
 from pvibr.pipeline import Pipeline
+from pvibr.scene.scalar_bars import Bar
 
 if TYPE_CHECKING:
     from pvibr.billboards.billboards import Billboards
@@ -153,22 +154,14 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         if accepts(make, 'theme'):
             kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
         thing = make(*args, **kwargs)
+        thing.bar = Bar(show_scalar_bar, scalar_bar_args)
+        thing.bar.check(self._plotter, thing)
         for old in [e for e in pipeline.effects if e.name == kwargs.get('name')]:
             pipeline.remove(old)
         pipeline.add(thing)
-        self._add_scalar_bar(thing, show_scalar_bar, scalar_bar_args)
+        thing.bar.show(thing)
         self._show(reset_camera, render)
         return thing
-
-    def _add_scalar_bar(self, thing, wanted, options):
-        mapper = thing.scalar_mapper()
-        if mapper is None or not hasattr(self._plotter, 'add_scalar_bar'):
-            return
-        if wanted is None:
-            wanted = self._plotter.theme.show_scalar_bar and thing.has_bar()
-        if wanted:
-            options = {'title': thing.scalar_title()} | (options or {})
-            self._plotter.add_scalar_bar(mapper=mapper, render=False, **options)
 
     add_instances: AddMethod[Instances] = AddMethod(
         'pvibr.instances.instances.Instances', _add_thing

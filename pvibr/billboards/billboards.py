@@ -18,7 +18,7 @@ from pvibr.images.sheet import as_images
 from pvibr.maths.blocks import BLOCK
 from pvibr.scene.draw_order import PARTS
 from pvibr.scene.item_set import CardSet
-from pvibr.scene.painted import TABLE_OPTIONS
+from pvibr.scene.painted import TABLE_OPTIONS, scalars_of
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_draws import ROW, ShaderDraws, pack
 
@@ -177,7 +177,7 @@ class Billboards(CardSet):
             yaw=yaw,
         )
         self._opacity = checked_opacity(opacity, len(self.layout), self.cutout is not None)
-        self._begin_looks(table, scalars, colors, visible)
+        self._begin_looks(table, scalars_of(points, scalars), colors, visible)
         self.pickable = pickable
         self._begin(lighting)
 

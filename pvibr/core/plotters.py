@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import sys
+from contextlib import contextmanager
+
+import numpy as np
+import pyvista as pv
 
 
 def is_closed(plotter) -> bool:
@@ -35,3 +39,59 @@ def trame_viewer(plotter):
     ui = sys.modules.get('trame_pyvista.ui') or sys.modules.get('pyvista.trame.ui')
     viewer = getattr(ui, '_VIEWERS', {}).get(getattr(plotter, '_id_name', None))
     return viewer if hasattr(viewer, 'SERVER_RENDERING') else None
+
+
+@contextmanager
+def in_subplot(plotter, renderer):
+    """Have the subplot of a renderer be the active one."""
+    renderers = plotter.renderers
+    before = renderers.active_index
+    where = renderers_of(plotter)
+    try:
+        _activate(renderers, where.index(renderer) if renderer in where else before)
+        yield
+    finally:
+        _activate(renderers, before)
+
+
+def _activate(renderers, index):
+    renderers.set_active_renderer(*np.atleast_1d(renderers.index_to_loc(index)).tolist())
+
+
+def bar_mappers(plotter) -> dict[str, list]:
+    """Return the mappers of each scalar bar by its title."""
+    return getattr(plotter.scalar_bars, '_scalar_bar_mappers', {})
+
+
+def set_bar_range(plotter, title, limits):
+    """Set what a scalar bar believes to be the range of its mappers."""
+    ranges = getattr(plotter.scalar_bars, '_scalar_bar_ranges', {})
+    ranges[title] = tuple(limits)
+
+
+def remove_from_bars(plotter, actor):
+    """Take the mapper of an actor from the scalar bars, which go with their last one."""
+    remove = getattr(plotter.scalar_bars, '_remove_mapper_from_plotter', None)
+    if remove is not None:
+        remove(actor)
+
+
+def bar_places(plotter) -> set:
+    """Return the numbers of the free places of scalar bars."""
+    return getattr(plotter, '_scalar_bar_slots', set())
+
+
+class _Trial(pv.BasePlotter):
+    """A plotter without a window."""
+
+
+def check_bar(plotter, mapper, options):
+    """Raise what adding a scalar bar would raise; nothing is added."""
+    if options.get('title') in bar_mappers(plotter):
+        options = options | {'unique_bar': True}
+    trial = _Trial(theme=plotter.theme, lighting='none')
+    try:
+        vars(trial)['_scalar_bar_slots'] = set(bar_places(plotter))
+        trial.add_scalar_bar(mapper=mapper, **options | {'interactive': False, 'render': False})
+    finally:
+        trial.close()

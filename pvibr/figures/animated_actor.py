@@ -326,6 +326,13 @@ class AnimatedActor(FigurePlayer, Placed):
         """Return the actor's mapper with the table of the shown scalars, None without scalars."""
         return self._with_table_of(mesh_actor.part for mesh_actor in self._mesh_actors)
 
+    def set_scalar_range(self, clim):
+        """Show the scalars by another range."""
+        if self._set_range_of([mesh_actor.part for mesh_actor in self._mesh_actors], clim):
+            for mesh_actor in self._mesh_actors:
+                limits = mesh_actor.part.actor.mapper.GetScalarRange()
+                mesh_actor.actor.GetMapper().SetScalarRange(limits)
+
 
 def _is_whole(renderer, bounds) -> bool:
     """Return True if bounds are not empty and within the clipping range."""

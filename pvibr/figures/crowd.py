@@ -158,6 +158,10 @@ class Crowd(Instances):
         state.motions, state.box = motions, model.atlas.box.T.ravel()
         return {0: model}
 
+    def _remake(self):
+        self._models = self._baked(self._clips)
+        self._rebuild()
+
     def _group(self, *args):
         return CrowdGroup(self._crowd_state, *args)
 

@@ -124,6 +124,14 @@ class BakedSet(PosedSet):
         if any(not model.unbaked for model in new.values()):
             self._rebuild()
 
+    def _remake(self):
+        """Draw meshes whose colours were changed, without their images."""
+        models = self._models.items()
+        why = {k: model.unbaked or MESH_CHANGED for k, model in models}
+        self._models = {k: unbaked(self._meshes[k], reason) for k, reason in why.items()}
+        self._take_materials(self._models)
+        self._rebuild()
+
     def _follow(self):
         """Take over changes of meshes and materials; what images do not show becomes meshes."""
         new = {}
@@ -146,6 +154,7 @@ class BakedSet(PosedSet):
             self._wear()
             self._models |= new
             self._rebuild()
+            self._show_bar()
 
     @staticmethod
     def _shown_model(material, model):

@@ -235,6 +235,14 @@ class Instances(BakedSet):
             return super().scalar_mapper()
         return self._with_table_of(self._parts())
 
+    def set_scalar_range(self, clim):
+        """Show the scalars by another range; images of a mesh do not show it."""
+        super().set_scalar_range(clim)
+        if self.table is None and self._set_range_of(self._parts(), clim):
+            if self._sources and not any(part.of_actor for part in self._parts()):
+                self._sources.ask(clim=clim)
+            self._remake()
+
     def has_bar(self) -> bool:
         """Return True if it has scalars that are not those of an actor, which has its own bar."""
         return self.table is not None or not all(part.of_actor for part in self._parts())

@@ -22,6 +22,7 @@ from pvibr.maths.blocks import BLOCK, members, morton_order
 from pvibr.meshes.poses import as_poses
 from pvibr.scene import looks as look
 from pvibr.scene.item_set import ItemSet
+from pvibr.scene.scalar_bars import name_of
 from pvibr.scene.thing import joined_bounds
 
 _SPREAD = 2.0  # growth of most blocks at which their instances are no neighbours any more
@@ -149,8 +150,13 @@ class PosedSet(ItemSet):
         except BaseException:  # a bake may be interrupted
             self._take_back(before)
             raise
+        named = name_of(scalars) if ids is None else self._scalar_name
         for name, values in looks.items():
-            setattr(self, name, values)
+            if name == 'scalars':
+                self._set_scalars(values, named)
+            else:
+                setattr(self, name, values)
+        self._show_bar()  # also where another number of instances has no scalars
 
     def _take_back(self, before):
         """Have what there was before an update that failed."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pyvista as pv
 
 from pvibr.core import _vtk
@@ -20,6 +22,10 @@ class Sources:
         # Of now: parts share arrays with what they are made of.
         pairs = zip(parts, self._times, strict=True)
         self._keys = [content_key(found) if times else '' for found, times in pairs]
+
+    def ask(self, **look):
+        """Ask for another look of the meshes when they change."""
+        self._parts_of = partial(self._parts_of, **look)
 
     def changed(self) -> dict[int, list]:
         """Return the new parts of meshes whose points, cells or shown arrays have changed."""

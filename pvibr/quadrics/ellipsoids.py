@@ -10,7 +10,7 @@ from pvibr.maths.quadric_rays import meet_ellipsoids
 from pvibr.maths.quaternions import to_matrices
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape, gap_rows
-from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths
+from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths, with_scalars
 
 _FLATTEST = 1e-4  # of the largest radius: what floats can tell from a disc
 
@@ -60,7 +60,7 @@ class Ellipsoids(PointQuadrics):
         self._points = as_points(points)
         self._radii = checked_lengths('radii', radii, (len(self), 3))
         self._turns = _checked_turns(orientation, len(self))
-        super().__init__(**looks)
+        super().__init__(**with_scalars(points, looks))
 
     @property
     def radii(self) -> np.ndarray:

@@ -26,7 +26,7 @@ from pvibr.quadrics.cards import (
 from pvibr.quadrics.occlusion import Occlusion
 from pvibr.scene.draw_order import depths_of
 from pvibr.scene.item_set import CardSet
-from pvibr.scene.painted import TABLE_OPTIONS
+from pvibr.scene.painted import TABLE_OPTIONS, scalars_of
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_draws import PBR, ROW, pack
 
@@ -367,6 +367,12 @@ class PointQuadrics(Quadrics):
     def points(self, points):
         self._points = self._as_many('points', points)
         self._moved()
+
+
+def with_scalars(points, looks) -> dict:
+    """Return looks with scalars that are named after an array of the points."""
+    scalars = looks.get('scalars')
+    return looks | {'scalars': scalars_of(points, scalars)} if isinstance(scalars, str) else looks
 
 
 def checked_lengths(name, lengths, shape) -> np.ndarray:

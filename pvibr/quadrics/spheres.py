@@ -9,7 +9,7 @@ from pvibr.core.signatures import takes
 from pvibr.maths.quadric_rays import meet_spheres
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape, gap_rows
-from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths
+from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths, with_scalars
 
 
 class Spheres(PointQuadrics):
@@ -56,7 +56,7 @@ class Spheres(PointQuadrics):
     def __init__(self, points, radius=0.5, **looks):
         self._points = as_points(points)
         self._radii = checked_lengths('radius', radius, (len(self),))
-        super().__init__(**looks)
+        super().__init__(**with_scalars(points, looks))
 
     @property
     def radius(self) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.scene import looks as look
+from pvibr.scene.scalar_bars import name_of
 from pvibr.scene.thing import Thing
 
 #: What the table of the scalars takes from the arguments of ``add_mesh``.
@@ -71,6 +72,7 @@ class Painted(Thing):
         values = self._as_scalars(scalars)
         table = self.table or look.color_table(values, **self._table_options)
         self._scalars, self.table = values, table
+        self._scalar_name = name_of(scalars)
         self._colors = _mapped(table, values)
 
     def _as_scalars(self, scalars):
@@ -88,11 +90,17 @@ class Painted(Thing):
 
     @scalars.setter
     def scalars(self, scalars):
+        self._set_scalars(scalars, name_of(scalars))
+
+    def _set_scalars(self, scalars, name):
+        """Show scalars, whose scalar bar has a name."""
         if scalars is None:
             self._scalars = self._colors = self.table = None
         else:
             self._map(scalars)
+        self._scalar_name = name
         self._repaint()
+        self._show_bar()
 
     def map(self, cmap=None, clim=None, **options):
         """Colour the scalars by another map or range; nothing is baked.
@@ -118,6 +126,25 @@ class Painted(Thing):
         self._table_options = merged
         self._colors = _mapped(self.table, self._scalars)
         self._repaint()
+        self._show_bar()
+
+    @property
+    def clim(self) -> tuple[float, float] | None:
+        """Range of the scalars in their colour map, None without scalars."""
+        return None if self.table is None else self.table.scalar_range
+
+    @clim.setter
+    def clim(self, clim):
+        self.map(clim=clim)
+
+    def set_scalar_range(self, clim):
+        """Show the scalars by another range, in the same table."""
+        if self.table is None or tuple(self.table.scalar_range) == clim:
+            return
+        self.table.scalar_range = self._table_options['clim'] = clim
+        if self._scalars is not None:
+            self._colors = _mapped(self.table, self._scalars)
+            self._repaint()
 
     @property
     def colors(self):
@@ -130,6 +157,7 @@ class Painted(Thing):
         self._scalars = self.table = None
         self._colors = new
         self._repaint()
+        self._show_bar()
 
     @property
     def visible(self) -> np.ndarray:
@@ -143,13 +171,27 @@ class Painted(Thing):
 
     def scalar_mapper(self):
         """Return the actor's mapper with the table of the scalars, None without scalars."""
-        if self.table is None:
+        if self.table is None or self._scalars is None:
             return None
         return self._with_table(self.table, self.table.scalar_range)
 
     def scalar_title(self) -> str:
         """Return the title of the scalar bar."""
-        return self._scalar_name if self.table is None else self._name or 'scalars'
+        return self._scalar_name or ('' if self.table is None else self._name or 'scalars')
+
+
+def scalars_of(points, scalars):
+    """Return scalars, those of points that are a dataset by the name of an array."""
+    if not isinstance(scalars, str):
+        return scalars
+    if not isinstance(points, pv.DataSet):
+        msg = f'scalars is {scalars!r}, a name: it needs points that are a dataset with this array'
+        raise TypeError(msg)
+    if scalars not in points.point_data:
+        known = ', '.join(points.point_data.keys()) or 'none'
+        msg = f'scalars is {scalars!r}; the arrays of the points are: {known}'
+        raise ValueError(msg)
+    return points.point_data[scalars]
 
 
 def _mapped(table, values):

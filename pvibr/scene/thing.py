@@ -11,6 +11,7 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
+from pvibr.scene.scalar_bars import Bar, ThingMapper, share_range
 
 _DIRECT = 2  # VTK_COLOR_MODE_DIRECT_SCALARS
 
@@ -123,6 +124,9 @@ class Thing(Effect, pv.Actor):
         """Return the title of the scalar bar."""
         return self._scalar_name
 
+    def set_scalar_range(self, clim):
+        """Show the scalars by another range, in the same table."""
+
     def has_bar(self) -> bool:
         """Return True if it gets a scalar bar where none was asked for, as the theme says."""
         return True
@@ -138,6 +142,8 @@ class Thing(Effect, pv.Actor):
     #: Pairs of a key, which begins with a `Stage`, and an actor that has its place in the order
     #: of drawing by it; replaced wherever it changes.
     order: tuple = ()
+    #: The scalar bar asked for with it, None if it was added without.
+    bar: Bar | None = None
     #: Actors with its material.
     _dressed: tuple = ()
 
@@ -148,7 +154,8 @@ class Thing(Effect, pv.Actor):
     user_matrix = _unplaced('user_matrix')
 
     def __init__(self, **settings):
-        mapper = _vtk.vtkPolyDataMapper()
+        mapper = ThingMapper()
+        mapper.follow(self)
         mapper.SetNumberOfSubPieces(0)  # nothing is drawn, in any representation
         mapper.SetInputData(_vtk.vtkPolyData())
         pv.Actor.__init__(self, mapper)
@@ -250,8 +257,9 @@ class Thing(Effect, pv.Actor):
         renderer = self.pipeline.renderer
         self._take_out(renderer)
         if isinstance(renderer, pv.Renderer):
-            # Also where it is no more in the scene: a scalar bar may be.
             renderer.remove_actor(self, render=False)
+            if self.bar is not None:  # also where it is no more in the scene
+                self.bar.leave(self)
         else:
             renderer.RemoveViewProp(self)
         self._listed = None
@@ -265,6 +273,13 @@ class Thing(Effect, pv.Actor):
         for actor in self.actors():
             renderer.RemoveViewProp(actor)
 
+    def _show_bar(self):
+        """Have the scalar bar show the scalars as they are now."""
+        if self.bar is not None:
+            self.bar.show(self)
+        elif self.pipeline is not None:
+            share_range(self)
+
     def _with_table(self, table, scalar_range):
         """Return the actor's mapper with a table: plotters remove its scalar bar with it."""
         mapper = self.GetMapper()
@@ -274,15 +289,33 @@ class Thing(Effect, pv.Actor):
 
     def _with_table_of(self, parts):
         """Return the actor's mapper with the first table that colours parts of a mesh, or None."""
-        mappers = (part.actor.mapper for part in parts)
-        shown = (m for m in mappers if m.GetScalarVisibility() and m.GetColorMode() != _DIRECT)
-        first = next(shown, None)
+        first = next(_mapping(parts), None)
         if first is None:
             return None
-        # PyVista shows the magnitude of vectors in an array of its own.
-        name = first.GetArrayName() or first.dataset.active_scalars_name or ''
-        self._scalar_name = name.removesuffix('-normed')
+        self._scalar_name = _array_of(first)
         return self._with_table(first.lookup_table, first.scalar_range)
+
+    def _set_range_of(self, parts, clim) -> bool:
+        """Set the range of the scalar bar's array in parts of a mesh; return True on a change."""
+        shown = [m for m in _mapping(parts) if _array_of(m) == self._scalar_name]
+        stale = [m for m in shown if m.scalar_range != clim]
+        for mapper in stale:
+            mapper.scalar_range = clim
+            mapper.lookup_table.SetTableRange(clim)  # nothing may draw with it
+        return bool(stale)
+
+
+def _mapping(parts):
+    """Yield the mappers of parts that colour scalars by a table."""
+    mappers = (part.actor.mapper for part in parts)
+    return (m for m in mappers if m.GetScalarVisibility() and m.GetColorMode() != _DIRECT)
+
+
+def _array_of(mapper) -> str:
+    """Return the name of the array that a mapper shows."""
+    # PyVista shows the magnitude of vectors in an array of its own.
+    name = mapper.GetArrayName() or mapper.dataset.active_scalars_name or ''
+    return name.removesuffix('-normed')
 
 
 def _free_name(name, taken) -> str:
