@@ -96,10 +96,10 @@ class Bar:
         if plotter is None:
             return
         remove_from_bars(plotter, thing)
-        if self._title in plotter.scalar_bars and not bar_mappers(plotter).get(self._title):
+        title, self._title = self._title, None
+        if title is not None and not bar_mappers(plotter).get(title, [thing]):
             # PyVista keeps those that were given a position.
-            plotter.remove_scalar_bar(self._title, render=False)
-        self._title = None
+            plotter.remove_scalar_bar(title, render=False)
 
 
 def plotter_of(thing):

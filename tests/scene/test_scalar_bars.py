@@ -277,3 +277,10 @@ def test_a_changed_mesh_keeps_the_range_of_its_bar(pl):
     mesh['h'] = 5 * mesh.points[:, 2]
     picture(pl)
     assert range_of(pl, 'h') == thing.mapper.scalar_range == (0, 1)
+
+
+def test_a_bar_with_a_place_of_its_own_goes_too(pl):
+    how = {'title': 't', 'position_x': 0.1, 'position_y': 0.1}
+    thing = pl.ibr.add_spheres(PLACES, 0.2, scalars=VALUES, scalar_bar_args=how)
+    thing.remove()
+    assert not pl.scalar_bars
