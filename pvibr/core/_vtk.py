@@ -9,13 +9,13 @@ import os
 # Where stock VTK keeps what pvibr uses, the cheap to import first.
 _MODULES = (
     'util.numpy_support',
-    'util.misc',
     'vtkCommonCore',
     'vtkCommonMath',
     'vtkCommonTransforms',
     'vtkCommonDataModel',
     'vtkCommonExecutionModel',
     'vtkRenderingCore',
+    'util.misc',
     'vtkRenderingOpenGL2',
     'vtkRenderingAnnotation',
     'vtkFiltersCore',

@@ -222,9 +222,9 @@ class _Plain:
         if prop is not None:
             quiet = {'reset_camera': False, 'render': False}
             pickable = bool(self.prop.GetPickable())
-            plotter.add_actor(prop, name=self.name, pickable=pickable, **quiet)
-            if prop.IsA('vtkScalarBarActor'):
+            if prop.IsA('vtkScalarBarActor'):  # vtk.js reads the range as it draws the bar
                 plotter.add_actor(range_teller(prop), **quiet)
+            plotter.add_actor(prop, name=self.name, pickable=pickable, **quiet)
 
 
 def chosen(choice):

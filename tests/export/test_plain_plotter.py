@@ -659,3 +659,20 @@ def test_larger_copies_get_better_levels():
     assert found[0] == len(levels) - 1
     assert found[-1] < found[0]
     pl.close()
+
+
+def test_ranges_of_bars_are_told_before_the_bars_are_drawn():
+    pl = pv.Plotter(off_screen=True, window_size=(120, 90))
+    pl.ibr.add_spheres([[0, 0, 0], [1, 0, 0]], 0.2, scalars=[0.0, 59.0])
+    plain = pl.ibr.to_plain_plotter()
+    props = list(plain.renderer.GetViewProps())
+    bar = next(prop for prop in props if prop.IsA('vtkScalarBarActor'))
+    table = bar.GetLookupTable()
+    tellers = [
+        prop
+        for prop in props[: props.index(bar)]
+        if prop.IsA('vtkActor') and prop.GetMapper().GetLookupTable() is table
+    ]
+    assert [prop.GetMapper().GetScalarRange() for prop in tellers] == [(0.0, 59.0)]
+    plain.close()
+    pl.close()
