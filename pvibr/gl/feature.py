@@ -13,6 +13,9 @@ DITHER = (
     '#define IBR_DITHER fract(52.9829189 * fract(dot(gl_FragCoord.xy, '
     'vec2(0.06711056, 0.00583715))))\n'
 )
+# Stands in names that VTK may declare, and goes once it has: its passes look for such names in
+# the text of a shader to see whether they are declared, as SSAO does.
+MAYBE = '@'
 _SECTION = re.compile(r'^//@([\w.]+)\s*$', re.M)
 
 
@@ -47,6 +50,7 @@ class Feature:
             present = replacements(shader).get((stage, tag), tag)
             if self.mark not in present:
                 _replace(shader, stage, tag, present.replace(tag, self._marked(text), 1))
+                _finish(shader, stage)
 
     def detach(self, actor):
         """Take the text off an actor; other features stay."""
@@ -55,6 +59,7 @@ class Feature:
             before, _, after = self._marked(text).partition(tag)
             if before in present and after in present:
                 _replace(shader, stage, tag, present.replace(before, '').replace(after, ''))
+                _finish(shader, stage)
 
     def _texts(self, actor):
         shader = actor.GetShaderProperty()
@@ -156,3 +161,11 @@ def _replace(shader, stage, tag, text):
     getattr(shader, f'Clear{stage}ShaderReplacement')(tag, True)
     if text.strip() not in ('', tag):  # nothing is left of what replaced VTK's own
         getattr(shader, f'Add{stage}ShaderReplacement')(tag, True, text, False)
+
+
+def _finish(shader, stage):
+    """Take `MAYBE` out of what VTK has made of all texts, if it is in any."""
+    texts = replacements(shader)
+    getattr(shader, f'Clear{stage}ShaderReplacement')(MAYBE, False)
+    if any(MAYBE in text for (at, _), text in texts.items() if at == stage):
+        getattr(shader, f'Add{stage}ShaderReplacement')(MAYBE, False, '', True)

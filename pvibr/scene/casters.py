@@ -134,8 +134,8 @@ SPHERES = Feature(
     fragment={
         'VTK::Depth::Impl': """#define ZCalcR (ZCalcR * (1.0 + ibr_bulge))
 //VTK::Depth::Impl
-#define IBR_NORMAL normalVCVSOutput
-#define IBR_PLACE (vertexVC.xyz + normalVCVSOutput * ibr_radius)
+#define IBR_NORMAL normal@VCVSOutput
+#define IBR_PLACE (vertex@VC.xyz + normal@VCVSOutput * ibr_radius)
 """
     },
 )
@@ -165,13 +165,13 @@ vec3 ibr_kept(vec3 n)
 
 
 def is_smooth(actor) -> bool:
-    """Return whether an actor has interpolated normals."""
-    data = actor.GetMapper().GetInput()
+    """Return whether an actor is lit by interpolated normals."""
+    data, prop = actor.GetMapper().GetInput(), actor.GetProperty()
     has_points = data is not None and data.IsA('vtkDataSet')
     if not has_points or data.GetPointData().GetNormals() is None:
         return False
-    flat = actor.GetProperty().GetInterpolation() == _FLAT
-    return not flat and not is_thin(actor) and _tells_bulge(actor, data.GetPointData())
+    smooth = prop.GetLighting() and prop.GetInterpolation() != _FLAT
+    return smooth and not is_thin(actor) and _tells_bulge(actor, data.GetPointData())
 
 
 def _tells_bulge(actor, point_data) -> bool:

@@ -7,7 +7,7 @@
 
 //@declare
 // Where VTK declares none, since it does not light the prop: what follows is not used then.
-vec4 vertexVC = vec4(0.0);
+vec4 vertex@VC = vec4(0.0);
 
 vec3 ibr_shadow_flat(vec3 p)
 {
@@ -315,15 +315,15 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   vec3 ibr_shadow_p = IBR_PLACE;
 #elif defined(IBR_BEND)
   // Facets that stand for a curved surface: light reaches that, with no steps where it turns away.
-  vec3 ibr_shadow_n = normalVCVSOutput;
-  vec3 ibr_shadow_p = vertexVC.xyz;
+  vec3 ibr_shadow_n = normal@VCVSOutput;
+  vec3 ibr_shadow_p = vertex@VC.xyz;
   float ibr_shadow_curve = max(
     length(dFdx(ibr_shadow_n)) / max(length(dFdx(ibr_shadow_p)), 1e-30),
     length(dFdy(ibr_shadow_n)) / max(length(dFdy(ibr_shadow_p)), 1e-30));
   if (IBR_BEND > 2e-6)
     ibr_shadow_p += ibr_shadow_n * min(IBR_BEND, 0.3) / max(ibr_shadow_curve, 1e-30);
 #else
-  vec3 ibr_shadow_p = vertexVC.xyz;
+  vec3 ibr_shadow_p = vertex@VC.xyz;
   vec3 ibr_shadow_n = ibr_shadow_flat(ibr_shadow_p);
   if (dot(ibr_shadow_n, cameraParallel == 1 ? vec3(0.0, 0.0, -1.0) : ibr_shadow_p) > 0.0)
     ibr_shadow_n = -ibr_shadow_n;
