@@ -10,6 +10,7 @@ import pyvista as pv
 from pvibr.add_methods import AddMethod
 from pvibr.capture.facade import CaptureFacade
 from pvibr.core.facade import StateFacade
+from pvibr.core.params import checked_flag
 from pvibr.core.plotters import renderers_of
 from pvibr.core.report import Report
 from pvibr.core.signatures import accepts
@@ -151,15 +152,18 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
             The thing.
         """
         pipeline = self.pipeline
+        bar = Bar(show_scalar_bar, scalar_bar_args)
+        reset_camera = checked_flag('reset_camera', reset_camera, optional=True)
+        render = checked_flag('render', render)
         if accepts(make, 'theme'):
             kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
         thing = make(*args, **kwargs)
-        thing.bar = Bar(show_scalar_bar, scalar_bar_args)
-        thing.bar.check(self._plotter, thing)
+        thing.bar = bar
+        bar.check(self._plotter, thing)
         for old in [e for e in pipeline.effects if e.name == kwargs.get('name')]:
             pipeline.remove(old)
         pipeline.add(thing)
-        thing.bar.show(thing)
+        bar.show(thing)
         self._show(reset_camera, render)
         return thing
 

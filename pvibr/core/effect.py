@@ -6,7 +6,7 @@ import weakref
 from inspect import Signature
 from typing import ClassVar
 
-from pvibr.core.params import params_of
+from pvibr.core.params import checked_name, params_of
 from pvibr.core.signatures import arguments_of, docstring_of, signature_of
 
 
@@ -224,7 +224,7 @@ class Effect:
 
     @name.setter
     def name(self, name):
-        self._name = name
+        self._name = checked_name(name)
 
     def __repr__(self) -> str:
         """Return in a line what it is, its name, its contents and its state."""

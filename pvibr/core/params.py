@@ -175,6 +175,24 @@ def _is_number(value, kind) -> bool:
     return isinstance(value, _KINDS[kind])
 
 
+def checked_flag(name, value, *, optional=False) -> bool | None:
+    """Return a bool that an argument says, also as 0 or 1; None if that is allowed."""
+    if value is None and optional:
+        return None
+    if isinstance(value, (bool, np.bool_)) or (isinstance(value, int) and value in (0, 1)):
+        return bool(value)
+    msg = f'{name} = {value!r}: must be True or False{" or None" if optional else ""}'
+    raise TypeError(msg)
+
+
+def checked_name(name) -> str | None:
+    """Return a name, or None for that of the class."""
+    if name is None or isinstance(name, str):
+        return name
+    msg = f'name = {name!r}: must be a str or None'
+    raise TypeError(msg)
+
+
 def params_of(owner) -> dict[str, Param]:
     """Return the settings of a class by name, those of its bases first."""
     found = {}

@@ -87,11 +87,12 @@ class _Trial(pv.BasePlotter):
 
 def check_bar(plotter, mapper, options):
     """Raise what adding a scalar bar would raise; nothing is added."""
-    if options.get('title') in bar_mappers(plotter):
-        options = options | {'unique_bar': True}
+    places = set(bar_places(plotter)) | (
+        {0} if options['title'] in bar_mappers(plotter) else set()
+    )
     trial = _Trial(theme=plotter.theme, lighting='none')
     try:
-        vars(trial)['_scalar_bar_slots'] = set(bar_places(plotter))
+        bar_places(trial).intersection_update(places)
         trial.add_scalar_bar(mapper=mapper, **options | {'interactive': False, 'render': False})
     finally:
         trial.close()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Mapping
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.params import checked_flag
 from pvibr.core.plotters import (
     bar_mappers,
     bar_places,
@@ -48,7 +50,11 @@ class Bar:
     """The scalar bar that was asked for with a thing, whether or not it has scalars yet."""
 
     def __init__(self, wanted=None, options=None):
-        self._wanted, self._options = wanted, dict(options or {})
+        self._wanted = checked_flag('show_scalar_bar', wanted, optional=True)
+        if not isinstance(options, (Mapping, type(None))):
+            msg = f'scalar_bar_args = {options!r}: must be a dict of options of add_scalar_bar'
+            raise TypeError(msg)
+        self._options = dict(options or {})
         self._title: str | None = None
 
     def check(self, plotter, thing):

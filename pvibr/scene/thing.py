@@ -10,7 +10,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
-from pvibr.core.params import Param
+from pvibr.core.params import Param, checked_flag, checked_name
 from pvibr.scene.scalar_bars import Bar, ThingMapper, share_range
 
 _DIRECT = 2  # VTK_COLOR_MODE_DIRECT_SCALARS
@@ -183,7 +183,7 @@ class Thing(Effect, pv.Actor):
 
     @name.setter
     def name(self, name):
-        self._name = name
+        self._name = checked_name(name)
 
     @property
     def pickable(self) -> bool:
@@ -192,7 +192,7 @@ class Thing(Effect, pv.Actor):
 
     @pickable.setter
     def pickable(self, pickable):
-        self._pickable = bool(pickable)
+        self._pickable = checked_flag('pickable', pickable)
 
     @property
     def prop(self):
