@@ -192,7 +192,7 @@ class Thing(Effect, pv.Actor):
 
     @pickable.setter
     def pickable(self, pickable):
-        self._pickable = checked_flag('pickable', pickable)
+        self._pickable = bool(checked_flag('pickable', pickable))
 
     @property
     def prop(self):
