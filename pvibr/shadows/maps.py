@@ -12,6 +12,7 @@ from pvibr.maths.kernels import vogel_disk
 from pvibr.scene.depth_view import DepthView, receiver_shader
 from pvibr.scene.lights import SceneLight, light_views
 from pvibr.shadows.moments import KINDS, WARP, Moments
+from pvibr.shadows.nearest import STEP, Nearest
 
 #: Views of a directional light at most: of everything, and around the eye.
 _CASCADES = 4
@@ -28,6 +29,7 @@ class LightMaps:
         self.drawer, self.owner, self.settings = drawer, owner, settings
         self.view: Any = None
         self.moments: Any = None
+        self.nearest: Any = None
         self.views: list = []
         self._released = 0
 
@@ -39,14 +41,18 @@ class LightMaps:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(owner.nbytes for owner in (self.view, self.moments) if owner)
+        return sum(owner.nbytes for owner in self._owners() if owner)
+
+    def _owners(self):
+        return self.moments, self.nearest, self.view
 
     def textures(self) -> dict:
         """Return the textures that receivers sample, by name."""
         if self.view is None:
             return {}
         veils = {v: getattr(self.view, v) for v in VEILS} if self.view.veils else {}
-        return {'map': (self.moments or self.view).texture} | veils
+        near = {} if self.nearest is None else {'near': self.nearest.texture}
+        return {'map': (self.moments or self.view).texture} | near | veils
 
     def update(self, frame, casters):
         """Draw what is stale."""
@@ -67,9 +73,12 @@ class LightMaps:
                 self.drawer, len(self.views), wanted, compare=compare, veiled=veiled
             )
             self.moments = Moments(self.view, method) if method in KINDS else None
+            self.nearest = Nearest(self.view) if method == 'pcss' else None
         for k in self.view.update(frame, self.views, casters, faces=self.owner.faces):
             if self.moments is not None:
                 self.moments.update(k, filter_radius(self.owner))
+            if self.nearest is not None:
+                self.nearest.update(k)
 
     def signature(self):
         """Return what the shader of receivers depends on."""
@@ -85,8 +94,8 @@ class LightMaps:
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self._released = self.bakes
-        release(self.moments, self.view)
-        self.view = self.moments = None
+        release(*self._owners())
+        self.view = self.moments = self.nearest = None
 
 
 def filter_of(settings) -> tuple[str, int]:
@@ -123,12 +132,14 @@ def map_parts(text, method, taps, lights) -> list[str]:
     """Return the declarations of the shader of receivers."""
     kind = 'sampler2DShadow' if method == 'pcf' else 'sampler2D'
     samplers = {f'ibr_shadow_map_{n}': kind for n, *_ in lights}
+    if method == 'pcss':
+        samplers |= {f'ibr_shadow_near_{n}': 'sampler2D' for n, *_ in lights}
     samplers |= {f'ibr_shadow_{v}_{n}': 'sampler2D' for n, *_, e in lights if e for v in VEILS}
     shared = receiver_shader()
     disk = ', '.join(f'vec2({x:.6f}, {y:.6f})' for x, y in vogel_disk(taps))
     parts = [
         declared_samplers(samplers),
-        f'{DITHER}#define TAPS {taps}\n#define WARP {WARP:.1f}\n',
+        f'{DITHER}#define TAPS {taps}\n#define WARP {WARP:.1f}\n#define STEP {STEP:.1f}\n',
         f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk});\n',
         text['disk'],
         text['declare'],
@@ -145,6 +156,7 @@ def map_parts(text, method, taps, lights) -> list[str]:
             'COLUMNS': columns,
             'ROWS': rows,
             'VEILED': int(veiled),
+            'NEAREST': int(method == 'pcss'),
         }
         parts += [f'#define {k} {v}\n' for k, v in values.items()]
         parts.append(text['light'].replace('NUMBER', str(number)))

@@ -40,10 +40,10 @@ float ibr_shadow_linear(ibr_Shadow s, float d)
 }
 
 //@disk
-// The first places, spread out to the whole disk: Vogel's are the same for any number but for that.
-vec2 ibr_shadow_tap(int i)
+// The first of some places, spread out to the whole disk: Vogel's are the same but for that.
+vec2 ibr_shadow_tap(int i, int n)
 {
-  return ibr_shadow_disk[i] * sqrt(float(TAPS) / float(ibr_shadow_taps));
+  return ibr_shadow_disk[i] * sqrt(float(TAPS) / float(n));
 }
 
 //@hard
@@ -97,7 +97,7 @@ float ibr_shadow_test(sampler2DShadow map, ibr_Shadow s)
   float lit = 0.0;
   for (int i = 0; i < ibr_shadow_taps; ++i)
   {
-    vec2 d = turn * ibr_shadow_tap(i) * ibr_shadow_filter_radius / s.side;
+    vec2 d = turn * ibr_shadow_tap(i, ibr_shadow_taps) * ibr_shadow_filter_radius / s.side;
     vec2 uv = clamp(s.place.xy + d, 1.0 / s.side, 1.0 - 1.0 / s.side);
     float plane = s.place.z + dot(s.slope, uv - s.place.xy) - reach;
     lit += texture(map, vec3(s.tile.xy + uv * s.tile.zw, min(plane, 1.0)));
@@ -128,18 +128,52 @@ vec2 ibr_shadow_cone(ibr_Shadow s, float from, float to)
   return s.size * (s.perspective ? (to - from) / (to * from) : to - from);
 }
 
-float ibr_shadow_test(sampler2D map, ibr_Shadow s)
+// The least depth within a square around the receiver, or a little beside it.
+float ibr_shadow_nearest(sampler2D near, ibr_Shadow s, vec2 r)
+{
+  vec2 tile = vec2(textureSize(near, 0)) * s.tile.zw;
+  float level = max(ceil(log2(2.0 * max(r.x, r.y) * s.side / STEP)), 0.0);
+  float n = floor(tile.y * exp2(-level) + 0.5);
+  vec2 origin = vec2(textureSize(near, 0)) * s.tile.xy;
+  origin += level > 0.0 ? vec2(tile.y, tile.y - 2.0 * n) : vec2(0.0);
+  vec2 first = floor((s.place.xy - r) * s.side * exp2(-level) / STEP);
+  float least = 1.0;
+  for (int k = 0; k < 4; ++k)
+  {
+    vec2 cell = clamp(first + vec2(k & 1, k >> 1), vec2(0.0), vec2(n - 1.0));
+    least = min(least, texelFetch(near, ivec2(origin + cell + 0.5), 0).r);
+  }
+  return least;
+}
+
+// No more taps than some for each texel.
+int ibr_shadow_enough(ibr_Shadow s, vec2 r)
+{
+  return min(ibr_shadow_taps, int(min(4.0 + 8.0 * r.x * r.y * s.side * s.side, 64.0)));
+}
+
+float ibr_shadow_test(sampler2D map, sampler2D near, ibr_Shadow s)
 {
   float angle = 6.2831853 * IBR_DITHER;
   mat2 turn = mat2(cos(angle), sin(angle), -sin(angle), cos(angle));
   float to = ibr_shadow_distance(s, s.place.z);
   float least = 0.7 / s.side;
+  // What hides the light lies within its own cone; what is nearest to the light bounds all cones.
   vec2 reach = clamp(ibr_shadow_cone(s, s.near, to), vec2(least), vec2(0.25));
+  for (int k = 0; k < 10; ++k)
+  {
+    float from = ibr_shadow_distance(s, ibr_shadow_nearest(near, s, reach));
+    vec2 less = clamp(ibr_shadow_cone(s, from, to), vec2(least), reach);
+    bool settled = less.x > 0.8 * reach.x;
+    reach = less;
+    if (settled) break;
+  }
   float sum = 0.0;
   float found = 0.0;
-  for (int i = 0; i < ibr_shadow_taps; ++i)
+  int count = ibr_shadow_enough(s, reach);
+  for (int i = 0; i < count; ++i)
   {
-    vec2 d = turn * ibr_shadow_tap(i) * reach;
+    vec2 d = turn * ibr_shadow_tap(i, count) * reach;
     float depth = ibr_shadow_hider(map, s, d);
     if (depth < 2.0)
     {
@@ -151,18 +185,19 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
     }
   }
   // Where nothing hides the light there is no second look.
-  int again = found == 0.0 ? 0 : ibr_shadow_taps;
-  vec2 radius = clamp(ibr_shadow_cone(s, sum / max(found, 1e-6), to), vec2(least), reach);
+  if (found == 0.0) return 1.0;
+  vec2 radius = clamp(ibr_shadow_cone(s, sum / found, to), vec2(least), reach);
   float hidden = 0.0;
-  for (int i = 0; i < again; ++i)
+  count = ibr_shadow_enough(s, radius);
+  for (int i = 0; i < count; ++i)
   {
     // Low bumps within the filter are far beside the cone to the light: 3 times, as measured.
-    vec2 d = turn * ibr_shadow_tap(i) * radius;
+    vec2 d = turn * ibr_shadow_tap(i, count) * radius;
     float depth = ibr_shadow_hider(map, s, d);
     vec2 cone = ibr_shadow_cone(s, ibr_shadow_distance(s, min(depth, 1.0)), to);
     hidden += depth < 2.0 && length(d / (cone + least)) <= 3.0 ? 1.0 : 0.0;
   }
-  return 1.0 - hidden / float(ibr_shadow_taps);
+  return 1.0 - hidden / float(count);
 }
 
 //@moments
@@ -291,7 +326,11 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
   found.far = ibr_shadow_range[4 * view + 1];
   found.size = vec2(ibr_shadow_range[4 * view + 2], ibr_shadow_range[4 * view + 3]);
   found.perspective = POSITIONAL;
+#if NEAREST
+  vec3 lit = vec3(ibr_shadow_test(ibr_shadow_map_NUMBER, ibr_shadow_near_NUMBER, found));
+#else
   vec3 lit = vec3(ibr_shadow_test(ibr_shadow_map_NUMBER, found));
+#endif
 #if VEILED
   // Translucent casters between the light and what is opaque; before the nearest there is none.
   vec2 uv = found.tile.xy + clamp(s.xy, 0.5 / side, 1.0 - 0.5 / side) * found.tile.zw;

@@ -172,7 +172,7 @@ class Shadows(Effect):
             self._drawer = Drawer(frame.renderer)
         casters = self._casters(frame)
         self._cast = casters.addresses
-        samplers = 1 + len(VEILS) * bool(casters.translucent)
+        samplers = 1 + (self.method == 'pcss') + len(VEILS) * bool(casters.translucent)
         self._most = max((texture_units(frame.window) - _MATERIAL) // samplers, 1)
         self._match_lights()
         for maps in self._lights:
