@@ -6,11 +6,13 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import nullcontext
+from functools import partial
 from typing import Any
 
 from pvibr.core.effect import Effect
 from pvibr.core.errors import ClosedError, PvibrWarning
 from pvibr.core.frame import Frame
+from pvibr.core.passes import loses_depth
 from pvibr.core.report import Report, Row
 from pvibr.effects import ORDER
 from pvibr.gl.annotations import Annotations
@@ -197,19 +199,19 @@ class Pipeline:
             entry.begin(turn)
         self._call_back(turn)
         if self._entries:
-            turn.guard(self._entries, self.order.sort, frame, self.things)
+            turn.guard(self._entries, self.order.sort, turn.drawn, self.things)
         images = [e for e in self._entries if e.running and e.effect.is_image_effect]
         if images and not frame.picking:
             turn.images = images
             effects = [e.effect for e in images]
-            turn.guard(images, self._stage.begin, frame, effects, self.things)
+            turn.guard(images, self._stage.begin, turn.frame, effects, self.things)
 
     def _call_back(self, turn):
         """Prepare things again that an effect has drawn in other views."""
         astray = turn.frame.astray
         for entry in self._entries if astray else ():
             if entry.effect in astray and entry.running:
-                turn.guard([entry], entry.effect.prepare, turn.frame)
+                turn.guard([entry], entry.effect.prepare, turn.drawn)
         astray.clear()
 
     def _on_end(self, _renderer, _event):
@@ -220,7 +222,7 @@ class Pipeline:
             self._frames += 1
         for entry in self._entries:
             if entry.running:
-                turn.guard([entry], entry.effect.finish, turn.frame)
+                turn.guard([entry], entry.effect.finish, turn.frame_of(entry.effect))
         self.order.finish()
         self._stage.end(turn)
         turn.warn()
@@ -256,11 +258,12 @@ class _Entry:
 
     def _ask(self, turn):
         effect, row = self.effect, self.row
-        needed = turn.guard([self], effect.needed, turn.frame)
+        frame = turn.frame_of(effect)
+        needed = turn.guard([self], effect.needed, frame)
         if needed is True:
             self.running, row.state, row.why = True, 'ran', ''
             self._awake = True
-            turn.guard([self], effect.prepare, turn.frame)
+            turn.guard([self], effect.prepare, frame)
         elif effect.enabled:
             self.stop('skipped', needed or 'not needed')
 
@@ -281,9 +284,13 @@ class _Turn:
     """One frame on its way through a pipeline, with what went wrong in it."""
 
     def __init__(self, frame):
-        self.frame = frame
+        self.drawn, self.frame = (frame, frame) if frame.picking else frame.within_passes()
         self.images: list[_Entry] = []
         self._failures: list[str] = []
+
+    def frame_of(self, effect):
+        """Return the frame as it is drawn, for effects on the picture as it is shown."""
+        return self.frame if effect.is_image_effect else self.drawn
 
     def guard(self, entries, hook: Callable, *args):
         """Call a hook; an error must not reach VTK's loop: those that it concerns go off."""
@@ -316,6 +323,7 @@ class _Stage:
 
     def __init__(self, renderer, buffers):
         self.renderer, self.buffers = renderer, buffers
+        self._things: list = []
         self._annotations: Annotations | None = None
         self._picture: Picture | None = None
         self._scene: ScenePass | None = None
@@ -327,6 +335,7 @@ class _Stage:
 
     def begin(self, frame, effects, things):
         """Before the renderer draws: flat props out, and what effects need besides colours in."""
+        self._things = things
         self._annotations = Annotations(self.renderer)
         self._annotations.hide()
         self._scene = scene = self._scene or ScenePass(self.renderer.GetRenderWindow())
@@ -354,6 +363,8 @@ class _Stage:
     def _run(self, turn, scene, entries, place):
         picture = self._picture_of(place, scene.needs_hdr)
         picture.take(scene.framebuffer)
+        if loses_depth(self.renderer):
+            picture.find_depth = partial(self.buffers.depth, turn.frame, self._things)
         for entry in entries:
             picture.last = entry is entries[-1]
             turn.guard([entry], entry.effect.render, turn.frame, picture)

@@ -10,6 +10,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
+from pvibr.core.frame import Frame
 from tests.pictures import plotter, shown
 
 SAME = 'vec4 effect(vec2 uv) { return color_at(uv); }'
@@ -91,3 +92,86 @@ def test_ssao_darkens_what_shadows_draw_as_it_does_without_them(seed):
     assert 0.5 < same.mean() < 0.95
     assert np.abs(occluded - both)[same].max() <= 1
     np.testing.assert_allclose((dark * (occluded / np.maximum(plain, 1))), both, atol=4)
+
+
+PASSES = {
+    'lens': lambda pl: pl.enable_depth_of_field(),
+    'blur': lambda pl: pl.add_blurring(),
+    'blur and lens': lambda pl: (pl.add_blurring(), pl.enable_depth_of_field()),
+    'lens and SSAA': lambda pl: (pl.enable_depth_of_field(), pl.enable_anti_aliasing('ssaa')),
+}
+
+
+def hill(pl):
+    """Add a ground and a ball, and look at them."""
+    pl.add_mesh(pv.Plane(i_size=8, j_size=8), color='w')
+    ball = pv.Sphere(center=(0, 0, 1), theta_resolution=40, phi_resolution=40)
+    pl.camera_position = [(0, -8, 5), (0, 0, 0), (0, 0, 1)]
+    return pl.add_mesh(ball, color='red')
+
+
+@pytest.mark.parametrize('name', PASSES)
+@pytest.mark.parametrize('parallel', [False, True])
+def test_frames_know_what_passes_of_vtk_do_to_the_camera(name, parallel):
+    pl, seen = plotter((160, 100)), []
+    ball = hill(pl)
+    pl.camera.parallel_projection = parallel
+    PASSES[name](pl)
+    pl.show(auto_close=False)
+
+    def see(*_):
+        camera = pl.renderer.GetActiveCamera()
+        seen.append(camera.GetProjectionTransformMatrix(pl.renderer.GetTiledAspectRatio(), -1, 1))
+
+    ball.mapper.GetPolyDataMapper().AddObserver('UpdateShaderEvent', see)
+    pl.render()
+    drawn, _ = Frame.of(pl.renderer).within_passes()
+    theirs = np.reshape(seen[0].GetData(), (4, 4))
+    np.testing.assert_allclose(
+        drawn.clip_from_view[:2], theirs[:2], rtol=1e-2 if 'SSAA' in name else 1e-6
+    )
+
+
+@pytest.mark.parametrize('name', ['lens', 'blur'])
+@pytest.mark.parametrize('thing', ['instances', 'layers', 'impostor'])
+def test_things_are_where_their_meshes_are_beside_passes_of_vtk(name, thing):
+    def picture(thing):
+        pl = plotter((200, 150))
+        ball = hill(pl)
+        points = np.random.default_rng(3).uniform([-3, -3, 0.5], [3, 3, 0.5], (9, 3))
+        cone = pv.Cone(direction=(0, 0, 1), resolution=12)
+        if thing == 'instances':
+            pl.ibr.add_instances(cone, points, color='g')
+        else:
+            pl.add_mesh(pv.merge([cone.translate(p) for p in points]), color='g')
+        if thing == 'layers':
+            pl.ibr.add_image_layers([ball])
+        elif thing == 'impostor':
+            pl.ibr.add_impostor(ball)
+        PASSES[name](pl)
+        return shown(pl)
+
+    assert np.abs(picture(thing) - picture(None)).mean() < 0.2
+
+
+@pytest.mark.parametrize('name', ['lens', 'blur'])
+def test_what_reads_depth_finds_it_beside_passes_of_vtk(name):
+    def lines(*passes):
+        pl = plotter((180, 180))  # VTK's lens squeezes other windows by some percent
+        hill(pl)
+        for found in passes:
+            PASSES[found](pl)
+        plain = shown(pl)
+        pl.ibr.add(pvibr.Outline())
+        found = np.abs(shown(pl) - plain).max(2) > 60
+        return found, pl.ibr.buffer('depth')
+
+    beside, depth = lines(name)
+    alone, true = lines()
+    near = np.lib.stride_tricks.sliding_window_view(np.pad(alone, 3), (7, 7)).any((2, 3))
+    assert alone.sum() > 100
+    assert beside.sum() > 0.8 * alone.sum()
+    assert near[beside].all()
+    both = np.isfinite(depth) & np.isfinite(true)
+    assert (np.isfinite(depth) == np.isfinite(true)).mean() > 0.97
+    assert np.median(np.abs(depth[both] - true[both])) < 0.05

@@ -10,6 +10,7 @@ import numpy as np
 from pvibr.capture.montage import save
 from pvibr.core import _vtk
 from pvibr.core.frame import Frame
+from pvibr.core.passes import passes_of
 from pvibr.core.plotters import is_never_shown
 
 #: Reach in pixels of VTK's own passes, such as FXAA and EDL.
@@ -114,13 +115,10 @@ def _margins(cameras, effects, size):
 
 def _reach_of_passes(renderer, frame):
     """Return the reach in pixels of VTK's passes, above all of ambient occlusion."""
-    reach, found = _NEIGHBOURS, renderer.GetPass()
-    while found is not None:
-        if found.IsA('vtkSSAOPass'):
-            # At the near plane, where it is widest.
-            reach += found.GetRadius() * frame.pixel_scale / (1 if frame.parallel else frame.near)
-        found = found.GetDelegatePass() if hasattr(found, 'GetDelegatePass') else None
-    return reach
+    found = [p for p in passes_of(renderer) if p.IsA('vtkSSAOPass')]
+    # At the near plane, where it is widest.
+    scale = frame.pixel_scale / (1 if frame.parallel else frame.near)
+    return _NEIGHBOURS + sum(p.GetRadius() * scale for p in found)
 
 
 def _pixels(window, size, transparent):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core.passes import margins
 from pvibr.maths.views import View
 
 
@@ -70,6 +71,18 @@ class Frame:
         how = {'casting': casting, 'depth_map': casting, 'own': False, 'quality': 1.0}
         return replace(self, view=view, size=size, origin=(0, 0), **how)
 
+    def within_passes(self) -> tuple[Frame, Frame]:
+        """Return the frame as VTK's passes have the scene drawn, and as they show that."""
+        wide, high = margins(self.renderer, self.size)
+        camera = self.renderer.GetActiveCamera()
+        if wide == high == 1 or camera.GetUseExplicitProjectionTransformMatrix():
+            return self, self
+        # They widen the angle along one axis, and keep the aspect ratio of what they show.
+        angle = wide if camera.GetUseHorizontalViewAngle() and not self.parallel else high
+        size = round(self.size[0] * wide), round(self.size[1] * high)
+        drawn = replace(self, size=size, view=_zoomed(self.view, 1 / angle, 1 / angle))
+        return drawn, replace(self, view=_zoomed(self.view, wide / angle, high / angle))
+
     @property
     def view_from_world(self) -> np.ndarray:
         """See :class:`pvibr.maths.views.View`."""
@@ -121,6 +134,14 @@ class Frame:
         """Return the size of a pixel at a point, in world units."""
         away = -float(self.view_from_world[2, :3] @ point + self.view_from_world[2, 3])
         return (1.0 if self.parallel else max(away, self.near)) / self.pixel_scale
+
+
+def _zoomed(view, x, y) -> View:
+    """Return a view with another angle along each axis."""
+    clip = view.clip_from_view.copy()
+    clip[0, 0] *= x
+    clip[1, 1] *= y
+    return replace(view, clip_from_view=_frozen(clip, (4, 4)))
 
 
 def _whole(renderer):

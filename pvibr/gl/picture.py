@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import contextmanager
 from typing import Any
 
@@ -26,6 +27,8 @@ class Picture:
         self._ends = False
         #: Whether the last effect is drawing.
         self.last = False
+        #: Finds the depth of a scene that was drawn without any.
+        self.find_depth: Callable[[], Texture] | None = None
 
     @property
     def color(self) -> Texture:
@@ -36,7 +39,7 @@ class Picture:
     @property
     def depth(self) -> Texture:
         """Depth of the scene."""
-        return self._source.depth
+        return self._source.depth if self.find_depth is None else self.find_depth()
 
     @property
     def nbytes(self) -> int:
@@ -46,6 +49,7 @@ class Picture:
     def take(self, framebuffer=None):
         """Copy colours and depth from a framebuffer; samples are resolved."""
         self._drawn, self._pending, self._ends = None, [], False
+        self.find_depth = None
         framebuffer = framebuffer or self.window.GetRenderFramebuffer()
         # Two blits: where the driver refuses one of depth, colours come all the same.
         for bits in (gl.COLOR_BUFFER_BIT, gl.DEPTH_BUFFER_BIT):

@@ -276,6 +276,12 @@ class Buffers:
             self._frame = frame
         return self._geometry
 
+    def depth(self, frame, things) -> Texture:
+        """Return the depth of a frame that VTK's passes leave without."""
+        if self._frame is not frame:
+            self._geometry, self._frame = self._again(frame, things), frame
+        return self._geometry.depth
+
     def _again(self, frame, things):
         self._drawn = self._drawn or Drawn(self.renderer)
         return self._drawn.draw(frame, things)

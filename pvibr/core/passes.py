@@ -1,0 +1,39 @@
+"""VTK's own render passes on a renderer: which there are, and what they do to a frame."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+# Pixels that a pass draws beyond each side, by a wider view; its result has no depth.
+_MARGINS = {
+    'vtkDepthOfFieldPass': 16,
+    'vtkGaussianBlurPass': 2,
+    'vtkSobelGradientMagnitudePass': 1,
+}
+_SAMPLES = sqrt(5)  # along a side, of a pixel that vtkSSAAPass draws
+
+
+def passes_of(renderer) -> list:
+    """Return the passes, each with those that it delegates to after it."""
+    found, last = [], renderer.GetPass()
+    while last is not None:
+        found.append(last)
+        last = last.GetDelegatePass() if hasattr(last, 'GetDelegatePass') else None
+    return found
+
+
+def loses_depth(renderer) -> bool:
+    """Return whether a frame is left without the depth of the scene."""
+    return any(p.IsA(name) for p in passes_of(renderer) for name in _MARGINS)
+
+
+def margins(renderer, size) -> tuple[float, float]:
+    """Return by how much the scene is drawn wider and higher than it is shown."""
+    samples, (width, height) = 1.0, size
+    drawn = [float(width), float(height)]
+    for found in passes_of(renderer):
+        if found.IsA('vtkSSAAPass'):
+            samples *= _SAMPLES
+        margin = next((m for name, m in _MARGINS.items() if found.IsA(name)), 0)
+        drawn = [n + 2 * margin / samples for n in drawn]
+    return drawn[0] / width, drawn[1] / height
