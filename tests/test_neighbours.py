@@ -175,3 +175,30 @@ def test_what_reads_depth_finds_it_beside_passes_of_vtk(name):
     both = np.isfinite(depth) & np.isfinite(true)
     assert (np.isfinite(depth) == np.isfinite(true)).mean() > 0.97
     assert np.median(np.abs(depth[both] - true[both])) < 0.05
+
+
+def test_what_lies_on_the_screen_is_as_sharp_as_without_an_effect():
+    def picture(effect, widgets):
+        pl = plotter((240, 180))
+        pl.background_color = 'gray'
+        hill(pl)
+        if widgets:
+            pl.add_slider_widget(print, [0, 9], title='size', pointa=(0.1, 0.9), pointb=(0.4, 0.9))
+            pl.add_checkbox_button_widget(print, value=True, position=(10, 10), size=30)
+            pl.add_logo_widget()
+            pl.add_text('text', position='lower_right')
+        if effect:
+            pl.ibr.add(effect)
+        return shown(pl)
+
+    bare, drawn = (picture(None, widgets) for widgets in (False, True))
+    opaque = (np.abs(drawn - bare).max(2) > 0) & (drawn.max(2) - drawn.min(2) > 240)
+    assert opaque.sum() > 300  # of the checkbox, above all
+    lens, light = {'radius': 0.5, 'distance': 3.0}, {'threshold': 0.1, 'intensity': 2.0}
+    for effect in (pvibr.DepthOfField(**lens), pvibr.Bloom(**light)):
+        changed = picture(effect, True)
+        without = picture(type(effect)(**(lens if 'Depth' in effect.name else light)), False)
+        assert np.abs(without - bare).mean() > 1
+        np.testing.assert_array_equal(changed[opaque], drawn[opaque])
+        untouched = (drawn == bare).all(2)
+        np.testing.assert_array_equal(changed[untouched], without[untouched])

@@ -73,9 +73,11 @@ class Frame:
 
     def within_passes(self) -> tuple[Frame, Frame]:
         """Return the frame as VTK's passes have the scene drawn, and as they show that."""
-        wide, high = margins(self.renderer, self.size)
         camera = self.renderer.GetActiveCamera()
-        if wide == high == 1 or camera.GetUseExplicitProjectionTransformMatrix():
+        if 0 in self.size or camera.GetUseExplicitProjectionTransformMatrix():
+            return self, self
+        wide, high = margins(self.renderer, self.size)
+        if wide == high == 1:
             return self, self
         # They widen the angle along one axis, and keep the aspect ratio of what they show.
         angle = wide if camera.GetUseHorizontalViewAngle() and not self.parallel else high

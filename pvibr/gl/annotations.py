@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-_FLAT = ('vtkActor2D', 'vtkContextActor', 'vtkLegendScaleActor')
-_KINDS: dict[type, bool] = {}
+_IN_WORLD: dict[type, bool] = {}
 
 
 class Annotations:
@@ -44,8 +43,8 @@ class Annotations:
 
 
 def is_flat(prop) -> bool:
-    """Return whether a prop lies on the screen, as text does."""
+    """Return whether a prop lies on the screen, as text does: it has no place in the world."""
     kind = type(prop)
-    if kind not in _KINDS:
-        _KINDS[kind] = any(prop.IsA(name) for name in _FLAT)
-    return _KINDS[kind]
+    if kind not in _IN_WORLD:
+        _IN_WORLD[kind] = prop.IsA('vtkProp3D')
+    return not _IN_WORLD[kind] and prop.GetBounds() is None
