@@ -74,10 +74,9 @@ class Paint:
 
     # -- requests of effects -------------------------------------------------------------------
 
-    def shadow(self, casts, receives, extents=None):
-        """Add shadows of casters on receivers."""
+    def shadow(self, casts, receives, numbers, strength, extents=None):
+        """Add shadows of casters on receivers, by the lights of these numbers."""
         casters = [s.solid() for s in self.surfaces if s.opaque and casts(s)]
-        numbers = [k for k, i in enumerate(self.lamps.lights) if i.kind != 'headlight']
         lights = [self.lamps.lights[k] for k in numbers]
         if extents is None:
             reach = Reach(casters, lights, _TEXELS)
@@ -85,7 +84,7 @@ class Paint:
             sizes = [extents(light) for light in lights]
             reach = Reach(casters, lights, _SOFT_TEXELS, _SOFT_SAMPLES, sizes)
         self._shadows.append(
-            (dict(zip(numbers, range(len(numbers)), strict=True)), reach, receives)
+            (dict(zip(numbers, range(len(numbers)), strict=True)), reach, strength, receives)
         )
 
     def drape(self, draped, mode, lit, dim, receives, casts):
@@ -199,9 +198,9 @@ class Paint:
         for k in range(len(self.lamps.lights)):
             light = self.lamps.on(k, places.points, normals)
             reached = np.ones(len(normals))
-            for numbers, reach, _ in shadows:
+            for numbers, reach, strength, _ in shadows:
                 if k in numbers:
-                    one = reach.of(numbers[k], places.samples)
+                    one = 1 - strength * (1 - reach.of(numbers[k], places.samples))
                     reached = np.minimum(reached, places.samples.most(one))
             whole += light
             left += light * reached[:, None]

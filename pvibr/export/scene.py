@@ -83,12 +83,16 @@ class BakedScene:
         )
         self._cards.append(made)
 
-    def shadow(self, casts, receives, extents=None):
+    def shadow(self, casts, receives, casting, strength, extents=None):
         """Add shadows of casters on receivers; see `Paint.shadow`."""
         self.lights_stand = True
         self._requests.append(
             lambda paint: paint.shadow(
-                chosen(casts), chosen(receives), self._sized(extents) if extents else None
+                chosen(casts),
+                chosen(receives),
+                casting,
+                strength,
+                self._sized(extents) if extents else None,
             )
         )
 

@@ -33,6 +33,7 @@ class SceneLight:
     position: tuple[float, float, float]
     direction: tuple[float, float, float]
     cone: float
+    still: bool = True
 
     @property
     def positional(self) -> bool:
@@ -66,7 +67,8 @@ def _scene_light(number, light) -> SceneLight:
         kind = 'spot' if cone < 90 else 'point'
     else:
         kind = 'directional'
-    return SceneLight(number, kind, tuple(position), tuple(direction / length), cone)
+    still = kind == 'headlight' or bool(light.LightTypeIsSceneLight())
+    return SceneLight(number, kind, tuple(position), tuple(direction / length), cone, still)
 
 
 def light_views(

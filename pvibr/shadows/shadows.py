@@ -17,6 +17,7 @@ from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.scene.casters import Casters, set_surface_uniforms, surface_features
 from pvibr.scene.lights import SceneLight, lights_of
 from pvibr.scene.thing import Thing
+from pvibr.shadows.derived_sun import DerivedSun
 from pvibr.shadows.maps import (
     VEILS,
     LightMaps,
@@ -38,7 +39,8 @@ class Shadows(Effect):
     Shadow maps (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978) are redrawn
     only when the light, the casters or the fit changed. Diffuse and specular light are scaled per
     light where VTK computes them, so shadows combine with several lights, any material and any
-    other pass. Headlights cast no visible shadows.
+    other pass. Headlights cast no visible shadows. Where all lights follow the camera, as those of
+    PyVista's light kit do, one sun that stands still takes a share of their light and casts.
 
     Parameters
     ----------
@@ -76,6 +78,19 @@ class Shadows(Effect):
         'Shadow map: hard, filtered (pcf), with penumbrae (pcss) or blurred moments (vsm, evsm, '
         'msm); or shadow volumes, exact to the pixel.',
         choices=('hard', 'pcf', 'pcss', *KINDS, 'volume'),
+    )
+    lights = Param(
+        'auto',
+        'Lights that cast: those that stand still, or, where there is none, a sun derived from '
+        'lights that follow the camera, which it dims; or all of them.',
+        choices=('auto', 'all'),
+    )
+    strength = Param(1.0, 'Share of the light that a shadow takes away.', range='[0, 1]')
+    ambient = Param(
+        0.6,
+        'Share of their brightness that lights keep which follow the camera, beside the sun that '
+        'is derived from them.',
+        range='(0, 1)',
     )
     resolution = Param(2048, 'Texels along a side of a shadow map.', range='[16, 16384]')
     filter_radius = Param(
@@ -139,6 +154,7 @@ class Shadows(Effect):
         self._volumes: Any = None
         self._seen: tuple = ()
         self._cast: set = set()
+        self._sun = DerivedSun()
         self._drawn = 0
         self._most = 1
         super().__init__(**settings)
@@ -161,8 +177,9 @@ class Shadows(Effect):
 
     def needed(self, frame) -> bool | str:
         """Return True if any light casts shadows."""
+        self._sun.match(frame, self.lights == 'auto', self.ambient)
         self._seen = tuple(lights_of(frame.renderer))
-        if any(light.kind != 'headlight' for light in self._seen):
+        if self._may_cast():
             return True
         return 'no light casts shadows: headlights cast none, add a scene light'
 
@@ -182,8 +199,11 @@ class Shadows(Effect):
 
     def _casting(self) -> list[SceneLight]:
         """Return the lights that cast shadows: as many as a shader may sample."""
-        casting = [light for light in self._seen if light.kind != 'headlight']
-        return casting[: self._most]
+        return self._may_cast()[: self._most]
+
+    def _may_cast(self) -> list[SceneLight]:
+        every = self.lights == 'all'
+        return [x for x in self._seen if x.kind != 'headlight' and (every or x.still)]
 
     def _count(self, frame, casters):
         """Draw shadow volumes if that is the method."""
@@ -251,6 +271,7 @@ class Shadows(Effect):
         if self.method == 'volume':
             lights = tuple((light.number, light.positional) for light in self._casting())
             uniforms = self._volumes.uniforms(frame)
+            uniforms['ibr_shadow_strength'] = float(self.strength)
             for light in self._casting():
                 uniforms |= _place(frame, light)
             return _feature('volume', 0, lights), uniforms
@@ -273,6 +294,7 @@ class Shadows(Effect):
             'ibr_shadow_polygon': (-1.0, 0.0) if on_plane else self.polygon_offset,
             'ibr_shadow_range': np.reshape(ranges, (-1, 1)),
             'ibr_shadow_filter_radius': filter_radius(self),
+            'ibr_shadow_strength': float(self.strength),
             'ibr_shadow_taps': max(1, round(taps * frame.quality)),
         }
         for maps in lit:
@@ -294,8 +316,9 @@ class Shadows(Effect):
         self._attached.leave_shared()
 
     def deactivate(self):
-        """Detach the shader text from all receivers."""
+        """Detach the shader text from all receivers, and leave the lights as they were."""
         self._attached.clear()
+        self._sun.remove()
 
     def attach(self, pipeline):
         """Add it to a pipeline that has no shadows yet."""
@@ -317,7 +340,9 @@ class Shadows(Effect):
 
     def bake_into(self, scene):
         """Add shadows to a scene without pvibr."""
-        scene.shadow(self.casts, self.receives, self._extent if self.method == 'pcss' else None)
+        extents = self._extent if self.method == 'pcss' else None
+        casting = [light.number for light in self._casting()]
+        scene.shadow(self.casts, self.receives, casting, self.strength, extents)
 
     def _extent(self, light, reach):
         """Return the size of a light: degrees, or a length in world units."""
@@ -326,8 +351,9 @@ class Shadows(Effect):
     def _without(self) -> list[str]:
         """Return the kinds of what casts no shadow."""
         volumes = self.pipeline.renderer.GetVolumes() if self.pipeline else ()
-        heads = [s.kind for s in self._seen if s.kind == 'headlight']
-        beyond = len(self._seen) - len(heads) - len(self._casting())
+        may = self._may_cast()
+        heads = [s.kind if s.still else 'camera light' for s in self._seen if s not in may]
+        beyond = len(may) - len(self._casting())
         units = [f'{beyond} lights more than the driver has texture units for'] if beyond else []
         return heads + units + ['volume' for _ in volumes]
 
@@ -371,7 +397,7 @@ def _feature(method, taps, lights) -> Feature:
     before, after = text['apply'], ''
     for number, *_ in lights:
         call = f'ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n)'
-        before += f'  vec3 ibr_shadow_lit_{number} = {call};\n'
+        before += f'  vec3 ibr_shadow_lit_{number} = 1.0 - ibr_shadow_strength * (1.0 - {call});\n'
         before += f'#define lightColor{number} (ibr_shadow_lit_{number} * lightColor{number})\n'
         after += f'#undef lightColor{number}\n'
     texts = {

@@ -258,7 +258,7 @@ def test_several_lights_darken_their_own_share():
 @pytest.mark.parametrize('method', MAPS)
 def test_headlights_cast_none_and_it_says_so(method):
     scene = Scene(pv.Light(light_type='headlight'))
-    shadows = scene.pl.ibr.add(pvibr.Shadows(method=method))
+    shadows = scene.pl.ibr.add(pvibr.Shadows(method=method, lights='all'))
     plain = scene.draw()
     assert 'headlights' in str(scene.pl.ibr.report())
     scene.pl.ibr.remove(shadows)
@@ -270,7 +270,7 @@ def test_camera_lights_follow_the_camera():
     pl.add_mesh(pv.Plane(i_size=4, j_size=4))
     pl.add_mesh(pv.Sphere(center=(0, 0, 1)))
     pl.camera_position = [(3, -5, 5), (0, 0, 0), (0, 0, 1)]
-    shadows = pl.ibr.add(pvibr.Shadows(resolution=128))
+    shadows = pl.ibr.add(pvibr.Shadows(resolution=128, lights='all'))
     pl.show(auto_close=False)
     before = shadows.report()['views drawn']
     pl.camera.azimuth += 20
