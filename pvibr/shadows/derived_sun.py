@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pyvista as pv
 
@@ -19,7 +21,8 @@ class DerivedSun:
     """A sun that stands still, and how much it dimmed the lights that follow the camera."""
 
     def __init__(self):
-        self._renderer, self._light = None, None
+        self._renderer: Any = None
+        self._light: Any = None
         self._dimmed: list = []
         self._share = 1.0
 
