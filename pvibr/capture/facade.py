@@ -225,4 +225,5 @@ class CaptureFacade(Facade):
         self._check_open()
         timing = {'fps': fps, 'start': start, 'speed': speed}
         options = {'each': each, 'resume': resume, 'progress': progress}
-        return record(self, self._screenshots, path, seconds, **timing, **options)
+        tools = self._screenshots, self._check_open
+        return record(self, *tools, path, seconds, **timing, **options)

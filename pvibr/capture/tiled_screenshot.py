@@ -150,10 +150,17 @@ class TiledScreenshot:
             if scale > 1:
                 window.Render()  # effects spread light over the whole image at the window's size
             image = picture(window, scale, self._effects(), transparent=transparent)
+        if scale > 1 or transparent or tuple(window.GetActualSize()) != tile:
+            self.draw()
         image = np.ascontiguousarray(image[: size[1], : size[0]])
         if filename is not None:
             save(filename, image)
         return image
+
+    def draw(self):
+        """Draw the window as it is: what reads it next finds no tile and no other time."""
+        with self._full():
+            self._window().Render()
 
     def _window(self):
         if is_never_shown(self._plotter):
@@ -166,6 +173,7 @@ class TiledScreenshot:
         window = self._window()
         cameras = [renderer.GetActiveCamera() for renderer in _renderers(window)]
         copies = [camera.NewInstance() for camera in cameras]
+        notes = [dict(vars(camera)) for camera in cameras]  # of PyVista, such as the azimuth
         for camera, copy in zip(cameras, copies, strict=True):
             copy.DeepCopy(camera)
         try:
@@ -183,8 +191,9 @@ class TiledScreenshot:
                 ],
             }
         finally:
-            for camera, copy in zip(cameras, copies, strict=True):
+            for camera, copy, note in zip(cameras, copies, notes, strict=True):
                 camera.DeepCopy(copy)
+                vars(camera).update(note)
 
 
 def _checked(window, scale, size):

@@ -154,3 +154,37 @@ def test_a_bar_counts_frames(pl, tmp_path, capsys):
     assert 'writing' in capsys.readouterr().err
     pl.ibr.movie(tmp_path / 'a.gif', 0.5, fps=4)
     assert capsys.readouterr().err == ''
+
+
+@pytest.mark.parametrize('first', [False, True])
+def test_a_plotter_closed_on_the_way_is_an_error(pl, tmp_path, first):
+    def close(time):
+        if time >= (0.0 if first else 0.3):
+            pl.close()
+
+    pl.ibr.add(pvibr.Outline())
+    with pytest.raises(pvibr.ClosedError, match='closed'):
+        pl.ibr.movie(tmp_path / 'frames', 1, fps=6, each=close)
+    assert len(list((tmp_path / 'frames').glob('*.png'))) == (0 if first else 2)
+
+
+def test_a_path_by_azimuth_is_the_same_again(pl, tmp_path):
+    def turn(time):
+        pl.camera.azimuth = 90 * time
+        pl.camera.elevation = 20 * time
+
+    pl.camera.azimuth = 10
+    for name in ('one', 'two'):
+        pl.ibr.movie(tmp_path / name, 1, fps=4, each=turn)
+        assert (pl.camera.azimuth, pl.camera.elevation) == (10, 0)
+    for k in range(4):
+        one, two = (iio.imread(tmp_path / name / f'{k}.png') for name in ('one', 'two'))
+        assert (one == two).all()
+
+
+def test_a_window_shows_the_scene_as_before_a_movie(pl, tmp_path):
+    pl.show(auto_close=False)
+    before = pl.screenshot(return_img=True)
+    turn, _ = turner(pl)
+    pl.ibr.movie(tmp_path / 'frames', 1, fps=3, each=turn)
+    assert (pl.screenshot(return_img=True) == before).all()

@@ -165,3 +165,25 @@ def test_what_is_not_in_a_tile_is_not_drawn(capfd):
     pl.ibr.screenshot(scale=3)
     assert 'incomplete' not in ''.join(capfd.readouterr())
     assert [renderer.GetDraw() for renderer in pl.renderers] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    'how',
+    [{'scale': 4}, {'window_size': (90, 130)}, {'transparent_background': True}, {'scale': 1}],
+    ids=str,
+)
+def test_what_follows_is_the_scene_as_before(how):
+    pl = scene(SIZE)
+    pl.ibr.add_spheres(np.random.default_rng(5).uniform(-2, 2, (40, 3)), 0.2)
+    pl.show(auto_close=False)
+    before, rows = pl.screenshot(return_img=True), details(pl)
+    pl.ibr.screenshot(**how)
+    assert details(pl) == rows
+    assert (pl.screenshot(return_img=True) == before).all()
+    pl.render()
+    assert (pl.screenshot(return_img=True) == before).all()
+    pl.close()
+
+
+def details(pl):
+    return [(row.effect, row.state, row.details) for row in pl.ibr.report().rows]
