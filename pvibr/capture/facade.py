@@ -225,5 +225,4 @@ class CaptureFacade(Facade):
         self._check_open()
         timing = {'fps': fps, 'start': start, 'speed': speed}
         options = {'each': each, 'resume': resume, 'progress': progress}
-        tools = self._screenshots, self._check_open
-        return record(self, *tools, path, seconds, **timing, **options)
+        return record(self, self._screenshots, path, seconds, **timing, **options)

@@ -121,9 +121,7 @@ def _writer(file, ending, fps):
         raise
 
 
-def record(
-    ibr, screenshots, check_open, path, seconds, *, fps, start, speed, each, resume, progress
-) -> Path:
+def record(ibr, screenshots, path, seconds, *, fps, start, speed, each, resume, progress) -> Path:
     """Draw the frames of a movie of ``plotter.ibr``, each at its own time, and write it."""
     ibr.stop()
     before = ibr.time
@@ -137,7 +135,6 @@ def record(
             ibr.time = times[k]
             if each is not None:
                 each(float(times[k]))
-            check_open()
             return screenshots.take(transparent=False)
 
         try:

@@ -9,9 +9,10 @@ import numpy as np
 
 from pvibr.capture.montage import save
 from pvibr.core import _vtk
+from pvibr.core.errors import ClosedError
 from pvibr.core.frame import Frame
 from pvibr.core.passes import passes_of
-from pvibr.core.plotters import is_never_shown
+from pvibr.core.plotters import is_closed, is_never_shown
 
 #: Reach in pixels of VTK's own passes, such as FXAA and EDL.
 _NEIGHBOURS = 8
@@ -163,6 +164,9 @@ class TiledScreenshot:
             self._window().Render()
 
     def _window(self):
+        if is_closed(self._plotter):
+            msg = 'the plotter was closed: nothing can be drawn'
+            raise ClosedError(msg)
         if is_never_shown(self._plotter):
             self._plotter.screenshot(return_img=False)  # sets up camera and window
         return self._plotter.renderer.GetRenderWindow()
