@@ -49,7 +49,7 @@ class IBRAccessor:
         ----------
         **kwargs
             See ``billboard_cloud``: ``epsilon`` is the bound, a fraction of the bounding box's
-            diagonal, ``planes`` a number of planes instead.
+            diagonal, ``planes`` a number of planes instead, ``patches`` triangles between planes.
 
         Returns
         -------

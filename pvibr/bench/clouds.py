@@ -23,6 +23,7 @@ from pvibr.scenes.trees import tree_parts
 
 #: Pixels that a mesh is high: where a cloud of 2 % is meant to be seen.
 _SIZE = 160
+_HOLES = 0.005  # of the pixels inside an outline
 _HERE = np.eye(4)[None], np.zeros(1, int)
 
 
@@ -65,6 +66,9 @@ def _rows(name, found):
     yield Row(f'{label}: planes', first['planes'])
     yield Row(f'{label}: FLIP', first['flip'])
     yield Row(f'{label}: PSNR', first['psnr'], 'dB')
+    yield Row(f'{label}: holes of the inner pixels', first['holes'], '', _HOLES)
+    yield Row(f'{label}: normals off by', first['normal_error'], 'degrees')
+    yield Row(f'{label}: triangles in gaps over those of the mesh', first['patches'])
     yield Row(f'{label}: drawn share of the rectangles', first['fill'])
     yield Row(f'{label}: displacement over the bound', first['moved'], '', 1)
     yield Row(f'{label}: time', first['seconds'], 's')
@@ -116,7 +120,8 @@ class _Mesh:
             size = file.stat().st_size
         found = {'planes': len(cloud.planes), 'bytes': size, 'seconds': cloud.seconds}
         found['moved'] = cloud.displacement / (cloud.epsilon or self.diagonal)
-        found['fill'] = cloud.fill
+        found |= {'fill': cloud.fill, 'holes': cloud.holes, 'normal_error': cloud.normal_error}
+        found['patches'] = cloud.patches / len(cloud.planes.owner)
         return how | found | self._error(lambda stage: cloud.add_to(stage.plotter))
 
     def _decimated(self, size):
@@ -180,6 +185,7 @@ def _file(name, **looks):
 
 MESHES: dict[str, Callable] = {
     'airplane': lambda: as_parts(pv.examples.load_airplane(), color='tan'),
+    'torus': lambda: as_parts(pv.ParametricTorus().triangulate(), color='tan'),
     'tree': lambda: tree_parts('broadleaf', triangles=50_000),
     'building': lambda: _file('city/building_H.gltf'),
     'statue': lambda: _file('nefertiti-lowres.obj', color='tan', smooth_shading=True),

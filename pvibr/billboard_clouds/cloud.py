@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-from pvibr.billboard_clouds.texture import arranged, draw
+from pvibr.billboard_clouds.coverage import Triangles, coverage_errors, joined
+from pvibr.billboard_clouds.patches import NO_PATCHES, closing_patches
+from pvibr.billboard_clouds.texture import arranged, draw, opaque_texels
 from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.maths.billboard_clouds import Planes, greedy_planes, kmeans_planes
@@ -39,6 +41,12 @@ class BillboardCloud:
         Maximum displacement allowed, world units; None if the number of planes was given.
     displacement : float
         Maximum displacement of a vertex, world units.
+    holes : float
+        Share of the pixels inside the mesh's outline that show none of the cloud, from all around.
+    normal_error : float
+        Mean angle between the normals of both where both are seen, degrees.
+    patches : int
+        Triangles that close holes between the planes.
     fill : float
         Share of opaque texels in the rectangles.
     packing : float
@@ -53,6 +61,9 @@ class BillboardCloud:
     planes: Planes
     epsilon: float | None
     displacement: float
+    holes: float
+    normal_error: float
+    patches: int
     fill: float
     packing: float
     seconds: float
@@ -62,8 +73,10 @@ class BillboardCloud:
         bound = '' if self.epsilon is None else f' of {self.epsilon:.4g}'
         return (
             f'BillboardCloud: {len(self.planes)} planes for {len(self.planes.owner)} triangles, '
-            f'displaced by {self.displacement:.4g}{bound}; texture {width} x {height}, '
-            f'{self.fill:.0%} of the rectangles drawn, {self.seconds:.1f} s'
+            f'displaced by {self.displacement:.4g}{bound}, {self.patches} triangles in gaps; '
+            f'{self.holes:.2%} holes, normals off by {self.normal_error:.0f} degrees; '
+            f'texture {width} x {height}, {self.fill:.0%} of the rectangles drawn, '
+            f'{self.seconds:.1f} s'
         )
 
     def add_to(self, plotter, *, lighting=True, **kwargs):
@@ -140,18 +153,28 @@ class BillboardCloud:
 
 
 def billboard_cloud(
-    mesh, *, epsilon=0.02, planes=None, size=1024, supersample=4, seed=0, **looks
+    mesh,
+    *,
+    epsilon=0.02,
+    planes=None,
+    patches=True,
+    size=1024,
+    supersample=4,
+    seed=0,
+    **looks,
 ) -> BillboardCloud:
     """Return a mesh as few textured rectangles that any viewer shows.
 
     Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification",
     SIGGRAPH 2003. Triangles very near a plane are drawn onto it even if another plane has them,
-    which closes gaps between planes.
+    which closes gaps between planes. What is still seen beside or through them, from 52 sides, is
+    closed by triangles of the mesh simplified within half of the bound, if `patches` are allowed
+    and there is a bound; foliage and what has an alpha cutoff stay as they are.
     """
     _check(epsilon, planes, size, supersample)
     start = time.perf_counter()
     parts = as_parts(mesh, **looks)
-    points, faces = _joined(parts)
+    points, faces = joined(parts, 0.0)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not diagonal > 0:
         msg = 'mesh has no size: all of its points are in one place.'
@@ -169,24 +192,58 @@ def billboard_cloud(
     solid = np.concatenate([np.full(p.mesh.n_cells, p.alpha_cutoff is None) for p in parts])
     sides, which = _sides(found, local, faces, solid, apart)
     away = sides.displacements(local, faces).max(1)
-    reach = np.full(len(sides), bound)
-    if bound is None:
-        reach = np.zeros(len(sides))
-        np.maximum.at(reach, sides.owner, away)
-    sheet = arranged(sides, local, faces, int(size))
-    color, normal = draw(parts, origin, sides, sheet, _NEAR * reach, supersample)
-    area = int(sheet.texels.prod(1).sum())
+    near = _NEAR * _reach(sides, away, bound)
+    rest = NO_PATCHES
+    if patches and bound is not None:
+        sheet = arranged(sides, local, faces, int(size))
+        opaque = opaque_texels(parts, origin, sides, sheet, near)
+        rest = closing_patches(parts, origin, sheet, opaque, bound)
+    whole = _with_patches(sides, rest)
+    sheet = arranged(whole, *joined([*parts, *rest.parts], origin), int(size))
+    color, normal = draw(parts, rest.parts, origin, whole, sheet, near, supersample)
+    opaque = color[::-1, :, 3] > 0
+    both = [Triangles.of(p, origin) for p in (parts, rest.parts)]
+    owner, normals = rest.planes.owner + len(sides), normal[::-1] / 127.5 - 1
+    holes, turned = coverage_errors(*both, owner, sheet, len(sides), opaque, normals)
     found = Planes(found.normals, found.offsets + found.normals @ origin, found.owner)
+    texels = sheet.texels.prod(1)
     return BillboardCloud(
-        _mesh(sheet, origin, which),
+        _mesh(sheet, origin, which, rest),
         pv.Texture(color),
         pv.Texture(normal),
         found,
         bound,
         float(away.max()),
-        float((color[..., 3] > 0).sum() / area),
-        area / size**2,
+        holes,
+        turned,
+        len(rest.planes.owner),
+        float(_shown(opaque, sheet, len(sides)) / texels[: len(sides)].sum()),
+        int(texels.sum()) / size**2,
         time.perf_counter() - start,
+    )
+
+
+def _reach(planes, away, bound):
+    """Return the largest displacement that each plane allows."""
+    reach = np.full(len(planes), bound or 0.0)
+    if bound is None:
+        np.maximum.at(reach, planes.owner, away)
+    return reach
+
+
+def _shown(opaque, sheet, count):
+    """Return the number of opaque texels of the first rectangles."""
+    rows = zip(sheet.corners[:count], sheet.texels[:count], strict=True)
+    return sum(opaque[y : y + h, x : x + w].sum() for (x, y), (w, h) in rows)
+
+
+def _with_patches(sides, patches):
+    """Return the planes of both, and those of all triangles, in this order."""
+    more = patches.planes
+    return Planes(
+        np.concatenate([sides.normals, more.normals]),
+        np.concatenate([sides.offsets, more.offsets]),
+        np.concatenate([sides.owner, more.owner + len(sides)]),
     )
 
 
@@ -203,14 +260,6 @@ def _check(epsilon, planes, size, supersample):
     if supersample not in (1, 2, 4, 8):
         msg = f'supersample is {supersample!r}; it must be 1, 2, 4 or 8.'
         raise ValueError(msg)
-
-
-def _joined(parts):
-    """Return points and triangles of all parts, one part after the other."""
-    first = np.cumsum([0, *(part.mesh.n_points for part in parts)])
-    points = np.concatenate([np.asarray(part.mesh.points, float) for part in parts])
-    faces = [np.asarray(p.mesh.regular_faces) + k for p, k in zip(parts, first, strict=False)]
-    return points, np.concatenate(faces)
 
 
 def _sides(planes, points, faces, solid, apart):
@@ -235,16 +284,29 @@ def _sides(planes, points, faces, solid, apart):
     return Planes(normals, offsets, owner), np.concatenate([np.arange(count), two])
 
 
-def _mesh(sheet, origin, which):
-    points, coordinates = sheet.quads()
-    count = len(points)
+def _mesh(sheet, origin, which, patches):
+    """Return a quadrilateral for each picture, and the triangles of patches."""
+    count = len(which)
+    points, coordinates = (a[:count].reshape(-1, a.shape[-1]) for a in sheet.quads())
+    axes = sheet.axes[:count].repeat(4, 0)
+    cells = [np.insert(np.arange(4 * count).reshape(-1, 4), 0, 4, axis=1).ravel()]
+    if patches.parts:
+        own, faces = joined(patches.parts, origin)
+        own, owner = own[faces.ravel()], patches.planes.owner.repeat(3) + count
+        corners = np.arange(4 * count, 4 * count + len(own)).reshape(-1, 3)
+        cells.append(np.insert(corners, 0, 3, axis=1).ravel())
+        points = np.concatenate([points, own])
+        places = sheet.flattened(own, owner)[:, :2] / sheet.side
+        coordinates = np.concatenate([coordinates, places])
+        axes = np.concatenate([axes, sheet.axes[owner]])
     mesh = pv.PolyData()
-    mesh.points = (points + origin).reshape(-1, 3)
-    mesh.regular_faces = np.arange(4 * count).reshape(-1, 4).astype(int)
-    mesh.active_texture_coordinates = coordinates.reshape(-1, 2).astype(np.float32)
-    mesh.point_data.active_normals = sheet.axes[:, 2].repeat(4, 0).astype(np.float32)
-    mesh.point_data['Tangents'] = sheet.axes[:, 0].repeat(4, 0).astype(np.float32)
+    mesh.points = points + origin
+    mesh.faces = np.concatenate(cells)
+    mesh.active_texture_coordinates = coordinates.astype(np.float32)
+    mesh.point_data.active_normals = axes[:, 2].astype(np.float32)
+    mesh.point_data['Tangents'] = axes[:, 0].astype(np.float32)
     mesh.GetPointData().SetTangents(mesh.GetPointData().GetArray('Tangents'))
-    mesh.cell_data['plane'] = which
+    rest = np.full(mesh.n_cells - count, -1)
+    mesh.cell_data['plane'] = np.concatenate([which, rest])
     mesh.set_active_scalars(None)
     return mesh

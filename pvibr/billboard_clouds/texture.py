@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 from scipy import ndimage
 
+from pvibr.billboard_clouds.coverage import by_part
 from pvibr.gl import set_fragment_uniforms
 from pvibr.gl.offscreen import rasterize
 from pvibr.instances.bake import unlit_actor
@@ -87,17 +88,11 @@ def _rectangle(points, normal):
     return np.stack([right, np.cross(normal, right), normal]), pair.min(0), np.ptp(pair, axis=0)
 
 
-def draw(parts, origin, planes, sheet, reach, supersample):
-    """Render the triangles near each plane onto it."""
-    flat = []
-    first = 0
-    for part in parts:
-        owner = planes.owner[first : first + part.mesh.n_cells]
-        flat.append(_laid_out(part, origin, planes, owner, sheet, reach))
-        first += part.mesh.n_cells
-    color, normal = _drawn(flat, sheet.side, supersample)
+def draw(parts, patches, origin, planes, sheet, reach, supersample):
+    """Render the triangles near each plane onto it, and those of patches onto theirs."""
+    color, normal = _rendered(parts, patches, origin, planes, sheet, reach, supersample)
     coverage = color[..., 3]
-    solid = _solid(coverage, sheet)
+    solid = _solid(coverage, sheet, len(reach))
     weight = np.maximum(coverage, 1e-6)[..., None]
     shown = np.dstack([_spread(color[..., :3] / weight, coverage > 0), solid])
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -109,11 +104,29 @@ def draw(parts, origin, planes, sheet, reach, supersample):
     )
 
 
+def opaque_texels(parts, origin, planes, sheet, reach):
+    """Return where :func:`draw` makes the texture opaque, nearly; bottom row first."""
+    color, _ = _rendered(parts, [], origin, planes, sheet, reach, 1)
+    return _solid(color[..., 3], sheet, len(reach))
+
+
+def _rendered(parts, patches, origin, planes, sheet, reach, supersample):
+    """Return colours with coverage and normals, both times coverage; bottom row first."""
+    all_parts, near = [*parts, *patches], [reach] * len(parts) + [None] * len(patches)
+    flat = [
+        _laid_out(part, origin, planes, owner, sheet, away)
+        for (part, owner), away in zip(by_part(all_parts, planes.owner), near, strict=True)
+    ]
+    return _drawn(flat, sheet.side, supersample)
+
+
 def _laid_out(part, origin, planes, owner, sheet, reach):
     """Return a part flattened into the texture, with some triangles on several planes."""
     mesh = part.mesh
     points, faces = np.asarray(mesh.points, float) - origin, np.asarray(mesh.regular_faces)
-    face, plane = _pairs(points[faces], planes, owner, sheet, reach)
+    face, plane = np.arange(len(faces)), owner
+    if reach is not None:
+        face, plane = _pairs(points[faces], planes, owner, sheet, reach)
     ids = faces[face].ravel()
     new = pv.PolyData()
     new.points = sheet.flattened(points[faces[face]], plane).reshape(-1, 3).astype(np.float32)
@@ -139,9 +152,10 @@ def _pairs(corners, planes, owner, sheet, reach):
     """Return triangles and planes: its own of each, and others nearby within a rectangle."""
     found = []
     block = max(1, _BLOCK // len(planes))
+    count = len(reach)
     for start in range(0, len(corners), block):
         some = corners[start : start + block]
-        away = np.abs(planes.distances(some)).max(1)
+        away = np.abs(planes.distances(some)).max(1)[:, :count]
         mine = owner[start : start + block]
         face, plane = np.nonzero(away <= reach)
         texel = sheet.flattened(some[face], plane)[..., :2] - sheet.corners[plane][:, None]
@@ -158,7 +172,6 @@ def _pairs(corners, planes, owner, sheet, reach):
 
 
 def _drawn(parts, side, supersample):
-    """Return colours with coverage and normals, both times coverage; bottom row first."""
     high = max(float(np.abs(part.mesh.points[:, 2]).max()) for part in parts) + 1
     view = orthographic(np.eye(3), (0.0, 0.0, -high), (side, side, high))
     actors = [_actor(part) for part in parts]
@@ -180,13 +193,16 @@ def _reduced(pixels, factor):
     return np.concatenate(rows) / 255
 
 
-def _solid(coverage, sheet):
-    """Return the opaque texels: in each rectangle as many as its coverage."""
-    solid = np.zeros(coverage.shape)
-    for (x, y), (w, h) in zip(sheet.corners, sheet.texels, strict=True):
+def _solid(coverage, sheet, count):
+    """Return the opaque texels: in the first rectangles as many as their coverage, else all."""
+    solid = np.zeros(coverage.shape, bool)
+    for k, ((x, y), (w, h)) in enumerate(zip(sheet.corners, sheet.texels, strict=True)):
         own = coverage[y : y + h, x : x + w]
-        count = int(np.ceil(own.sum()))
-        least = max(np.sort(own, axis=None)[-count], 1e-3) if count else 2.0
+        if k >= count:
+            solid[y : y + h, x : x + w] = True
+            continue
+        opaque = int(np.ceil(own.sum()))
+        least = max(np.sort(own, axis=None)[-opaque], 1e-3) if opaque else 2.0
         solid[y : y + h, x : x + w] = own >= least
     return solid
 

@@ -36,23 +36,30 @@ def rasterize(actors, view, size, formats=('rgba8',), *, samples=1, blend=False)
 
     Each side has `samples` times as many pixels as `size`, or fewer at the limit of the driver.
     """
+    return next(rasterize_views(actors, [view], size, formats, samples=samples, blend=blend))
+
+
+def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend=False):
+    """Yield what :func:`rasterize` returns, for one view after the other."""
     with hidden_window() as (window, renderer):
         while max(size) * samples > texture_limit(window) and samples > 1:
             samples //= 2
         wide, high = (samples * int(n) for n in size)
         drawer, target = Drawer(renderer), Target(window, wide, high, formats, depth=True)
-        with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            drawer.look(view, (0, 0, wide, high))
-            if blend:
-                window.GetState().SetEnumState(gl.BLEND, True)
-                window.GetState().vtkglBlendFuncSeparate(*gl.OVER)
-            drawer.draw(actors)
-        found = [color.download() for color in target.colors]
-        for actor in actors:
-            actor.ReleaseGraphicsResources(window)
-        target.release()
-        drawer.release()
-    return found
+        try:
+            for view in views:
+                with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+                    drawer.look(view, (0, 0, wide, high))
+                    if blend:
+                        window.GetState().SetEnumState(gl.BLEND, True)
+                        window.GetState().vtkglBlendFuncSeparate(*gl.OVER)
+                    drawer.draw(actors)
+                yield [color.download() for color in target.colors]
+        finally:
+            for actor in actors:
+                actor.ReleaseGraphicsResources(window)
+            target.release()
+            drawer.release()
 
 
 def read_rgba(window) -> np.ndarray:

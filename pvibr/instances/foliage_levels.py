@@ -15,6 +15,7 @@ from pvibr.maths.image_error import box_reduce, flip, psnr, silhouette_iou
 from pvibr.maths.vectors import as_units
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import Part, as_parts
+from pvibr.meshes.surfaces import some_triangles
 from pvibr.meshes.turntable import Turns
 
 _SAMPLES = 4  # along a side of a texel of a turntable, and of a pixel of the reference
@@ -227,17 +228,7 @@ def _split(part, labels, small):
 
 def _only(part, chosen) -> Part:
     """Return a part with some of its triangles."""
-    mesh = part.mesh.copy(deep=False)
-    ids = np.flatnonzero(chosen)
-    cells = {name: np.asarray(mesh.cell_data[name])[ids] for name in mesh.cell_data}
-    mesh.clear_cell_data()
-    mesh.regular_faces = np.asarray(mesh.regular_faces)[ids]
-    for name, values in cells.items():
-        mesh.cell_data[name] = values
-    info = part.mesh.active_scalars_info
-    if info.name in cells and info.association.name == 'CELL':
-        mesh.set_active_scalars(info.name, preference='cell')
-    return part.with_mesh(mesh)
+    return part.with_mesh(some_triangles(part.mesh, np.flatnonzero(chosen)))
 
 
 def _clustered(groups, count):

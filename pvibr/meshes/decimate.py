@@ -36,7 +36,7 @@ def lighter(part, share) -> Part | None:
     "Simplifying Surfaces with Color and Texture Using Quadric Error Metrics", 1998, by VTK.
     """
     welded = Welded.of(part.mesh)
-    pieces, labels = _pieces(welded.faces, len(welded.points))
+    pieces, labels = connected(welded.faces, len(welded.points))
     if is_scattered(welded, labels, pieces):
         mesh = _thinned(part.mesh, welded, labels, pieces, share)
     else:
@@ -58,7 +58,7 @@ def displacement(part, light) -> float | None:
     return hausdorff(*(Surface(p, w.faces) for p, w in zip(places, (one, other), strict=True)))
 
 
-def _pieces(faces, n_points):
+def connected(faces, n_points):
     """Return the number of connected components, and the component of each triangle."""
     rows, columns = faces[:, [0, 1]].T
     more, others = faces[:, [1, 2]].T
@@ -108,7 +108,7 @@ class Welded:
 
 def is_foliage(welded) -> bool:
     """Return True for welded triangles that are aggregate detail, such as leaves."""
-    pieces, labels = _pieces(welded.faces, len(welded.points))
+    pieces, labels = connected(welded.faces, len(welded.points))
     return is_scattered(welded, labels, pieces)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+
 import numpy as np
 import pyvista as pv
 
@@ -37,12 +39,47 @@ def surface_of(dataset):
 
 def triangles_of(surface):
     """Return the polygons of a surface as triangles, with its active arrays."""
-    triangles = surface if _is_triangulated(surface) else surface.triangulate()
-    if not triangles.n_cells:
+    polygons = _polygons(surface)
+    if not polygons.n_cells:
         msg = 'mesh has only points or lines: make a surface of it with .tube() or .glyph().'
         raise ValueError(msg)
+    triangles = polygons if _is_triangulated(polygons) else polygons.triangulate()
     _set_active(triangles, surface.active_scalars_info)
     return triangles
+
+
+def _polygons(surface):
+    """Return a surface without vertices and lines, which VTK's triangle filter mixes up."""
+    first = surface.n_verts + surface.n_lines
+    if not first:
+        return surface
+    mesh = surface.copy(deep=False)
+    with _keeping_cells(mesh, np.arange(first, mesh.n_cells)):
+        mesh.SetVerts(None)
+        mesh.SetLines(None)
+    return mesh
+
+
+def some_triangles(mesh, ids):
+    """Return some triangles of a mesh of triangles, with all of its points."""
+    ids, mesh = np.asarray(ids), mesh.copy(deep=False)
+    with _keeping_cells(mesh, ids):
+        mesh.regular_faces = np.asarray(mesh.regular_faces)[ids]
+    return mesh
+
+
+@contextmanager
+def _keeping_cells(mesh, ids):
+    """Take the arrays of some cells along while the cells change."""
+    data, active = mesh.cell_data, mesh.active_scalars_info
+    normals = data.active_normals_name
+    kept = {name: np.asarray(data[name])[ids] for name in data}
+    mesh.clear_cell_data()
+    yield
+    for name, values in kept.items():
+        data.set_array(values, name)
+    data.active_normals_name = normals
+    _set_active(mesh, active)
 
 
 def _set_active(surface, active):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 import trimesh
+from scipy import ndimage
 
 import pvibr
 from pvibr.billboard_clouds.cloud import billboard_cloud
@@ -58,12 +59,13 @@ def test_no_vertex_is_displaced_beyond_the_bound(torus, cloud):
 
 def test_rectangles_lie_on_their_planes(cloud):
     mesh = cloud.mesh
-    points = mesh.points[mesh.regular_faces]
-    plane = mesh.cell_data['plane']
+    plane = mesh.cell_data['plane'][mesh.cell_data['plane'] >= 0]
+    faces = mesh.faces[: 5 * len(plane)].reshape(-1, 5)[:, 1:]
+    points = mesh.points[faces]
     away = np.abs(cloud.planes.distances(points)[np.arange(len(plane)), :, plane])
     assert away.max() <= 0.011 * cloud.epsilon
     right, up = points[:, 1] - points[:, 0], points[:, 3] - points[:, 0]
-    normals = mesh.point_data.active_normals[mesh.regular_faces[:, 0]]
+    normals = mesh.point_data.active_normals[faces[:, 0]]
     assert (np.einsum('nd,nd->n', np.cross(right, up), normals) > 0).all()
 
 
@@ -87,6 +89,88 @@ def test_any_backend_shows_it_by_add_mesh(cloud, torus):
     drawn = coverage(picture(add, VIEWS[0], torus.bounds))
     own = coverage(picture(cloud.add_to, VIEWS[0], torus.bounds, lighting=False))
     assert silhouette_iou(drawn, own) > 0.9
+
+
+def rays(seed):
+    """Return the directions toward a viewer, away from axes."""
+    found = np.random.default_rng(seed).normal(size=(4, 3))
+    return found / np.linalg.norm(found, axis=1)[:, None]
+
+
+def share_of_holes(mesh, cloud, views):
+    """Return the share of VTK's pixels well inside a mesh that show none of its cloud."""
+    inner = holes = 0
+    for view in views:
+        whole = coverage(picture(lambda pl: pl.add_mesh(mesh, lighting=False), view, mesh.bounds))
+        found = coverage(picture(cloud.add_to, view, mesh.bounds, lighting=False))
+        deep = ndimage.binary_erosion(whole > 0, iterations=2)
+        inner, holes = inner + deep.sum(), holes + (deep & (found == 0)).sum()
+    return holes / inner
+
+
+def knot():
+    t = np.linspace(0, 2 * np.pi, 161)
+    r = 2.2 + np.cos(3 * t)
+    line = np.column_stack([r * np.cos(2 * t), r * np.sin(2 * t), -np.sin(3 * t)])
+    return pv.Spline(line, 200).tube(radius=0.35, n_sides=14).triangulate()
+
+
+def hills(seed=3):
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(*[np.linspace(0, 1, 40)] * 2)
+    z = sum(np.sin(a * x + b * y + c) for a, b, c in rng.normal(0, 8, (5, 3))) * 0.05
+    return pv.StructuredGrid(x, y, z).extract_surface(algorithm=None).triangulate()
+
+
+@pytest.mark.parametrize('make', [knot, hills])
+def test_no_holes_within_the_outline(make):
+    mesh = make()
+    open_, closed = (
+        mesh.ibr.billboard_cloud(epsilon=0.02, size=256, supersample=1, color='red', patches=p)
+        for p in (False, True)
+    )
+    views = rays(7)
+    assert share_of_holes(mesh, open_, views) > 0.03
+    assert share_of_holes(mesh, closed, views) < 0.005
+    assert open_.holes > 0.03
+    assert closed.holes < 0.005
+    assert closed.normal_error < open_.normal_error
+    assert np.array_equal(closed.planes.normals, open_.planes.normals)
+    assert open_.patches == 0
+    assert closed.patches == (closed.mesh.cell_data['plane'] < 0).sum() < 0.4 * mesh.n_cells
+
+
+def test_patches_are_near_the_mesh(torus, cloud):
+    first = 4 * (cloud.mesh.cell_data['plane'] >= 0).sum()
+    assert cloud.patches > 0
+    patches = cloud.mesh.points[first:]
+    distances = pv.PolyData(patches).compute_implicit_distance(torus)['implicit_distance']
+    assert np.abs(distances).max() <= 0.5 * cloud.epsilon
+
+
+def test_holes_of_few_given_planes_are_counted(torus):
+    cloud = torus.ibr.billboard_cloud(planes=2, size=128, supersample=1, color='red')
+    assert cloud.patches == 0
+    found = share_of_holes(torus, cloud, rays(5))
+    assert cloud.holes == pytest.approx(found, rel=0.5)
+    assert cloud.holes > 0.05
+
+
+def test_stray_vertices_and_lines_are_left_out(torus):
+    mesh = torus.copy()
+    mesh.clear_data()
+    rng = np.random.default_rng(2)
+    colors = rng.integers(0, 255, (mesh.n_cells, 3)).astype(np.uint8)
+    strays = mesh.copy()
+    strays.verts, strays.lines = [1, 0, 1, 5], [2, 3, 9]
+    mesh.cell_data['c'] = colors
+    strays.cell_data['c'] = np.concatenate([np.zeros((3, 3), np.uint8), colors])
+    both = [
+        m.ibr.billboard_cloud(epsilon=0.1, size=64, supersample=1, scalars='c', rgb=True)
+        for m in (mesh, strays)
+    ]
+    assert len(both[1].planes.owner) == mesh.n_cells
+    assert np.array_equal(*(cloud.texture.to_array() for cloud in both))
 
 
 def test_two_sides_have_two_pictures():
