@@ -199,12 +199,19 @@ def billboard_cloud(
         opaque = opaque_texels(parts, origin, sides, sheet, near)
         rest = closing_patches(parts, origin, sheet, opaque, bound)
     whole = _with_patches(sides, rest)
-    sheet = arranged(whole, *joined([*parts, *rest.parts], origin), int(size))
+    points, faces = joined([*parts, *rest.parts], origin)
+    sheet = arranged(whole, points, faces, int(size))
     color, normal = draw(parts, rest.parts, origin, whole, sheet, near, supersample)
     opaque = color[::-1, :, 3] > 0
-    both = [Triangles.of(p, origin) for p in (parts, rest.parts)]
-    owner, normals = rest.planes.owner + len(sides), normal[::-1] / 127.5 - 1
-    holes, turned = coverage_errors(*both, owner, sheet, len(sides), opaque, normals)
+    holes, turned = coverage_errors(
+        Triangles.of(parts, origin),
+        Triangles.of(rest.parts, origin),
+        rest.planes.owner + len(sides),
+        sheet,
+        len(sides),
+        opaque,
+        normal[::-1] / 127.5 - 1,
+    )
     found = Planes(found.normals, found.offsets + found.normals @ origin, found.owner)
     texels = sheet.texels.prod(1)
     return BillboardCloud(
