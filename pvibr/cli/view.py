@@ -32,6 +32,9 @@ def main(
 ):
     """Draw a mesh at every pose in a file, and print a report and the frame time."""
     matrices, found = read_poses(poses, columns)
+    if not len(matrices):
+        msg = f'{poses} names columns and has no rows: there is nothing to show.'
+        raise ValueError(msg)
     looks = _looks(poses, found, scalars, cmap)
     matrices = _scaled(matrices, scale)
     name = f'{Path(mesh).stem} at {Path(poses).name}'

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import gzip
 import zlib
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import numpy as np
 
 from pvibr.core.errors import require
 
+#: Characters of the longest line: more are no line of a table.
+_LONGEST = 2**22
 MISSING = frozenset({'', 'na', 'n/a', 'null', 'none'})
 
 
@@ -61,23 +64,53 @@ class _TextTable(Table):
 
     def __init__(self, path):
         self.path = path
-        try:
-            with _open(path) as file:
-                header = next((line for line in file if line.strip()), '')
-                first = next((line for line in file if line.strip()), '')
-        except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-            msg = f'{path}: not a readable gzip file ({error}).'
-            raise ValueError(msg) from error
+        lines = (line for line in self._lines() if line.strip())
+        header, first = next(lines, ''), next(lines, '')
+        lines.close()
         if not header:
             msg = f'{path}: the file is empty; its first line must name the columns x, y, z.'
             raise ValueError(msg)
         self.delimiter = max(',;\t', key=header.count)
-        self.names = [name.strip() for name in self._split(header)]
-        self._first = self._split(first) if first else [''] * len(self.names)
+        rows = self._split(line.rstrip('\r\n') for line in (header, first) if line)
+        self.names = [name.strip() for name in next(rows)[1]]
+        _, self._first = next(rows, (0, [''] * len(self.names)))
         self.empty = not first
+        twice = [name for name, count in Counter(self.names).items() if name and count > 1]
+        if twice:
+            column = len(self.names) - self.names[::-1].index(twice[0])
+            msg = f'{path}, line 1, column {column}: another column is named {twice[0]!r}, too.'
+            raise ValueError(msg)
 
-    def _split(self, line):
-        return next(csv.reader([line.rstrip('\r\n')], delimiter=self.delimiter))
+    def _lines(self):
+        """Yield the lines of the file."""
+        number = 1
+        try:
+            with _open(self.path) as file:
+                while line := file.readline(_LONGEST):
+                    if len(line) == _LONGEST:
+                        place = f'{self.path}, line {number}, column {_columns_of(line)}'
+                        msg = f'{place}: the line has more than {_LONGEST:,} characters.'
+                        raise ValueError(msg)
+                    yield line
+                    number += 1
+        except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+            msg = f'{self.path}, from line {number} on: not a readable gzip file ({error}).'
+            raise ValueError(msg) from error
+
+    def _split(self, lines):
+        """Yield (number of the last line, fields) of the records in lines."""
+        held: list[str] = []
+        reader = csv.reader(_kept(lines, held), delimiter=self.delimiter)
+        try:
+            for row in reader:
+                yield reader.line_num, row
+                held.clear()
+        except csv.Error as error:
+            sizes = [len(text) for text in held[0].split(self.delimiter)]
+            column = len(sizes) if len(held) > 1 else 1 + sizes.index(max(sizes))
+            first = reader.line_num - len(held) + 1
+            msg = f'{self.path}, line {first}, column {column}: {error}; is a quote left open?'
+            raise ValueError(msg) from error
 
     def kind(self, index):
         """Return 'text' if the first value is neither a number nor missing, else 'number'."""
@@ -88,6 +121,7 @@ class _TextTable(Table):
         """Return columns as (n, len(indices)) float64; those in `needed` must be finite."""
         if self.empty:
             return np.empty((0, len(indices)))
+        self._check_counts()
         try:
             values = self._load_fast(indices)
         except ValueError:
@@ -97,6 +131,15 @@ class _TextTable(Table):
         if not np.isfinite(values[:, must]).all():
             return self._load_slow(indices, needed)
         return values
+
+    def _check_counts(self):
+        """Check the number of fields of all lines, also where some columns are read."""
+        delimiters = len(self.names) - 1
+        for line in self._lines():
+            if '"' in line or (line.count(self.delimiter) != delimiters and line.strip()):
+                for _ in self._rows():  # tells which and where
+                    pass
+                return
 
     def _load_fast(self, indices):
         every = len(indices) == len(self.names)
@@ -113,8 +156,7 @@ class _TextTable(Table):
         return values[:, indices] if every else values
 
     def _lines_before_data(self):
-        with _open(self.path) as file:
-            return next(number for number, line in enumerate(file, 1) if line.strip())
+        return next(number for number, line in enumerate(self._lines(), 1) if line.strip())
 
     def _load_slow(self, indices, needed):
         return np.array(
@@ -138,24 +180,35 @@ class _TextTable(Table):
 
     def _rows(self):
         """Yield (line number, fields) of the data; field counts are checked."""
-        with _open(self.path) as file:
-            reader = csv.reader(file, delimiter=self.delimiter)
-            rows = ((reader.line_num, row) for row in reader if any(map(str.strip, row)))
-            next(rows)
-            for line, row in rows:
-                if len(row) != len(self.names):
-                    msg = (
-                        f'{self.path}, line {line}, column {min(len(row), len(self.names)) + 1}: '
-                        f'{len(row)} values, but the header names {len(self.names)} columns: '
-                        f'{self.delimiter.join(row)!r}.'
-                    )
-                    raise ValueError(msg)
-                yield line, row
+        rows = (
+            (line, row) for line, row in self._split(self._lines()) if any(map(str.strip, row))
+        )
+        next(rows)
+        for line, row in rows:
+            if len(row) != len(self.names):
+                msg = (
+                    f'{self.path}, line {line}, column {min(len(row), len(self.names)) + 1}: '
+                    f'{len(row)} values, but the header names {len(self.names)} columns: '
+                    f'{self.delimiter.join(row)!r:.200}.'
+                )
+                raise ValueError(msg)
+            yield line, row
 
     def texts(self, indices):
         """Return the named columns as arrays of str."""
         rows = [] if self.empty else [row for _, row in self._rows()]
         return [np.array([row[index].strip() for row in rows], dtype=str) for index in indices]
+
+
+def _kept(lines, held):
+    """Yield lines, and keep them in a list."""
+    for line in lines:
+        held.append(line)
+        yield line
+
+
+def _columns_of(line) -> int:
+    return 1 + max(map(line.count, ',;\t'))
 
 
 def _open(path):
@@ -179,6 +232,7 @@ class _ParquetTable(Table):
         self.path = path
         self._schema = self._read(self._parquet.read_schema)
         self.names = list(self._schema.names)
+        self._kinds = [self._kind(kind) for kind in self._schema.types]
 
     def _read(self, read, **options):
         try:
@@ -189,11 +243,15 @@ class _ParquetTable(Table):
 
     def kind(self, index):
         """Return 'number', 'text', or 'other' for lists, times, bytes and the like."""
+        return self._kinds[index]
+
+    @staticmethod
+    def _kind(kind):
         types = require('pyarrow', 'parquet', 'Parquet files').types
-        kind = self._schema.types[index]
         if types.is_dictionary(kind):
             kind = kind.value_type
-        if types.is_string(kind) or types.is_large_string(kind):
+        texts = types.is_string, types.is_large_string, getattr(types, 'is_string_view', None)
+        if any(is_it(kind) for is_it in texts if is_it is not None):
             return 'text'
         numeric = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal)
         return 'number' if any(is_it(kind) for is_it in numeric) else 'other'
@@ -201,6 +259,11 @@ class _ParquetTable(Table):
     def _columns(self, indices):
         # A name may occur twice, and a column may be requested twice.
         names = [self.names[index] for index in indices]
+        counts = Counter(self.names)
+        twice = [name for name in names if counts[name] > 1]
+        if twice:
+            msg = f'{self.path}: two columns are named {twice[0]!r}.'
+            raise ValueError(msg)
         return self._read(self._parquet.read_table, columns=list(dict.fromkeys(names))), names
 
     def numbers(self, indices, needed):
@@ -210,7 +273,7 @@ class _ParquetTable(Table):
             msg = f'{self.path}: column {wrong[0]!r} does not hold numbers.'
             raise ValueError(msg)
         table, names = self._columns(indices)
-        columns = [table.column(name).cast('float64').to_numpy() for name in names]
+        columns = [table.column(name).cast('float64', safe=False).to_numpy() for name in names]
         values = np.stack(columns, axis=1)
         self._check_finite(values, indices, needed)
         return values

@@ -80,12 +80,13 @@ def read_poses_and(path, name):
 
 def _read_npy(path):
     try:
-        array = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError) as error:
+        # Mapped: a header may promise more than the file holds.
+        array = np.load(path, mmap_mode='r', allow_pickle=False)
+    except Exception as error:  # of its parser, too
         msg = f'{path}: not a readable .npy file of numbers ({error}).'
         raise ValueError(msg) from error
     try:
-        return as_poses(array)
+        return as_poses(np.array(array))
     except (TypeError, ValueError) as error:
         msg = f'{path}: {error}'
         raise ValueError(msg) from error

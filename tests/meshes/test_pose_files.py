@@ -340,3 +340,88 @@ def test_a_thousand_columns_make_a_short_message(tmp_path):
         with pytest.raises(ValueError, match='and 980 more') as caught:
             read_poses(file, **options)
         assert len(str(caught.value)) < 500
+
+
+LONG = 'b' * 200_000
+BROKEN = {
+    'a value more in all': ('x,y,z\n1,2,3,9\n4,5,6,9\n', 'line 2, column 4'),
+    'a value more in one': ('x,y,z,h\n1,2,3,4\n\n4,5,6,7,8\n', 'line 4, column 5'),
+    'a value less': ('x,y,z,h\n1,2,3,4\n4,5,6\n', 'line 3, column 4'),
+    'a long field': (f'x,y,z,k\n1,2,3,a\n1,2,{LONG},3\n', 'line 3, column 3'),
+    'a long name': (f'x,{LONG},y,z\n1,2,3,4\n', 'line 1, column 2'),
+    'an open quote': ('x,y,z,k\n1,2,3,"a\n' + '4,5,6,b\n' * 40_000, 'line 2, column 4'),
+    'a long line': ('x,y,z\n1,2,' + '3' * 5_000_000, 'line 2, column 3'),
+    'a name twice': ('x,y,z,h,h\n1,2,3,4,5\n', 'line 1, column 5.*h'),
+}
+
+
+@pytest.mark.parametrize('what', BROKEN)
+@pytest.mark.parametrize('others', [None, []])
+def test_what_is_no_table_is_named_with_its_place(tmp_path, what, others):
+    text, match = BROKEN[what]
+    with pytest.raises(ValueError, match=rf'poses\.csv, {match}'):
+        read_poses(_write(tmp_path, text), others=others)
+
+
+@pytest.mark.parametrize('kind', ['', 'oak'])
+def test_gzip_files_that_end_early_say_from_where(tmp_path, kind):
+    rows = np.random.default_rng(2).uniform(size=(9000, 3))
+    lines = [','.join(map(str, row)) + f',{kind}' for row in rows.tolist()]
+    whole = gzip.compress('\n'.join(['x,y,z,k', *lines]).encode())
+    file = tmp_path / 'a.csv.gz'
+    file.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ValueError, match=r'a\.csv\.gz, from line (3|4)\d\d\d on'):
+        read_poses(file)
+
+
+def _npy(shape):
+    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}"
+    text += ' ' * (53 - len(text) % 64) + '\n'
+    return b'\x93NUMPY\x01\x00' + len(text).to_bytes(2, 'little') + text.encode() + bytes(96)
+
+
+@pytest.mark.parametrize('shape', [f'({10**12}, 3)', f'({10**30}, 3)', '(-4, 3)', '(' * 3000])
+def test_arrays_that_promise_too_much_are_named(tmp_path, shape):
+    file = tmp_path / 'a.npy'
+    file.write_bytes(_npy('(4, 3)'))
+    assert read_poses(file)[0].shape == (4, 3)
+    file.write_bytes(_npy(shape))
+    with pytest.raises(ValueError, match=r'a\.npy'):
+        read_poses(file)
+
+
+def test_an_array_of_no_poses_is_an_empty_set(tmp_path):
+    np.save(tmp_path / 'a.npy', np.zeros((0, 3)))
+    assert read_poses(tmp_path / 'a.npy')[0].shape == (0, 3)
+
+
+def test_odd_schemas_of_parquet(tmp_path):
+    pa = pytest.importorskip('pyarrow')
+    parquet = pytest.importorskip('pyarrow.parquet')
+    file, one = tmp_path / 'a.parquet', pa.array([1.0, 2.0])
+    columns = {'x': pa.array([2**63 - 1, 5]), 'y': one, 'z': one}
+    columns['k'] = pa.array(['a', None], pa.string_view())
+    columns['s'] = pa.array([{'x': 1}, {'x': 2}])
+    parquet.write_table(pa.table(columns), file)
+    poses, found = read_poses(file)
+    assert poses[0, 0] == 2.0**63
+    assert {k: v.tolist() for k, v in found.items()} == {'k': ['a', '']}
+    names = ['x', 'x', 'y', 'z']
+    parquet.write_table(pa.Table.from_arrays([one] * 4, names=names), file)
+    with pytest.raises(ValueError, match=r"a\.parquet: two columns are named 'x'"):
+        read_poses(file)
+
+
+@pytest.mark.parametrize('suffix', ['csv', 'parquet'])
+def test_ten_thousand_columns_are_read_in_linear_time(tmp_path, suffix):
+    names = ['x', 'y', 'z', *(f'c{k}' for k in range(9997))]
+    file = tmp_path / f'a.{suffix}'
+    if suffix == 'csv':
+        file.write_text(','.join(names) + '\n' + ','.join(map(str, range(10_000))) + '\n')
+    else:
+        pa = pytest.importorskip('pyarrow')
+        parquet = pytest.importorskip('pyarrow.parquet')
+        parquet.write_table(pa.table({n: [float(k)] for k, n in enumerate(names)}), file)
+    poses, found = read_poses(file)
+    assert poses.tolist() == [[0, 1, 2]]
+    assert [found[f'c{k}'][0] for k in (0, 5000, 9996)] == [3, 5003, 9999]
