@@ -73,7 +73,7 @@ class _TextTable(Table):
         self.delimiter = max(',;\t', key=header.count)
         rows = self._split(line.rstrip('\r\n') for line in (header, first) if line)
         self.names = [name.strip() for name in next(rows)[1]]
-        _, self._first = next(rows, (0, [''] * len(self.names)))
+        self._first: list[str] = next(rows, (0, [''] * len(self.names)))[1]
         self.empty = not first
         twice = [name for name, count in Counter(self.names).items() if name and count > 1]
         if twice:
@@ -94,7 +94,7 @@ class _TextTable(Table):
                     yield line
                     number += 1
         except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-            msg = f'{self.path}, from line {number} on: not a readable gzip file ({error}).'
+            msg = f'{self.path}: not a readable gzip file from line {number} on ({error}).'
             raise ValueError(msg) from error
 
     def _split(self, lines):

@@ -82,3 +82,10 @@ def test_a_statue_at_every_stem(data_dir, tmp_path):
         size=SIZE,
     )
     assert covered(iio.imread(tmp_path / 'a.png').astype(float)).mean() > 0.03
+
+
+def test_a_table_without_rows_is_an_error(mesh, tmp_path):
+    file = tmp_path / 'none.csv'
+    file.write_text('east,north\n')
+    with pytest.raises(ValueError, match=r'none\.csv.*no rows'):
+        drawn(mesh, file)

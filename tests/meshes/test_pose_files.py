@@ -370,7 +370,7 @@ def test_gzip_files_that_end_early_say_from_where(tmp_path, kind):
     whole = gzip.compress('\n'.join(['x,y,z,k', *lines]).encode())
     file = tmp_path / 'a.csv.gz'
     file.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ValueError, match=r'a\.csv\.gz, from line (3|4)\d\d\d on'):
+    with pytest.raises(ValueError, match=r'a\.csv\.gz: not.* from line (3|4)\d\d\d on'):
         read_poses(file)
 
 
