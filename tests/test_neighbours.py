@@ -202,3 +202,69 @@ def test_what_lies_on_the_screen_is_as_sharp_as_without_an_effect():
         np.testing.assert_array_equal(changed[opaque], drawn[opaque])
         untouched = (drawn == bare).all(2)
         np.testing.assert_array_equal(changed[untouched], without[untouched])
+
+
+@pytest.mark.parametrize('style', ['wireframe', 'points'])
+@pytest.mark.parametrize('seed', [1, 8])
+def test_thin_things_that_nothing_hides_from_the_light_have_no_shadow(style, seed):
+    rng = np.random.default_rng(seed)
+    pl = plotter((200, 150), lighting='none')
+    light = rng.uniform([-2, -2, 3], [2, 2, 5])
+    pl.add_light(pv.Light(position=light, light_type='scene light'))
+    grid = pv.Plane(direction=rng.uniform([-0.5, -0.5, 1], [0.5, 0.5, 1]), i_size=3, j_size=3)
+    pl.add_mesh(grid, style=style, color='red', line_width=2, point_size=4)
+    pl.camera_position = [(0, -4, 4), (0, 0, 0), (0, 0, 1)]
+    plain = shown(pl)
+    shadows = pl.ibr.add(pvibr.Shadows())
+    assert (np.abs(shown(pl) - plain).max(2) > 8).sum() == 0
+    assert shadows.report()['lights'] == 1
+
+
+@pytest.mark.parametrize('mode', ['Anaglyph', 'Left', 'Right', 'Interlaced', 'Checkerboard'])
+def test_both_eyes_see_things_where_meshes_are_from_the_first_frame_on(mode):
+    points = np.random.default_rng(2).uniform([-3, -3, 0.5], [3, 3, 0.5], (9, 3))
+    cone = pv.Cone(direction=(0, 0, 1), resolution=12)
+
+    def picture(thing):
+        pl = plotter((200, 150))
+        hill(pl)
+        if thing:
+            pl.ibr.add_instances(cone, points, color='g')
+        else:
+            pl.add_mesh(pv.merge([cone.translate(p) for p in points]), color='g')
+        pl.render_window.StereoCapableWindowOn()
+        getattr(pl.render_window, f'SetStereoTypeTo{mode}')()
+        pl.render_window.StereoRenderOn()
+        pl.show(auto_close=False)
+        return pl.screenshot(None, return_img=True).astype(int)
+
+    assert (np.abs(picture(True) - picture(False)).max(2) > 40).sum() < 4
+
+
+def lit_hill(pl):
+    """Add a ground, a ball and a spotlight."""
+    ball = hill(pl)
+    pl.remove_all_lights()
+    lamp = {'light_type': 'scene light', 'positional': True, 'cone_angle': 60}
+    pl.add_light(pv.Light(position=(3, -2, 6), **lamp))
+    return ball
+
+
+@pytest.mark.parametrize('thing', ['layers', 'impostor', 'shadows'])
+def test_shadows_of_vtk_are_drawn_as_without_pvibr(thing):
+    def picture(thing):
+        pl = plotter((200, 150))
+        ball = lit_hill(pl)
+        pl.enable_shadows()
+        if thing == 'layers':
+            pl.ibr.add_image_layers([ball])
+        elif thing == 'impostor':
+            pl.ibr.add_impostor(ball, only_if_faster=False)
+        elif thing == 'shadows':
+            pl.ibr.add(pvibr.Shadows())
+        if thing == 'shadows':
+            with pytest.warns(pvibr.PvibrWarning, match=r'call disable_shadows\(\)'):
+                pl.show(auto_close=False)
+        return shown(pl)  # a second warning would fail
+
+    np.testing.assert_array_equal(picture(thing), picture(None))

@@ -38,7 +38,9 @@ class Frame:
     @classmethod
     def of(cls, renderer, *, index=0, time=0.0, quality=1.0) -> Frame:
         """Return the frame that a renderer is about to draw."""
-        camera = renderer.GetActiveCamera()
+        camera, window = renderer.GetActiveCamera(), renderer.GetRenderWindow()
+        if bool(camera.GetStereo()) != bool(window.GetStereoRender()):
+            camera.Render(renderer)  # cameras learn by it whether they are one of two eyes
         projection = camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1)
         near, far = camera.GetClippingRange()
         view = View(
@@ -49,7 +51,6 @@ class Frame:
             bool(camera.GetParallelProjection()),
             _frozen(camera.GetPosition()),
         )
-        window = renderer.GetRenderWindow()
         scale = tuple(window.GetTileScale())
         origin, size, tile = _whole(renderer) if scale == (1, 1) else _tile(renderer, window)
         return cls(

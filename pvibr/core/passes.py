@@ -22,6 +22,13 @@ def passes_of(renderer) -> list:
     return found
 
 
+def has_shadows(renderer) -> bool:
+    """Return whether VTK draws shadows, as `enable_shadows` has it."""
+    passes = [p for p in passes_of(renderer) if p.IsA('vtkSequencePass')]
+    inner = [p for sequence in passes for p in sequence.GetPasses() or ()]
+    return renderer.GetUseShadows() or any(p.IsA('vtkShadowMapPass') for p in inner)
+
+
 def loses_depth(renderer) -> bool:
     """Return whether a frame is left without the depth of the scene."""
     return any(p.IsA(name) for p in passes_of(renderer) for name in _MARGINS)

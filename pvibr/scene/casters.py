@@ -18,7 +18,7 @@ from pvibr.gl.uniforms import set_fragment_uniforms
 from pvibr.maths.views import may_see
 from pvibr.scene.actor_watch import ActorWatch
 
-_FLAT, _SURFACE = 0, 2  # VTK_FLAT, VTK_SURFACE
+_FLAT, _WIREFRAME, _SURFACE = 0, 1, 2  # VTK_FLAT, VTK_WIREFRAME, VTK_SURFACE
 _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
 
 
@@ -141,6 +141,13 @@ SPHERES = Feature(
 )
 
 
+# Points and lines have no plane of their own: they face every light, from as far before them as
+# they are wide for it.
+THIN = Feature(
+    'thin', fragment={'VTK::Normal::Impl': '#define IBR_THIN ibr_radius\n//VTK::Normal::Impl\n'}
+)
+
+
 # Facets stand for a curved surface where normals are averaged: by how much it bulges over them is
 # told by the length that interpolated normals lose: 1 - |n| is the bulge times the curvature.
 SMOOTH = Feature(
@@ -188,13 +195,15 @@ def _tells_bulge(actor, point_data) -> bool:
 
 def surface_features(actor) -> list[Feature]:
     """Return the features that locate a surface which is not on its triangles."""
-    features = {SPHERES: draws_spheres(actor), SMOOTH: is_smooth(actor)}
+    spheres = draws_spheres(actor)
+    thin = is_thin(actor) and not spheres
+    features = {SPHERES: spheres, THIN: thin, SMOOTH: is_smooth(actor)}
     return [feature for feature, wanted in features.items() if wanted]
 
 
 def set_surface_uniforms(actor, *, casts=True):
     """Set the uniforms of :func:`surface_features`."""
-    if not casts and draws_spheres(actor):
+    if not casts and is_thin(actor):
         set_fragment_uniforms([actor], {'ibr_bulge': 0.0, 'ibr_radius': 0.0})
     if is_smooth(actor):
         # VTK's normals are as short as the actor is large.
@@ -214,6 +223,15 @@ def is_thin(actor) -> bool:
         and data.IsA('vtkPolyData')
         and not (data.GetNumberOfPolys() or data.GetNumberOfStrips())
     )
+
+
+def _draws_lines(actor) -> bool:
+    """Return whether a thin actor draws lines."""
+    representation = actor.GetProperty().GetRepresentation()
+    if representation != _SURFACE:
+        return representation == _WIREFRAME
+    data = actor.GetMapper().GetInput()
+    return bool(data) and data.IsA('vtkPolyData') and data.GetNumberOfLines() > 0
 
 
 def draws_spheres(actor) -> bool:
@@ -236,7 +254,7 @@ def sized(actors, frame, seen, bulge):
             prop.SetPointSize(max(size * scale, 1.0))
             prop.SetLineWidth(max(width * scale, 1.0))
             tube = prop.GetRenderLinesAsTubes()
-            radius = 0.5 * pixel * (width if tube else size)
+            radius = 0.5 * pixel * (width if tube or _draws_lines(actor) else size)
             _set_bulge(actor, 0.0 if tube else bulge)
             set_fragment_uniforms([actor], {'ibr_radius': float(radius)})
     try:

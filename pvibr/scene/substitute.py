@@ -8,6 +8,7 @@ from pvibr.core._vtk import address, method
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.frame import Frame
 from pvibr.core.params import Param
+from pvibr.core.passes import has_shadows
 from pvibr.maths.views import may_see
 from pvibr.scene.picking import Hit, nearest_actor
 from pvibr.scene.thing import Thing, joined_bounds
@@ -147,6 +148,12 @@ class Substitute(Thing):
         """Show the actors themselves."""
         self._give_back()
         self._frame = None
+
+    def needed(self, frame) -> bool | str:
+        """Return True if images may stand for actors in a frame, else why not."""
+        if has_shadows(frame.renderer):
+            return 'enable_shadows() has VTK draw shadows, which only actors themselves cast'
+        return super().needed(frame)
 
     def prepare(self, frame):
         """Choose what is drawn as an image, and renew images that are wrong."""

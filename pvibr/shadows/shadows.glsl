@@ -9,6 +9,9 @@
 // Where VTK declares none, since it does not light the prop: what follows is not used then.
 vec4 vertex@VC = vec4(0.0);
 
+// How far what has no plane of its own, and faces every light, is lifted towards it.
+float ibr_shadow_lift = 0.0;
+
 vec3 ibr_shadow_flat(vec3 p)
 {
   vec3 a = dFdx(p), b = dFdy(p);
@@ -344,6 +347,11 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
 vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
 {
   vec3 toward = POSITIONAL ? normalize(ibr_shadow_place_NUMBER - p) : ibr_shadow_place_NUMBER;
+  if (ibr_shadow_lift > 0.0)
+  {
+    n = toward;
+    p += toward * ibr_shadow_lift;
+  }
   return dot(n, toward) > 0.0 ? ibr_shadow_map_lit_NUMBER(p, n) : vec3(0.0);
 }
 
@@ -366,6 +374,9 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   vec3 ibr_shadow_n = ibr_shadow_flat(ibr_shadow_p);
   if (dot(ibr_shadow_n, cameraParallel == 1 ? vec3(0.0, 0.0, -1.0) : ibr_shadow_p) > 0.0)
     ibr_shadow_n = -ibr_shadow_n;
+#endif
+#ifdef IBR_THIN
+  ibr_shadow_lift = 2.0 * IBR_THIN;
 #endif
 #ifdef IBR_BLUR
   // As much as it may be away from what the light sees of it.

@@ -11,6 +11,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
+from pvibr.core.passes import has_shadows
 from pvibr.gl import release, set_fragment_uniforms, shader_source, texture_units
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
@@ -177,6 +178,9 @@ class Shadows(Effect):
 
     def needed(self, frame) -> bool | str:
         """Return True if any light casts shadows."""
+        if has_shadows(frame.renderer):
+            msg = 'enable_shadows() has VTK draw shadows: call disable_shadows() for these'
+            raise RuntimeError(msg)
         self._sun.match(frame, self.lights == 'auto', self.ambient)
         self._seen = tuple(lights_of(frame.renderer))
         if self._may_cast():
