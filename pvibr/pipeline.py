@@ -12,7 +12,7 @@ from typing import Any
 from pvibr.core.effect import Effect
 from pvibr.core.errors import ClosedError, PvibrWarning
 from pvibr.core.frame import Frame
-from pvibr.core.passes import loses_depth
+from pvibr.core.passes import is_llvmpipe, loses_depth, peels_samples
 from pvibr.core.report import Report, Row
 from pvibr.effects import ORDER
 from pvibr.gl.annotations import Annotations
@@ -23,6 +23,11 @@ from pvibr.scene.buffers import Buffers, Tap
 from pvibr.scene.casters import Surfaces
 from pvibr.scene.draw_order import DrawOrder
 from pvibr.scene.thing import Thing
+
+_PEELS_NOTHING = (
+    'Translucent things are missing: VTK with depth peeling draws none on this software driver '
+    "if windows are multisampled. Call disable_anti_aliasing() or enable_anti_aliasing('ssaa')."
+)
 
 
 class Pipeline:
@@ -43,7 +48,7 @@ class Pipeline:
         self.surfaces = Surfaces(renderer)
         self._stage = _Stage(renderer, self.buffers)
         self.watch: Any = None
-        self._closed = False
+        self._closed = self._peels = False
 
     def __repr__(self) -> str:
         return f'<Pipeline: {self._names() or "no effects"}, {self._frames} frames>'
@@ -225,6 +230,10 @@ class Pipeline:
                 turn.guard([entry], entry.effect.finish, turn.frame_of(entry.effect))
         self.order.finish()
         self._stage.end(turn)
+        if not self._peels and peels_samples(self.renderer):
+            self._peels = True
+            if is_llvmpipe(self.window):
+                turn.failures.append(_PEELS_NOTHING)
         turn.warn()
 
     def _drop_removed(self):
@@ -286,7 +295,7 @@ class _Turn:
     def __init__(self, frame):
         self.drawn, self.frame = (frame, frame) if frame.picking else frame.within_passes()
         self.images: list[_Entry] = []
-        self._failures: list[str] = []
+        self.failures: list[str] = []
 
     def frame_of(self, effect):
         """Return the frame as it is drawn, for effects on the picture as it is shown."""
@@ -307,15 +316,15 @@ class _Turn:
     def _fail(self, entry, error):
         entry.effect.enabled = False
         entry.stop('off', f'{type(error).__name__}: {error}')
-        self._failures.append(
+        self.failures.append(
             f'{entry.effect.name} is off, the picture is drawn without it: {entry.row.why}. '
             'Mend the cause, then set its enabled = True, or remove it.'
         )
 
     def warn(self):
         """Say what went wrong, once; last, since a filter may turn a warning into an error."""
-        if self._failures:
-            warnings.warn('\n'.join(self._failures), PvibrWarning, stacklevel=2)
+        if self.failures:
+            warnings.warn('\n'.join(self.failures), PvibrWarning, stacklevel=2)
 
 
 class _Stage:

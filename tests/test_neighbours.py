@@ -11,6 +11,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.core.frame import Frame
+from pvibr.core.passes import is_llvmpipe
 from tests.pictures import plotter, shown
 
 SAME = 'vec4 effect(vec2 uv) { return color_at(uv); }'
@@ -268,3 +269,25 @@ def test_shadows_of_vtk_are_drawn_as_without_pvibr(thing):
         return shown(pl)  # a second warning would fail
 
     np.testing.assert_array_equal(picture(thing), picture(None))
+
+
+def test_depth_peeling_of_samples_is_warned_of_once_and_the_remedy_works():
+    def red(pl):
+        picture = shown(pl)
+        return ((picture[..., 0] - picture[..., 1]) > 40).sum()
+
+    def ghost(pl):
+        pl.add_mesh(pv.Sphere(), color='red', opacity=0.5)
+        pl.ibr.add(pvibr.ShaderEffect(SAME))
+        return pl
+
+    pl = ghost(pv.Plotter(window_size=(120, 90)))
+    pl.enable_depth_peeling()
+    pl.enable_anti_aliasing('msaa', multi_samples=4)
+    with pytest.warns(pvibr.PvibrWarning, match=r'disable_anti_aliasing\(\)'):
+        pl.show(auto_close=False)
+    if not is_llvmpipe(pl.render_window):
+        pytest.skip('a driver that peels samples')
+    assert red(pl) == 0  # a second warning would fail
+    pl.disable_anti_aliasing()
+    assert red(pl) > 0.9 * red(ghost(plotter())) > 500

@@ -44,3 +44,14 @@ def margins(renderer, size) -> tuple[float, float]:
         margin = next((m for name, m in _MARGINS.items() if found.IsA(name)), 0)
         drawn = [n + 2 * margin / samples for n in drawn]
     return drawn[0] / width, drawn[1] / height
+
+
+def peels_samples(renderer) -> bool:
+    """Return whether VTK has just peeled what is translucent in a multisampled window."""
+    samples = renderer.GetRenderWindow().GetMultiSamples()
+    return samples > 1 and bool(renderer.GetLastRenderingUsedDepthPeeling())
+
+
+def is_llvmpipe(window) -> bool:
+    """Return whether Mesa draws without a GPU; asking the driver takes a millisecond."""
+    return 'llvmpipe' in window.ReportCapabilities()
