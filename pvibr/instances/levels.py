@@ -27,7 +27,7 @@ from pvibr.meshes.decimate import displacement, lighter
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.smoothed import smoothed
 
-VERSION = 27  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 28  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 _ALIKE = 0.5  # px: a greater error of the smallest cards is one of what was baked
 _LIGHTEST = 150  # triangles of the lightest level, at least

@@ -75,8 +75,24 @@ def test_one_bad_view_is_told_from_others():
     moved = me._moved(picture, truth, size)
     assert moved[0] > size / 5
     assert (moved[1:] == 0).all()
-    patches = me._patches(moved)
-    assert patches[0] == pytest.approx(moved[0] / 4)
+
+
+def test_few_pixels_of_an_outline_are_told_by_all_views_of_a_patch():
+    rng = np.random.default_rng(9)
+    away, views = rng.exponential(size=7000), rng.integers(0, 64, 7000)
+    views[views == 5] = 6
+    found = me._bounds(away, views, 64, 0.95)
+    truth = [np.percentile(away[views == v], 95) if v != 5 else 0.0 for v in range(64)]
+    np.testing.assert_allclose(found, truth)
+    size = me.SIZES[3]
+    cell = round(size * me._CELL)
+    truth = np.zeros((cell * 8, cell * 8, 4), np.float32)
+    truth[np.indices(truth.shape[:2]).sum(0) % cell > cell // 3] = 1
+    picture = truth.copy()
+    picture[cell // 2, 10:18] = 0  # a slit within the first view
+    assert me._moved(picture, truth, size)[0] > 2
+    picture[cell // 2, 14:18] = 1
+    assert me._moved(picture, truth, size)[0] == 0
 
 
 def test_a_colour_is_allowed_by_its_excess_or_its_ratio():
