@@ -101,7 +101,7 @@ def demo(
 def view(
     mesh: ExistingFile,
     *,
-    poses: ExistingFile,
+    poses: ExistingFile | None = None,
     max_error: _Pixels = 1.0,
     out: _Out = None,
     size: str = '1280x720',
@@ -111,7 +111,10 @@ def view(
     scale: _Pixels = 1.0,
     window: bool = False,
 ) -> None:
-    """Draw a mesh at every pose in a file."""
+    """Draw a mesh at every pose in a file, or alone on a ground.
+
+    Without --out and --window, a picture is written to a new folder, and its path printed.
+    """
     pixels, names = _size(size), _columns(columns)
     from pvibr.cli.view import main
 

@@ -1,8 +1,9 @@
-"""``pvibr view``: a mesh at every pose in a file."""
+"""``pvibr view``: a mesh at every pose in a file, or on a ground of its own."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
 import pyvista as pv
@@ -12,6 +13,7 @@ from pvibr.capture.montage import save
 from pvibr.capture.offscreen import Stage
 from pvibr.maths.transforms import trs
 from pvibr.meshes.pose_files import read_poses
+from pvibr.shadows.shadows import Shadows
 
 #: Timed frames, and the camera's azimuth step in degrees.
 FRAMES, TURN = 12, 2.0
@@ -19,7 +21,7 @@ FRAMES, TURN = 12, 2.0
 
 def main(
     mesh,
-    poses,
+    poses=None,
     *,
     max_error=1.0,
     out=None,
@@ -31,27 +33,47 @@ def main(
     window=False,
 ):
     """Draw a mesh at every pose in a file, and print a report and the frame time."""
-    matrices, found = read_poses(poses, columns)
-    if not len(matrices):
-        msg = f'{poses} names columns and has no rows: there is nothing to show.'
+    matrices, looks, name = np.zeros((1, 3)), {}, Path(mesh).stem
+    of_tables = {'--scalars': scalars, '--columns': columns}
+    if poses is None and any(given := [n for n, value in of_tables.items() if value is not None]):
+        msg = f'{" and ".join(given)} name columns of a table: add --poses, its file.'
         raise ValueError(msg)
-    looks = _looks(poses, found, scalars, cmap)
-    matrices = _scaled(matrices, scale)
-    name = f'{Path(mesh).stem} at {Path(poses).name}'
+    if poses is not None:
+        matrices, found = read_poses(poses, columns)
+        if not len(matrices):
+            msg = f'{poses} names columns and has no rows: there is nothing to show.'
+            raise ValueError(msg)
+        looks, name = _looks(poses, found, scalars, cmap), f'{name} at {Path(poses).name}'
     looks |= {'name': scalars or name, 'max_error': max_error}
+
+    def fill(plotter):
+        drawn = plotter.ibr.add_instances(str(mesh), _scaled(matrices, scale), **looks)
+        if poses is None:
+            _add_ground(plotter, drawn.bounds)
+        return drawn
+
     if window:
         plotter = pv.Plotter(window_size=list(size))
-        plotter.ibr.add_instances(str(mesh), matrices, **looks)
+        fill(plotter)
         plotter.show()
         return
     with Stage(size) as stage:
-        drawn = stage.plotter.ibr.add_instances(str(mesh), matrices, **looks)
+        drawn = fill(stage.plotter)
         stage.bounds = drawn.bounds
         seconds = _orbit(stage)
         _tell(stage, drawn, seconds)
-        if out is not None:
-            save(out, stage.picture())
-            Console().print(f'wrote {out}')
+        out = out or Path(mkdtemp(prefix='pvibr-')) / f'{Path(mesh).stem}.png'
+        save(out, stage.picture())
+        Console().print(f'wrote {out}', soft_wrap=True)
+
+
+def _add_ground(plotter, bounds):
+    """Add a ground under a mesh, and the shadow on it."""
+    x0, x1, y0, y1, z0, z1 = bounds
+    side = 3 * max(x1 - x0, y1 - y0, z1 - z0)
+    middle = (x0 + x1) / 2, (y0 + y1) / 2, z0
+    plotter.add_mesh(pv.Plane(center=middle, i_size=side, j_size=side), color='lightgray')
+    plotter.ibr.add(Shadows())
 
 
 def _looks(poses, found, scalars, cmap):

@@ -61,8 +61,7 @@ def test_bad_arguments_are_one_line_and_exit_code_2(called, capsys, tokens, name
     assert called == []
 
 
-def test_view_needs_poses_and_three_columns(called, capsys, files):
-    assert '--poses' in fails(capsys, 'view', files[0])
+def test_view_needs_three_columns(called, capsys, files):
     assert 'gx,gy,-' in fails(capsys, 'view', *files, '--columns', 'a,b')
     assert 'gx,gy,-' in fails(capsys, 'view', *files, '--columns', 'a,,b')
 

@@ -41,6 +41,21 @@ def test_a_picture_and_a_report(mesh, poses, capsys):
     assert 'ms per frame' in said
 
 
+def test_a_mesh_alone_stands_on_a_ground_with_its_shadow(mesh, capsys):
+    main(mesh, size=SIZE)
+    path = capsys.readouterr().out.split('wrote ')[1].strip()
+    picture = iio.imread(path).astype(float)
+    assert 0.1 < covered(picture).mean() < 0.6
+    middle, shadow = picture[27, 51], picture[40, 44]
+    assert middle[2] > middle[0]  # a ball in PyVista's blue
+    assert shadow.mean() < 0.75 * picture[54, 52].mean()  # beside the ground in the sun
+    jpg = mesh.with_suffix('.jpg')
+    main(mesh, size=SIZE, out=jpg)
+    assert jpg.read_bytes()[:2] == b'\xff\xd8'
+    with pytest.raises(ValueError, match='--scalars name columns of a table: add --poses'):
+        main(mesh, size=SIZE, scalars='growth')
+
+
 def test_scale_makes_larger(mesh, poses):
     # The camera steps back, since larger balls make a larger scene, but not as far.
     assert covered(drawn(mesh, poses, scale=2)).mean() > 1.5 * covered(drawn(mesh, poses)).mean()
