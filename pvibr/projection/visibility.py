@@ -245,7 +245,7 @@ def toward_light(light, points) -> np.ndarray:
 
 def _views(scene, light, resolution) -> list:
     """Return the views of a point-like light, and their depth."""
-    views = light_views(light, scene.bounds, Frame.of(scene.renderer), resolution, 1)
+    views, _ = light_views(light, scene.bounds, Frame.of(scene.renderer), resolution, 0)
     return [(view, scene.depth(view, resolution)) for view in views]
 
 

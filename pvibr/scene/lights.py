@@ -22,6 +22,9 @@ _WIDE = 60.0
 _NEAREST = 1e-3
 _TEXEL = 2.0  # pixels that a texel may cover: an edge is found to half a texel
 _TILE_EDGE = 4.0  # texels around a view, for filters that reach over its edge
+_STEPS = 3  # by which views within each other get narrower by half, before they do so faster
+_FINEST = 2e-6  # of a light's reach: depth of 32 bits resolves no less
+_SHRINK = 4.0  # at most, from one view to the next
 
 
 @dataclass(frozen=True)
@@ -72,20 +75,66 @@ def _scene_light(number, light) -> SceneLight:
 
 
 def light_views(
-    light, bounds, frame, resolution, cascades, *, least=1, square=False
-) -> list[View]:
-    """Return views from a light that contain all casters; the first is the widest."""
+    light, bounds, frame, resolution, cascades, *, least=0, square=False
+) -> tuple[list[View], list[View]]:
+    """Return views from a light that contain all casters, and up to so many around the eye."""
+    edge = 1 + 2 * _TILE_EDGE / resolution
     if light.kind == 'directional':
         return _cascades(light, bounds, frame, resolution, (least, cascades), square)
     aim, tangent = _aim(light, bounds)
-    edge = 1 + 2 * _TILE_EDGE / resolution
     if tangent is None:
         near, far = _reach(light, bounds)
-        return around(light.position, near, far, edge)
-    away = (corners(bounds).reshape(-1, 3) - np.array(light.position)) @ aim
-    far = float(away.max()) * 1.0001
-    near = min(max(float(away.min()) * 0.9999, _NEAREST * far), 0.9999 * far)
-    return [perspective(light.position, aim, tangent * edge, near, far)]
+        views, tangent = around(light.position, near, far, edge), 1.0
+    else:
+        away = (corners(bounds).reshape(-1, 3) - np.array(light.position)) @ aim
+        far = float(away.max()) * 1.0001
+        near = min(max(float(away.min()) * 0.9999, _NEAREST * far), 0.9999 * far)
+        views = [perspective(light.position, aim, tangent * edge, near, far)]
+    place, ahead = _seen(frame, bounds)
+    radius = tangent * np.linalg.norm(place - light.position)
+    shrinks = _shrinks(2 * radius / resolution, frame, bounds, radius, (least, cascades))
+    room = box_distance(light.position, bounds), far
+    return views, [_aimed(light, place, ahead, radius / s, room) for s in shrinks]
+
+
+def _seen(frame, bounds):
+    """Return where the nearest casters may be that a camera sees, and where it looks."""
+    ahead = -frame.view_from_world[2, :3]
+    if frame.parallel:
+        # Eyes of parallel cameras are anywhere: what they turn around is what they show.
+        away = (corners(bounds).reshape(-1, 3) - frame.eye) @ ahead
+        pivot = np.array(frame.renderer.GetActiveCamera().GetFocalPoint()) - frame.eye
+        return frame.eye + ahead * np.clip(ahead @ pivot, away.min(), away.max()), np.zeros(3)
+    return frame.eye + ahead * box_distance(frame.eye, bounds), ahead
+
+
+def _shrinks(texel, frame, bounds, radius, count) -> list[float]:
+    """Return how much narrower each view around the eye is than that of everything."""
+    finest = max(_TEXEL * _pixel(frame, bounds), _FINEST * radius)
+    wanted = int(np.ceil(np.log2(max(texel / finest, 1.0))))
+    if frame.parallel:  # as much as is seen must be in the narrowest view
+        seen = 1.2 * max(frame.size) / 2 / frame.pixel_scale
+        wanted = min(wanted, int(np.log2(max(radius / seen, 1.0))))
+    least, most = count
+    fewest = max(min(wanted, _STEPS), int(np.ceil(wanted / np.log2(_SHRINK))))
+    levels = max(min(most, fewest), least)
+    step = min(max(2.0 ** (wanted / max(levels, 1)), 2.0), _SHRINK)
+    return [step**k for k in range(1, levels + 1)]
+
+
+def _aimed(light, place, ahead, radius, room) -> View:
+    """Return a view of a positional light of what lies around a place; it moves in steps."""
+    start = np.array(light.position)
+    step = 0.5 * radius
+    way = np.round((place + 0.6 * radius * ahead - start) / step) * step
+    away = float(np.linalg.norm(way))
+    if away < radius:
+        way, away = np.array(light.direction) * radius, radius
+    tangent = min(1.2 * radius / away, 1.0)
+    # What is a part of its own width behind is left to wider views: depth is sharper so.
+    far = min(room[1], away + 3 * radius)
+    near = max(0.999 * room[0] / np.sqrt(1 + 2 * tangent**2), _NEAREST * away)
+    return perspective(start, way, tangent, min(near, 0.9999 * far), far)
 
 
 def _aim(light, bounds):
@@ -115,7 +164,7 @@ def _reach(light, bounds):
 
 
 def _cascades(light, bounds, frame, resolution, count, square):
-    """Return views of halving width around the eye, the first of everything.
+    """Return the view of everything, and views of halving width around the eye.
 
     The last is the narrowest: cascades (Zhang et al., "Parallel-split shadow maps",
     2006) nested as the levels of a clipmap are, so that none depends on where the camera looks.
@@ -131,21 +180,12 @@ def _cascades(light, bounds, frame, resolution, count, square):
         size[:2] = size[:2].max()
     middle = (low + high) / 2
     half = 0.5 * size * [*[1 + 2 * _TILE_EDGE / resolution] * 2, 1.002]
-    views = [orthographic(axes, middle - half, middle + half)]
-    texel = 2 * half[:2].max() / resolution
-    wanted = int(np.ceil(np.log2(max(texel / (_TEXEL * _pixel(frame, bounds)), 1.0))))
-    ahead = -frame.view_from_world[2, :3]
-    place = frame.eye
-    if frame.parallel:
-        # Eyes of parallel cameras are anywhere; as much as is seen must be in the narrowest view.
-        place = place + ahead * max(ahead @ (axes.T @ middle - place), 0.0)
-        seen = 1.2 * max(frame.size) / 2 / frame.pixel_scale
-        wanted = min(wanted, int(np.log2(max(half[:2].max() / seen, 1.0))))
-        ahead = np.zeros(3)
-    levels = max(min(count[1] - 1, wanted), count[0] - 1)
-    shrink = min(max(2.0 ** (wanted / max(levels, 1)), 2.0), 4.0)
-    shrinks = [shrink**k for k in range(1, levels + 1)]
-    return views + [_around_eye(views[0], s, axes @ place, axes @ ahead, axes) for s in shrinks]
+    whole = orthographic(axes, middle - half, middle + half)
+    place, ahead = _seen(frame, bounds)
+    radius = half[:2].max()
+    shrinks = _shrinks(2 * radius / resolution, frame, bounds, radius, count)
+    eye, ahead = axes @ place, axes @ ahead
+    return [whole], [_around_eye(whole, s, eye, ahead, axes) for s in shrinks]
 
 
 def _pixel(frame, bounds) -> float:

@@ -14,8 +14,8 @@ from pvibr.scene.lights import SceneLight, light_views
 from pvibr.shadows.moments import KINDS, WARP, Moments
 from pvibr.shadows.nearest import STEP, Nearest
 
-#: Views of a directional light at most: of everything, and around the eye.
-_CASCADES = 4
+#: Views around the eye at most, beside those of everything.
+CASCADES = 5
 _WINDOW = 3.0  # texels: a larger filter compares at some places only
 VEILS = ('tint', 'veil')
 
@@ -31,6 +31,7 @@ class LightMaps:
         self.moments: Any = None
         self.nearest: Any = None
         self.views: list = []
+        self.refined = 0  # views around the eye
         self._released = 0
 
     @property
@@ -56,13 +57,15 @@ class LightMaps:
 
     def update(self, frame, casters):
         """Draw what is stale."""
-        bounds, least = casters.bounds(), max(len(self.views), 1)
+        bounds = casters.bounds()
         if not len(bounds):
             self.release()
             return
         wanted = self.owner.resolution
-        shape = {'least': least, 'square': bool(casters.thin)}
-        self.views = light_views(self.light, bounds, frame, wanted, _CASCADES, **shape)
+        # As many as ever were wanted: no map is made anew while a camera flies.
+        shape = {'least': self.refined, 'square': bool(casters.thin)}
+        whole, refined = light_views(self.light, bounds, frame, wanted, CASCADES, **shape)
+        self.views, self.refined = whole + refined, len(refined)
         veiled = bool(casters.translucent)
         old = self.view
         if old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled):
@@ -85,7 +88,8 @@ class LightMaps:
         return (
             self.light.number,
             self.light.positional,
-            len(self.views),
+            len(self.views) - self.refined,
+            self.refined,
             self.view.columns,
             self.view.rows,
             bool(self.view.veils),
@@ -148,11 +152,12 @@ def map_parts(text, method, taps, lights) -> list[str]:
         text[method],
     ]
     first = 0
-    for number, positional, count, columns, rows, veiled in lights:
+    for number, positional, whole, refined, columns, rows, veiled in lights:
         values = {
             'POSITIONAL': str(bool(positional)).lower(),
             'FIRST': first,
-            'COUNT': count,
+            'WHOLE': whole,
+            'REFINED': refined,
             'COLUMNS': columns,
             'ROWS': rows,
             'VEILED': int(veiled),
@@ -161,5 +166,5 @@ def map_parts(text, method, taps, lights) -> list[str]:
         parts += [f'#define {k} {v}\n' for k, v in values.items()]
         parts.append(text['light'].replace('NUMBER', str(number)))
         parts += [f'#undef {k}\n' for k in values]
-        first += count
+        first += whole + refined
     return parts

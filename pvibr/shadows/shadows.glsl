@@ -278,24 +278,24 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
 {
   int view = FIRST;
-#if COUNT == 6
+#if WHOLE == 6
   // Of views all around, the one whose axis is nearest.
   float most = -1.0;
-  for (int k = FIRST; k < FIRST + COUNT; ++k)
+  for (int k = FIRST; k < FIRST + WHOLE; ++k)
   {
     mat4 m = ibr_shadow_from_view[k];
     float w = dot(vec4(m[0].w, m[1].w, m[2].w, m[3].w), vec4(p, 1.0));
     view = w > most ? k : view;
     most = max(w, most);
   }
-#elif COUNT > 1
-  // Of views within each other, the narrowest.
-  for (int k = FIRST + 1; k < FIRST + COUNT; ++k)
-  {
-    vec2 c = abs((ibr_shadow_from_view[k] * vec4(p, 1.0)).xy - 0.5);
-    view = max(c.x, c.y) < 0.49 ? k : view;
-  }
 #endif
+  // Of views around the eye, the narrowest.
+  for (int k = FIRST + WHOLE; k < FIRST + WHOLE + REFINED; ++k)
+  {
+    vec4 c = ibr_shadow_from_view[k] * vec4(p, 1.0);
+    vec2 aside = abs(c.xy - 0.5 * c.w);
+    view = max(aside.x, aside.y) < 0.49 * c.w && c.z < c.w ? k : view;
+  }
   mat4 m = ibr_shadow_from_view[view];
   vec4 q = m * vec4(p, 1.0);
   vec3 s = q.xyz / q.w;

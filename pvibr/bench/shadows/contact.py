@@ -10,13 +10,13 @@ from pvibr.bench.common.light_scenes import LightScene, bare, light_at, measured
 from pvibr.bench.common.rays import Rays
 from pvibr.bench.shadows.errors import drawn, shown, sight
 from pvibr.scene.lights import light_views, lights_of
+from pvibr.shadows.maps import CASCADES
 
 METHODS = ('hard', 'pcf', 'volume')
 KINDS = ('directional', 'spot')
 _DARK = 0.95  # of the light: less is acne on a plane that nothing hides
 _PIXELS = 8  # along a texel, where a gap is measured
 _ROOM = 12.0  # texels from the foot that are looked at
-_CASCADES = 4
 
 
 def measure(settings, results):
@@ -91,7 +91,7 @@ def gap(thick, kind, setting) -> float:
     with scene.stage(kind, window) as stage, shown(stage, setting) as effect:
         camera = stage.plotter.camera
         camera.parallel_projection = True
-        for _ in range(3):  # the nearer the camera, the smaller the texels around it
+        for _ in range(8):  # the nearer the camera, the smaller the texels around it
             texel = _texel(stage, effect.resolution)
             camera.parallel_scale = (_ROOM + 2) * texel
         pixel = texel / _PIXELS
@@ -105,9 +105,9 @@ def _texel(stage, resolution) -> float:
     """Return the side of a texel on the floor at the foot, across the wall, world units."""
     (light,) = lights_of(stage.renderer)
     bounds = [actor.GetBounds() for actor in stage.renderer.GetActors()]
-    views = light_views(light, bounds, stage.frame(), resolution, _CASCADES)
+    whole, refined = light_views(light, bounds, stage.frame(), resolution, CASCADES)
     ahead, texel = 1e-3, np.inf
-    for view in views:
+    for view in whole + refined:
         ends = np.array([[0, 0, 0, 1], [0, ahead, 0, 1]]) @ view.texture_from_world().T
         ends = ends[:, :2] / ends[:, 3:]
         if np.abs(ends[0] - 0.5).max() < 0.49:  # the foot is in it
