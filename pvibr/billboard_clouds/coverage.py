@@ -123,10 +123,8 @@ def _on_triangles(corners, axes, flat):
 
 
 def nearest_planes(seen, sheet, count, opaque):
-    """Return which of a sheet's first planes is seen, -1 for none, how far in front, and where.
-
-    Where: row and column of the texture, bottom row first.
-    """
+    """Return which of a sheet's first planes is seen, -1 for none, how far in front, and where."""
+    # Where: row and column of the texture, bottom row first.
     best = np.full(len(seen.face), -np.inf)
     plane = np.full(len(best), -1)
     texel = np.zeros((len(best), 2), int)
@@ -146,11 +144,9 @@ def nearest_planes(seen, sheet, count, opaque):
 
 
 def coverage_errors(mesh, patches, owner, sheet, count, opaque, normals):
-    """Return the share of the mesh's inner pixels without any of the cloud, and degrees.
-
-    Degrees: the mean angle between the normals of both where both are seen, the viewer's side.
-    The owner of a patch's triangle is the rectangle of the sheet that it is drawn onto.
-    """
+    """Return the share of the mesh's inner pixels without any of the cloud, and normals' angle."""
+    # The mean angle where both are seen, degrees. The owner of a patch's triangle is the rectangle
+    # of the sheet that it is drawn onto.
     around = Around(mesh.points, turn=1.0)
     views = around.look(mesh.points, mesh.faces)
     others = around.look(patches.points, patches.faces) if len(patches.faces) else None

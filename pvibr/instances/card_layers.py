@@ -100,7 +100,7 @@ class CardLayer:
         # are narrow, and the early depth test of a plane saves half of their time.
         self.fringe = made(deep=shader.steps > 0)
         self.depth = made(deep=True)
-        self.ranges, self.level = np.zeros((PATCHES, 4)), np.zeros(4)
+        self.ranges, self.level = np.zeros((2, PATCHES, 4))
         self.unit = cards.unit
         self.tint: tuple | None = None  # a colour for all that it draws
 
@@ -169,8 +169,8 @@ class CardLayer:
         """Return the textures and the uniforms of all parts."""
         cards, textures = self.cards, self.cards.textures
         uniforms = cards.uniforms | {
-            'ibr_ranges': self.ranges.reshape(PATCH_SIDE, -1, 4).swapaxes(1, 2),
-            'ibr_turn_range': self.level,
+            'ibr_ranges': _columns(self.ranges),
+            'ibr_turn_ranges': _columns(self.level),
             'ibr_unit': self.unit,
             'ibr_tint': (*self.tint, 1.0) if self.tint else (0.0, 0.0, 0.0, 0.0),
         }
@@ -202,3 +202,8 @@ class _Draws(ShaderDraws):
         super()._set_shader(program)
         # VTK itself sets it for the next actor.
         self._layer.cards.window.GetState().vtkglDepthMask(self.part.writes_depth)
+
+
+def _columns(ranges):
+    """Return a matrix for each row of patches, a column for each patch."""
+    return ranges.reshape(PATCH_SIDE, -1, 4).swapaxes(1, 2)

@@ -64,7 +64,7 @@ uniform float ibr_sharpness;      // texels per pixel that are asked for
 uniform mat4 ibr_ranges[PATCH_SIDE];
 uniform float ibr_fade;           // growth by which a level takes over from the one before
 #if TURNED
-uniform vec4 ibr_turn_range;      // such a column for those that the eye is level with
+uniform mat4 ibr_turn_ranges[PATCH_SIDE];  // the same for those that the eye is level with
 uniform float ibr_turn_level;     // sine of the angle up to which it is
 uniform vec3 ibr_turn_axis;       // of the turntable, model space
 uniform vec3 ibr_turn_start;      // where azimuth is 0
@@ -193,11 +193,12 @@ mat3 ibr_frame(vec3 d)
       vec3 d = eye / e;
       vec2 cell = (ibr_encode(d) * 0.5 + 0.5) * float(PATCH_SIDE);
       cell = clamp(cell, 0.0, float(PATCH_SIDE) - 0.5);
-      vec4 range = ibr_ranges[int(cell.y)][int(cell.x)];
+      ivec2 patch_of = ivec2(cell);
+      vec4 range = ibr_ranges[patch_of.y][patch_of.x];
 #if TURNED
       vec3 upright = normalize(eye_from_q * ibr_turn_axis);
       float rise = ibr_parallel == 1 ? upright.z : dot(upright, c) / away;
-      if (abs(rise) < ibr_turn_level) { range = ibr_turn_range; }
+      if (abs(rise) < ibr_turn_level) { range = ibr_turn_ranges[patch_of.y][patch_of.x]; }
 #endif
       float lod = max(floor(log2(float(ibr_tile) / (size * ibr_sharpness))), 0.0);
       lod = min(lod, log2(float(ibr_tile)));

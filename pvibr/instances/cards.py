@@ -283,7 +283,7 @@ class Cards:
             'ibr_fades': int(not self.solid),
         }
 
-    def show(self, name, blocks, cuts, *, ranges=ALWAYS, level=ALWAYS[0], unit=None, cored=0):
+    def show(self, name, blocks, cuts, *, ranges=ALWAYS, level=ALWAYS, unit=None, cored=0):
         """Draw some blocks by a shader, from far to near, the first of which have no core."""
         layer = self.layers[name]
         layer.ranges, layer.level, layer.unit = ranges, level, unit or self.unit

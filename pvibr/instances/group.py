@@ -42,7 +42,7 @@ class Choice:
 
     def fits(self, sizes, patches) -> np.ndarray:
         """Return which sizes may be drawn: a little more than the shader, which decides, draws."""
-        spans = self.ranges[:, :2].T, np.tile(self.level[:2, None], len(self.ranges))
+        spans = (ranges[:, :2].T for ranges in (self.ranges, self.level))
         found = [_fits(span, patches, 0.99 * sizes, 1.01 * sizes) for span in spans]
         return found[0] | found[1]
 
@@ -203,7 +203,7 @@ class InstanceGroup:
             used = np.flatnonzero(fits[0] | fits[1])
             ranges, level = (_ranges(span, limits.mesh) for span in spans)
             cored = self._first_cored(large[used])
-            chosen[name] = Choice(table[used], depths[used], ranges, level[0], cored, limits)
+            chosen[name] = Choice(table[used], depths[used], ranges, level, cored, limits)
             self.counts[name] = min(len(used) * self.unit, len(self))
         self.large = table[large >= _least(limits.mesh)[patches]]
         return chosen

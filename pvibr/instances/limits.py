@@ -44,7 +44,8 @@ class Limits:
 
     def varying(self) -> tuple[float, float]:
         """Return between which sizes the level depends on the direction."""
-        ends = np.stack([self.mesh, *(high for _, high in self.cards.values())])
+        spans = [*self.cards.values(), *self.level.values()]
+        ends = np.stack([self.mesh, *(high for _, high in spans)])
         ends = ends[ends.min(1) < ends.max(1)]
         return (float(ends.min()), float(ends.max())) if ends.size else (np.inf, 0.0)
 
@@ -66,12 +67,12 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
         never = {p.name: np.zeros((2, PATCHES)) for p in CARD_SHADERS}
         return Limits(never, np.zeros(PATCHES), (float('inf'), *[0.0] * (mesh_levels - 1)))
     turned = set(errors) >= SIDES
-    cards = _spans(errors, CARD_SHADERS, max_error, worst=turned)
+    cards = _spans(errors, CARD_SHADERS, max_error)
     reached = list(cards.values())[-1][1]
     level: dict = {}
     if turned:
         # What is seen from the side was measured in patches of its own.
-        level = _spans(errors, ALL_CARD_SHADERS, max_error, worst=True)
+        level = _spans(errors, ALL_CARD_SHADERS, max_error)
         level = {name: np.minimum(span, reached) for name, span in level.items()}
     meshes = [float('inf')]
     for i in range(1, mesh_levels):
@@ -159,12 +160,12 @@ def forced_limits(ranges, mesh_levels) -> Limits:
     return Limits(cards, np.full(PATCHES, least), (float('inf'), *lighter), level)
 
 
-def _spans(errors, shaders, max_error, *, worst=False) -> dict:
+def _spans(errors, shaders, max_error) -> dict:
     """Return the sizes at which each shader is used, in the order of cost."""
     reached, spans = np.zeros(PATCHES), {}
     for shader in shaders:
         good = good_up_to(errors['sizes'], errors[shader.name], max_error)
-        good = good.min() if worst else good
+        good = good.min() if shader.sides else good
         good = np.maximum(np.clip(good, shader.least, shader.largest), reached)
         spans[shader.name] = np.stack([reached, good])
         reached = good

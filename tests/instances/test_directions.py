@@ -1,5 +1,7 @@
 """Levels follow the direction from which each instance is seen."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -7,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from pvibr.core.frame import Frame
 from pvibr.instances.card_layers import PATCH_SIDE, PATCHES
-from pvibr.instances.limits import Limits
+from pvibr.instances.cards import ALL_CARD_SHADERS
+from pvibr.instances.limits import SIDES, Limits, limits_of
 from pvibr.maths import octahedral
 
 SIDE = 9
@@ -79,3 +82,25 @@ def test_each_has_the_level_of_its_direction(scenes, see, kind, views, parallel)
     expected = np.array([COLORS[name] for name in names[patches[sure]]])
     np.testing.assert_allclose(found, expected, atol=0.02)
     pl.close()
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_a_plant_is_an_image_as_far_as_each_direction_allows(seed):
+    rng, sizes = np.random.default_rng(seed), np.array([8.0, 16, 32, 64, 128])
+    errors = {'sizes': sizes}
+    for shader in ALL_CARD_SHADERS:
+        flip = rng.uniform(0.5, 2.5, PATCHES) * sizes[:, None] / 128
+        errors[shader.name] = np.stack([0 * flip, flip, np.full(flip.shape, 0.9)], -1)
+    found = limits_of(errors, 1, 1.0)
+    # The worst direction alone decides where a turntable serves, which has others of its own.
+    image = {k: v for k, v in errors.items() if k not in SIDES}
+    assert np.array_equal(found.mesh, limits_of(image, 1, 1.0).mesh)
+    assert np.ptp(found.mesh) > 10
+    spans = list(found.level.values())
+    for (_, high), (low, _) in pairwise(spans):
+        assert np.array_equal(high, low)
+    assert np.array_equal(spans[-1][1], found.mesh)
+    assert (spans[0][0] == 0).all()
+    assert all(np.ptp(found.level[name], axis=1).max() < np.ptp(found.mesh) for name in SIDES)
+    low, high = found.varying()
+    assert high == max(span[1].max() for span in spans if np.ptp(span[1]))
