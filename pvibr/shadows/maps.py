@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 
+from pvibr.core.errors import PvibrWarning
 from pvibr.gl import release
 from pvibr.gl.feature import DITHER, declared_samplers
 from pvibr.maths.kernels import vogel_disk
@@ -75,6 +77,12 @@ class LightMaps:
             self.view = DepthView(
                 self.drawer, len(self.views), wanted, compare=compare, veiled=veiled
             )
+            if self.view.resolution < wanted:
+                msg = (
+                    f'resolution = {wanted}: the driver has room for {self.view.resolution} '
+                    f'texels along a side of each of {len(self.views)} views'
+                )
+                warnings.warn(msg, PvibrWarning, stacklevel=2)
             self.moments = Moments(self.view, method) if method in KINDS else None
             self.nearest = Nearest(self.view) if method == 'pcss' else None
         for k in self.view.update(frame, self.views, casters, faces=self.owner.faces):

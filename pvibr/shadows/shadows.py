@@ -379,6 +379,7 @@ class Shadows(Effect):
             'bytes': sum(m.nbytes for m in self._lights),
             'lights': len(views),
             'views': sum(len(v.views) for v in views),
+            'texels': min((v.resolution for v in views), default=0),
             'views drawn': self._drawn + sum(m.bakes for m in self._lights),
             'receivers': len(self._attached),
         } | dark

@@ -724,3 +724,12 @@ def test_an_actor_of_two_subplots_is_shadowed_in_one():
     changed = np.abs(scene.draw() - plain).max(-1) > 30
     assert changed[:, :120].sum() > 20
     assert not changed[:, 120:].any()
+
+
+def test_fewer_texels_than_asked_are_told(monkeypatch):
+    monkeypatch.setattr('pvibr.scene.depth_view.texture_limit', lambda _window: 512)
+    scene = Scene()
+    shadows = scene.pl.ibr.add(pvibr.Shadows(resolution=1024))
+    with pytest.warns(PvibrWarning, match='resolution = 1024'):
+        scene.draw()
+    assert shadows.report()['texels'] <= 512
