@@ -18,6 +18,7 @@ from pvibr.images.sheet import as_images
 from pvibr.maths.blocks import BLOCK
 from pvibr.scene.draw_order import PARTS
 from pvibr.scene.item_set import CardSet
+from pvibr.scene.looks import read_only
 from pvibr.scene.painted import TABLE_OPTIONS, scalars_of
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_draws import ROW, ShaderDraws, pack
@@ -227,7 +228,7 @@ class Billboards(CardSet):
     @property
     def points(self) -> np.ndarray:
         """Positions, shape (n, 3), world units."""
-        return self.layout.points
+        return read_only(self.layout.points)
 
     @points.setter
     def points(self, points):
@@ -249,7 +250,7 @@ class Billboards(CardSet):
     @property
     def rotation(self) -> np.ndarray:
         """Rotation in the plane of the card, shape (n,), radians."""
-        return self.layout.rotation
+        return read_only(self.layout.rotation)
 
     @rotation.setter
     def rotation(self, rotation):
@@ -259,7 +260,7 @@ class Billboards(CardSet):
     @property
     def index(self) -> np.ndarray:
         """Image of each, shape (n,)."""
-        return self.layout.index
+        return read_only(self.layout.index)
 
     @index.setter
     def index(self, index):

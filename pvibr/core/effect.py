@@ -8,13 +8,14 @@ from typing import ClassVar
 
 from pvibr.core.params import checked_name, params_of
 from pvibr.core.signatures import arguments_of, docstring_of, signature_of
+from pvibr.core.spelling import Spelled
 
 
 def _nowhere():
     return None
 
 
-class Effect:
+class Effect(Spelled):
     """Settings, and the hooks that a pipeline calls in every frame.
 
     A subclass declares its settings as :class:`pvibr.Param` and overrides the hooks it needs.

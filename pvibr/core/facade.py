@@ -6,9 +6,10 @@ from pvibr.core import state_files
 from pvibr.core.errors import ClosedError
 from pvibr.core.params import params_of
 from pvibr.core.plotters import is_closed, renderers_of
+from pvibr.core.spelling import Spelled
 
 
-class Facade:
+class Facade(Spelled):
     """A plotter, and the pipelines of its subplots.
 
     Parameters are those of :class:`pvibr.component.IBRComponent`.

@@ -78,7 +78,7 @@ class PosedSet(ItemSet):
     @property
     def poses(self) -> np.ndarray:
         """Points (n, 3) or matrices (n, 4, 4), world units, read-only; see :meth:`update`."""
-        return _read_only(self._poses)
+        return look.read_only(self._poses)
 
     @poses.setter
     def poses(self, poses):
@@ -87,7 +87,7 @@ class PosedSet(ItemSet):
     @property
     def index(self) -> np.ndarray:
         """Mesh of each instance, shape (n,), read-only; see :meth:`update`."""
-        return _read_only(self._index)
+        return look.read_only(self._index)
 
     @index.setter
     def index(self, index):
@@ -403,9 +403,3 @@ class PosedSet(ItemSet):
             for group in self.groups:
                 group.upload(window)
             self._uploaded = True
-
-
-def _read_only(array):
-    view = array.view()
-    view.flags.writeable = False
-    return view

@@ -11,6 +11,7 @@ from pvibr.meshes.unit_meshes import along, balls, linear, tubes
 from pvibr.quadrics.cards import Shape, gap_rows
 from pvibr.quadrics.quadrics import Quadrics, checked_lengths
 from pvibr.scene import looks as look
+from pvibr.scene.looks import read_only
 
 
 class Cylinders(Quadrics):
@@ -84,7 +85,7 @@ class Cylinders(Quadrics):
     @property
     def points_a(self) -> np.ndarray:
         """First ends, shape (n, 3), world units."""
-        return self._ends[0]
+        return read_only(self._ends[0])
 
     @points_a.setter
     def points_a(self, points):
@@ -94,7 +95,7 @@ class Cylinders(Quadrics):
     @property
     def points_b(self) -> np.ndarray:
         """Second ends, shape (n, 3), world units."""
-        return self._ends[1]
+        return read_only(self._ends[1])
 
     @points_b.setter
     def points_b(self, points):
@@ -104,7 +105,7 @@ class Cylinders(Quadrics):
     @property
     def radius(self) -> np.ndarray:
         """Radius of each, shape (n,), world units."""
-        return self._radii
+        return read_only(self._radii)
 
     @radius.setter
     def radius(self, radius):

@@ -11,6 +11,7 @@ from pvibr.maths.quaternions import to_matrices
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape, gap_rows
 from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths, with_scalars
+from pvibr.scene.looks import read_only
 
 _FLATTEST = 1e-4  # of the largest radius: what floats can tell from a disc
 
@@ -65,7 +66,7 @@ class Ellipsoids(PointQuadrics):
     @property
     def radii(self) -> np.ndarray:
         """Semi-axes, shape (n, 3), world units."""
-        return self._radii
+        return read_only(self._radii)
 
     @radii.setter
     def radii(self, radii):
@@ -75,7 +76,7 @@ class Ellipsoids(PointQuadrics):
     @property  # type: ignore[override]
     def orientation(self) -> np.ndarray:
         """Directions of the axes in columns, shape (n, 3, 3); set as matrices or quaternions."""
-        return self._turns
+        return read_only(self._turns)
 
     @orientation.setter
     def orientation(self, orientation):

@@ -26,6 +26,7 @@ from pvibr.quadrics.cards import (
 from pvibr.quadrics.occlusion import Occlusion
 from pvibr.scene.draw_order import depths_of
 from pvibr.scene.item_set import CardSet
+from pvibr.scene.looks import read_only
 from pvibr.scene.painted import TABLE_OPTIONS, scalars_of
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_draws import PBR, ROW, pack
@@ -155,7 +156,7 @@ class Quadrics(CardSet):
     @property
     def opacity(self):
         """Opacity of all, a number, or of each, shape (n,)."""
-        return self.prop.GetOpacity() if self._opacity.ndim == 0 else self._opacity
+        return self.prop.GetOpacity() if self._opacity.ndim == 0 else read_only(self._opacity)
 
     @opacity.setter
     def opacity(self, opacity):
@@ -361,7 +362,7 @@ class PointQuadrics(Quadrics):
     @property
     def points(self) -> np.ndarray:
         """Centres, shape (n, 3), world units."""
-        return self._points
+        return read_only(self._points)
 
     @points.setter
     def points(self, points):

@@ -10,6 +10,7 @@ from pvibr.maths.quadric_rays import meet_spheres
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape, gap_rows
 from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths, with_scalars
+from pvibr.scene.looks import read_only
 
 
 class Spheres(PointQuadrics):
@@ -61,7 +62,7 @@ class Spheres(PointQuadrics):
     @property
     def radius(self) -> np.ndarray:
         """Radius of each, shape (n,), world units."""
-        return self._radii
+        return read_only(self._radii)
 
     @radius.setter
     def radius(self, radius):

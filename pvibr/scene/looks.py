@@ -28,6 +28,13 @@ def as_colors(colors, n):
     return array.astype(np.uint8)
 
 
+def read_only(array):
+    """Return an array that cannot be changed in place: nothing would tell of it."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
 def as_scalars(scalars, n):
     """Return per-instance scalars as floats."""
     array = np.asarray(scalars)
@@ -40,9 +47,11 @@ def as_scalars(scalars, n):
 def as_mask(visible, n):
     """Return which of n items are visible, None for all."""
     mask = np.asarray(visible)
-    if mask.dtype != bool or mask.shape not in ((), (n,)):
+    ones = mask.dtype == bool or (mask.dtype.kind in 'iuf' and np.isin(mask, (0, 1)).all())
+    if not ones or mask.shape not in ((), (n,)):
         msg = f'visible has shape {mask.shape}, dtype {mask.dtype}; it must be bool, one or ({n},)'
         raise ValueError(msg)
+    mask = mask.astype(bool)
     return None if mask.all() else np.broadcast_to(mask, (n,)).copy()
 
 

@@ -85,8 +85,8 @@ class Painted(Thing):
 
     @property
     def scalars(self):
-        """Values of the items, shape (n,), or None; setting them bakes nothing."""
-        return self._scalars
+        """Values of the items, shape (n,), read-only, or None; setting them bakes nothing."""
+        return None if self._scalars is None else look.read_only(self._scalars)
 
     @scalars.setter
     def scalars(self, scalars):
@@ -148,8 +148,8 @@ class Painted(Thing):
 
     @property
     def colors(self):
-        """Colours of the items, shape (n, 3) uint8, or None."""
-        return self._colors
+        """Colours of the items, shape (n, 3) uint8, read-only, or None."""
+        return None if self._colors is None else look.read_only(self._colors)
 
     @colors.setter
     def colors(self, colors):
@@ -161,8 +161,9 @@ class Painted(Thing):
 
     @property
     def visible(self) -> np.ndarray:
-        """Which items are drawn, shape (n,) bool."""
-        return np.ones(len(self), bool) if self._visible is None else self._visible
+        """Which items are drawn, shape (n,) bool, read-only."""
+        mask = self._visible
+        return look.read_only(np.ones(len(self), bool) if mask is None else mask)
 
     @visible.setter
     def visible(self, visible):

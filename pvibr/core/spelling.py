@@ -1,0 +1,42 @@
+"""Attributes that do not exist are errors, not new attributes."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from inspect import get_annotations
+
+import pyvista as pv
+
+
+class _Complete(type(pv.Actor)):  # type: ignore[misc]
+    """Marks what was made: from then on its public attributes are all that it has."""
+
+    def __call__(cls, *args, **kwargs):
+        made = type.__call__(cls, *args, **kwargs)
+        made.__dict__['_complete'] = True
+        return made
+
+
+class Spelled(metaclass=_Complete):
+    """Raises on setting an unknown public attribute, and names the nearest one.
+
+    Classes declare what they set later, by a default or an annotation; those of users need not.
+    """
+
+    _complete = False
+
+    def __setattr__(self, name, value):
+        if self._complete and not name.startswith('_') and not _has(self, name):
+            kind = type(self).__name__
+            near = get_close_matches(name, (n for n in dir(self) if not n.startswith('_')), 1)
+            hint = f'did you mean {near[0]!r}?' if near else f'see dir() of the {kind}'
+            msg = f'{kind} has no attribute {name!r}: {hint}'
+            raise AttributeError(msg)
+        super().__setattr__(name, value)
+
+
+def _has(owner, name) -> bool:
+    own = type(owner).__module__.partition('.')[0].startswith('pvibr')
+    if not own or name in owner.__dict__ or hasattr(type(owner), name):
+        return True
+    return any(name in get_annotations(c) for c in type(owner).__mro__)
