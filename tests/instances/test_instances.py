@@ -546,7 +546,7 @@ def test_bad_updates_change_nothing(scenes, see, bean, given, kind, words):
     [
         ('colors', np.zeros((3, 3))),
         ('scalars', np.zeros(3)),
-        ('visible', np.zeros(24)),
+        ('visible', np.full(24, 2.0)),
         pytest.param('visible', np.zeros(3, bool), id='visible-shape'),
         ('max_error', 0.0),
     ],

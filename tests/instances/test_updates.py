@@ -214,7 +214,7 @@ BAD = {
     'visible of some': ({'ids': [0], 'visible': [0.5]}, ValueError, 'visible'),
     'ids': ({'ids': [3], 'poses': [0, 0, 0]}, IndexError, '3'),
     'scalars': ({'poses': np.zeros((3, 3)), 'scalars': [1.0]}, ValueError, 'scalars'),
-    'visible': ({'poses': np.zeros((3, 3)), 'visible': [1, 0, 1]}, ValueError, 'visible'),
+    'visible': ({'poses': np.zeros((3, 3)), 'visible': [1, 0, 2]}, ValueError, 'visible'),
 }
 
 
