@@ -7,6 +7,7 @@ import pytest
 import pyvista as pv
 from scipy.ndimage import minimum_filter
 
+import pvibr
 from pvibr.core._vtk import address
 from tests.instances.scenes import matrices
 
@@ -106,6 +107,51 @@ def test_a_view_is_the_same_picture_whatever_was_drawn_before(scenes, sets):
     pl.camera.view_angle = 30.0
     np.testing.assert_array_equal(first, bits(pl))
     pl.close()
+
+
+STEREO = ('Left', 'Right', 'Anaglyph', 'SplitViewportHorizontal', 'CrystalEyes')
+
+
+@pytest.mark.parametrize('kind', STEREO)
+def test_the_first_frame_of_each_eye_is_the_last(scenes, sets, kind):
+    pl = scenes.empty(SIZE)
+    made = [add(pl, scenes, poses, color) for poses, color in zip(sets, ('gold', 'red', 'w'))]
+    pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, -14, 8), (0, 0, 0), (0, 0, 1)
+    pl.camera.SetEyeAngle(6.0)
+    pl.reset_camera_clipping_range()
+    pl.render_window.StereoCapableWindowOn()
+    getattr(pl.render_window, f'SetStereoTypeTo{kind}')()
+    pl.render_window.StereoRenderOn()
+    pl.show(auto_close=False)
+    assert_settled(pl, pl.screenshot(return_img=True))
+    made[0].poses = sets[2]
+    assert_settled(pl, bits(pl))
+    pl.camera.azimuth += 40.0
+    assert_settled(pl, bits(pl))
+    pl.close()
+
+
+def test_screenshots_and_deterministic_frames_do_not_depend_on_what_was_before(scenes, sets):
+    rng = np.random.default_rng(61)
+
+    def picture(before):
+        pl = shown(scenes, sets, None)
+        pl.show(auto_close=False)
+        eyes = rng.normal(size=(before, 3)) * 20 + [0, -12, 0]
+        for eye in (*eyes, (0, -13, 7)):
+            pl.camera.position, pl.camera.up = eye, (0, 0, 1)
+            pl.renderer.ResetCameraClippingRange(*(-20, 20) * 3)
+            pl.render()
+        found = pl.screenshot(return_img=True)
+        with pvibr.deterministic():
+            again = bits(pl)
+        pl.close()
+        return found, again
+
+    first, second = picture(0)
+    np.testing.assert_array_equal(first, second)
+    for found in picture(5):
+        np.testing.assert_array_equal(first, found)
 
 
 def test_props_of_others_keep_their_order(scenes, sets):
