@@ -800,3 +800,27 @@ def test_two_blended_sets_that_mix(kind, parallel, seed, see):
     off = np.abs(picture - truth).max(2) > 0.02
     assert (np.ptp(truth, axis=2) > 0.1).mean() > 0.1
     assert off.mean() < 0.005
+
+
+@pytest.mark.parametrize('cutout', [None, 0.5])
+@pytest.mark.parametrize('seed', [62, 63])
+def test_no_background_shows_through_where_soft_edges_overlap(cutout, seed, see):
+    """Three sets of soft discs cover no less than the one of them that covers most."""
+    rng = np.random.default_rng(seed)
+    away = np.linalg.norm(np.indices((64, 64)) - 31.5, axis=0) / 32
+    disc = np.full((64, 64, 4), 255, np.uint8)
+    disc[..., 3] = np.clip((1 - away) / 0.3, 0, 1) * 255
+    sets = rng.uniform(-3, 3, (3, 40, 3))
+
+    def covered(shown):
+        pl = plotter((0, -14, 2))
+        for points in shown:
+            pl.ibr.add_billboards(points, disc, size=2.0, cutout=cutout, lighting=False)
+        pl.renderer.ResetCameraClippingRange(*(-5, 5) * 3)
+        found = see.rgba(pl)[..., 3]
+        pl.close()
+        return found
+
+    most = np.max([covered([points]) for points in sets], axis=0)
+    assert (most > 0.99).mean() > 0.2
+    assert (most - covered(sets)).max() < 8 / 255

@@ -115,7 +115,10 @@ STEREO = ('Left', 'Right', 'Anaglyph', 'SplitViewportHorizontal', 'CrystalEyes')
 @pytest.mark.parametrize('kind', STEREO)
 def test_the_first_frame_of_each_eye_is_the_last(scenes, sets, kind):
     pl = scenes.empty(SIZE)
-    made = [add(pl, scenes, poses, color) for poses, color in zip(sets, ('gold', 'red', 'w'))]
+    made = [
+        add(pl, scenes, poses, color)
+        for poses, color in zip(sets, ('gold', 'red', 'w'), strict=True)
+    ]
     pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, -14, 8), (0, 0, 0), (0, 0, 1)
     pl.camera.SetEyeAngle(6.0)
     pl.reset_camera_clipping_range()
