@@ -84,6 +84,18 @@ def members(kind):
         user = inspect.isfunction(member) and not name.startswith('_') and name not in hooks
         if user and member not in INTERNAL:
             yield member
+            yield from (f for f in anew(ours, name) if takes(f) - takes(member))
+
+
+def anew(ours, name):
+    """What classes define under a name."""
+    found = [vars(base).get(name) for base in ours]
+    return [f for f in found if inspect.isfunction(f)]
+
+
+def takes(function):
+    """Names of the parameters."""
+    return set(inspect.signature(function).parameters)
 
 
 def for_users():

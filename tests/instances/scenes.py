@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from functools import wraps
 from types import SimpleNamespace
 from weakref import WeakValueDictionary
 
@@ -24,6 +25,7 @@ def quick(patch):
     patch.setattr('pvibr.instances.levels._atlases', _QUICK)
 
 
+@wraps(_textures)
 def textures_of(atlas):
     """Return the textures of an atlas, made once while it is in use."""
     if '_textures' not in vars(atlas):
