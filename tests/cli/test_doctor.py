@@ -2,11 +2,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pvibr.cli import doctor
 from pvibr.cli.doctor import Diagnosis, diagnose, has_gl_libraries, require_gl
 from pvibr.core.errors import PvibrError
+from pvibr.instances.cache import AtlasCache
 
 SCRIPT = [sys.executable, '-I', doctor.__file__]
 
@@ -131,6 +133,15 @@ def test_a_cache_that_cannot_be_written_is_told(monkeypatch, tmp_path):
     found = Diagnosis()
     doctor._cache(found)
     assert 'PVIBR_CACHE' in str(found)
+
+
+def test_folder_size_and_bound_of_the_cache_are_told(monkeypatch, tmp_path):
+    monkeypatch.setenv('PVIBR_CACHE', str(tmp_path))
+    found = Diagnosis()
+    AtlasCache().put('a' * 40, {'a': np.zeros(3 * 2**20, np.uint8)}, {})
+    doctor._cache(found)
+    cap = AtlasCache().cap_bytes / 2**20
+    assert found.facts['cache'] == f'{tmp_path} (3.0 of {cap:.0f} MiB)'
 
 
 def test_missing_packages_are_told(monkeypatch):

@@ -179,6 +179,25 @@ def test_colors_multiply_those_of_the_mesh(scenes, see, bean):
         np.testing.assert_allclose(half, one * [128 / 255, 1, 0], atol=0.012)
 
 
+@pytest.mark.parametrize('level', ['flat', 'parallax', 'blended', 'mesh'])
+def test_colors_replace_those_of_a_texture(scenes, see, bean, level):
+    mesh = bean.texture_map_to_sphere()
+    checks = np.random.default_rng(64).integers(0, 255, (8, 8, 3), np.uint8).repeat(8, 0)
+    kwargs = {'lighting': False, 'camera': VIEW, 'level': level, 'blend': 'replace'}
+    pl, beans = scenes.instances(mesh, POSES, texture=pv.Texture(checks), **kwargs)
+    textured = see.rgba(pl)
+    beans.colors = np.tile([0.2, 0.9, 0.6], (4, 1))
+    drawn = see.rgba(pl)
+    inside = drawn[..., 3] > 0.999
+    assert np.ptp(textured[inside][:, :3], axis=0).min() > 0.3
+    np.testing.assert_allclose(drawn[..., 3], textured[..., 3], atol=1.5 / 255)
+    truth = np.tile([0.2, 0.9, 0.6], (inside.sum(), 1))
+    np.testing.assert_allclose(drawn[inside][:, :3], truth, atol=2 / 255)
+    beans.colors = None
+    np.testing.assert_allclose(see.rgba(pl), textured, atol=1e-9)
+    pl.close()
+
+
 def forbid_bakes(monkeypatch):
     def bake(*_args, **_kwargs):
         raise AssertionError('baked again')
