@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
-from inspect import get_annotations
+from inspect import Signature, get_annotations, signature
 
 import pyvista as pv
 
 
+class _OfInit:
+    """The signature of a class that has none of its own: that of its ``__init__``."""
+
+    def __get__(self, cls, _kind=None):
+        if cls.__init__ is object.__init__:
+            return Signature()
+        return signature(cls.__init__.__get__(cls))
+
+
 class _Complete(type(pv.Actor)):  # type: ignore[misc]
     """Marks what was made: from then on its public attributes are all that it has."""
+
+    # What is called is the class of the class: signatures would be those of ``__call__``.
+    __signature__ = _OfInit()
 
     def __call__(cls, *args, **kwargs):
         made = type.__call__(cls, *args, **kwargs)
