@@ -8,8 +8,7 @@ import numpy as np
 import pyvista as pv
 from scipy import ndimage
 
-from pvibr.core import _vtk
-from pvibr.gl.offscreen import rasterize_views
+from pvibr.gl.offscreen import triangles_seen
 from pvibr.maths.octahedral import frame
 from pvibr.maths.slabs import hemisphere
 from pvibr.maths.vectors import unit_vectors
@@ -82,10 +81,10 @@ class Around:
         views = [
             orthographic(a, m - reach, m + reach) for a, m in zip(self.axes, middles, strict=True)
         ]
-        images = rasterize_views([_numbered(points, faces)], views, (_SIDE, _SIDE))
+        mesh = pv.PolyData.from_regular_faces(points.astype(np.float32), faces)
+        numbers = triangles_seen(mesh, views, (_SIDE, _SIDE))
         grid = (np.stack(np.meshgrid(*[np.arange(_SIDE)] * 2), -1) + 0.5) * (2 / _SIDE) - 1
-        for axes, middle, (image,) in zip(self.axes, middles, images, strict=True):
-            face = image[..., :3].astype(int) @ [1, 256, 65536] - 1
+        for axes, middle, face in zip(self.axes, middles, numbers, strict=True):
             flat = (grid * reach + middle[:2]).reshape(-1, 2)
             places = _on_triangles(points[faces[face.ravel()]], axes, flat)
             yield Seen(axes, face, places.reshape(_SIDE, _SIDE, 3))
@@ -95,20 +94,6 @@ def inside(seen):
     """Return the pixels inside the outline, and what is seen there."""
     mask = ndimage.binary_erosion(seen.face >= 0, iterations=_RIM)
     return mask, Seen(seen.axes, seen.face[mask], seen.points[mask])
-
-
-def _numbered(points, faces):
-    """Return an actor whose colours are the numbers of its triangles, from 1."""
-    number = np.arange(1, len(faces) + 1)[:, None] >> [0, 8, 16] & 255
-    mesh = pv.PolyData.from_regular_faces(points.astype(np.float32), faces)
-    mesh.cell_data.set_scalars(number.astype(np.uint8), 'number')
-    mapper = _vtk.vtkPolyDataMapper()
-    mapper.SetInputData(mesh)
-    mapper.SetScalarModeToUseCellData()
-    actor = _vtk.vtkActor()
-    actor.SetMapper(mapper)
-    actor.GetProperty().LightingOff()
-    return actor
 
 
 def _on_triangles(corners, axes, flat):

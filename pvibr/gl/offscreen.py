@@ -39,6 +39,20 @@ def rasterize(actors, view, size, formats=('rgba8',), *, samples=1, blend=False)
     return next(rasterize_views(actors, [view], size, formats, samples=samples, blend=blend))
 
 
+def triangles_seen(mesh, views, size):
+    """Yield the triangle at the centre of each pixel, (h, w), bottom row first; -1 for none."""
+    number = np.arange(1, mesh.GetNumberOfCells() + 1)[:, None] >> [0, 8, 16] & 255
+    mesh.GetCellData().SetScalars(_vtk.numpy_to_vtk(number.astype(np.uint8), deep=True))
+    mapper = _vtk.vtkPolyDataMapper()
+    mapper.SetInputData(mesh)
+    mapper.SetScalarModeToUseCellData()
+    actor = _vtk.vtkActor()
+    actor.SetMapper(mapper)
+    actor.GetProperty().LightingOff()
+    for (picture,) in rasterize_views([actor], views, size):
+        yield picture[..., :3].astype(int) @ [1, 1 << 8, 1 << 16] - 1
+
+
 def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend=False):
     """Yield what :func:`rasterize` returns, for one view after the other."""
     with hidden_window() as (window, renderer):

@@ -8,14 +8,12 @@ import numpy as np
 import pyvista as pv
 from scipy import ndimage
 
-from pvibr.core import _vtk
-from pvibr.gl.offscreen import rasterize
+from pvibr.gl.offscreen import triangles_seen
 from pvibr.maths.views import orthographic
 from pvibr.projection.samples import Samples, normals_and_areas
 
 #: Texels around each part of a texture that take its colours, for filters that reach over edges.
 _PAD = 8
-_BASE = 255  # numbers in a channel of a picture of triangles; alpha stays 1
 
 
 def unwrapped(mesh) -> pv.PolyData:
@@ -72,7 +70,9 @@ def texels_of(mesh, size) -> tuple[Samples, TexelImage]:
         raise ValueError(msg)
     uv = np.asarray(mesh.active_texture_coordinates, float)
     faces = mesh.regular_faces.reshape(-1, 3)
-    number = _painted(uv, faces, int(width), int(height))
+    flat = pv.PolyData.from_regular_faces(np.column_stack([uv, np.zeros(len(uv))]), faces)
+    view = orthographic(np.eye(3), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
+    (number,) = triangles_seen(flat, [view], (int(width), int(height)))
     inside = number >= 0
     row, column = np.nonzero(inside)
     cell = number[inside]
@@ -94,20 +94,3 @@ def _barycentric(corners, at):
     t = (a[:, 0] * p[:, 1] - a[:, 1] * p[:, 0]) / det
     share = np.clip(np.stack([1 - s - t, s, t], 1), 0, 1)
     return share / share.sum(1, keepdims=True)
-
-
-def _painted(uv, faces, width, height):
-    """Return the triangle at the centre of each texel, (h, w), bottom row first; -1 for none."""
-    number = np.arange(1, len(faces) + 1)
-    colors = np.stack([number % _BASE, number // _BASE % _BASE, number // _BASE**2], 1)
-    flat = pv.PolyData.from_regular_faces(np.column_stack([uv, np.zeros(len(uv))]), faces)
-    flat.cell_data.set_scalars(colors.astype(np.uint8), 'number')
-    mapper = _vtk.vtkPolyDataMapper()
-    mapper.SetInputData(flat)
-    mapper.SetScalarModeToUseCellData()
-    actor = _vtk.vtkActor()
-    actor.SetMapper(mapper)
-    actor.GetProperty().LightingOff()
-    view = orthographic(np.eye(3), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
-    found = rasterize([actor], view, (width, height))[0][..., :3].astype(int)
-    return found @ [1, _BASE, _BASE**2] - 1
