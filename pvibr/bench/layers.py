@@ -13,7 +13,7 @@ from pvibr.bench.common.meshes import scatter
 from pvibr.bench.common.timing import beside_full, warm_up
 from pvibr.bench.common.whole_frames import real_plotter, turning
 from pvibr.capture.offscreen import Stage
-from pvibr.maths.image_error import flip
+from pvibr.maths.flip import flip
 
 #: Degrees that the camera turns, and world units that it goes sideways, from one frame to the
 #: next: 6 degrees and 1.2 units a second at 60 frames a second.

@@ -10,7 +10,7 @@ import numpy as np
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench, Row
 from pvibr.bench.common.timing import seconds
-from pvibr.maths.image_error import flip
+from pvibr.maths.flip import flip
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import scenery
 

@@ -15,7 +15,8 @@ from pvibr.bench.common.peers import LOD_REDUCTION, PART, glyph_seconds
 from pvibr.capture.montage import compose, error_colors, save
 from pvibr.capture.offscreen import SAMPLES, Stage, covered, in_view, mesh_actors, spheres
 from pvibr.core.errors import require
-from pvibr.maths.image_error import flip, psnr, silhouette_iou
+from pvibr.maths.flip import flip
+from pvibr.maths.image_error import psnr, silhouette_iou
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import plant, scenery
 

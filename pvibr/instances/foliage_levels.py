@@ -11,7 +11,8 @@ from pvibr.instances.bake import copy_texture
 from pvibr.instances.foliage_quads import Groups, clusters, components, dilated, quads
 from pvibr.instances.mesh_pool import lendable
 from pvibr.maths.facing import CLOSE
-from pvibr.maths.image_error import box_reduce, flip, psnr, silhouette_iou
+from pvibr.maths.flip import flip
+from pvibr.maths.image_error import box_reduce, psnr, silhouette_iou
 from pvibr.maths.vectors import as_units
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import Part, as_parts

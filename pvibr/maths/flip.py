@@ -1,4 +1,4 @@
-"""FLIP of many small pictures against one reference each, whose features are computed once."""
+"""FLIP, the difference of pictures as people who flip between them see it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.sparse import csr_array
 
-_PPD = 67.0  # pixels per degree
+_PPD = 3840 * np.pi / 180  # pixels per degree: a screen 0.7 m wide and away, of 3840 pixels
 # Of the contrast sensitivity of Y, Cx and Cz: factors and widths of two Gaussians.
 _SENSITIVITY = (
     ((1.0, 0.0047),),
@@ -32,10 +32,11 @@ _BACK = (_WHITE @ np.linalg.inv(_YCC.astype(float))).astype(np.float32)
 
 
 class Flip:
-    """FLIP against references, as :func:`pvibr.maths.image_error.flip` of each picture.
+    """FLIP of many pictures against references, whose features are computed once.
 
-    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020. Filters are
-    products with sparse matrices: for small pictures ten times as fast as the authors' package.
+    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020, for display
+    at its standard 67 pixels per degree. Filters are products with sparse matrices, many times as
+    fast as the authors' package, which has no wheels for some systems.
 
     Parameters
     ----------
@@ -79,6 +80,31 @@ class Flip:
         )
         apart = np.abs(features - self._features).max(0)
         return (off ** (1 - (apart / np.sqrt(2)) ** _QF)).transpose(1, 2, 0)
+
+
+def flip(image, reference):
+    """Return the FLIP difference map of two pictures, at its standard 67 pixels per degree.
+
+    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020.
+
+    Parameters
+    ----------
+    image, reference : array_like, shape (h, w, 3)
+        Display-ready sRGB, 0 to 1.
+
+    Returns
+    -------
+    numpy.ndarray, shape (h, w), float32
+        0 for the same to 1; its mean is the FLIP error.
+
+    Examples
+    --------
+    >>> from pvibr.maths.flip import flip
+    >>> gray = np.full((16, 16, 3), 0.5)
+    >>> float(flip(gray, gray).mean())
+    0.0
+    """
+    return Flip(np.asarray(reference)[None]).maps(np.asarray(image)[None])[0]
 
 
 def _seen(images):

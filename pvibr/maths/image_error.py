@@ -154,26 +154,3 @@ def psnr(image, reference) -> float:
     """
     mse = float(np.mean((np.asarray(image, float) - reference) ** 2))
     return float('inf') if mse == 0 else -10 * float(np.log10(mse))
-
-
-def flip(image, reference):
-    """Return the FLIP difference map of two pictures, at its standard 67 pixels per degree.
-
-    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020, by its
-    authors' own package.
-
-    Parameters
-    ----------
-    image, reference : numpy.ndarray, shape (h, w, 3)
-        Display-ready sRGB, 0 to 1.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w)
-        0 for the same to 1; its mean is the FLIP error.
-    """
-    import flip_evaluator
-
-    pair = [np.ascontiguousarray(a, np.float32) for a in (reference, image)]
-    error, _, _ = flip_evaluator.evaluate(*pair, 'LDR', applyMagma=False, computeMeanError=False)
-    return np.asarray(error).reshape(image.shape[0], image.shape[1])

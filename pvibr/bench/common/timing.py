@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from pvibr.capture.offscreen import Stage
-from pvibr.maths.image_error import flip
+from pvibr.maths.flip import flip
 
 
 def seconds(window, job=None) -> float:

@@ -8,7 +8,7 @@ from pvibr.bench.common.harness import Row
 from pvibr.bench.common.peers import PART, glyph_seconds
 from pvibr.bench.common.timing import pictures
 from pvibr.capture.offscreen import SAMPLES, Stage, in_view, mesh_actors, spheres
-from pvibr.maths.image_error import flip
+from pvibr.maths.flip import flip
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import plant
 
