@@ -63,8 +63,10 @@ class Effect(Spelled):
     before: str | None = None
     #: Whether it also runs in frames that are drawn to pick.
     picks = False
-    #: Whether `render` needs colours above 1; such frames have no multisampling.
+    #: Whether `render` needs colours above 1.
     needs_hdr = False
+    #: Whether the scene is drawn on black, since it draws what is behind the scene.
+    draws_background = False
     #: A setting and the value at which the effect changes nothing and is skipped.
     neutral: tuple[str, object] | None = None
     #: Whether it also draws over a transparent background, which is opaque there then.

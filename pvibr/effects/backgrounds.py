@@ -16,6 +16,7 @@ _BLACK = (0.0, 0.0, 0.0)
 class _Behind(FullScreen):
     """A background that replaces the renderer's own while a frame is drawn."""
 
+    draws_background = True
     hidden_background: tuple | None = None
 
     def needed(self, frame) -> bool | str:

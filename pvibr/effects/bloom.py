@@ -59,7 +59,7 @@ class Bloom(LightSpread):
     knee = Param(0.1, 'Half width of the soft threshold.', range='(0, inf)')
     saturation = Param(1.0, 'Saturation of the light; 0 is white.', range='[0, 1]')
     background = Param(False, 'Include a plain background in the bright pass.')
-    needs_hdr = Param(False, 'Use colours above 1; disables multisampling.')
+    needs_hdr = Param(False, 'Use colours above 1.')
 
     _bright: Quad | None = None
     _made: tuple = ()

@@ -82,7 +82,7 @@ class DepthOfField(Effect):
         range='(0, 0.5]',
     )
     samples = Param(48, 'Maximum number of samples per pixel.', range=f'[{_MIN_SAMPLES}, 512]')
-    needs_hdr = Param(False, 'Use colours above 1; disables multisampling.')
+    needs_hdr = Param(False, 'Use colours above 1.')
     debug = Param(
         '',
         'Intermediate stage to show; circles are red before, green behind the focus plane.',

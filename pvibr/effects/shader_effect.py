@@ -87,7 +87,7 @@ class ShaderEffect(Effect):
     neutral = 'intensity', 0
 
     intensity = Param(1.0, 'Opacity of the result.', range='[0, 1]')
-    needs_hdr = Param(False, 'Use colours above 1; disables multisampling.')
+    needs_hdr = Param(False, 'Use colours above 1.')
 
     _quad: Quad | None = None
     _built: tuple = ()

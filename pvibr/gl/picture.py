@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import contextmanager
+from types import SimpleNamespace
 from typing import Any
 
 from pvibr.gl import enums as gl
 from pvibr.gl.fused import Pointwise
+from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.scene_pass import like_window
 from pvibr.gl.target import Target, blit
 from pvibr.gl.texture import Texture, release
@@ -22,6 +24,7 @@ class Picture:
         self._source = like_window(window, size, 'rgba32f' if needs_hdr else 'rgba8')
         self._targets: list[Target] = []
         self._drawn: Target | None = None
+        self._resolving: Quad | None = None
         self._fused = fused
         self._pending: list[Pointwise] = []
         self._ends = False
@@ -46,14 +49,33 @@ class Picture:
         """Bytes on the GPU."""
         return sum(t.nbytes for t in [*self._targets, self._source])
 
-    def take(self, framebuffer=None):
+    def take(self, framebuffer=None, *, on_black=False):
         """Copy colours and depth from a framebuffer; samples are resolved."""
         self._drawn, self._pending, self._ends = None, [], False
         self.find_depth = None
         framebuffer = framebuffer or self.window.GetRenderFramebuffer()
-        # Two blits: where the driver refuses one of depth, colours come all the same.
-        for bits in (gl.COLOR_BUFFER_BIT, gl.DEPTH_BUFFER_BIT):
-            self._blit(framebuffer, self._source.object, bits, self._place(), (0, 0, *self.size))
+        if framebuffer.GetMultiSamples() > 1:
+            self._resolve(framebuffer, on_black)
+        else:
+            self._copy(framebuffer, gl.COLOR_BUFFER_BIT)
+        # A blit of its own: where the driver refuses it, colours come all the same.
+        self._copy(framebuffer, gl.DEPTH_BUFFER_BIT)
+
+    def _copy(self, framebuffer, bits):
+        self._blit(framebuffer, self._source.object, bits, self._place(), (0, 0, *self.size))
+
+    def _resolve(self, framebuffer, on_black):
+        """Average colours as VTK does in a window."""
+        if self._resolving is None:
+            text = shader_source(__file__, 'resolve')
+            self._resolving = Quad(self.window, text, 'resolve')
+        samples = SimpleNamespace(object=framebuffer.GetColorAttachmentAsTextureObject(0))
+        uniforms = {
+            'count': framebuffer.GetMultiSamples(),
+            'origin': self.origin,
+            'on_black': int(on_black),
+        }
+        self._source.draw(self._resolving, uniforms, {'samples': samples})
 
     def apply(self, point):
         """Apply a pointwise program; consecutive programs are fused."""
@@ -115,5 +137,6 @@ class Picture:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        release(*self._targets, self._source)
+        release(*self._targets, self._source, self._resolving)
+        self._resolving = None
         self._targets, self._drawn, self._pending = [], None, []

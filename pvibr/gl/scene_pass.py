@@ -24,6 +24,7 @@ class ScenePass:
         self.window = window
         self.needs_hdr = False
         self._floats: Target | None = None
+        self._made: tuple = ()
         self._surfaces: Texture | None = None
         self._marker: _Marker | None = None
         self._attached: Any = None
@@ -44,10 +45,12 @@ class ScenePass:
         """Take the frame that VTK is about to draw."""
         self.needs_hdr = False
         if needs_hdr:
-            size = _extent(frame)
-            if self._floats is None or (self._floats.width, self._floats.height) != size:
+            samples = self.window.GetRenderFramebuffer().GetMultiSamples()
+            made = *_extent(frame), samples
+            if self._floats is None or self._made != made:
                 release(self._floats)
-                self._floats = like_window(self.window, size, 'rgba32f')
+                self._floats = like_window(self.window, made[:2], 'rgba32f', samples)
+                self._made = made
             self.window.GetState().PushFramebufferBindings()
             self.needs_hdr = True
             self._floats.object.Bind()
@@ -160,14 +163,14 @@ def _no_area():
     return data
 
 
-def like_window(window, size, format) -> Target:
+def like_window(window, size, format, samples=0) -> Target:
     """Return a target with a depth buffer of the window's own format."""
-    target = Target(window, size[0], size[1], (format,))
-    depth = Texture(window)
+    target = Target(window, size[0], size[1], (format,), samples=samples)
+    depth = Texture(window, samples=samples)
     theirs = window.GetRenderFramebuffer().GetDepthAttachmentAsTextureObject()
     internal = theirs.GetInternalFormat(theirs.GetVTKDataType(), 1, False)
     kind = getattr(_vtk.vtkTextureObject, _DEPTH_FORMATS.get(internal, 'Float32'))
     depth.object.AllocateDepth(*size, kind)
-    depth.nbytes = size[0] * size[1] * 4
+    depth.nbytes = size[0] * size[1] * 4 * max(samples, 1)
     target.add_depth(depth)
     return target

@@ -13,11 +13,24 @@ from pvibr.gl.texture import Texture
 class Target:
     """Colour textures and a depth buffer that are drawn into together."""
 
-    def __init__(self, window, width, height, formats=('rgba8',), *, depth=False, filter='linear'):
+    def __init__(
+        self,
+        window,
+        width,
+        height,
+        formats=('rgba8',),
+        *,
+        depth=False,
+        filter='linear',
+        samples=0,
+    ):
         self.window = window
         self.width, self.height = width, height
         self._state = window.GetState()
-        self.colors = [Texture(window, filter=filter).allocate(width, height, f) for f in formats]
+        self.colors = [
+            Texture(window, filter=filter, samples=samples).allocate(width, height, f)
+            for f in formats
+        ]
         self._shares_depth = isinstance(depth, Texture)
         self.depth: Any = depth if isinstance(depth, Texture) else None
         if depth is True:

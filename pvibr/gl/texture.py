@@ -46,10 +46,11 @@ def release(*owners):
 class Texture:
     """A 2D texture: made from an array or empty, sampled by a unit, released with its window."""
 
-    def __init__(self, window, *, filter='nearest', repeat=False):
+    def __init__(self, window, *, filter='nearest', repeat=False, samples=0):
         self.window = window
         self.object = to = _vtk.vtkTextureObject()
         to.SetContext(window)
+        to.SetSamples(samples)
         wrap = to.Repeat if repeat else to.ClampToEdge
         to.SetWrapS(wrap)
         to.SetWrapT(wrap)
@@ -89,7 +90,7 @@ class Texture:
         if not made:
             msg = f'the driver refused a {format} target of {width} x {height}'
             raise RuntimeError(msg)
-        self.nbytes = width * height * texel
+        self.nbytes = width * height * texel * max(self.object.GetSamples(), 1)
         return self
 
     @property
