@@ -213,12 +213,10 @@ def test_identity_leaves_every_pixel(pl, kind, opacity):
 
 def test_identity_keeps_multisampling(pl):
     pl.enable_anti_aliasing('msaa', multi_samples=4)
-    pl.show(auto_close=False)
-    # As it is shown: VTK averages the samples of its back buffer otherwise.
-    before = pl.screenshot(transparent_background=True)
-    assert len(np.unique(before[..., 3])) > 2  # edges that cover a part of a pixel
+    before = show(pl)
+    assert len(np.unique(before[0][..., 3])) > 2  # edges that cover a part of a pixel
     pl.ibr.add(Same())
-    np.testing.assert_array_equal(pl.screenshot(transparent_background=True), before)
+    np.testing.assert_array_equal(grab(pl)[0], before[0])
 
 
 def test_invert_is_exact_and_spares_text():

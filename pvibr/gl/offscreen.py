@@ -80,5 +80,6 @@ def read_rgba(window) -> np.ndarray:
     """Return the picture of a window that was just rendered."""
     width, height = window.GetSize()
     pixels = _vtk.vtkUnsignedCharArray()
-    window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 0, pixels)
+    # The front buffer, as it is shown: VTK averages samples of the back buffer without gamma.
+    window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 1, pixels)
     return _vtk.vtk_to_numpy(pixels).reshape(height, width, 4).copy()
