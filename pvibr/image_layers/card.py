@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pyvista as pv
 
 from pvibr.gl import shader_source
+from pvibr.gl.binder import Binder
 from pvibr.gl.feature import Feature, sections
-from pvibr.scene.shader_draws import ShaderDraws
+from pvibr.scene.soft_draws import SOLID, SoftDraws
 
 
-def layer_feature(*, blends) -> Feature:
+def _feature() -> Feature:
     """Return the shader text of a layer by VTK's tags."""
     part = sections(shader_source(__file__, 'image_layers'))
-    least = '1.0 / 255.0' if blends else '0.5'
-    defines = f'#define BLENDS {int(blends)}\n#define LEAST {least}\n'
     return Feature(
-        f'layer_{int(blends)}',
+        'layer',
         {
             'VTK::PositionVC::Dec': part['vertex.declare'],
             'VTK::PositionVC::Impl': part['vertex.position'],
         },
         {
-            'VTK::PositionVC::Dec': defines + part['fragment.declare'],
+            'VTK::PositionVC::Dec': part['fragment.declare'],
             'VTK::PositionVC::Impl': part['fragment.sample'],
             'VTK::Normal::Impl': part['fragment.normal'],
             'VTK::Depth::Impl': part['fragment.depth'] + '//VTK::Depth::Impl\n',
@@ -30,24 +32,37 @@ def layer_feature(*, blends) -> Feature:
     )
 
 
-class LayerCard(ShaderDraws):
+class LayerCard(SoftDraws):
     """A quad for one image at a time."""
 
     def __init__(self):
-        super().__init__()
-        self.actor.prop.lighting = False
+        super().__init__(_feature(), prop=pv.Property(lighting=False), binder=Binder())
+        self.window: Any = None
+        self._inputs: tuple[dict, dict] = {}, {}
         self._bounds: tuple | None = None
 
-    def show(self, frame, picture, warp, turn, bounds):
-        """Draw an image in a frame."""
-        self.set_feature(layer_feature(blends=picture.blends))
+    def inputs(self) -> tuple[dict, dict]:
+        """Return the textures and the uniforms of all parts."""
+        return self._inputs
+
+    def show(self, frame, picture, fit, bounds, *, deep):
+        """Draw an image in a frame; depth may be wanted of soft edges."""
+        self.window = frame.window
         bounds = tuple(map(float, bounds))
         if bounds != self._bounds:
             self._bounds = bounds
-            self.place_cards(bounds)
-        self.textures = {'ibr_picture': picture.color, 'ibr_deep': picture.depth}
-        self.uniforms = _uniforms(frame, picture, warp, turn)
-        self.show_spans([(0, 1)])
+            self.bound(bounds)
+        textures = {'ibr_picture': picture.color, 'ibr_deep': picture.depth}
+        self._inputs = textures, _uniforms(frame, picture, fit.warp, fit.turn)
+        parts = self.parts(solid=not picture.blends, deep=deep)
+        for draws in self.every:
+            draws.part = parts.get(draws, SOLID)
+            draws.show_spans([(0, 1)] if draws in parts else ())
+
+    def release(self, window):
+        """Free GPU memory; the context is current."""
+        self._inputs = {}, {}
+        super().release(window)
 
 
 def _uniforms(frame, picture, warp, turn) -> dict:

@@ -4,9 +4,6 @@
 // Source: Lengyel and Snyder, "Rendering with Coherent Layers", SIGGRAPH 1997.
 // Spaces: uv = the picture, 0 to 1; clip = VTK's DC times w, of the camera of now.
 
-// Defines: BLENDS 1 where edges are laid over what is there, else they are as hard as those of
-// meshes; LEAST is the coverage from which anything is shown.
-
 //@vertex.declare
 uniform mat3 ibr_clip_from_uv;    // x, y and w
 uniform mat4 ibr_depth_from_uv;   // of (u, v, depth, 1): z, w, and twice nothing
@@ -31,6 +28,7 @@ out vec3 ibr_at;                  // clip x, y and w
 //@fragment.declare
 uniform sampler2D ibr_picture;    // colour times coverage, coverage
 uniform sampler2D ibr_deep;       // depth, of the picture's own camera
+uniform vec3 ibr_part;            // coverages from, to; opacity: below 0 the coverage
 uniform vec4 ibr_eye_from_clip;   // x and y of the view over those of clip space; z from clip z, w
 uniform vec4 ibr_eye_shift;       // shifts of x and y; constants of z from clip z, w
 uniform int ibr_is_parallel;
@@ -41,7 +39,7 @@ in vec3 ibr_at;
 
 //@fragment.sample
   vec4 ibr_color = texture(ibr_picture, ibr_uv);
-  if (ibr_color.a < LEAST) { discard; }
+  if (ibr_color.a < ibr_part.x || ibr_color.a >= ibr_part.y) { discard; }
   float ibr_d = texture(ibr_deep, ibr_uv).r;
   vec2 ibr_deepened = ibr_zw + ibr_d * ibr_zw_step;
   float ibr_z = ibr_deepened.x / ibr_deepened.y;
@@ -62,7 +60,7 @@ in vec3 ibr_at;
   gl_FragDepth = clamp(ibr_z * 0.5 + 0.5, 0.0, 1.0);
 
 //@fragment.light
-  gl_FragData[0] = vec4(ibr_color.rgb / ibr_color.a, BLENDS == 1 ? ibr_color.a : 1.0);
+  gl_FragData[0] = vec4(ibr_color.rgb / ibr_color.a, ibr_part.z < 0.0 ? ibr_color.a : ibr_part.z);
 
 //@range
 // Least and greatest depth of each block of a picture, 2 and -1 where it shows nothing.

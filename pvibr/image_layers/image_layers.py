@@ -15,12 +15,12 @@ from pvibr.image_layers.picture import Settings
 from pvibr.projection.live_texture import LiveTexture
 from pvibr.scene.actor_watch import ActorWatch
 from pvibr.scene.casters import Surfaces, listed
-from pvibr.scene.draw_order import Stage
 from pvibr.scene.substitute import Substitute, addresses
 from pvibr.scene.thing import Thing, joined_bounds
 
 # The eye may go this share of the way to the nearest middle until a split by depth is made anew.
 _NEAR = 0.25
+_FRONT = 100  # row in the draw order, after those of all other cards
 
 
 class ImageLayers(Substitute):
@@ -107,9 +107,7 @@ class ImageLayers(Substitute):
         self.UseBoundsOff()  # its actors have theirs
         self._members: dict[str, Member] = {}
         self._layers: list[Layer] = []
-        # After all that is opaque, but before soft edges of others; in front of these
-        # are only blurred layers that are nearer than all sharp ones.
-        self._back, self._front = [LayerCard()], list[LayerCard]()
+        self._layer_cards = [LayerCard()]
         self._drawer: Drawer | None = None
         self._split: tuple = ()
         if self._groups is not None:
@@ -141,10 +139,10 @@ class ImageLayers(Substitute):
     @property
     def props(self) -> tuple:
         """Its own actor and the quads that show its layers."""
-        return (self, *(card.actor for card in self._cards()))
+        return (self, *self._card_actors())
 
     def _cards(self) -> list:
-        return [*self._back, *self._front]
+        return self._layer_cards
 
     def solids(self) -> list:
         """Return the actors whose meshes cast its shadow volumes."""
@@ -308,21 +306,21 @@ class ImageLayers(Substitute):
         """Draw the images, from far to near, in place of their actors."""
         shown = [(k, k.fit) for k in self._layers if k.fit is not None and k.fit.seen]
         shown.sort(key=lambda pair: -pair[0].away(pair[1]))
+        cards, deep = self._layer_cards, self._depth_is_read(frame)
+        while len(cards) < len(shown):
+            cards.append(LayerCard())
+            for actor in cards[-1].actors:
+                frame.renderer.AddViewProp(actor)
+        for card, (layer, fit) in zip(cards, shown, strict=False):
+            card.show(frame, layer.picture, fit, joined_bounds(layer.bounds.tolist()), deep=deep)
+        # Soft edges come before those of others; after them only those of blurred layers that
+        # are nearer than all sharp ones.
         sharp = [k for k, (layer, _) in enumerate(shown) if not layer.picture.blurred]
-        cut = sharp[-1] + 1 if sharp else 0
-        order: list = []
-        for stage, cards, mine in (
-            (Stage.LAYER, self._back, shown[:cut]),
-            (Stage.FRONT, self._front, shown[cut:]),
-        ):
-            for _ in range(len(mine) - len(cards)):
-                cards.append(LayerCard())
-                frame.renderer.AddViewProp(cards[-1].actor)
-            for card, (layer, fit) in zip(cards, mine, strict=False):
-                bounds = joined_bounds(layer.bounds.tolist())
-                card.show(frame, layer.picture, fit.warp, fit.turn, bounds)
-            order += [((stage, k), card.actor) for k, card in enumerate(cards)]
-        self.order = tuple(order)
+        front = sharp[-1] + 1 if sharp else 0
+        rows = [k - front if k < front else _FRONT + k for k in range(len(cards))]
+        self.order = tuple(
+            pair for card, row in zip(cards, rows, strict=True) for pair in card.order(row)
+        )
         hidden = {m.key for k in self._layers if k.fit is not None for m in k.members if not m.why}
         self._watch.hide([i for i, key in enumerate(self._members) if key in hidden])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,13 @@ import numpy as np
 from pvibr.core.files import replacing
 from pvibr.maths import octahedral
 from pvibr.meshes.turntable import Turntable
+from pvibr.scene.soft_draws import WHOLE
 
 MARGIN = 1.02  # half side of a tile in radii: the silhouette never touches its border
+# Share of what is covered below which two draws of it cost more than they mend: what is small and
+# scattered has hardly an opaque pixel.
+_MOST = 0.6
+_SOME = 3  # rows of views, of which one is asked
 
 
 def bounding_sphere(points):
@@ -96,6 +102,18 @@ class Atlas:
         if self.turntable is not None:
             pictures += [self.turntable.geometry, self.turntable.albedo]
         return sum(p.nbytes for p in pictures) * 3 // 2
+
+    @cached_property
+    def core_level(self) -> int:
+        """Coarsest level of which most is opaque, -1 if none is."""
+        tile, covered = self.tile, self.geometry[..., 1]
+        some = covered.reshape(-1, tile, covered.shape[-1])[::_SOME].astype(np.float32)
+        level = -1
+        while (some >= 255 * WHOLE).sum() > _MOST * (some > 0).sum() and some.shape[1] > 1:
+            rows, side, width = some.shape
+            some = some.reshape(rows, side // 2, 2, width // 2, 2).mean((2, 4))
+            level += 1
+        return level
 
     def textures(self):
         """Return geometry and albedo with all mip levels beside them.

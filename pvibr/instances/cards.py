@@ -13,11 +13,10 @@ from pvibr.gl.mipmaps import put_rows
 from pvibr.gl.texture import release
 from pvibr.instances.atlas import MARGIN
 from pvibr.instances.atlas_textures import AtlasTextures
-from pvibr.instances.card_layers import PATCH_SIDE, PATCHES, CardLayer, core_level
+from pvibr.instances.card_layers import PATCH_SIDE, PATCHES, CardLayer
 from pvibr.instances.placement import WIDTH
 from pvibr.maths.blocks import BLOCK
 from pvibr.meshes.turntable import LEVEL
-from pvibr.scene.draw_order import Stage
 from pvibr.scene.shader_draws import DULL, ROW, pack
 
 _CHUNKS = 8192, 65_536  # cards of one draw, of small and of large sets
@@ -138,7 +137,7 @@ class Cards:
         self._looks = np.zeros((1, 1, 4), np.uint8)
         # What changed since it was uploaded: its rows, None for all.
         self._stale: dict[str, list | None] = {}
-        core = core_level(atlas)
+        core = atlas.core_level
         #: Diameter on the screen, in pixels, up to which cards are drawn without a core.
         self.core_size = atlas.tile / _SHARPNESS / 2 ** (core + 1) if core >= 0 else np.inf
         self.uniforms = {
@@ -206,14 +205,7 @@ class Cards:
         """Return pairs of a key and an actor in the order of drawing."""
         found = []
         for layer in self.layers.values():
-            row = ALL_CARD_SHADERS.index(layer.shader)
-            for draws, stage, turn in (
-                (layer.core, Stage.CORE, -1),
-                (layer.fringe, Stage.FRINGE, 1),
-                (layer.depth, Stage.DEPTH, 1),
-            ):
-                actors = [] if draws is None else draws.actors
-                found += [((stage, turn * row, turn * k), a) for k, a in enumerate(actors)]
+            found += layer.order(ALL_CARD_SHADERS.index(layer.shader))
         return sorted(found, key=lambda pair: pair[0])
 
     def actors(self) -> list:
@@ -235,7 +227,7 @@ class Cards:
             slack = _SLACK * sides if self.window is not None else 0.0  # of what does move
             self.bounds = np.stack([low - slack, high + slack])
             for layer in self.layers.values():
-                layer.bound(self.bounds.T.ravel())
+                layer.bound(self.bounds.T.ravel(), layer.shader.corners)
 
     def look(self, looks):
         """Take over colours of instances with the next upload."""

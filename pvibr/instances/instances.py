@@ -337,13 +337,6 @@ class Instances(BakedSet):
         for group in self.groups:
             group.near.offer(bool(self.pickable), there)
 
-    def _depth_is_read(self, frame) -> bool:
-        """Return True if an effect reads the depth of the frame after it is drawn."""
-        renderer = frame.renderer
-        own = renderer.GetPass() is not None or bool(renderer.GetUseSSAO())
-        effects = self.pipeline.effects
-        return frame.own and (own or any(e.is_image_effect and e.enabled for e in effects))
-
     def _show_cards(self, frame, shader, choices):
         unit = self.groups[0].unit
         if unit > 1 and sum(len(c.table) for c in choices) * unit <= SORTED_SEEN:
@@ -375,9 +368,8 @@ class Instances(BakedSet):
         warnings.warn(msg, PvibrWarning, stacklevel=3)
 
     def finish(self, frame):
-        """Release the texture units, have depth written, and let pickers find instances."""
+        """Release the texture units, and let pickers find instances."""
         self._binder.unbind()
-        frame.window.GetState().vtkglDepthMask(True)
         if frame.own:
             self._offer(True)
         if frame.own and not frame.picking:

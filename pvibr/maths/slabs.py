@@ -88,16 +88,25 @@ def thinnest(points, starts, enough):
     least = np.linalg.eigh(middle.T @ middle)[1][:, 0]
     best, width = least, float(np.ptp(points @ least))
     for start in () if width > _HOPELESS * enough else (least, *starts):
-        normal, step = start, _STEP
-        for _ in range(_ROUNDS):
-            around = turned(normal, step)
-            widths = np.ptp(points @ around.T, axis=0)
-            normal = around[widths.argmin()]
-            if widths.min() < width:
-                best, width = normal, float(widths.min())
-            step /= 2
+        best, width = _turned_thinner(points, start, _STEP, best, width)
+    before = np.inf
+    while enough < width < min(before, _HOPELESS * enough):  # by steps that start finer
+        before = width
+        best, width = _turned_thinner(points, best, _STEP / 4, best, width)
     along = points @ best
     return best, float(along.min() + along.max()) / 2, width
+
+
+def _turned_thinner(points, normal, step, best, width):
+    """Return the best normal and its width after turning one by ever smaller steps."""
+    for _ in range(_ROUNDS):
+        around = turned(normal, step)
+        widths = np.ptp(points @ around.T, axis=0)
+        normal = around[widths.argmin()]
+        if widths.min() < width:
+            best, width = normal, float(widths.min())
+        step /= 2
+    return best, width
 
 
 class Cover:

@@ -24,20 +24,16 @@ class Stage(IntEnum):
 
     #: Meshes, and all that says nothing.
     OPAQUE = 0
-    #: What is opaque of cards, near ones first.
+    #: What is opaque of cards, those of instances from near to far.
     CORE = 1
-    #: Sharp image layers.
-    LAYER = 2
     #: Soft edges, which blend with all of the above and write no depth.
-    FRINGE = 3
-    #: Blurred image layers in front of all others.
-    FRONT = 4
+    FRINGE = 2
     #: The depth of soft edges, if it is read.
-    DEPTH = 5
+    DEPTH = 3
     #: Of the translucent stage, if items are sorted among the others there.
-    TRANSLUCENT = 6
-    END = 7
-    ANNOTATION = 8
+    TRANSLUCENT = 4
+    END = 5
+    ANNOTATION = 6
 
 
 class DrawOrder:
@@ -106,7 +102,8 @@ class DrawOrder:
         self._time = props.GetMTime()
 
     def finish(self):
-        """Leave the renderer's mixing as it was."""
+        """Leave the renderer's mixing as it was, and depth written."""
+        self.renderer.GetRenderWindow().GetState().vtkglDepthMask(True)
         self._frame, self._others = None, []
         if self._weighted:
             self._weighted = False

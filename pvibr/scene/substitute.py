@@ -32,8 +32,11 @@ class Substitute(Thing):
     _frame: Frame | None = None
 
     def _cards(self) -> list:
-        """Return the ShaderDraws that show the images."""
+        """Return the draws that show the images."""
         raise NotImplementedError
+
+    def _card_actors(self) -> list:
+        return [actor for card in self._cards() for actor in card.actors]
 
     def _stood_for(self) -> list:
         """Return the actors that it stands for."""
@@ -59,7 +62,7 @@ class Substitute(Thing):
 
     def drawn(self) -> list:
         """Return the actors that draw it in the frame that it was prepared for."""
-        mine = *(card.actor for card in self._cards()), *self._stood_for()
+        mine = *self._card_actors(), *self._stood_for()
         return [actor for actor in mine if actor.GetVisibility()]
 
     def stands_for(self) -> list:
@@ -136,13 +139,13 @@ class Substitute(Thing):
         return list(self.props)
 
     def _put_in(self, renderer):
-        for card in self._cards():
-            renderer.AddViewProp(card.actor)
+        for actor in self._card_actors():
+            renderer.AddViewProp(actor)
 
     def _take_out(self, renderer):
         self.deactivate()
-        for card in self._cards():
-            renderer.RemoveViewProp(card.actor)
+        for actor in self._card_actors():
+            renderer.RemoveViewProp(actor)
 
     def deactivate(self):
         """Show the actors themselves."""

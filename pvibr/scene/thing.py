@@ -86,6 +86,13 @@ class Thing(Effect, pv.Actor):
         """Whether its items are sorted among other translucent props."""
         return False
 
+    def _depth_is_read(self, frame) -> bool:
+        """Return True if an effect reads the depth of the frame after it is drawn."""
+        renderer = frame.renderer
+        own = renderer.GetPass() is not None or bool(renderer.GetUseSSAO())
+        effects = self.pipeline.effects
+        return frame.own and (own or any(e.is_image_effect and e.enabled for e in effects))
+
     def depths(self) -> list:
         """Return the actors that draw its depth, as lights see it."""
         return self.drawn()
