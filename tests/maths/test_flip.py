@@ -29,3 +29,22 @@ def test_extremes():
     black, white = np.zeros((24, 24, 3)), np.ones((24, 24, 3))
     assert flip(black, black).max() == 0
     np.testing.assert_allclose(flip(white, black), authors(white, black), atol=5e-5)
+
+
+def test_same_small_and_worst():
+    image = np.random.default_rng(0).random((16, 24, 3))
+    same = flip(image, image)
+    assert same.shape == (16, 24)
+    assert same.max() == 0
+    worst = flip(np.zeros((16, 24, 3)), np.ones((16, 24, 3))).mean()
+    small = flip(image, np.clip(image + 0.02, 0, 1)).mean()
+    assert 0 < small < 0.15 < 0.5 < worst <= 1
+
+
+def test_it_shows_where():
+    reference = np.full((32, 32, 3), 0.5)
+    image = reference.copy()
+    image[20:24, 4:8] = [1, 0, 0]
+    error = flip(image, reference)
+    assert np.unravel_index(error.argmax(), error.shape)[0] in range(19, 25)
+    assert error[2, 28] == 0

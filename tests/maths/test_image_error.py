@@ -96,22 +96,3 @@ def test_psnr():
     assert ie.psnr(image, image) == float('inf')
     assert ie.psnr(image + 0.1, image) == pytest.approx(20)
     assert ie.psnr(np.ones((2, 2)), np.zeros((2, 2))) == pytest.approx(0)
-
-
-def test_flip():
-    image = np.random.default_rng(0).random((16, 24, 3))
-    same = ie.flip(image, image)
-    assert same.shape == (16, 24)
-    assert same.max() == 0
-    worst = ie.flip(np.zeros((16, 24, 3)), np.ones((16, 24, 3))).mean()
-    small = ie.flip(image, np.clip(image + 0.02, 0, 1)).mean()
-    assert 0 < small < 0.15 < 0.5 < worst <= 1
-
-
-def test_flip_shows_where():
-    reference = np.full((32, 32, 3), 0.5)
-    image = reference.copy()
-    image[20:24, 4:8] = [1, 0, 0]
-    error = ie.flip(image, reference)
-    assert np.unravel_index(error.argmax(), error.shape)[0] in range(19, 25)
-    assert error[2, 28] == 0
