@@ -73,6 +73,7 @@ _EXPORTS = {
     'Impostor': 'pvibr.impostors.impostor',
     'Instances': 'pvibr.instances.instances',
     'LiveTexture': 'pvibr.projection.live_texture',
+    'matrices': 'pvibr.meshes.posed',
     'Mirror': 'pvibr.projection.live_texture',
     'Orthographic': 'pvibr.maths.orthographic',
     'silhouette_lines': 'pvibr.projection.silhouette_lines',

@@ -8,6 +8,12 @@ from inspect import Signature, get_annotations, signature
 import pyvista as pv
 
 
+def nearest(name, names) -> str:
+    """Return what a message says of the nearest of some names, nothing if none is near."""
+    near = get_close_matches(name, [n for n in names if isinstance(n, str)], 1)
+    return f'; did you mean {near[0]!r}?' if near else ''
+
+
 class _OfInit:
     """The signature of a class that has none of its own: that of its ``__init__``."""
 

@@ -12,7 +12,7 @@ from pvibr.instances.instances import Instances
 from pvibr.instances.progress import baking
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
-from pvibr.meshes.poses import as_poses
+from pvibr.meshes.posed import posed
 from pvibr.scene.painted import Painted
 
 
@@ -108,7 +108,7 @@ class Crowd(Instances):
         Painted.__init__(self, max_error=max_error)
         self.name = name
         self.figure = figure
-        poses = as_poses(poses)
+        poses = posed(poses)
         count = len(poses)
         mesh_kwargs |= {'cmap': cmap, 'clim': clim}
         asked = self._ask(count, scalars, colors, blend, mesh_kwargs)

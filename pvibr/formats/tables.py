@@ -6,7 +6,7 @@ import csv
 import gzip
 import zlib
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ def table_of(path):
 class Table:
     """A file with named columns, read on demand."""
 
-    path: Path
+    path: Path | str
     names: list[str]
 
     def find(self, name):
@@ -321,6 +321,74 @@ class _PointCloud(Table):
         # LAS colours are 16-bit, but many files hold 8-bit values.
         deep = colors.size and colors.max() > 255
         return {'rgb': (colors >> 8 if deep else colors).astype(np.uint8)}
+
+
+class _Columns(Table):
+    """Columns in memory that numpy converts: a DataFrame, a dict, a structured array."""
+
+    def __init__(self, columns, names):
+        self.path = type(columns).__name__
+        self.names, self._held = names, {}
+        for name in names:
+            array = np.asarray(columns[name])
+            self._held[name] = _as_numbers(array) if array.dtype.kind == 'O' else array
+        lengths = {name: len(array) for name, array in self._held.items()}
+        if len(set(lengths.values())) > 1:
+            msg = f'{self.path}: its columns have different lengths, {lengths}'
+            raise ValueError(msg)
+
+    def kind(self, index):
+        """Return 'number', 'text', or 'other' for times, lists and the like."""
+        array = self._held[self.names[index]]
+        if array.ndim != 1:
+            return 'other'
+        kinds = {'f': 'number', 'i': 'number', 'u': 'number', 'b': 'number', 'U': 'text'}
+        texts = array.dtype.kind == 'O' and all(isinstance(v, str | None) for v in array)
+        return 'text' if texts else kinds.get(array.dtype.kind, 'other')
+
+    def numbers(self, indices, needed):
+        """Return columns as (n, len(indices)) float64; those in `needed` must be finite."""
+        wrong = [self.names[i] for i in indices if self.kind(i) != 'number']
+        if wrong:
+            msg = f'{self.path}: column {wrong[0]!r} does not hold numbers.'
+            raise ValueError(msg)
+        values = np.stack([self._held[self.names[i]].astype(float) for i in indices], axis=1)
+        self._check_finite(values, indices, needed)
+        return values
+
+    def texts(self, indices):
+        """Return columns as arrays of str; missing values are empty."""
+        columns = [self._held[self.names[i]] for i in indices]
+        return [np.array([text or '' for text in column], dtype=str) for column in columns]
+
+
+def columns_table(columns) -> Table | None:
+    """Return the reader of columns in memory that have names, None for what has none."""
+    names = _column_names(columns)
+    if names is None and hasattr(columns, '__arrow_c_stream__'):
+        columns = require('pyarrow', 'parquet', 'Arrow streams').table(columns)
+        names = columns.column_names
+    return None if names is None else _Columns(columns, names)
+
+
+def _column_names(columns) -> list[str] | None:
+    names = getattr(columns, 'column_names', getattr(columns, 'columns', None))
+    if isinstance(columns, Mapping):
+        names = columns
+    elif isinstance(columns, np.ndarray):
+        names = columns.dtype.names
+    elif names is None or callable(names):
+        return None
+    names = [] if names is None else list(names)
+    return names if names and all(isinstance(name, str) for name in names) else None
+
+
+def _as_numbers(array):
+    """Return objects as numbers, missing ones NaN, or as they are."""
+    try:
+        return np.array([np.nan if value is None else value for value in array], float)
+    except (TypeError, ValueError):
+        return array
 
 
 _READERS: dict[str, Callable[[Path], Table]] = {

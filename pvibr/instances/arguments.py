@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,24 +10,40 @@ import numpy as np
 from pvibr.formats.trimesh_meshes import is_trimesh
 from pvibr.maths.transforms import trs
 from pvibr.meshes.files import scene_instances
+from pvibr.meshes.glyphs import Glyphs
 from pvibr.meshes.parts import are_parts
-from pvibr.meshes.pose_files import read_poses_and
+from pvibr.meshes.posed import names_in, posed_source, source_of
+from pvibr.meshes.poses import as_poses
 
 
-def poses_and_scalars(poses, scalars):
-    """Return poses and scalars, read from a file if `poses` names one."""
-    if not isinstance(poses, str | Path):
-        return poses, scalars
-    poses, values = read_poses_and(poses, scalars if isinstance(scalars, str) else None)
-    if values is None:
-        return poses, scalars
-    if values.dtype.kind != 'f':
-        msg = f'scalars is {scalars!r}, a column of text; name one of numbers'
-        raise ValueError(msg)
-    return poses, values
+@dataclass(frozen=True)
+class Placed:
+    """What is placed where: meshes, poses, the mesh of each, and scalars."""
+
+    meshes: list
+    poses: np.ndarray
+    index: np.ndarray | None
+    scalars: object
 
 
-def meshes_and_poses(mesh, poses, index, pbr=False):
+def placed(mesh, poses, index, scalars, pbr=False, plain=False, **how) -> Placed:
+    """Return meshes, checked poses, index and scalars; plain ones have colours of their own."""
+    if isinstance(mesh, Glyphs) and poses is None:
+        shown = mesh.scalars if scalars is None and not plain else scalars
+        return Placed(mesh.meshes, as_poses(mesh.poses), mesh.index, shown)
+    meshes, poses, index = _meshes_and_poses(mesh, poses, index, pbr)
+    names = [n for n in (scalars, how.get('orient'), how.get('scale')) if isinstance(n, str)]
+    source = source_of(poses, *names, *names_in(how.get('orient')))
+    arrays = source.arrays or {}
+    if isinstance(scalars, str) and scalars in arrays:
+        name, scalars = scalars, arrays[scalars]
+        if np.ndim(scalars) != 1 or np.asarray(scalars).dtype.kind not in 'fiub':
+            msg = f'scalars is {name!r}, an array of text or vectors; name one of numbers'
+            raise ValueError(msg)
+    return Placed(meshes, posed_source(source, **how), index, scalars)
+
+
+def _meshes_and_poses(mesh, poses, index, pbr=False):
     """Return a list of meshes, poses and index; without poses, those of the scene graph."""
     if poses is None:
         if is_trimesh(mesh, 'Scene') or isinstance(mesh, str | Path):

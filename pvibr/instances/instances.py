@@ -15,8 +15,7 @@ from pvibr.instances.arguments import (
     checked_index,
     checked_views,
     index_of_phase,
-    meshes_and_poses,
-    poses_and_scalars,
+    placed,
     repeated,
 )
 from pvibr.instances.baked_set import BakedSet
@@ -26,7 +25,6 @@ from pvibr.instances.limits import Limits, checked_force, forced_limits, limits_
 from pvibr.instances.memory import checked_share
 from pvibr.instances.sources import Sources
 from pvibr.meshes.parts import as_meshes, as_parts, with_own_culling
-from pvibr.meshes.poses import as_poses
 from pvibr.scene import looks as look
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import nearest_hit
@@ -38,11 +36,19 @@ class Instances(BakedSet):
     Parameters
     ----------
     mesh : dataset, MultiBlock, actor, FoliageLevels, trimesh object, path, or a list of these
-        Meshes to draw. A trimesh scene, or a file with a scene graph (glTF, CityJSON), also has
-        poses.
-    poses : array_like, shape (n, 3) or (n, 4, 4), or path, optional
-        Points or matrices (world from model), world units, or a file for
-        :func:`pvibr.read_poses`.
+        Meshes to draw. A trimesh scene, a file with a scene graph (glTF, CityJSON), and what
+        ``mesh.ibr.glyph()`` returns also have poses.
+    poses : array_like, shape (n, 3) or (n, 4, 4), dataset, table or path, optional
+        Points or matrices (world from model), world units; also a dataset, a table with columns
+        x, y, z (DataFrame, dict, file) or transforms, see :func:`pvibr.matrices`.
+    orient : array_like, str, bool or scipy.spatial.transform.Rotation, optional
+        Vectors toward which x turns, shape (n, 3), quaternions (w, x, y, z), shape (n, 4),
+        matrices, or a name of such an array of the points; by default the vectors of a dataset
+        that has one array of them. False turns nothing.
+    scale : float, array_like, shape (n,) or (n, 3), str or bool, optional
+        Factors, vectors of these lengths, or a name of such an array of the points.
+    factor : float
+        Factor of all sizes.
     index : array_like of int, shape (n,), optional
         Mesh of each instance if there are several; in turn by default.
     phase : array_like of float, shape (n,), or float, optional
@@ -52,8 +58,8 @@ class Instances(BakedSet):
     name : str, optional
         Name in the plotter and in reports.
     scalars : array_like, shape (n,), or str, optional
-        Values per instance, coloured by `cmap`; a name selects a column of the pose file, or
-        else an array of the mesh, as in ``add_mesh``.
+        Values per instance, coloured by `cmap`; a name selects an array of the points, or else
+        one of the mesh, as in ``add_mesh``.
     colors : array_like, shape (n, 3), optional
         Colours per instance, uint8 or float.
     blend : {'replace', 'multiply'}
@@ -131,6 +137,9 @@ class Instances(BakedSet):
         mesh,
         poses=None,
         *,
+        orient=None,
+        scale=None,
+        factor=1.0,
         index=None,
         phase=None,
         max_error=1.0,
@@ -154,9 +163,17 @@ class Instances(BakedSet):
         super().__init__(max_error=max_error)
         self.name = name
         self.force_level = force_level
-        poses, scalars = poses_and_scalars(poses, scalars)
-        meshes, poses, index = meshes_and_poses(mesh, poses, index, mesh_kwargs.get('pbr'))
-        poses = as_poses(poses)
+        self._placing = {'orient': orient, 'scale': scale, 'factor': factor}
+        given = placed(
+            mesh,
+            poses,
+            index,
+            scalars,
+            pbr=mesh_kwargs.get('pbr'),
+            plain=colors is not None or mesh_kwargs.get('color') is not None,
+            **self._placing,
+        )
+        meshes, poses, index, scalars = given.meshes, given.poses, given.index, given.scalars
         if phase is not None:
             index = index_of_phase(repeated('phase', phase, len(poses)), len(meshes))
             self._wanted = frozenset(range(len(meshes)))

@@ -19,7 +19,7 @@ from pvibr.instances.group import InstanceGroup, unit_of
 from pvibr.instances.levels import make_model
 from pvibr.instances.placement import centers_of
 from pvibr.maths.blocks import BLOCK, members, morton_order
-from pvibr.meshes.poses import as_poses
+from pvibr.meshes.posed import posed_source, source_of
 from pvibr.scene import looks as look
 from pvibr.scene.item_set import ItemSet
 from pvibr.scene.scalar_bars import name_of
@@ -52,6 +52,8 @@ class PosedSet(ItemSet):
     #: Meshes to be baked whether or not an instance shows them.
     _wanted: frozenset = frozenset()
     _capacity = 0
+    #: How poses were asked to be turned and scaled.
+    _placing: dict = {}
 
     def _begin(self, poses, index, models, pickable, meshes=(), baking=None):
         """Take over checked arguments; models that lack are baked of the meshes."""
@@ -158,6 +160,12 @@ class PosedSet(ItemSet):
                 setattr(self, name, values)
         self._show_bar()  # also where another number of instances has no scalars
 
+    def _posed(self, poses):
+        """Return checked poses; those of datasets and tables turned and scaled as the first."""
+        alike = {k: v for k, v in self._placing.items() if np.ndim(v) == 0}
+        given = source_of(poses, *(v for v in alike.values() if isinstance(v, str)))
+        return posed_source(given, **({} if given.arrays is None else alike))
+
     def _take_back(self, before):
         """Have what there was before an update that failed."""
         self.__dict__.update(before)
@@ -165,7 +173,7 @@ class PosedSet(ItemSet):
     def _update_all(self, poses, index, scalars, colors, visible) -> dict:
         """Have other poses and meshes; return the looks to be set."""
         moved = poses is not None or index is not None
-        poses = self._poses if poses is None else as_poses(poses)
+        poses = self._poses if poses is None else self._posed(poses)
         count, meshes = len(poses), max(len(self._meshes), 1)
         if index is not None:
             index = checked_index(repeated('index', index, count), count, meshes)
@@ -189,7 +197,7 @@ class PosedSet(ItemSet):
             index = repeated('index', index, len(ids))
             checked_index(index, len(ids), max(len(self._meshes), 1))
         if poses is not None:
-            poses = repeated('poses', as_poses(poses), len(ids))
+            poses = repeated('poses', self._posed(poses), len(ids))
             kept, poses = same_kind(self._poses, poses)
             moved = index is None and self._may_move(kept, poses)
             if kept is not self._poses or not self._owned or not moved:

@@ -67,15 +67,20 @@ def read_poses(path, columns=None, *, others=None):
     return _poses_of(table_of(path), columns, others)
 
 
-def read_poses_and(path, name):
-    """Read poses and one other column, or None if the file lacks it."""
+def read_poses_and(path, names):
+    """Read poses and other columns, those of some names that the file has."""
     path = existing(path, 'poses file')
     if path.suffix.lower() == '.npy':
-        return _read_npy(path), None
-    table = table_of(path)
-    there = name is not None and table.find(name) is not None
-    poses, found = _poses_of(table, None, [name] if there else [])
-    return poses, found.get(table.names[table.find(name)]) if there else None
+        return _read_npy(path), {}
+    return table_poses(table_of(path), names)
+
+
+def table_poses(table, names, columns=None):
+    """Return poses of a table, and the other columns of some names that it has, by these."""
+    there = [name for name in names if table.find(name) is not None]
+    poses, found = _poses_of(table, columns, there)
+    kept = {name: found.get(table.names[table.find(name)]) for name in there}
+    return poses, {name: values for name, values in kept.items() if values is not None}
 
 
 def _read_npy(path):

@@ -214,7 +214,7 @@ def test_instances_stand_where_a_file_says(tmp_path, kind):
 def test_columns_of_text_colour_nothing(tmp_path):
     file = _write(tmp_path, 'x,y,z,kind\n0,0,0,oak\n')
     pl = pv.Plotter(off_screen=True)
-    with pytest.raises(ValueError, match="'kind', a column of text"):
+    with pytest.raises(ValueError, match="'kind', an array of text"):
         pl.ibr.add_instances(pv.Cone(), file, scalars='kind', cache=False)
     assert not pl.ibr.effects
     pl.close()

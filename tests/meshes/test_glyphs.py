@@ -1,0 +1,138 @@
+"""``mesh.ibr.glyph`` places, chooses and colours as ``mesh.glyph`` does."""
+
+from __future__ import annotations
+
+import inspect
+import itertools
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from pvibr.core.errors import PvibrWarning
+from tests.pictures import off, place, plotter, shot
+
+CONE = pv.Cone(direction=(1.0, 2.0, 3.0), resolution=5)
+TABLE = [CONE, pv.Cube()]
+
+
+def grid(seed):
+    """A grid with vectors and numbers on points and on cells."""
+    rng = np.random.default_rng(seed)
+    made = pv.ImageData(dimensions=(4, 3, 3))
+    for data, mark, count in ((made.point_data, '', 36), (made.cell_data, 'c', 12)):
+        data[f'{mark}wind'] = rng.normal(size=(count, 3))
+        data[f'{mark}speed'] = rng.uniform(-0.5, 1.5, count)
+    made.set_active_scalars('speed')
+    made.set_active_vectors('wind')
+    return made
+
+
+def glyph_points(glyphs):
+    meshes = [glyphs.meshes[k] for k in glyphs.index]
+    parts = [m.points @ p[:3, :3].T + p[:3, 3] for m, p in zip(meshes, glyphs.poses, strict=True)]
+    return np.concatenate(parts), np.repeat(glyphs.scalars, [m.n_points for m in meshes])
+
+
+WAYS = [
+    *itertools.product((True, False, 'wind'), (True, 'speed', 'wind'), (None,)),
+    (False, 'cspeed', None),
+    ('cwind', 'cspeed', None),
+    ('cwind', 'cwind', None),
+    (True, True, 0.3),
+]
+
+
+@pytest.mark.parametrize('way', WAYS)
+@pytest.mark.parametrize('geom', [None, CONE, TABLE])
+def test_points_and_scalars_are_those_of_pyvista(way, geom):
+    kinds = itertools.product((False, True), (None, (-0.2, 1.2)), ('scale', 'scalar', 'vector'))
+    for clamping, rng, color_mode in kinds:
+        mesh = grid(len(color_mode) + 3)
+        how = dict(zip(('orient', 'scale', 'tolerance'), way, strict=True))
+        how |= {'geom': geom, 'clamping': clamping, 'rng': rng, 'color_mode': color_mode}
+        made, wanted = mesh.ibr.glyph(factor=0.7, **how), mesh.copy().glyph(factor=0.7, **how)
+        points, scalars = glyph_points(made)
+        np.testing.assert_allclose(points, wanted.points, atol=1e-5, err_msg=str(how))
+        if wanted.active_scalars_name is None:  # of a table, by vectors that there are not
+            continue
+        assert made.scalars.VTKObject.GetName() == wanted.active_scalars_name, how
+        shown = np.asarray(wanted.active_scalars)
+        shown = shown if shown.ndim == 1 else np.linalg.norm(shown, axis=1)
+        np.testing.assert_allclose(scalars, shown, atol=1e-6, err_msg=str(how))
+
+
+def test_signature_is_that_of_pyvista():
+    own = inspect.signature(pv.PolyData().ibr.glyph).parameters
+    wanted = inspect.signature(pv.DataSetFilters.glyph).parameters
+    assert list(own) == list(wanted)[1:]
+    assert all(own[name].default == wanted[name].default for name in own)
+
+
+def test_picture_and_bar_are_those_of_pyvista():
+    mesh, pictures = grid(9), []
+    for own in (True, False):
+        pl = plotter()
+        how = {'orient': 'wind', 'scale': 'speed', 'factor': 0.5, 'geom': TABLE}
+        if own:
+            pl.ibr.add_instances(mesh.ibr.glyph(**how), cmap='plasma')
+        else:
+            pl.add_mesh(mesh.glyph(**how), cmap='plasma')
+        assert list(pl.scalar_bars.keys()) == ['speed']
+        pictures.append(shot(place(pl, (8.0, -14.0, 7.0), (1.5, 1, 1))))
+        pl.close()
+    assert (pictures[1] != pictures[1][0, 0]).any(2).mean() > 0.03
+    assert (off(*pictures) > 8).mean() < 0.001
+
+
+def test_it_does_not_change_the_mesh():
+    mesh = grid(2)
+    before = mesh.copy()
+    mesh.ibr.glyph(orient='cwind', scale='cspeed')
+    assert mesh == before
+    assert mesh.active_scalars_info == before.active_scalars_info
+    assert mesh.active_vectors_info == before.active_vectors_info
+
+
+def test_far_from_the_origin_glyphs_keep_their_shape():
+    mesh = grid(4)
+    mesh.origin = (4.5e6, 5.5e6, 0.0)
+    made = mesh.ibr.glyph('wind', 'speed')
+    mesh.origin = (0.0, 0.0, 0.0)
+    near = mesh.ibr.glyph('wind', 'speed')
+    np.testing.assert_allclose(
+        made.poses[:, :3, 3] - near.poses[:, :3, 3], [[4.5e6, 5.5e6, 0]] * 36
+    )
+    np.testing.assert_array_equal(made.poses[:, :3, :3], near.poses[:, :3, :3])
+
+
+BAD = [
+    ({'progress_bar': True}, ValueError, 'progress_bar is True'),
+    ({'color_mode': 'scales'}, ValueError, "color_mode is 'scales'.*'scale', 'scalar'"),
+    ({'orient': 'wnd'}, ValueError, "orient is 'wnd'.*did you mean 'wind'"),
+    ({'orient': 'speed'}, ValueError, r"orient is 'speed', of shape \(36,\)"),
+    ({'scale': 'spee'}, ValueError, "scale is 'spee'.*did you mean 'speed'"),
+    ({'orient': 'wind', 'scale': 'cspeed'}, ValueError, "orient is 'wind'|scale and orient"),
+    ({'geom': []}, ValueError, 'geom is empty'),
+    ({'geom': TABLE, 'indices': [0, 2]}, ValueError, r'indices is \[0, 2\]'),
+    ({'rng': (2.0, 1.0)}, ValueError, r'rng is \(2.0, 1.0\)'),
+    ({'tolerance': -1.0}, ValueError, 'tolerance is -1.0'),
+    ({'clamping': 'no'}, TypeError, "clamping = 'no'"),
+    ({'factor': np.inf}, ValueError, 'factor is inf'),
+    ({'orient': 3}, TypeError, 'orient = 3'),
+]
+
+
+@pytest.mark.parametrize(('bad', 'kind', 'said'), BAD)
+def test_bad_values_are_named(bad, kind, said):
+    with pytest.raises(kind, match=said):
+        grid(1).ibr.glyph(**bad)
+
+
+def test_it_says_what_it_did_not_choose():
+    mesh = grid(1)
+    mesh.set_active_vectors(None)
+    with pytest.warns(PvibrWarning, match=r'(?s)orient is True.*set to False'):
+        mesh.ibr.glyph()
+    with pytest.raises(TypeError, match='combine'):
+        pv.MultiBlock([mesh]).ibr.glyph()
