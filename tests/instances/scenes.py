@@ -12,6 +12,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.instances.atlas import Atlas
+from pvibr.instances.levels import make_model
 from tests.pictures import centroid, depths, grab, place, plotter, reduce, rgba
 
 _QUICK = WeakValueDictionary()  # atlases in use whose errors are measured at few sizes
@@ -23,6 +24,7 @@ def quick(patch):
     """Measure the errors of atlases at two sizes: a bake takes a third of its time."""
     patch.setattr('pvibr.instances.measure.SIZES', (8, 32))
     patch.setattr('pvibr.instances.levels._atlases', _QUICK)
+    patch.setitem(make_model.__kwdefaults__, 'tile', 64)
 
 
 @wraps(_textures)

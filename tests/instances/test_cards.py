@@ -308,39 +308,41 @@ def test_small_things_do_not_flicker_whatever_was_measured(scenes, see, looks, s
     assert np.ptp(energy) < 0.1 * np.mean(energy)
 
 
-def test_between_a_card_and_the_mesh_the_ground_hides_no_feet(bean, atlases, see):
-    pl = pv.Plotter(off_screen=True, window_size=(120, 120))
-    pl.disable_anti_aliasing()
-    pl.add_mesh(
-        pv.Plane(center=(0, 0, bean.bounds.z_min), i_size=40, j_size=40),
-        color='blue',
-        lighting=False,
-    )
-    things = pl.ibr.add_instances(bean, [[0, 0, 0]], color='red', lighting=False, cache=atlases)
-    see.place(pl, (0, -6, 5), (0.3, -0.2, 0.1))
-    see.grab(pl)
-    group = things.groups[0]
-    (size,) = group.blocks.seen(Frame.of(pl.renderer))[3]
-    counts = []
-    for split in (2 * size, size / 1.025, size / 2):  # below, amid and above where one fades
-        things.force_level = {'parallax': (0.0, float(split)), 'mesh': (float(split), 1e9)}
+def counts_amid(pl, things, coarse, fine, count):
+    """Return what is counted below, amid and above the size where one level fades to the next."""
+    pl.render_window.Render()
+    (size,) = things.groups[0].blocks.seen(Frame.of(pl.renderer))[3]
+    found = []
+    for split in (2 * size, size / 1.025, size / 2):
+        things.force_level = {coarse: (0.0, float(split)), fine: (float(split), 1e9)}
+        found.append(count())
+    return found
+
+
+def test_between_a_card_and_the_mesh_the_ground_hides_no_feet(scenes, see, bean):
+    where = {'eye': (0, -6, 5), 'focus': (0.3, -0.2, 0.1)}
+    looks = {'color': 'red', 'lighting': False}
+    pl, things = scenes.instances(bean, [[0, 0, 0]], level='mesh', size=(120, 120), **looks)
+    ground = pv.Plane(center=(0, 0, bean.bounds.z_min), i_size=40, j_size=40)
+    pl.add_mesh(ground, color='blue', lighting=False)
+    see.place(pl, **where)
+
+    def seen():
         red, _, blue = np.moveaxis(see.grab(pl), -1, 0)
-        counts.append((red > blue).sum())
-    assert counts[1] > 0.97 * min(counts[0], counts[2]) > 100
-    pl.close()
+        return (red > blue).sum()
+
+    below, amid, above = counts_amid(pl, things, 'parallax', 'mesh', seen)
+    assert amid > 0.97 * min(below, above) > 100
 
 
-def test_between_two_levels_buffers_still_know_what_is_there(bean, atlases, see):
-    pl = pv.Plotter(off_screen=True, window_size=(120, 120))
-    things = pl.ibr.add_instances(bean, [[0, 0, 0]], cache=atlases)
-    see.place(pl, (0, -8, 0), (0.3, -0.2, 0.1))
-    see.grab(pl)
-    group = things.groups[0]
-    (size,) = group.blocks.seen(Frame.of(pl.renderer))[3]
-    counts = []
-    for split in (2 * size, size / 1.025, size / 2):  # below, amid and above where one fades
-        things.force_level = {'flat': (0.0, float(split)), 'parallax': (float(split), 1e9)}
+def test_between_two_levels_buffers_still_know_what_is_there(scenes, bean):
+    where = {'eye': (0, -8, 0), 'focus': (0.3, -0.2, 0.1)}
+    size = (120, 120)
+    pl, things = scenes.instances(bean, [[0, 0, 0]], level='mesh', size=size, camera=where)
+
+    def found():
         ids, objects = pl.ibr.buffer('id'), list(pl.ibr.buffer_objects)
-        counts.append((ids == objects.index(things)).sum())
-    assert counts[1] > 0.95 * min(counts[0], counts[2]) > 100
-    pl.close()
+        return (ids == objects.index(things)).sum()
+
+    below, amid, above = counts_amid(pl, things, 'flat', 'parallax', found)
+    assert amid > 0.95 * min(below, above) > 100
