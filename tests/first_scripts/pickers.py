@@ -1,0 +1,18 @@
+"""PyVista's own pickers, on instances near and far."""
+
+import numpy as np
+import pyvista as pv
+
+places = np.array([[0.0, 0, 0], [0, 400, 0]])
+pl = pv.Plotter(window_size=(300, 200))
+trees = pl.ibr.add_instances(pv.Sphere(theta_resolution=60, phi_resolution=60), places)
+pl.camera_position = [(0.2, -6, 0.1), (0, 0, 0.1), (0, 0, 1)]
+pl.camera.clipping_range = 0.1, 1000
+found = []
+pl.enable_mesh_picking(found.append, use_actor=True, left_clicking=True, show=False)
+pl.show(auto_close=False)
+x, y = pl.ibr.project(places[0]) if hasattr(pl.ibr, 'project') else (150, 100)
+pl.iren._mouse_left_button_click(150, 100)
+assert found
+assert found[-1] is trees
+pl.close()
