@@ -56,6 +56,7 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         super().__init__(plotter)
         self._buffer_objects: list = []
         self._at_close: list = []
+        self._last_report = Report([])
 
     def __repr__(self) -> str:
         if self._is_closed:
@@ -346,8 +347,11 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         return toggle(self.pipeline, on, atlas, levels=levels, cells=cells, table=table)
 
     def report(self) -> Report:
-        """Return a report on which effects ran in the last frame, and why others did not."""
-        return self.pipeline.report()
+        """Return a report on which effects ran in the last frame, and why others did not.
+
+        Once the plotter is closed, as ``show()`` leaves it, the report is that of its last frame.
+        """
+        return self._last_report if self._is_closed else self.pipeline.report()
 
     # -- the end ---------------------------------------------------------------------------------
 
@@ -363,6 +367,8 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
 
     def close(self):
         """Release everything; plotters call it when they close. It may be called again."""
+        if self._pipelines and not self._is_closed:
+            self._last_report = self.pipeline.report()
         self._closed = True
         self._hand_over.stop()
         self._clock.stop()

@@ -102,7 +102,6 @@ def test_closed_by_show(pl):
     for use in (
         lambda: ibr.add(Fade()),
         ibr.clear,
-        ibr.report,
         ibr.state,
         lambda: ibr.restore({}),
         lambda: ibr.effects,
@@ -110,6 +109,12 @@ def test_closed_by_show(pl):
     ):
         with pytest.raises(ClosedError, match='the plotter is closed: make a new one'):
             use()
+
+
+def test_the_report_after_show_is_of_the_last_frame(pl):
+    pl.ibr.add(Holder())
+    pl.show()
+    assert [(row.effect, row.state) for row in pl.ibr.report().rows] == [('Holder', 'ran')]
 
 
 def test_closed_without_having_drawn(pl):

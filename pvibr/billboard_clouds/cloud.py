@@ -15,7 +15,7 @@ from pvibr.billboard_clouds.texture import arranged, draw, opaque_texels
 from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.maths.billboard_clouds import Planes, greedy_planes, kmeans_planes
-from pvibr.meshes.parts import as_parts
+from pvibr.meshes.parts import as_parts, check_triangles
 
 _APART = 0.01  # of the bound: how far pictures of two sides are from their plane
 _NEAR = 0.25  # of the bound: what is drawn onto a plane beside what belongs there, against gaps
@@ -174,6 +174,7 @@ def billboard_cloud(
     _check(epsilon, planes, size, supersample)
     start = time.perf_counter()
     parts = as_parts(mesh, **looks)
+    check_triangles(parts)
     points, faces = joined(parts, 0.0)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not diagonal > 0:

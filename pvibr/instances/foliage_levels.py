@@ -15,7 +15,7 @@ from pvibr.maths.flip import flip
 from pvibr.maths.image_error import box_reduce, psnr, silhouette_iou
 from pvibr.maths.vectors import as_units
 from pvibr.meshes.decimate import lighter
-from pvibr.meshes.parts import Part, as_parts
+from pvibr.meshes.parts import Part, as_parts, check_triangles
 from pvibr.meshes.surfaces import some_triangles
 from pvibr.meshes.turntable import Turns
 
@@ -159,6 +159,7 @@ def foliage_levels(
     """
     _check(largest, crossed, views, view_size)
     parts = as_parts(mesh, **looks)
+    check_triangles(parts)
     divided = _divided(parts, labels, largest)
     if not any(small is not None for _, small, _ in divided):
         msg = f'mesh has no part below {largest} of its size; give labels, or raise largest'

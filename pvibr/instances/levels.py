@@ -24,7 +24,7 @@ from pvibr.instances.stored_levels import from_arrays, to_arrays
 from pvibr.instances.worth import why_not
 from pvibr.maths.posed_bounds import hull_corners
 from pvibr.meshes.decimate import displacement, lighter
-from pvibr.meshes.parts import as_parts
+from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import smoothed
 
 VERSION = 28  # of what is kept in the cache: a change of bake, measure or decimation raises it
@@ -103,6 +103,7 @@ def _between(sizes) -> str:
 def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **looks) -> Atlas:
     """Return the atlas of a mesh, with its error measured."""
     parts = as_parts(mesh, **looks)
+    check_triangles(parts)
     grid = {'views': views, 'tile': tile, 'half': half}
     return make_model(parts, cache=cache, progress=progress, **grid).atlas
 

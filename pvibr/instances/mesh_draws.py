@@ -99,7 +99,7 @@ class PartDraws(ShaderDraws):
     """Draws of one part of a mesh, each of as many copies as its vertex buffer holds."""
 
     def __init__(self, part, capacity, center, matrix, binder):
-        cells = part.mesh.n_cells
+        cells = max(part.mesh.n_cells, 1)
         triangles = min(max(_TRIANGLES, capacity * cells // 16), _MOST)
         chunk = max(1, min(capacity, triangles // cells))
         super().__init__(draws=0, chunk=chunk, binder=binder)

@@ -83,6 +83,17 @@ class Part:
         return ''
 
     @cached_property
+    def strokes(self):
+        """The ends of the pieces of its lines and of its vertices, shape (n, 2, 3)."""
+        drawn = pv.wrap(self.actor.GetMapper().GetInput())
+        lines, dots = drawn.GetLines(), drawn.GetVerts()
+        ids, dots = (_vtk.vtk_to_numpy(c.GetConnectivityArray()) for c in (lines, dots))
+        goes_on = np.ones(len(ids), bool)
+        goes_on[_vtk.vtk_to_numpy(lines.GetOffsetsArray())[1:] - 1] = False
+        pieces = np.stack([ids[goes_on], np.roll(ids, -1)[goes_on]], 1)
+        return np.asarray(drawn.points, float)[np.concatenate([pieces, np.stack([dots] * 2, 1)])]
+
+    @cached_property
     def locator(self):
         """What finds the cells of the mesh that a line meets."""
         locator = _vtk.vtkStaticCellLocator()
@@ -167,6 +178,13 @@ def _numbered(place, mesh, kwargs):
     except ValueError as error:
         msg = f'meshes[{place}]: {error}'
         raise ValueError(msg) from error
+
+
+def check_triangles(parts):
+    """Raise if no part has triangles."""
+    if not any(part.mesh.n_cells for part in parts):
+        msg = 'mesh has only points or lines: make a surface of it with .tube() or .glyph().'
+        raise ValueError(msg)
 
 
 def culled_faces(prop) -> tuple:

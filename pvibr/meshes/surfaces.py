@@ -40,9 +40,6 @@ def surface_of(dataset):
 def triangles_of(surface):
     """Return the polygons of a surface as triangles, with its active arrays."""
     polygons = _polygons(surface)
-    if not polygons.n_cells:
-        msg = 'mesh has only points or lines: make a surface of it with .tube() or .glyph().'
-        raise ValueError(msg)
     triangles = polygons if _is_triangulated(polygons) else polygons.triangulate()
     _set_active(triangles, surface.active_scalars_info)
     return triangles

@@ -9,6 +9,9 @@ import numpy as np
 
 from pvibr.core import _vtk
 
+#: How near to lines and points a ray passes that meets them, in diagonals of their mesh.
+_NEAR = 0.02
+
 
 @dataclass(frozen=True)
 class Hit:
@@ -103,5 +106,21 @@ def _meet(group, slot, start, direction):
 def _line_mesh(part, start, end):
     t, sub, cell = _vtk.reference(0.0), _vtk.reference(0), _vtk.reference(0)
     point, param = [0.0] * 3, [0.0] * 3
+    if not part.mesh.n_cells:
+        return _line_strokes(part.strokes, start, end, _NEAR * part.mesh.length)
     met = part.locator.IntersectWithLine(start, end, 0.0, t, point, param, sub, cell)
     return np.array(point) if met else None
+
+
+def _line_strokes(strokes, start, end, near):
+    """Return the first point of lines and points that a line passes nearby, or None."""
+    along = (end - start) / np.linalg.norm(end - start)
+    away, reach = strokes[:, 0] - start, strokes[:, 1] - strokes[:, 0]
+    aside, turned = (v - (v @ along)[:, None] * along for v in (away, reach))
+    length = np.einsum('ij,ij->i', turned, turned)
+    t = np.clip(-np.einsum('ij,ij->i', aside, turned) / np.maximum(length, 1e-30), 0.0, 1.0)
+    met = np.linalg.norm(aside + t[:, None] * turned, axis=1) <= near
+    if not met.any():
+        return None
+    points = strokes[met, 0] + t[met, None] * reach[met]
+    return points[((points - start) @ along).argmin()]

@@ -8,9 +8,9 @@ import pyvista as pv
 import pvibr
 
 bloom = pvibr.Bloom()
-bloom.intensity = 0.5
-assert copy.deepcopy(bloom).intensity == 0.5
-assert pickle.loads(pickle.dumps(bloom)).intensity == 0.5
+bloom.threshold = 0.5
+assert copy.deepcopy(bloom).threshold == 0.5
+assert pickle.loads(pickle.dumps(bloom)).threshold == 0.5
 pl = pv.Plotter()
 balls = pl.ibr.add_instances(pv.Sphere(), [(2.0 * x, 0, 0) for x in range(5)], color='red')
 for copied in (copy.deepcopy, lambda thing: pickle.loads(pickle.dumps(thing))):

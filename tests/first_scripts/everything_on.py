@@ -12,6 +12,7 @@ pl.enable_anti_aliasing('ssaa')
 pl.enable_eye_dome_lighting()
 pl.ibr.add(pvibr.DepthOfField(balls))
 first = pl.screenshot()
+pl.render()
 assert (pl.screenshot() == first).all()
 red = (first[..., 0] > first[..., 2] + 40).mean()
 assert red > 0.02

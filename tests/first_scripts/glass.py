@@ -11,8 +11,13 @@ ours = pl.screenshot().astype(float)
 other = pv.Plotter(window_size=(300, 200))
 other.enable_depth_peeling(20)
 ball = pv.Sphere(theta_resolution=60, phi_resolution=60)
-other.add_mesh(pv.PolyData(places).glyph(geom=ball, orient=False, scale=False), color='red',
-               opacity=0.4, smooth_shading=True)
+other.add_mesh(
+    pv.PolyData(places).glyph(geom=ball, orient=False, scale=False),
+    color='red',
+    opacity=0.4,
+    smooth_shading=True,
+    culling='back',
+)  # spheres are one layer
 other.camera = pl.camera
 theirs = other.screenshot().astype(float)
 assert np.abs(ours - theirs).mean() < 3

@@ -15,7 +15,7 @@ def shot(add):
 
 
 arrow = pv.Arrow()
-kwargs = dict(orient='Normals', scale='length', factor=0.3)
+kwargs = {'orient': 'Normals', 'scale': 'length', 'factor': 0.3}
 theirs = shot(lambda pl: pl.add_mesh(points.glyph(geom=arrow, **kwargs), color='w'))
 ours = shot(lambda pl: pl.ibr.add_instances(arrow, points, color='w', **kwargs))
 accessor = shot(lambda pl: pl.ibr.add(points.ibr.glyph(geom=arrow, **kwargs), color='w'))

@@ -11,6 +11,7 @@ everything = pl.screenshot()
 
 
 def red():
+    pl.render()
     picture = pl.screenshot().astype(int)
     return (picture[..., 0] > picture[..., 2] + 40).sum()
 
@@ -24,4 +25,5 @@ try:
     balls.visible[:] = True
 except ValueError:
     balls.visible = True
+pl.render()
 assert (pl.screenshot() == everything).all()

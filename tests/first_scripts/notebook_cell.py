@@ -7,7 +7,7 @@ import pvibr
 pl = pv.Plotter()
 for _ in range(2):
     pl.ibr.add_instances(pv.Sphere(), [(2.0 * x, 0, 0) for x in range(5)], name='balls')
-    pl.ibr.add(pvibr.Bloom(intensity=0.5))
+    pl.ibr.add(pvibr.Bloom())
     pl.ibr.add(pvibr.Shadows())
 assert len(pl.ibr) == 3
 assert len(pl.ibr.effects) == 2

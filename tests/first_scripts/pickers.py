@@ -11,7 +11,6 @@ pl.camera.clipping_range = 0.1, 1000
 found = []
 pl.enable_mesh_picking(found.append, use_actor=True, left_clicking=True, show=False)
 pl.show(auto_close=False)
-x, y = pl.ibr.project(places[0]) if hasattr(pl.ibr, 'project') else (150, 100)
 pl.iren._mouse_left_button_click(150, 100)
 assert found
 assert found[-1] is trees

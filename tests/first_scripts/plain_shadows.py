@@ -11,6 +11,7 @@ pl.add_mesh(pv.Sphere(center=(0, 0, 1)), color='tomato')
 pl.camera_position = [(8, -8, 6), (0, 0, 0), (0, 0, 1)]
 before = pl.screenshot().astype(float).mean(-1)
 pl.ibr.add(pvibr.Shadows())
+pl.render()
 after = pl.screenshot().astype(float).mean(-1)
 
 floor = after[180:280, 120:280]

@@ -6,6 +6,7 @@ places = [(2.0 * x, 0, 0) for x in range(5)]
 
 
 def is_empty(pl):
+    pl.render()
     picture = pl.screenshot()
     return (picture == picture[0, 0]).all()
 

@@ -28,8 +28,9 @@ values = [0, 1, 2, 3, np.nan]
 plain = shot(lambda pl: pl.add_mesh(mesh(places)))
 assert np.abs(shot(lambda pl: pl.ibr.add_instances(pv.Cube(), places)) - plain).mean() < 1
 plain = shot(lambda pl: pl.add_mesh(mesh(places, values), show_scalar_bar=False))
-ours = shot(lambda pl: pl.ibr.add_instances(pv.Cube(), places, scalars=values,
-                                            show_scalar_bar=False))
+ours = shot(
+    lambda pl: pl.ibr.add_instances(pv.Cube(), places, scalars=values, show_scalar_bar=False)
+)
 assert np.abs(ours - plain).mean() < 1
 before = pv.global_theme.color
 pv.global_theme.color = 'magenta'

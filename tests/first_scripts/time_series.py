@@ -1,5 +1,7 @@
 """A time series with a label that follows it."""
 
+import itertools
+
 import numpy as np
 import pyvista as pv
 
@@ -11,6 +13,7 @@ pictures = []
 for time, places in enumerate(steps):
     cells.update(poses=places, scalars=places[:, 2])
     pl.add_text(f't = {time}', name='time')
+    pl.render()
     pictures.append(pl.screenshot())
-assert all((a != b).any() for a, b in zip(pictures[:-1], pictures[1:], strict=True))
+assert all((a != b).any() for a, b in itertools.pairwise(pictures))
 assert tuple(cells.clim) == (0, 9)

@@ -482,7 +482,6 @@ BAD = {
     'text': ({'poses': [['a', 'b', 'c']]}, (TypeError, ValueError), 'poses'),
     'no poses': ({'poses': None}, TypeError, 'poses is missing'),
     'empty mesh': ({'mesh': pv.PolyData()}, ValueError, 'empty'),
-    'lines': ({'mesh': pv.Line()}, ValueError, 'only points or lines'),
     'no mesh': ({'mesh': 3}, TypeError, 'mesh must be'),
     'list': ({'mesh': []}, ValueError, 'meshes is empty|at least one mesh'),
     'no file': ({'mesh': 'nowhere.ply'}, FileNotFoundError, r'nowhere\.ply'),

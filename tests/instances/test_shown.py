@@ -152,6 +152,8 @@ MORE = {
     'points': (pv.Sphere(), {'style': 'points', 'smooth_shading': True}, 'points'),
     'flat points': (prism(), {'style': 'points', 'point_size': 6}, 'points'),
     'lines': (with_lines(), {'line_width': 3}, 'lines'),
+    'only lines': (pv.Spline(prism().points, 40), {'line_width': 2}, 'lines'),
+    'only points': (pv.PolyData(prism().points), {'point_size': 6}, 'vertices'),
     'material of backs': (
         pv.Plane(),
         {'backface_params': {'color': 'red', 'ambient': 0.5}},
@@ -170,6 +172,18 @@ def test_what_images_cannot_show_is_drawn_as_meshes(scenes, see, mesh, look, why
     plain = see.grab(scenes.actors(mesh, POSES, camera=CAMERA, **look))
     assert np.ptp(plain) > 0
     np.testing.assert_allclose(drawn, plain, atol=1.01 / 255)
+
+
+@pytest.mark.parametrize('mesh', [MORE['only lines'][0], MORE['only points'][0]])
+def test_lines_and_points_are_picked_where_they_are_seen(scenes, see, mesh):
+    pl, things = scenes.instances(mesh, POSES, camera=CAMERA, line_width=2, point_size=2)
+    shown = np.ptp(see.grab(pl), axis=2) > 0.1
+    row, column = np.argwhere(shown)[shown.sum() // 2]
+    hit = pl.ibr.pick(int(column), len(shown) - 1 - int(row))
+    missed = pl.ibr.pick(1, 1)
+    assert hit is not None
+    assert hit.index in range(len(things))
+    assert missed is None
 
 
 def with_arrays(**arrays):
