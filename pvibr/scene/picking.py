@@ -10,7 +10,7 @@ import numpy as np
 from pvibr.core import _vtk
 
 #: How near to lines and points a ray passes that meets them, in diagonals of their mesh.
-_NEAR = 0.02
+_NEAR = 0.04
 
 
 @dataclass(frozen=True)

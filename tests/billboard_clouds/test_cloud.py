@@ -292,6 +292,8 @@ def test_a_point_is_no_cloud():
         pv.PolyData(np.ones((3, 3)), faces=[3, 0, 1, 2]).ibr.billboard_cloud()
     with pytest.raises(ValueError, match='empty'):
         pv.PolyData().ibr.billboard_cloud()
+    with pytest.raises(ValueError, match='only points or lines'):
+        pv.Line().ibr.billboard_cloud()
 
 
 def scene(add, bounds, view, *, light=(1, -1, 2), floor=False, **kwargs):
