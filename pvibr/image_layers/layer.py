@@ -201,7 +201,8 @@ class Layer:
 
     def _is_dear(self) -> bool:
         """Return True if the image costs more than it saves."""
-        cost = self._rate.value * self.seconds + self.picture.pixel * self.picture.area
+        draws = 2 if self.picture.blends else 1  # core and fringe
+        cost = self._rate.value * self.seconds + draws * self.picture.pixel * self.picture.area
         return self.taken > 1 and cost * _GAIN > self._alone.value
 
     def _rest(self):
