@@ -7,9 +7,10 @@ from importlib import import_module
 from typing import Generic, TypeVar
 
 from pvibr.core.signatures import arguments_of, docstring_of, keywords_of, method_signature
+from pvibr.scene.keywords import check_keywords
 
 Made = TypeVar('Made')
-_OF_SCALARS = ('show_scalar_bar', 'scalar_bar_args')
+_OF_SCALARS = ('show_scalar_bar', 'scalar_bar_args', 'label')
 
 
 class AddMethod(Generic[Made]):
@@ -30,12 +31,13 @@ class AddMethod(Generic[Made]):
     def _method(self, make):
         add, own = self._add, arguments_of(make)
         shown = keywords_of(add, () if 'scalars' in own else _OF_SCALARS)
+        arguments = own | shown
 
         def method(self, *args, **kwargs):
+            check_keywords(make, kwargs, arguments)
             options = {name: kwargs.pop(name) for name in shown if name in kwargs}
             return add(self, make, args, kwargs, **options)
 
-        arguments = own | shown
         returns = f'Returns\n-------\npvibr.{make.__name__}\n    What was added.'
         method.__doc__ = docstring_of(make, arguments, returns if isinstance(make, type) else '')
         method.__name__, method.__module__ = self._name, self._owner.__module__

@@ -11,7 +11,7 @@ from pvibr.add_methods import AddMethod
 from pvibr.capture.facade import CaptureFacade
 from pvibr.core.facade import StateFacade
 from pvibr.core.params import checked_flag
-from pvibr.core.plotters import renderers_of
+from pvibr.core.plotters import add_legend_label, renderers_of
 from pvibr.core.report import Report
 from pvibr.core.signatures import accepts
 from pvibr.export.facade import ExportFacade
@@ -125,6 +125,7 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         *,
         show_scalar_bar=None,
         scalar_bar_args=None,
+        label=None,
         reset_camera=None,
         render=False,
     ):
@@ -142,6 +143,8 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
             Whether to add a scalar bar; by default as the theme says.
         scalar_bar_args : dict, optional
             Options of :meth:`pyvista.Plotter.add_scalar_bar`.
+        label : str, optional
+            Entry of the legend that :meth:`pyvista.Plotter.add_legend` adds.
         reset_camera : bool, optional
             Whether to reset the camera; by default only if it was never set.
         render : bool
@@ -156,6 +159,9 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         bar = Bar(show_scalar_bar, scalar_bar_args)
         reset_camera = checked_flag('reset_camera', reset_camera, optional=True)
         render = checked_flag('render', render)
+        if not isinstance(label, str | None):
+            msg = f'label = {label!r}: must be a str or None'
+            raise TypeError(msg)
         if accepts(make, 'theme'):
             kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
         thing = make(*args, **kwargs)
@@ -165,6 +171,8 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
             pipeline.remove(old)
         pipeline.add(thing)
         bar.show(thing)
+        if label is not None:
+            add_legend_label(pipeline.renderer, thing, label, thing.scalar_mapper() is not None)
         self._show(reset_camera, render)
         return thing
 

@@ -85,9 +85,11 @@ class Billboards(CardSet):
         Allow picking.
     name : str, optional
         Name in the plotter and in reports.
+    theme : pyvista.plotting.themes.Theme, optional
+        Defaults of the colour map.
     **table
         ``cmap``, ``clim``, ``n_colors``, ``nan_color``, ``below_color``, ``above_color``,
-        ``log_scale`` as in ``add_mesh``.
+        ``log_scale``, ``flip_scalars``, ``categories``, ``annotations`` as in ``add_mesh``.
 
     Raises
     ------
@@ -149,6 +151,7 @@ class Billboards(CardSet):
         lighting=False,
         pickable=True,
         name=None,
+        theme=None,
         **table,
     ):
         super().__init__(fps=fps)
@@ -178,7 +181,7 @@ class Billboards(CardSet):
             yaw=yaw,
         )
         self._opacity = checked_opacity(opacity, len(self.layout), self.cutout is not None)
-        self._begin_looks(table, scalars_of(points, scalars), colors, visible)
+        self._begin_looks(table, scalars_of(points, scalars), colors, visible, theme)
         self.pickable = pickable
         self._begin(lighting)
 

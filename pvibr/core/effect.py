@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from pvibr.core.params import checked_name, params_of
 from pvibr.core.signatures import arguments_of, docstring_of, signature_of
-from pvibr.core.spelling import Spelled
+from pvibr.core.spelling import Spelled, nearest
 
 
 def _nowhere():
@@ -212,7 +212,8 @@ class Effect(Spelled):
         unknown = sorted(set(settings) - set(params))
         if unknown:
             known = ', '.join(params) or 'none'
-            msg = f'{self.name} has no setting {", ".join(unknown)}; it has: {known}'
+            hint = nearest(unknown[0], params)
+            msg = f'{self.name} has no setting {", ".join(unknown)}{hint}; it has: {known}'
             raise TypeError(msg)
         return {n: params[n].check(v, type(self).__name__) for n, v in settings.items()}
 

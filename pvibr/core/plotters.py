@@ -81,6 +81,17 @@ def bar_places(plotter) -> set:
     return getattr(plotter, '_scalar_bar_slots', set())
 
 
+def add_legend_label(renderer, actor, label, has_scalars):
+    """Let legends of a renderer have an entry of an actor, as ``add_mesh`` does."""
+    from pyvista.plotting.renderer import make_legend_face  # what plots is imported when used
+
+    labels = getattr(renderer, '_labels', None)
+    if labels is not None:
+        face = make_legend_face('rectangle' if has_scalars else 'triangle')
+        color = pv.Color(actor.GetProperty().GetColor())
+        labels[actor.GetAddressAsString('')] = (face, label, color)
+
+
 class _Trial(pv.BasePlotter):
     """A plotter without a window."""
 

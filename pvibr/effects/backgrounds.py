@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.colors import Color
 from pvibr.core.params import Param
 from pvibr.effects.full_screen import FullScreen, FullScreenImage
 from pvibr.images.projected import Shown
@@ -125,9 +126,9 @@ class Sky(_Behind):
     turn = Param(0.0, 'Rotation about the up direction.', unit='degrees')
     intensity = Param(1.0, 'Brightness factor; above 1, the sky can bloom.', range='[0, 1000]')
     opacity = Param(1.0, "Opacity over the subplot's background.", range='[0, 1]')
-    top = Param((0.20, 0.38, 0.70), 'Colour of the gradient at the zenith.', range='[0, 1]')
-    horizon = Param((0.80, 0.87, 0.93), 'Colour of the gradient at the horizon.', range='[0, 1]')
-    bottom = Param((0.35, 0.33, 0.31), 'Colour of the gradient at the nadir.', range='[0, 1]')
+    top = Color((0.20, 0.38, 0.70), 'Colour of the gradient at the zenith.')
+    horizon = Color((0.80, 0.87, 0.93), 'Colour of the gradient at the horizon.')
+    bottom = Color((0.35, 0.33, 0.31), 'Colour of the gradient at the nadir.')
 
     def __init__(self, panorama=None, **settings):
         self._image = None if panorama is None else Shown(panorama, repeat=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
+from pvibr.core.colors import Color
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl import Quad, Target, Texture, release, shader_source
@@ -59,7 +60,7 @@ class Outline(Effect):
         'strong': {'width': 4.0, 'crease': 20.0},
     }
     width = Param(2.0, 'Line width.', range='[0.5, 16]', unit='px')
-    color = Param((0.0, 0.0, 0.0), 'Line colour.', range='[0, 1]')
+    color = Color((0.0, 0.0, 0.0), 'Line colour.')
     opacity = Param(1.0, 'Line opacity.', range='[0, 1]')
     ids = Param(True, 'Lines at boundaries between objects.')
     depth = Param(True, 'Lines at depth discontinuities.')

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
+from pvibr.core.colors import Color
 from pvibr.core.params import Param
 from pvibr.effects.full_screen import FullScreen, FullScreenImage
 from pvibr.gl import Texture, release
@@ -43,7 +44,7 @@ class Vignette(FullScreen):
     radius = Param(0.4, 'Inner radius, as a fraction of half the diagonal.', range='[0, 4]')
     softness = Param(0.6, 'Transition width, fraction of half the diagonal.', range='(0, 4]')
     center = Param((0.5, 0.5), 'Centre, from (0, 0) at the lower left to (1, 1).')
-    color = Param(_BLACK, 'Colour outside the vignette.', range='[0, 1]')
+    color = Color(_BLACK, 'Colour outside the vignette.')
 
     @classmethod
     def sample(cls, actors):
@@ -92,7 +93,7 @@ class Flash(FullScreen):
     )
     duration = Param(0.3, 'Time constant of the decay.', range='(0, inf)', unit='s')
     intensity = Param(1.0, 'Initial opacity.', range='[0, 1]')
-    color = Param((1.0, 1.0, 1.0), 'Colour of the flash.', range='[0, 1]')
+    color = Color((1.0, 1.0, 1.0), 'Colour of the flash.')
 
     @classmethod
     def sample(cls, actors):
@@ -156,7 +157,7 @@ class NightVision(FullScreen):
     grain = Param(0.1, 'Peak-to-peak amplitude of the noise.', range='[0, 1]')
     rate = Param(25.0, 'Frame rate of the noise; 0 freezes it.', range='[0, 1000]', unit='Hz')
     seed = Param(0, 'Seed of the noise.', range='[0, 65535]')
-    color = Param((0.35, 1.0, 0.45), 'Colour of the phosphor.', range='[0, 1]')
+    color = Color((0.35, 1.0, 0.45), 'Colour of the phosphor.')
 
     def _uniforms(self, frame, size):
         moment = int(np.floor(frame.time * self.rate + 1e-9)) + 65536 * self.seed
@@ -195,7 +196,7 @@ class Iris(FullScreen):
     opening = Param(0.5, 'Opening: 0 is closed, 1 shows the whole picture.', range='[0, 1]')
     center = Param((0.5, 0.5), 'Centre, from (0, 0) at the lower left to (1, 1).', range='[0, 1]')
     softness = Param(0.0, 'Edge width, fraction of the height.', range='[0, 1]')
-    color = Param(_BLACK, 'Colour outside the opening.', range='[0, 1]')
+    color = Color(_BLACK, 'Colour outside the opening.')
 
     def __init__(self, shape=None, **settings):
         self._shape = None if shape is None else _shape_of(shape)

@@ -111,6 +111,7 @@ class Crowd(Instances):
         poses = posed(poses)
         count = len(poses)
         mesh_kwargs |= {'cmap': cmap, 'clim': clim}
+        self._theme = theme
         asked = self._ask(count, scalars, colors, blend, mesh_kwargs)
         if skinning not in ('linear', 'dual'):
             msg = f"skinning is {skinning!r}; it must be 'linear' or 'dual'"

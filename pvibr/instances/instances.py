@@ -26,6 +26,7 @@ from pvibr.instances.memory import checked_share
 from pvibr.instances.sources import Sources
 from pvibr.meshes.parts import as_meshes, as_parts, with_own_culling
 from pvibr.scene import looks as look
+from pvibr.scene.keywords import OF_MESH_SCALARS
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import nearest_hit
 
@@ -179,6 +180,7 @@ class Instances(BakedSet):
             self._wanted = frozenset(range(len(meshes)))
         index = checked_index(index, len(poses), len(meshes))
         mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
+        self._theme = theme
         asked = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
         parts = [with_own_culling(found) for found in as_meshes(meshes, theme=theme, **asked)]
         self._sources = Sources(meshes, partial(as_parts, theme=theme, **asked), parts)
@@ -198,7 +200,11 @@ class Instances(BakedSet):
         if colors is not None:
             look.as_colors(colors, count)
         if scalars is not None and not isinstance(scalars, str):
-            look.color_table(look.as_scalars(scalars, count), **self._table_options)
+            for name in OF_MESH_SCALARS.keys() & asked.keys():
+                why = OF_MESH_SCALARS[name]
+                msg = f'{name} is of scalars of a mesh, and these are of its instances: {why}'
+                raise ValueError(msg)
+            self._table_for(look.as_scalars(scalars, count), self._table_options)
             asked = {k: v for k, v in asked.items() if k not in TABLE_OPTIONS}
         else:
             asked = {'scalars': scalars, **asked}

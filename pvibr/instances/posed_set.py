@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.colors import color_rows
 from pvibr.core.determinism import is_deterministic
 from pvibr.gl.binder import Binder
 from pvibr.instances.arguments import (
@@ -368,7 +369,7 @@ class PosedSet(ItemSet):
             changed['scalars'] = np.full(len(self), np.nan) if before is None else before.copy()
             changed['scalars'][ids] = scalars
         if colors is not None:
-            rows = np.atleast_2d(np.asarray(colors))
+            rows = np.atleast_2d(np.asarray(color_rows('colors', colors)))
             changed['colors'] = self._base_colors()
             changed['colors'][ids] = look.as_colors(rows, len(rows))
         if visible is not None:

@@ -31,6 +31,8 @@ _SURFACE = 2  # VTK_SURFACE
 
 #: Arguments of add_mesh that add more actors, which instances do not support.
 EXTRAS = ('silhouette', 'show_vertices', 'multi_colors')
+#: Arguments of add_mesh that have no meaning for what is made of parts.
+USELESS = ('point_shape', 'emissive', 'static', 'copy_mesh', 'label', 'scalar_bar_args')
 
 #: Names of VTK's textures of physically based shading; VTK has no call that lists them.
 PROPERTY_TEXTURES = (
@@ -135,7 +137,7 @@ class Part:
         return part
 
 
-@takes(add_mesh_kwargs=pv.Plotter.add_mesh, without=(*EXTRAS, *FIXED, 'scalar_bar_args'))
+@takes(add_mesh_kwargs=(pv.Plotter.add_mesh, 'feature_angle'), without=(*EXTRAS, *USELESS, *FIXED))
 def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
     """Return the parts that ``add_mesh`` would draw."""
     if alpha_cutoff is not None and not 0 <= alpha_cutoff <= 1:
@@ -152,6 +154,10 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
             raise ValueError(msg)
     if add_mesh_kwargs.get('style') == 'points_gaussian':
         msg = "style is 'points_gaussian', which draws points, not triangles; use add_billboards."
+        raise ValueError(msg)
+    given = [name for name in (*USELESS, *FIXED) if add_mesh_kwargs.get(name)]
+    if given:
+        msg = f'{given[0]} has no meaning here, where a mesh is drawn by no actor of its own.'
         raise ValueError(msg)
     if isinstance(mesh, list | tuple) and mesh and all(isinstance(m, pv.Actor) for m in mesh):
         return [part for actor in mesh for part in as_parts(actor, **add_mesh_kwargs)]

@@ -8,6 +8,8 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.billboards.cards import as_points, checked_opacity
+from pvibr.core.colors import as_rgb
+from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
 from pvibr.gl import Texture
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
@@ -54,17 +56,19 @@ class Quadrics(CardSet):
         Mask of the items that are drawn.
     opacity : float or array_like, shape (n,)
         One value or one each, 0 to 1.
-    lighting : bool
-        Apply lighting.
-    ambient, diffuse, specular, specular_power : float, optional
+    lighting : bool, optional
+        Apply lighting; as the theme says by default.
+    ambient, diffuse, specular, specular_power, pbr, metallic, roughness : optional
         Material, as in ``add_mesh``.
     pickable : bool
         Allow picking.
     name : str, optional
         Name in the plotter and in reports.
+    theme : pyvista.plotting.themes.Theme, optional
+        Defaults of the looks.
     **table
         ``cmap``, ``clim``, ``n_colors``, ``nan_color``, ``below_color``, ``above_color``,
-        ``log_scale`` as in ``add_mesh``.
+        ``log_scale``, ``flip_scalars``, ``categories``, ``annotations`` as in ``add_mesh``.
 
     Raises
     ------
@@ -85,28 +89,36 @@ class Quadrics(CardSet):
         scalars=None,
         visible=None,
         opacity=1.0,
-        lighting=True,
+        lighting=None,
         ambient=None,
         diffuse=None,
         specular=None,
         specular_power=None,
+        pbr=None,
+        metallic=None,
+        roughness=None,
         pickable=True,
         name=None,
+        theme=None,
         **table,
     ):
         super().__init__()
         self.name = name
         self._opacity = checked_opacity(opacity, len(self), cut=False)
-        self._begin_looks(table, scalars, colors, visible)
+        self._begin_looks(table, scalars, colors, visible, theme)
         self.pickable = pickable
+        physical = checked_flag('pbr', pbr, optional=True)
         self.prop = pv.Property(
-            color=color,
+            theme=theme,
+            color=None if color is None else as_rgb('color', color),
             lighting=lighting,
             ambient=ambient,
             diffuse=diffuse,
             specular=specular,
             specular_power=specular_power,
-            interpolation='Phong',
+            metallic=metallic,
+            roughness=roughness,
+            interpolation='Physically based rendering' if physical else 'Phong',
         )  # VTK lights flat points never
         self._noun = self.shape.name
         self._begin_drawing('ibr_items', 'ibr_looks')

@@ -24,9 +24,10 @@ class Spheres(PointQuadrics):
         World units; radius 0 is not drawn.
     **looks
         ``color``, ``colors``, ``scalars``, ``visible``, ``opacity``, ``lighting``, ``ambient``,
-        ``diffuse``, ``specular``, ``specular_power``, ``pickable``, ``name``, ``cmap``, ``clim``,
-        ``n_colors``, ``nan_color``, ``below_color``, ``above_color`` and ``log_scale``, as in
-        ``add_mesh``; colours, scalars, visibility and opacity of each.
+        ``diffuse``, ``specular``, ``specular_power``, ``pbr``, ``metallic``, ``roughness``,
+        ``pickable``, ``name``, ``theme``, ``cmap``, ``clim``, ``n_colors``, ``nan_color``,
+        ``below_color``, ``above_color``, ``log_scale``, ``flip_scalars``, ``categories`` and
+        ``annotations``, as in ``add_mesh``; colours, scalars, visibility and opacity of each.
 
     Raises
     ------

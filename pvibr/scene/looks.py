@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.colors import as_rgb, color_rows
+from pvibr.core.params import checked_flag
 
 HIDDEN, PLAIN, COLORED = 0, 128, 255
 
 
 def as_colors(colors, n):
     """Return per-instance colours as bytes."""
-    array = np.asarray(colors)
+    array = np.asarray(color_rows('colors', colors))
+    if array.shape == (3,) and isinstance(colors, (str, pv.Color, dict)):
+        array = np.broadcast_to(array, (n, 3))  # one of a name is that of all
     if array.ndim != 2 or array.shape[0] != n or array.shape[1] not in (3, 4):
         msg = f'colors has shape {array.shape}; it must be ({n}, 3) or ({n}, 4): one row for each'
         raise ValueError(msg)
@@ -55,25 +61,65 @@ def as_mask(visible, n):
     return None if mask.all() else np.broadcast_to(mask, (n,)).copy()
 
 
-def color_table(scalars, cmap=None, clim=None, **options):
+def color_table(scalars, cmap=None, clim=None, theme=None, **options):
     """Return the table that colours scalars as ``add_mesh`` would."""
+    theme = theme or pv.global_theme
+    options = {name: value for name, value in options.items() if value is not None}
+    _check_options(options)
     finite = scalars[np.isfinite(scalars)]
     if clim is None:
         clim = (finite.min(), finite.max()) if len(finite) else (0.0, 1.0)
-    low, high = (-clim, clim) if np.ndim(clim) == 0 else map(float, clim)
-    if not (np.isfinite(low) and np.isfinite(high) and low <= high):
-        msg = f'clim is {clim!r}; it must be two finite numbers, the lower one first'
-        raise ValueError(msg)
-    options.setdefault('nan_color', pv.global_theme.nan_color)
-    cmap = pv.global_theme.cmap if cmap is None else cmap
-    table = pv.LookupTable(values=None, scalar_range=(low, high))
-    table.apply_cmap(cmap, options.pop('n_colors', 256))
+    limits = _checked_clim(clim)
+    if isinstance(cmap, pv.LookupTable):
+        return cmap
+    if options.get('log_scale') and limits[0] <= 0:
+        limits = sys.float_info.min, max(limits[1], sys.float_info.min)
+    table = pv.LookupTable(values=None, scalar_range=limits)
+    categories = options.pop('categories', False)
+    count = len(np.unique(finite)) if categories is True else int(categories)
+    n_colors = options.pop('n_colors', 256)
+    table.apply_cmap(
+        theme.cmap if cmap is None else cmap, max(count, 1) if categories else n_colors
+    )
+    if options.pop('flip_scalars', False):
+        table.values[:] = table.values[::-1].copy()
     names = {'below_color': 'below_range_color', 'above_color': 'above_range_color'}
-    for name, value in options.items():
-        if value is not None:
-            setattr(table, names.get(name, name), value)
+    for name, value in ({'nan_color': theme.nan_color} | options).items():
+        setattr(table, names.get(name, name), value)
     table.BuildSpecialColors()
     return table
+
+
+def _checked_clim(clim) -> tuple[float, float]:
+    try:
+        low, high = (-clim, clim) if np.ndim(clim) == 0 else map(float, clim)
+        if np.isfinite(low) and np.isfinite(high) and low <= high:
+            return float(low), float(high)
+    except (TypeError, ValueError):
+        pass
+    msg = f'clim is {clim!r}; it must be two finite numbers, the lower one first'
+    raise ValueError(msg)
+
+
+def _check_options(options):
+    """Check what a table takes of the arguments of ``add_mesh``."""
+    for name, value in options.items():
+        if name.endswith('_color'):
+            as_rgb(name, value)
+        elif name in ('flip_scalars', 'log_scale'):
+            checked_flag(name, value)
+        elif name == 'annotations' and not isinstance(value, dict):
+            msg = f'annotations = {value!r}: must be a dict of numbers to str'
+            raise TypeError(msg)
+        elif name in ('n_colors', 'categories') and not _counts(name, value):
+            msg = f'{name} = {value!r}: must be an int of at least 1'
+            raise ValueError(msg)
+
+
+def _counts(name, value) -> bool:
+    if isinstance(value, (bool, np.bool_)):
+        return name == 'categories'
+    return isinstance(value, (int, np.integer)) and int(value) > 0
 
 
 def map_scalars(table, scalars):

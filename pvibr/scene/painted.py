@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pyvista as pv
 
 from pvibr.scene import looks as look
+from pvibr.scene.keywords import check_keywords
 from pvibr.scene.scalar_bars import name_of
 from pvibr.scene.thing import Thing
+
+if TYPE_CHECKING:
+    from pyvista.plotting.themes import Theme
 
 #: What the table of the scalars takes from the arguments of ``add_mesh``.
 TABLE_OPTIONS = (
@@ -18,6 +24,9 @@ TABLE_OPTIONS = (
     'below_color',
     'above_color',
     'log_scale',
+    'flip_scalars',
+    'categories',
+    'annotations',
 )
 
 
@@ -45,6 +54,8 @@ class Painted(Thing):
 
     #: Table of the scalars; None without.
     table: pv.LookupTable | None = None
+    #: Defaults of the table.
+    _theme: Theme | None = None
 
     def __len__(self) -> int:
         raise NotImplementedError
@@ -53,12 +64,10 @@ class Painted(Thing):
         """Draw the looks as they are now."""
         raise NotImplementedError
 
-    def _begin_looks(self, options, scalars=None, colors=None, visible=None):
+    def _begin_looks(self, options, scalars=None, colors=None, visible=None, theme=None):
         """Take over what was asked; nothing is drawn yet."""
-        unknown = sorted(set(options) - set(TABLE_OPTIONS))
-        if unknown:
-            msg = f'{type(self).__name__} has no {", ".join(unknown)}'
-            raise TypeError(msg)
+        check_keywords(type(self), [name for name in options if name not in TABLE_OPTIONS])
+        self._theme = theme
         self._table_options = {k: v for k, v in options.items() if v is not None}
         self._scalars = self._colors = self._visible = self.table = None
         if scalars is not None:
@@ -70,10 +79,13 @@ class Painted(Thing):
 
     def _map(self, scalars):
         values = self._as_scalars(scalars)
-        table = self.table or look.color_table(values, **self._table_options)
+        table = self.table or self._table_for(values, self._table_options)
         self._scalars, self.table = values, table
         self._scalar_name = name_of(scalars)
         self._colors = _mapped(table, values)
+
+    def _table_for(self, scalars, options):
+        return look.color_table(scalars, theme=self._theme, **options)
 
     def _as_scalars(self, scalars):
         """Return checked scalars; for who has several for each item, too."""
@@ -110,7 +122,8 @@ class Painted(Thing):
         cmap, clim : optional
             As in ``add_mesh``; what is None stays.
         **options
-            ``n_colors``, ``nan_color``, ``below_color``, ``above_color``, ``log_scale``.
+            ``n_colors``, ``nan_color``, ``below_color``, ``above_color``, ``log_scale``,
+            ``flip_scalars``, ``categories``, ``annotations``.
 
         Raises
         ------
@@ -121,8 +134,9 @@ class Painted(Thing):
             msg = 'there are no scalars to map: set scalars first'
             raise ValueError(msg)
         changed = {k: v for k, v in {'cmap': cmap, 'clim': clim}.items() if v is not None}
+        check_keywords(type(self), options, TABLE_OPTIONS)
         merged = self._table_options | changed | options
-        self.table = look.color_table(self._scalars, **merged)
+        self.table = self._table_for(self._scalars, merged)
         self._table_options = merged
         self._colors = _mapped(self.table, self._scalars)
         self._repaint()
