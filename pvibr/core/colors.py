@@ -47,25 +47,7 @@ def _bytes(name, color):
 
 
 class Color(Param):
-    """A setting that is a colour; it is kept as three floats from 0 to 1.
-
-    Parameters
-    ----------
-    default : color
-        Default colour.
-    doc : str
-        Meaning, as a short noun phrase.
-
-    Examples
-    --------
-    >>> from pvibr.core.colors import Color
-    >>> class Lamp:
-    ...     light = Color('white', 'Colour of the light.')
-    >>> lamp = Lamp()
-    >>> lamp.light = 'red'
-    >>> lamp.light
-    (1.0, 0.0, 0.0)
-    """
+    """A setting that is a colour: whatever PyVista takes, kept as three floats from 0 to 1."""
 
     def __init__(self, default, doc):
         super().__init__(as_rgb('default', default), doc, range='[0, 1]')
