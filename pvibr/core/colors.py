@@ -17,7 +17,8 @@ def as_rgb(name, color) -> tuple[float, float, float]:
         if _is_floats(color):
             red, green, blue = map(float, color)
             return red, green, blue
-        if color is not None and np.size(color):
+        letters = not isinstance(color, str) and np.asarray(color).dtype.kind in 'US'
+        if color is not None and np.size(color) and not letters:
             return pv.Color(color).float_rgb
     except (TypeError, ValueError):
         pass

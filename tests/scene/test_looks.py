@@ -222,7 +222,7 @@ def test_colors_as_bytes_and_floats():
         ([[0.0, 0, 0], [0, 2.0, 0]], '0 to 1.*uint8'),
         ([[0.0, 0, 0], [0, np.nan, 0]], '0 to 1'),
         ([[0, 0, 0], [0, 256, 0]], 'uint8'),
-        ([['a', 'b', 'c']] * 2, 'dtype'),
+        ([['a', 'b', 'c']] * 2, 'must be a color'),
         ([0, 1], 'shape'),
     ],
 )
