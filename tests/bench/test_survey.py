@@ -64,6 +64,27 @@ def test_the_worst_mesh_comes_first(tmp_path):
     assert kept['points']['survey'][0]['name'] == 'bad'
 
 
+def test_what_cannot_be_measured_is_a_row_and_the_others_are_measured(monkeypatch, capsys):
+    def measured(name, make, settings, seed):
+        if name == 'gear, split edges':
+            survey.spheres([make()], np.eye(4), [0])  # poses are (n, 4, 4)
+        return found(name, 2.0, 0.9)
+
+    monkeypatch.setattr(survey, 'measured', measured)
+    bench = survey.survey(5)
+    results = Results('a driver', {'quick': True})
+    rows = {row.name: row for row in bench.parts['survey'](bench.extent(quick=True), results)}
+    assert not rows['meshes that could not be measured'].ok
+    assert rows['over VTK, least'].value == 50
+    first, *others = results.points['survey']
+    assert (first['name'], len(others)) == ('gear, split edges', 2)
+    assert 'IndexError: too many indices' in first['error']
+    assert 'offscreen.py' in first['error']
+    assert not any(f['error'] for f in others)
+    told = capsys.readouterr().err
+    assert all(f['name'].split()[0] in told for f in results.points['survey'])
+
+
 def test_a_bench_without_a_survey_says_so():
     assert SURVEYS == ('instances',)
     with pytest.raises(ValueError, match='instances'):

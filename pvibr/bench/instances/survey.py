@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from functools import partial
+from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
@@ -40,6 +43,7 @@ class Found:
     levels: str = ''
     ms: dict[str, float] = field(default_factory=dict)  # by way and samples per pixel
     flip: dict[str, list[float]] = field(default_factory=dict)  # over the meshes', by elevation
+    error: str = ''  # why it could not be measured
 
     @property
     def speed(self) -> float:
@@ -210,15 +214,29 @@ def survey(seed) -> Bench:
 
 
 def _measure(seed, settings, results):
-    meshes = list(unseen(seed, settings.triangles))[: settings.kinds]
-    found = [measured(name, make, settings, seed) for name, make in meshes]
-    found.sort(key=_badness, reverse=True)
-    results.points['survey'] = [asdict(f) for f in found]
+    found: list[Found] = []
+    for name, make in list(unseen(seed, settings.triangles))[: settings.kinds]:
+        try:
+            found.append(measured(name, make, settings, seed))
+        except Exception as error:  # the others are measured all the same
+            found.append(Found(name, 0, error=_told(error)))
+        found.sort(key=_badness, reverse=True)
+        results.points['survey'] = [asdict(f) for f in found]
+        Console(stderr=True).print(_table([f for f in found if f.name == name]))
     yield from rows(found)
+
+
+def _told(error) -> str:
+    """Return an error and where it was raised in pvibr, in one line."""
+    frames = traceback.extract_tb(error.__traceback__)
+    last = [f for f in frames if '/pvibr/' in Path(f.filename).as_posix()][-1]
+    return f'{type(error).__name__}: {error} ({Path(last.filename).name}, line {last.lineno})'
 
 
 def _badness(found) -> float:
     """Return by how much the farthest bar is missed."""
+    if found.error:
+        return np.inf
     return max(
         20 / found.speed, found.over_cards / 3, found.over_coarse / 1.6, found.worst_flip(0)
     )
@@ -230,6 +248,10 @@ def rows(found):
     def mean(values):
         return np.exp(np.mean(np.log(list(values))))
 
+    yield Row('meshes that could not be measured', sum(bool(f.error) for f in found), '', 0)
+    found = [f for f in found if not f.error]
+    if not found:
+        return
     yield Row('over VTK, geometric mean', mean(f.speed for f in found), 'x', 50, at_least=True)
     yield Row('over VTK, least', min(f.speed for f in found), 'x', 20, at_least=True)
     yield Row('over flat cards, geometric mean', mean(f.over_cards for f in found), 'x', 2)
@@ -246,13 +268,19 @@ def rows(found):
 
 def _tables(points) -> list[Table]:
     """Return the table of the meshes, worst case first."""
-    found = [Found(**values) for values in points['survey']]
+    return [_table([Found(**values) for values in points['survey']])]
+
+
+def _table(found) -> Table:
     table = Table(
         'mesh', 'triangles', 'over VTK', 'ms', 'over cards', '1 over 2', 'FLIP, worst (mean)',
         f'FLIP at {whole_frames.SAMPLES[1]} samples', 'FLIP of cards', 'MiB', 'bake s', 'again s',
         title='fields of unseen meshes, worst first',
     )  # fmt: skip
     for f in found:
+        if f.error:
+            table.add_row(f.name, f.error)
+            continue
         by_elevation = f.flip['ours, 0']
         at = ELEVATIONS[int(np.argmax(by_elevation))]
         table.add_row(
@@ -262,14 +290,13 @@ def _tables(points) -> list[Table]:
             f'{f.worst_flip(whole_frames.SAMPLES[1]):.2f}', f'{max(f.flip["cards, 0"]):.2f}',
             f'{f.bytes / 2**20:.0f}', f'{f.add_s[0]:.1f}', f'{f.add_s[1]:.2f}',
         )  # fmt: skip
-    return [table]
+    return table
 
 
 def _plot(points, figure):
     """Draw FLIP and the ratio to flat cards by how much faster each field is."""
     left, right = plots.subplots(figure, 1, 2)
-    for values in points['survey']:
-        f = Found(**values)
+    for f in (Found(**values) for values in points['survey'] if not values['error']):
         for axes, y in ((left, f.worst_flip(0)), (right, f.over_cards)):
             axes.plot(f.speed, y, 'o')
             plots.note(axes, f.name, f.speed, y)
