@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.core.passes import margins
+from pvibr.core.passes import margins, samples_of
 from pvibr.maths.views import View
 
 
@@ -33,6 +33,8 @@ class Frame:
     astray: set = field(default_factory=set)
     tile: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
     scale: int = 1
+    #: Per pixel, of the window or of supersampling.
+    samples: int = 1
     quality: float = 1.0
 
     @classmethod
@@ -64,12 +66,19 @@ class Frame:
             picking=renderer.GetSelector() is not None,
             tile=tile,
             scale=scale[1],
+            samples=samples_of(renderer),
             quality=quality,
         )
 
     def elsewhere(self, view, size, *, casting=False) -> Frame:
         """Return the frame of another view of the same scene."""
-        how = {'casting': casting, 'depth_map': casting, 'own': False, 'quality': 1.0}
+        how = {
+            'casting': casting,
+            'depth_map': casting,
+            'own': False,
+            'samples': 1,
+            'quality': 1.0,
+        }
         return replace(self, view=view, size=size, origin=(0, 0), **how)
 
     def within_passes(self) -> tuple[Frame, Frame]:

@@ -46,6 +46,12 @@ def margins(renderer, size) -> tuple[float, float]:
     return drawn[0] / width, drawn[1] / height
 
 
+def samples_of(renderer) -> int:
+    """Return the samples per pixel that the scene is drawn with, 1 without antialiasing."""
+    passes = sum(p.IsA('vtkSSAAPass') for p in passes_of(renderer))
+    return max(renderer.GetRenderWindow().GetMultiSamples(), 1) * round(_SAMPLES**2) ** passes
+
+
 def peels_samples(renderer) -> bool:
     """Return whether VTK has just peeled what is translucent in a multisampled window."""
     samples = renderer.GetRenderWindow().GetMultiSamples()

@@ -20,6 +20,7 @@ from pvibr.maths.blocks import BLOCK
 LEVELS = {
     'mesh': (0.835, 0.369, 0.0),
     'lighter mesh': (0.902, 0.624, 0.0),
+    'fine': (0.97, 0.95, 0.68),
     'blended': (0.941, 0.894, 0.259),
     'parallax': (0.0, 0.62, 0.451),
     'flat': (0.337, 0.706, 0.914),

@@ -66,7 +66,8 @@ def used_views(group, frame) -> np.ndarray:
     toward, rise, away = _toward(group, slots, frame)
     size = 2 * group.radii[slots] * frame.pixel_scale / away
     cells = octahedral.cells(toward, PATCH_SIDE, group.atlas.half)[0]
-    three, *others = (_drawn(group, name, cells, size) for name in ('blended', *_ONE))
+    three = _drawn(group, 'blended', cells, size) | _drawn(group, 'fine', cells, size)
+    others = [_drawn(group, name, cells, size) for name in _ONE]
     if group.atlas.turntable is not None:
         others = [drawn & (rise >= LEVEL) for drawn in others]
         three &= rise >= LEVEL

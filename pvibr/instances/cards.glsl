@@ -10,6 +10,7 @@
 // uniforms: VTK declares them.
 // IBR_DITHER is a number from 0 to 1 that depends on the pixel alone.
 // Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 1; SPLAT 0 or 1;
+// TAPS 1 or 4: points of a pixel at which its views are looked up;
 // PATCH_SIDE, of the square of patches of directions, each with errors of its own;
 // ANIMATED 1 where an atlas has a page for each pose of the clips, and instances move;
 // DEEP 1 where a fragment has the depth of its surface, 0 where it has that of the card's plane;
@@ -200,7 +201,8 @@ mat3 ibr_frame(vec3 d)
       float rise = ibr_parallel == 1 ? upright.z : dot(upright, c) / away;
       if (abs(rise) < ibr_turn_level) { range = ibr_turn_ranges[patch_of.y][patch_of.x]; }
 #endif
-      float lod = max(floor(log2(float(ibr_tile) / (size * ibr_sharpness))), 0.0);
+      float texels = size * ibr_sharpness * sqrt(float(TAPS));
+      float lod = max(floor(log2(float(ibr_tile) / texels)), 0.0);
       lod = min(lod, log2(float(ibr_tile)));
       bool cored = lod <= ibr_core_level;
       ibr_part_of = vec2(cored ? ibr_part.y : 2.0, range.z);
@@ -432,6 +434,27 @@ void ibr_see(vec3 point, vec3 ray, vec3 cell, vec4 depth_row, inout vec4 geometr
   albedo += w * inside * vec4(a.rgb, a.a * 2.0 - 1.0);
   weights += w;
 }
+
+vec3 ibr_beside(vec3 point, vec2 off)
+{
+  return TAPS == 1 ? point : point + off.x * dFdx(point) + off.y * dFdy(point);
+}
+
+// Adds what all views see at a place that is so many pixels off the middle of the pixel.
+void ibr_tap(vec2 off, inout vec4 geometry, inout vec4 albedo)
+{
+  vec4 g = vec4(0.0);
+  vec4 a = vec4(0.0);
+  float w = 0.0;
+  // No loop: NVIDIA's compiler (580.159) loses its sums where normals are not used.
+  ibr_see(ibr_beside(ibr_point[0], off), ibr_ray[0], ibr_cell[0], ibr_depth_row[0], g, a, w);
+#if VIEWS_BLENDED == 3
+  ibr_see(ibr_beside(ibr_point[1], off), ibr_ray[1], ibr_cell[1], ibr_depth_row[1], g, a, w);
+  ibr_see(ibr_beside(ibr_point[2], off), ibr_ray[2], ibr_cell[2], ibr_depth_row[2], g, a, w);
+#endif
+  geometry += g / (float(TAPS) * w);
+  albedo += a / (float(TAPS) * w);
+}
 #endif
 
 //@fragment.sample
@@ -439,17 +462,16 @@ void ibr_see(vec3 point, vec3 ray, vec3 cell, vec4 depth_row, inout vec4 geometr
 #if SPLAT
   vec4 ibr_g = vec4(vertexVC.z, ibr_mean_base.a, 0.0, 0.0);
 #else
-  vec4 ibr_g = vec4(0.0);        // eye depth, coverage, normal xy: sums over views
+  vec4 ibr_g = vec4(0.0);        // eye depth, coverage, normal xy: means over views
   vec4 ibr_a = vec4(0.0);        // albedo, normal z
-  float ibr_w = 0.0;
-  // No loop: NVIDIA's compiler (580.159) loses its sums where normals are not used.
-  ibr_see(ibr_point[0], ibr_ray[0], ibr_cell[0], ibr_depth_row[0], ibr_g, ibr_a, ibr_w);
-#if VIEWS_BLENDED == 3
-  ibr_see(ibr_point[1], ibr_ray[1], ibr_cell[1], ibr_depth_row[1], ibr_g, ibr_a, ibr_w);
-  ibr_see(ibr_point[2], ibr_ray[2], ibr_cell[2], ibr_depth_row[2], ibr_g, ibr_a, ibr_w);
+#if TAPS == 4
+  ibr_tap(vec2(0.125, 0.375), ibr_g, ibr_a);
+  ibr_tap(vec2(0.375, -0.125), ibr_g, ibr_a);
+  ibr_tap(vec2(-0.125, -0.375), ibr_g, ibr_a);
+  ibr_tap(vec2(-0.375, 0.125), ibr_g, ibr_a);
+#else
+  ibr_tap(vec2(0.0), ibr_g, ibr_a);
 #endif
-  ibr_g /= ibr_w;
-  ibr_a /= ibr_w;
 #endif
   // For features that ask where the surface is that is seen, and how well that is known: to a
   // pixel; depth has 8 bits in the pictures, and a splat is as deep as it is large.

@@ -33,6 +33,7 @@ class CardShader:
     name: str
     views: int
     steps: int
+    taps: int = 1
     corners: int = 4
     splat: bool = False
     sides: int = 0
@@ -45,6 +46,7 @@ class CardShader:
         values = {
             'VIEWS_BLENDED': self.views,
             'STEPS': self.steps,
+            'TAPS': self.taps,
             'CORNERS': self.corners,
             'SPLAT': int(self.splat),
             'DEEP': int(deep),
@@ -82,11 +84,12 @@ SPLAT = CardShader(
 FLAT = CardShader('flat', views=1, steps=0)
 PARALLAX = CardShader('parallax', views=1, steps=2)
 BLENDED = CardShader('blended', views=3, steps=2)
-CARD_SHADERS = (SPLAT, FLAT, PARALLAX, BLENDED)
+FINE = CardShader('fine', views=3, steps=2, taps=4, largest=32.0)
+CARD_SHADERS = (SPLAT, FLAT, PARALLAX, BLENDED, FINE)
 BILLBOARD = CardShader('billboard', views=1, steps=0, sides=1)
 TURNTABLE = CardShader('turntable', views=1, steps=0, sides=2)
 #: In the order of their cost, those of a turntable included.
-ALL_CARD_SHADERS = (SPLAT, BILLBOARD, TURNTABLE, FLAT, PARALLAX, BLENDED)
+ALL_CARD_SHADERS = (SPLAT, BILLBOARD, TURNTABLE, FLAT, PARALLAX, BLENDED, FINE)
 _SLACK = 0.25  # of the extent of a set, around it: what bounds VTK has of it
 _LOOSE = 4.0  # times that extent, from which these bounds are too wide
 #: A level takes over from its coarser neighbour while the size grows by this factor. Both are

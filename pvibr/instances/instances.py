@@ -89,8 +89,9 @@ class Instances(BakedSet):
         Defaults of the looks.
     force_level : str or dict of str to (float, float), optional
         Level of detail drawn at every size, or on-screen diameters, in pixels, between which each
-        level is drawn: 'splat', 'flat', 'parallax', 'blended', 'mesh', 'mesh1' and on (lighter
-        meshes), 'billboard' or 'turntable'. By default levels are chosen by their measured error.
+        level is drawn: 'splat', 'flat', 'parallax', 'blended', 'fine', 'mesh', 'mesh1' and on
+        (lighter meshes), 'billboard' or 'turntable'. By default levels are chosen by their
+        measured error.
     **mesh_kwargs
         As in :meth:`pyvista.Plotter.add_mesh`, for the mesh itself.
 
@@ -126,6 +127,7 @@ class Instances(BakedSet):
     _force_level: str | dict | None = None
     #: Whether near meshes have an actor each, as their shaders failed.
     _singly = False
+    _samples = 1  # per pixel, of the last frame
 
     max_error = Param(
         1.0, 'Maximum distance of the outline from that of the mesh.', range='(0, inf)', unit='px'
@@ -238,19 +240,24 @@ class Instances(BakedSet):
     @property
     def limits(self) -> list[Limits]:
         """On-screen sizes at which levels change, for each of `groups`."""
-        return [self._limits(group.model) for group in self.groups]
+        return [self._limits(group.model, self._samples) for group in self.groups]
 
     def _limits_in(self, frame) -> list[Limits]:
         if frame.depth_map and not self._forced and not self._failure:
             low, high = sorted(frame.pixel_scales)
             return [k.model.cast_limits(self.max_error, high / low) for k in self.groups]
-        return [found.coarser(frame.quality) for found in self.limits]
+        if frame.own:
+            self._samples = frame.samples
+        found = [self._limits(k.model, frame.samples) for k in self.groups]
+        return [limits.coarser(frame.quality) for limits in found]
 
-    def _limits(self, model) -> Limits:
+    def _limits(self, model, samples) -> Limits:
         count = len(model.levels)
         if self._failure or not model.atlas.errors:
             return limits_of({}, count, 1)
-        return forced_limits(self._forced, count) if self._forced else model.limits(self.max_error)
+        if self._forced:
+            return forced_limits(self._forced, count)
+        return model.limits(self.max_error, samples)
 
     def scalar_mapper(self):
         """Return a mapper with the table of the shown scalars, None without scalars."""
@@ -336,7 +343,7 @@ class Instances(BakedSet):
         self._upload(frame.window)
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         depth = self._depth_is_read(frame)
-        how = frame.picking, frame.casting, frame.depth_map, frame.quality, depth
+        how = frame.picking, frame.casting, frame.depth_map, frame.quality, frame.samples, depth
         content_key = (*camera, frame.size, self.revision, *how)
         self._check_cards()
         if content_key == self._content_key:
@@ -419,7 +426,7 @@ class Instances(BakedSet):
             **counts,
         }
         for k, model in self._models.items():
-            out[f'atlas {k}'] = model.describe(self._limits(model))
+            out[f'atlas {k}'] = model.describe(self._limits(model, self._samples))
         return out
 
     def _memory(self) -> str:

@@ -16,7 +16,7 @@ from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import TEXTURE_MODES, bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.limits import SIDES, Limits, by_cost, cast, limits_of
-from pvibr.instances.measure import MESH_SHARE, allowed, measure
+from pvibr.instances.measure import measure, of_cards, of_meshes
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.progress import baking
@@ -27,7 +27,7 @@ from pvibr.meshes.decimate import displacement, lighter
 from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import smoothed
 
-VERSION = 28  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 34  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 _ALIKE = 0.5  # px: a greater error of the smallest cards is one of what was baked
 _LIGHTEST = 150  # triangles of the lightest level, at least
@@ -57,12 +57,13 @@ class LodModel:
         """Points on the convex hull of the mesh, model coordinates."""
         return hull_corners(np.concatenate([part.drawn_points() for part in self.levels[0].parts]))
 
-    def limits(self, max_error) -> Limits:
+    def limits(self, max_error, samples=1) -> Limits:
         """Return the sizes at which levels change, for a greatest error in pixels."""
-        if max_error not in self._limits:
-            found = limits_of(self.atlas.errors, len(self.levels), max_error)
-            self._limits[max_error] = by_cost(found, [level.triangles for level in self.levels])
-        return self._limits[max_error]
+        key = max_error, samples
+        if key not in self._limits:
+            found = limits_of(self.atlas.errors, len(self.levels), *key)
+            self._limits[key] = by_cost(found, [level.triangles for level in self.levels])
+        return self._limits[key]
 
     def cast_limits(self, max_error, aspect) -> Limits:
         """Return the same for depth maps, by the long side of their texels."""
@@ -197,7 +198,7 @@ def _baked(levels, others, progress, **grid):
             model = LodModel([*levels, *others], atlas)
             errors = measure(model, lambda d: advance((1 + d) / 2))
             model.levels, atlas.errors = _least_wrong(levels, others, errors)
-        if level == 0 or np.median(allowed(atlas.errors['blended'][:2])) < _ALIKE:
+        if level == 0 or np.median(of_cards(atlas.errors['blended'][:2])) < _ALIKE:
             break  # else what the pictures show is not the mesh: once more, from the mesh itself
     atlas.seconds = time.perf_counter() - start
     return model
@@ -251,7 +252,7 @@ def _least_wrong(levels, others, errors) -> tuple[list, dict]:
     kept, table = levels[:1], {n: e for n, e in errors.items() if not n.startswith('mesh')}
     for k in range(1, len(levels)):
         ways = [k, last + k] if k <= len(others) else [k]
-        best = min(ways, key=lambda i: allowed(errors[f'mesh{i}'], MESH_SHARE).mean())
+        best = min(ways, key=lambda i: of_meshes(errors[f'mesh{i}']).mean())
         kept.append(made[best])
         table |= {f'mesh{k}{n}': errors[f'mesh{best}{n}'] for n in ('', '.radii')}
     return kept, table

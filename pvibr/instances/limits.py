@@ -9,7 +9,7 @@ import numpy as np
 
 from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
-from pvibr.instances.measure import CARD_SHARE, MESH_SHARE, allowed
+from pvibr.instances.measure import of_cards, of_meshes
 from pvibr.instances.worth import hardly_costs_from, saved_by_meshes
 
 SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
@@ -61,22 +61,23 @@ def _grown(spans, quality) -> dict:
     return grown
 
 
-def limits_of(errors, mesh_levels, max_error) -> Limits:
-    """Return the sizes up to which each level keeps an error."""
+def limits_of(errors, mesh_levels, max_error, samples=1) -> Limits:
+    """Return the sizes up to which each level keeps an error, with some samples per pixel."""
     if not errors:
         never = {p.name: np.zeros((2, PATCHES)) for p in CARD_SHADERS}
         return Limits(never, np.zeros(PATCHES), (float('inf'), *[0.0] * (mesh_levels - 1)))
     turned = set(errors) >= SIDES
-    cards = _spans(errors, CARD_SHADERS, max_error)
+    cards = _spans(errors, CARD_SHADERS, max_error, samples)
     reached = list(cards.values())[-1][1]
     level: dict = {}
     if turned:
         # What is seen from the side was measured in patches of its own.
-        level = _spans(errors, ALL_CARD_SHADERS, max_error)
+        level = _spans(errors, ALL_CARD_SHADERS, max_error, samples)
         level = {name: np.minimum(span, reached) for name, span in level.items()}
     meshes = [float('inf')]
     for i in range(1, mesh_levels):
-        meshes.append(min(_mesh_good_up_to(errors, f'mesh{i}', max_error), meshes[-1]))
+        good = _mesh_good_up_to(errors, f'mesh{i}', max_error, samples)
+        meshes.append(min(good, meshes[-1]))
     return Limits(cards, reached, tuple(meshes), level)
 
 
@@ -160,11 +161,11 @@ def forced_limits(ranges, mesh_levels) -> Limits:
     return Limits(cards, np.full(PATCHES, least), (float('inf'), *lighter), level)
 
 
-def _spans(errors, shaders, max_error) -> dict:
+def _spans(errors, shaders, max_error, samples) -> dict:
     """Return the sizes at which each shader is used, in the order of cost."""
     reached, spans = np.zeros(PATCHES), {}
     for shader in shaders:
-        good = good_up_to(errors['sizes'], errors[shader.name], max_error)
+        good = good_up_to(errors['sizes'], of_cards(errors[shader.name], samples), max_error)
         good = good.min() if shader.sides else good
         good = np.maximum(np.clip(good, shader.least, shader.largest), reached)
         spans[shader.name] = np.stack([reached, good])
@@ -172,9 +173,9 @@ def _spans(errors, shaders, max_error) -> dict:
     return spans
 
 
-def good_up_to(sizes, rows, max_error, share=CARD_SHARE):
+def good_up_to(sizes, allowed, max_error):
     """Return the largest size at which outline and colour are within bounds, in each patch."""
-    need = allowed(rows, share).reshape(len(sizes), -1)
+    need = allowed.reshape(len(sizes), -1)
     over = need > max_error
     k = over.argmax(0)
     patch = np.arange(len(k))
@@ -184,13 +185,13 @@ def good_up_to(sizes, rows, max_error, share=CARD_SHARE):
     return np.where(over.any(0), low + part * (sizes[k] - low), sizes[-1])
 
 
-def _mesh_good_up_to(errors, name, max_error):
+def _mesh_good_up_to(errors, name, max_error, samples):
     """Return the same for a lighter mesh in the worst patch; beyond what was measured as well."""
-    sizes, rows = errors['sizes'], errors[name]
-    good = float(good_up_to(sizes, rows, max_error, MESH_SHARE).min())
+    sizes, allowed = errors['sizes'], of_meshes(errors[name], samples)
+    good = float(good_up_to(sizes, allowed, max_error).min())
     if good < sizes[-1]:
         return good
-    need = allowed(rows, MESH_SHARE).reshape(len(sizes), -1).max(1)
+    need = allowed.reshape(len(sizes), -1).max(1)
     # Facets that grow visible: an error of colour doubles with the size, or nearly.
     octaves = np.log2(max_error / max(need[-1], 1e-9))
     far = sizes[-1] * 2 ** min(octaves, _OCTAVES)

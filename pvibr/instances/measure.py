@@ -26,9 +26,11 @@ _VIEWS = _SIDE * _SIDE
 _FEW_SIZE = 128  # px from which colours are compared in one view of each patch
 _HOPELESS = 4.0  # px: a level that allows no `max_error` up to it is not tried at larger sizes
 SLACK = 0.5  # px, of outlines whose distances are whole pixels apart
-BEYOND = 0.02  # FLIP of what is covered, beyond that share of the mesh's own that is always
-#: allowed: of cards less, since where things touch or pierce one another theirs is more.
+#: The share of the mesh's own FLIP that is always allowed: of cards less, since where things touch
+#: or pierce one another theirs is more. Beyond it a share is allowed, between two bounds.
 CARD_SHARE, MESH_SHARE = 0.8, 1.0
+BEYOND, LEAST, MOST = 0.25, 0.005, 0.02
+_FALLS = 0.65  # the power of the samples per pixel by which the FLIP of a mesh falls
 _FLOOR = 1e-4  # FLIP below which nothing can be seen
 
 
@@ -56,9 +58,9 @@ def _around(z):
 def measure(model, progress=None) -> dict[str, np.ndarray]:
     """Return the error table of a model's levels, (sizes, patches, 3) each."""
     # For each patch of directions, from four views: the displacement of outlines in pixels, and
-    # the means of FLIP of what is covered, and of that of the mesh drawn once per pixel. Colours
-    # of lighter meshes are means over all views: they depend on directions less than on which
-    # samples happen to hit.
+    # the means of FLIP of what is covered, and of that of the mesh drawn once per pixel. That of
+    # lighter meshes is what many samples per pixel show: few of them add as much as to the
+    # mesh. It is the mean over all views: these levels are chosen by size alone.
     atlas = model.atlas
     table = {'sizes': np.array(SIZES, float)} | _measured(
         model, None, CARD_SHADERS, meshes=True, progress=progress or _unseen
@@ -85,7 +87,8 @@ def _measured(model, views, shaders, *, meshes, progress):
             radii = model.levels[i].error
             if radii is None:
                 radii = _fine(picture, reference)
-            rows = _rows(truths, lambda t, p=picture: _once(p, t.size))
+            drawn = _reduced(picture)
+            rows = _rows(truths, lambda t, p=drawn: _shrunk(p, t.size))
             table[f'mesh{i}'] = np.broadcast_to(rows.mean(1, keepdims=True), rows.shape).copy()
             table[f'mesh{i}'][..., 0] = radii * np.array(SIZES)[:, None] / 2 + SLACK
             table[f'mesh{i}.radii'] = np.array(radii)
@@ -108,18 +111,35 @@ def _rows(truths, draw, largest=np.inf):
     """Return the errors of a level at all sizes, (sizes, patches, 3)."""
     rows: list[np.ndarray] = []
     for truth in truths:
-        if truth.size > 2 * largest or (rows and np.median(allowed(rows[-1])) > _HOPELESS):
+        if truth.size > 2 * largest or (rows and np.median(of_cards(rows[-1])) > _HOPELESS):
             rows.append(rows[-1] * [2.0, 1.5, 1.0])  # it grows with the size
         else:
             rows.append(truth.errors(draw(truth)))
     return np.array(rows)
 
 
-def allowed(rows, share=CARD_SHARE):
-    """Return the least `max_error`, in pixels, that allows errors: (..., 3) to (...)."""
+def of_cards(rows, samples=1):
+    """Return the least `max_error` in pixels that allows errors of cards: (..., 3) to (...)."""
     moved, flip, own = np.moveaxis(np.asarray(rows), -1, 0)
-    own = share * own
-    color = np.where(flip <= own, 0.0, np.minimum((flip - own) / BEYOND, flip / own))
+    return _allowed(moved, flip, _sampled(own, samples), CARD_SHARE)
+
+
+def of_meshes(rows, samples=1):
+    """Return the same of lighter meshes, which are sampled as the mesh is."""
+    moved, flip, own = np.moveaxis(np.asarray(rows), -1, 0)
+    own = _sampled(own, samples)
+    return _allowed(moved, np.hypot(flip, own), own, MESH_SHARE)
+
+
+def _sampled(own, samples):
+    """Return the FLIP of a mesh drawn with some samples per pixel, from that with one."""
+    return own / max(samples, 1) ** _FALLS
+
+
+def _allowed(moved, flip, own, share):
+    beyond = flip - share * own
+    color = np.minimum(beyond / np.clip(BEYOND * own, LEAST, MOST), flip / (share * own))
+    color = np.where(beyond <= 0, 0.0, color)
     return np.maximum(np.maximum(moved - SLACK, 0.0), color)
 
 
@@ -128,7 +148,7 @@ class _Truth:
 
     def __init__(self, reference, full, size):
         self.size = size
-        self.picture = box_reduce(full, SIZES[-1] // size).astype(np.float32)
+        self.picture = _shrunk(full, size)
         self.few = np.arange(_VIEWS)
         if size >= _FEW_SIZE:
             self.few = self.few.reshape(_SIDE, _SIDE)[::2, ::2].ravel()
@@ -179,6 +199,11 @@ def _reduced(picture):
         sums = ends + 2 * sums[:, 1:].sum(1, dtype=sums.dtype) + np.roll(ends, -1, 0)
         sums = np.moveaxis(sums, 0, axis)
     return sums / np.float32(255 * (2 * _SAMPLES) ** 2)
+
+
+def _shrunk(picture, size):
+    """Return pixels of a size, as means of those of the largest."""
+    return box_reduce(picture, SIZES[-1] // size).astype(np.float32)
 
 
 def _once(picture, size):

@@ -16,7 +16,7 @@ _PIXELS = 300  # of a card that is 24 px high: sizes at which images serve most
 _BAKE = 3e9  # ns, more of heavy meshes
 _FRAMES = 60  # in which a bake must have paid
 #: ns of a pixel of the square around what is seen near: of meshes, and of cards by shader.
-_MESH_SQUARE, _SQUARE = 20.0, {'parallax': 43.0, 'blended': 100.0}
+_MESH_SQUARE, _SQUARE = 20.0, {'parallax': 43.0, 'blended': 100.0, 'fine': 400.0}
 
 
 def why_not(triangles, count) -> str:

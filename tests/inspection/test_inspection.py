@@ -18,7 +18,7 @@ from pvibr.instances.cards import FADE
 from pvibr.maths.octahedral import view_directions
 
 SIZE = (320, 240)
-ENDS = {'splat': 6.0, 'flat': 12.0, 'parallax': 24.0, 'blended': 48.0}  # pixels
+ENDS = {'splat': 6.0, 'flat': 12.0, 'parallax': 24.0, 'blended': 48.0, 'fine': 48.0}  # pixels
 LEFT = {'levels': False, 'cells': False, 'atlas': False, 'table': False}
 TORUS = pv.ParametricTorus(u_res=40, v_res=20).compute_normals()
 

@@ -130,8 +130,8 @@ def is_same(one, other):
 def test_limits_grow_with_the_error():
     rng = np.random.default_rng(0)
     rows = np.cumsum(rng.uniform(0, 0.5, (5, 16, 3)), 0)
-    names = ('splat', 'flat', 'parallax', 'blended', 'mesh1')
-    table = {n: rows * s for n, s in zip(names, (4, 2, 1, 0.5, 0.2), strict=True)}
+    names = ('splat', 'flat', 'parallax', 'blended', 'fine', 'mesh1')
+    table = {n: rows * s for n, s in zip(names, (4, 2, 1, 0.5, 0.4, 0.2), strict=True)}
     table |= {'sizes': np.array([8.0, 16, 32, 64, 128]), 'mesh1.radii': np.array(0.01)}
     reached = [limits_of(table, 2, e).mesh for e in (0.25, 0.5, 1, 2, 4)]
     assert (np.diff(reached, axis=0) >= 0).all()

@@ -21,6 +21,7 @@ VIEWS = {
 }
 # Diameter on the screen, and by how much coverage, mean colour, place and all pixels may be off.
 BOUNDS = {
+    'fine': (12, 0.04, 0.015, 0.25, 0.04),
     'blended': (60, 0.03, 0.01, 0.25, 0.025),
     'parallax': (36, 0.04, 0.015, 0.5, 0.04),
     'flat': (16, 0.06, 0.035, 0.3, 0.08),
@@ -52,7 +53,7 @@ def assert_alike(see, drawn, truth, level):
     assert np.abs(drawn - truth).mean(2).sum() / b.sum() < pixels
 
 
-@pytest.mark.parametrize('level', ['splat', 'flat', 'parallax', 'blended'])
+@pytest.mark.parametrize('level', ['splat', 'flat', 'parallax', 'blended', 'fine'])
 @pytest.mark.parametrize('parallel', [False, True], ids=['perspective', 'parallel'])
 @pytest.mark.parametrize('view', VIEWS.values(), ids=VIEWS)
 def test_mesh_from_every_side(scenes, see, bean, level, parallel, view):

@@ -96,10 +96,33 @@ def test_few_pixels_of_an_outline_are_told_by_all_views_of_a_patch():
 
 
 def test_a_colour_is_allowed_by_its_excess_or_its_ratio():
-    rows = [[0.5, 0.1, 0.1], [2.5, 0.1, 0.1], [0, 0.12, 0.08], [0, 0.011, 0.001], [0, 0.01, 0.1]]
-    np.testing.assert_allclose(me.allowed(rows, me.MESH_SHARE), [0, 2, 1.5, 0.5, 0])
-    # Of cards less is allowed: 0.02 beyond four fifths of the mesh's own.
-    np.testing.assert_allclose(me.allowed([[0, 0.1, 0.1], [0, 0.08, 0.1]]), [1, 0], atol=1e-9)
+    # Of cards a quarter of the mesh's own beyond four fifths of it, between 0.005 and 0.02.
+    rows = [[2.5, 0.08, 0.1], [0, 0.1, 0.1], [0, 0.053, 0.06], [0, 0.018, 0.01], [0, 0.09, 0.1]]
+    np.testing.assert_allclose(me.of_cards(rows), [2, 1, 1 / 3, 2, 0.5], atol=1e-9)
+    assert np.isclose(me.of_cards([[0, 0.5, 0.5]]), 1.25)  # of large ones a ratio
+    # What a lighter mesh adds is no part of what few samples add to it.
+    rows = [[0.5, 0.0, 0.1], [0, 0.075, 0.1], [0, 0.04, 0.03]]
+    np.testing.assert_allclose(me.of_meshes(rows), [0, 1.25, 5 / 3], atol=1e-9)
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_less_is_allowed_where_the_mesh_has_more_samples(seed):
+    rows = np.random.default_rng(seed).uniform(0.01, 0.4, (50, 3))
+    for rule in (me.of_cards, me.of_meshes):
+        allowed = [rule(rows, samples) for samples in (0, 1, 4, 8)]
+        assert np.array_equal(*allowed[:2])
+        assert (np.diff(allowed[1:], axis=0) >= 0).all()
+        assert (np.diff(allowed[1:], axis=0) > 0.1).any()
+
+
+def test_the_samples_of_a_mesh_lessen_its_error_as_told(sheet):
+    picture = sheet.draw_mesh(0)
+    truth = me._Truth(picture, me._reduced(picture), 32)
+    step = me.SIZES[-1] * me._SAMPLES // 32
+    places = [(1, 3), (3, 7), (5, 1), (7, 5)]  # four, as drivers spread them
+    four = np.mean([np.roll(picture, (-y, -x), (0, 1))[::step, ::step] for y, x in places], 0)
+    found = truth._flip((four / 255).astype(np.float32)).mean() / truth.base.mean()
+    assert 0.6 < found / me._sampled(1.0, 4) < 1.6
 
 
 def test_a_bar_is_never_below_the_mesh_itself():
@@ -110,3 +133,25 @@ def test_a_bar_is_never_below_the_mesh_itself():
     (row,) = (row for row in moved_rows(meshes) if 'max_error 1.0' in row.name)
     assert row.ok
     assert (row.value, row.bar) == (1.4, 1.5)
+
+
+def test_limits_follow_the_samples_of_the_window(atlases):
+    pl = pv.Plotter(off_screen=True, window_size=(200, 150))
+    knot = pv.ParametricTorus(1.0, 0.3, u_res=60, v_res=30)
+    things = pl.ibr.add_instances(
+        knot, [[0, 0, 0], [3, 0, 0]], bake=True, cache=atlases, progress=False
+    )
+    found = {}
+    pl.show(auto_close=False)
+    for name, samples in (('one', 0), ('two', 2), ('four', 4), ('again', 0)):
+        pl.render_window.SetMultiSamples(samples)
+        pl.render()
+        found[name] = things.limits[0]
+    pl.enable_anti_aliasing('ssaa')
+    pl.render()
+    ends = [found[name].mesh.mean() for name in ('one', 'two', 'four')] + [
+        things.limits[0].mesh.mean()
+    ]
+    assert (np.diff(ends) < 0).all()  # of five samples
+    assert found['again'] is found['one']
+    pl.close()

@@ -193,6 +193,7 @@ def test_sizes_follow_from_errors():
         'flat': bad,
         'parallax': good,
         'blended': good,
+        'fine': good,
     }
     plain = limits_of(table, 1, 1.0)
     assert plain.level == {}
