@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import traceback
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -11,7 +12,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
@@ -220,10 +220,20 @@ def _measure(seed, settings, results):
             found.append(measured(name, make, settings, seed))
         except Exception as error:  # the others are measured all the same
             found.append(Found(name, 0, error=_told(error)))
+        sys.stderr.write(f'{_line(found[-1])}\n')
         found.sort(key=_badness, reverse=True)
         results.points['survey'] = [asdict(f) for f in found]
-        Console(stderr=True).print(_table([f for f in found if f.name == name]))
     yield from rows(found)
+
+
+def _line(found) -> str:
+    if found.error:
+        return f'{found.name}: {found.error}'
+    flips = ' and '.join(f'{found.worst_flip(n):.2f}' for n in whole_frames.SAMPLES)
+    return (
+        f'{found.name}: over VTK {found.speed:.1f}x, over cards {found.over_cards:.2f}, '
+        f'1 over 2 {found.over_coarse:.2f}, FLIP {flips}'
+    )
 
 
 def _told(error) -> str:
@@ -268,16 +278,12 @@ def rows(found):
 
 def _tables(points) -> list[Table]:
     """Return the table of the meshes, worst case first."""
-    return [_table([Found(**values) for values in points['survey']])]
-
-
-def _table(found) -> Table:
     table = Table(
         'mesh', 'triangles', 'over VTK', 'ms', 'over cards', '1 over 2', 'FLIP, worst (mean)',
         f'FLIP at {whole_frames.SAMPLES[1]} samples', 'FLIP of cards', 'MiB', 'bake s', 'again s',
         title='fields of unseen meshes, worst first',
     )  # fmt: skip
-    for f in found:
+    for f in (Found(**values) for values in points['survey']):
         if f.error:
             table.add_row(f.name, f.error)
             continue
@@ -290,7 +296,7 @@ def _table(found) -> Table:
             f'{f.worst_flip(whole_frames.SAMPLES[1]):.2f}', f'{max(f.flip["cards, 0"]):.2f}',
             f'{f.bytes / 2**20:.0f}', f'{f.add_s[0]:.1f}', f'{f.add_s[1]:.2f}',
         )  # fmt: skip
-    return table
+    return [table]
 
 
 def _plot(points, figure):
