@@ -10,7 +10,7 @@
 // uniforms: VTK declares them.
 // IBR_DITHER is a number from 0 to 1 that depends on the pixel alone.
 // Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 1; SPLAT 0 or 1;
-// TAPS 1 or 4: points of a pixel at which its views are looked up;
+// CARD_TAPS 1 or 4: points of a pixel at which its views are looked up;
 // PATCH_SIDE, of the square of patches of directions, each with errors of its own;
 // ANIMATED 1 where an atlas has a page for each pose of the clips, and instances move;
 // DEEP 1 where a fragment has the depth of its surface, 0 where it has that of the card's plane;
@@ -201,7 +201,7 @@ mat3 ibr_frame(vec3 d)
       float rise = ibr_parallel == 1 ? upright.z : dot(upright, c) / away;
       if (abs(rise) < ibr_turn_level) { range = ibr_turn_ranges[patch_of.y][patch_of.x]; }
 #endif
-      float texels = size * ibr_sharpness * sqrt(float(TAPS));
+      float texels = size * ibr_sharpness * sqrt(float(CARD_TAPS));
       float lod = max(floor(log2(float(ibr_tile) / texels)), 0.0);
       lod = min(lod, log2(float(ibr_tile)));
       bool cored = lod <= ibr_core_level;
@@ -437,7 +437,7 @@ void ibr_see(vec3 point, vec3 ray, vec3 cell, vec4 depth_row, inout vec4 geometr
 
 vec3 ibr_beside(vec3 point, vec2 off)
 {
-  return TAPS == 1 ? point : point + off.x * dFdx(point) + off.y * dFdy(point);
+  return CARD_TAPS == 1 ? point : point + off.x * dFdx(point) + off.y * dFdy(point);
 }
 
 // Adds what all views see at a place that is so many pixels off the middle of the pixel.
@@ -452,8 +452,8 @@ void ibr_tap(vec2 off, inout vec4 geometry, inout vec4 albedo)
   ibr_see(ibr_beside(ibr_point[1], off), ibr_ray[1], ibr_cell[1], ibr_depth_row[1], g, a, w);
   ibr_see(ibr_beside(ibr_point[2], off), ibr_ray[2], ibr_cell[2], ibr_depth_row[2], g, a, w);
 #endif
-  geometry += g / (float(TAPS) * w);
-  albedo += a / (float(TAPS) * w);
+  geometry += g / (float(CARD_TAPS) * w);
+  albedo += a / (float(CARD_TAPS) * w);
 }
 #endif
 
@@ -464,7 +464,7 @@ void ibr_tap(vec2 off, inout vec4 geometry, inout vec4 albedo)
 #else
   vec4 ibr_g = vec4(0.0);        // eye depth, coverage, normal xy: means over views
   vec4 ibr_a = vec4(0.0);        // albedo, normal z
-#if TAPS == 4
+#if CARD_TAPS == 4
   ibr_tap(vec2(0.125, 0.375), ibr_g, ibr_a);
   ibr_tap(vec2(0.375, -0.125), ibr_g, ibr_a);
   ibr_tap(vec2(-0.125, -0.375), ibr_g, ibr_a);

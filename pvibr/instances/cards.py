@@ -46,7 +46,7 @@ class CardShader:
         values = {
             'VIEWS_BLENDED': self.views,
             'STEPS': self.steps,
-            'TAPS': self.taps,
+            'CARD_TAPS': self.taps,
             'CORNERS': self.corners,
             'SPLAT': int(self.splat),
             'DEEP': int(deep),
