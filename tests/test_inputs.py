@@ -97,10 +97,24 @@ class Watch:
         return called
 
 
-@pytest.fixture
-def watch(monkeypatch):
+@pytest.fixture(scope='module')
+def watching():
     """Watch every public function and method."""
     made = Watch()
+    with pytest.MonkeyPatch.context() as patch:
+        wrap_all(made, patch)
+        yield made
+
+
+@pytest.fixture
+def watch(watching):
+    """Return what watches, with nothing noted yet."""
+    watching.called, watching.changed = set(), []
+    return watching
+
+
+def wrap_all(made, patch):
+    """Wrap every public function and method."""
     for name in NAMES:
         owner = OWNERS[name]
         if inspect.isclass(owner):
@@ -113,12 +127,11 @@ def watch(monkeypatch):
                         f'{name}.{key}', function, not isinstance(value, staticmethod)
                     )
                     kind = type(value) if function is not value else (lambda one: one)
-                    monkeypatch.setattr(owner, key, kind(wrapped))
+                    patch.setattr(owner, key, kind(wrapped))
         else:
             for module in (pvibr, pvibr.animation, pvibr_widgets):
                 if getattr(module, name, None) is owner:
-                    monkeypatch.setattr(module, name, made.wrap(name, owner, 0))
-    return made
+                    patch.setattr(module, name, made.wrap(name, owner, 0))
 
 
 @pytest.mark.parametrize('name', NAMES)
@@ -137,6 +150,9 @@ def given(rng):
     ball = pv.Sphere(theta_resolution=12, phi_resolution=8)
     ball['height'] = ball.points[:, 2].copy()
     image = rng.integers(0, 255, (16, 16, 4), dtype=np.uint8)
+    cloud = pv.PolyData(rng.normal(size=(5, 3)))
+    cloud['wind'] = rng.normal(size=(5, 3))
+    cloud.set_active_scalars(None)
     moved = FigureMesh(pv.Sphere(theta_resolution=12, phi_resolution=8), node=0)
     return {
         'ball': ball,
@@ -144,7 +160,7 @@ def given(rng):
         'blocks': pv.MultiBlock([ball.copy(), pv.Cube().triangulate()]),
         'points': rng.normal(size=(5, 3)),
         'ends': rng.normal(size=(5, 3)),
-        'cloud': pv.PolyData(rng.normal(size=(5, 3))),
+        'cloud': cloud,
         'sizes': rng.uniform(0.2, 0.5, 5),
         'radii': rng.uniform(0.2, 0.5, (5, 3)),
         'turns': rng.normal(size=(5, 4)),
@@ -160,6 +176,7 @@ def given(rng):
     }
 
 
+CLOUD = {'planes': 4, 'size': 128, 'supersample': 1}
 #: Every way to add something, and what is made of a mesh.
 CALLS = {
     'add': lambda pl, g: pl.ibr.add(pvibr.Spheres(g['points'], g['sizes'])),
@@ -191,12 +208,15 @@ CALLS = {
         g['cloud'], g['sizes'], scalars=g['values'], visible=g['seen']
     ),
     'bake': lambda pl, g: g['ball'].ibr.bake(views=6, tile=16, scalars='height'),
-    'billboard_cloud': lambda pl, g: g['ball'].ibr.billboard_cloud(planes=4).add_to(pl),
-    'billboard_cloud of blocks': lambda pl, g: g['blocks'].ibr.billboard_cloud(planes=4),
+    'billboard_cloud': lambda pl, g: g['ball'].ibr.billboard_cloud(**CLOUD).add_to(pl),
+    'billboard_cloud of blocks': lambda pl, g: g['blocks'].ibr.billboard_cloud(**CLOUD),
     'add_instances of blocks': lambda pl, g: pl.ibr.add_instances(
         g['blocks'], g['points'], bake=False
     ),
-    'foliage_levels': lambda pl, g: pvibr.foliage_levels(g['bare'], g['labels']),
+    'foliage_levels': lambda pl, g: pvibr.foliage_levels(
+        g['bare'], g['labels'], views=4, view_size=32
+    ),
+    'glyph': lambda pl, g: pl.ibr.add_instances(g['cloud'].ibr.glyph(orient='wind', scale=False)),
     'from_sculpted': lambda pl, g: Correctives.from_sculpted(
         g['figure'], [0], Pose([[[1.0, 0, 0]]], [[[0.0, 1.0, 0, 0]]]), g['target'][None]
     ),

@@ -246,10 +246,20 @@ def cast(frame, meet, *things):
     normals = np.zeros_like(ways)
     count = len(things[0])
     for i, thing in enumerate(zip(*things, strict=True)):
-        t, normal, inside = meet(starts, ways, *thing).first(frame.near)
-        hit = (t < depth) & (t <= frame.far)
-        ids[hit], depth[hit], normals[hit] = (i + count * inside)[hit], t[hit], normal[hit]
+        near = np.nonzero(_may_meet(starts, ways, *thing))
+        t, normal, inside = meet(starts[near], ways[near], *thing).first(frame.near)
+        hit = (t < depth[near]) & (t <= frame.far)
+        found = tuple(k[hit] for k in near)
+        ids[found], depth[found], normals[found] = (i + count * inside)[hit], t[hit], normal[hit]
     return ids, depth, normals @ turn.T
+
+
+def _may_meet(starts, ways, center, *extents):
+    """Return which rays meet a sphere around a thing."""
+    reach = sum(np.linalg.norm(extent) for extent in extents)
+    off = np.subtract(starts, center)
+    nearest = _foot(ways, off)[1]
+    return _dot(nearest, nearest) <= (1.001 * reach + 1e-12 * np.abs(off).max()) ** 2
 
 
 def _rays(frame):
