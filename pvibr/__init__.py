@@ -39,6 +39,7 @@ EFFECTS = {
     'Projector': 'pvibr.projection.projector',  # photographs are lit and shadowed like surfaces
     'Sky': 'pvibr.effects.backgrounds',  # behind the scene: a lens blurs it, bright parts bloom
     'Backdrop': 'pvibr.effects.backgrounds',  # as the sky
+    'Fog': 'pvibr.effects.fog',  # in the air before the lens
     'DepthOfField': 'pvibr.effects.depth_of_field',  # a lens blurs the light of the scene
     'Glow': 'pvibr.effects.glow',  # added after the lens: it stays sharp
     'Afterglow': 'pvibr.effects.glow',  # as glow

@@ -372,7 +372,7 @@ class _Stage:
     def _run(self, turn, scene, entries, place):
         picture = self._picture_of(place, scene.needs_hdr)
         on_black = any(e.effect.draws_background for e in entries)
-        picture.take(scene.framebuffer, on_black=on_black)
+        picture.take(scene.target, on_black=on_black)
         if loses_depth(self.renderer):
             picture.find_depth = partial(self.buffers.depth, turn.frame, self._things)
         for entry in entries:

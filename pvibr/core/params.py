@@ -55,6 +55,8 @@ class Param:
         Whether None, "derived from the scene", is allowed; True if it is the default.
     kind : type, optional
         Type of the value, if the default is None.
+    length : int, optional
+        Number of values of a tuple; that of the default if it is not empty.
 
     Raises
     ------
@@ -75,13 +77,23 @@ class Param:
     """
 
     def __init__(
-        self, default, doc, *, range=None, choices=None, unit='', optional=None, kind=None
+        self,
+        default,
+        doc,
+        *,
+        range=None,
+        choices=None,
+        unit='',
+        optional=None,
+        kind=None,
+        length=None,
     ):
         self.default, self.doc, self.unit = default, doc, unit
         self.range = None if range is None else Interval(range)
         self.choices = None if choices is None else tuple(choices)
         self.optional = default is None if optional is None else optional
         self.kind = type(default) if kind is None else kind
+        self.length = length or (len(default) if self.kind is tuple and default else 0)
         self.name = ''
         if self.kind not in (*_KINDS, tuple):
             msg = f'default {default!r}: give a bool, int, float, str, tuple, or None with kind='
@@ -110,7 +122,7 @@ class Param:
         if self.choices is not None:
             words = 'one of ' + ', '.join(map(repr, self.choices))
         elif self.kind is tuple:
-            words = f'{len(self.default)} finite floats' if self.default else 'finite floats'
+            words = f'{self.length} finite floats' if self.length else 'finite floats'
         else:
             words = f'{"an" if self.kind is int else "a"} {self.kind.__name__}'
         words += f' in {self.range}' if self.range else ''
@@ -158,7 +170,7 @@ class Param:
     def _is_allowed(self, kept) -> bool:
         if self.choices is not None and kept not in self.choices:
             return False
-        if self.kind is tuple and self.default and len(kept) != len(self.default):
+        if self.length and len(kept) != self.length:
             return False
         for number in kept if self.kind is tuple else (kept,):
             if isinstance(number, float) and not math.isfinite(number):

@@ -76,9 +76,11 @@ class Backdrop(_Behind, FullScreenImage):
     Examples
     --------
     >>> from pvibr import Backdrop
-    >>> Backdrop(np.ones((8, 8, 3)), fit='cover').fit
+    >>> Backdrop(np.ones((8, 8, 3)), opacity=0.5).fit
     'cover'
     """
+
+    fit = Param('cover', 'Fit to the rectangle.', choices=('contain', 'cover', 'stretch'))
 
     parts = ('image', 'behind', 'backdrop')
     web = 'lost', 'fixed to the screen, and a browser has no such background'
@@ -180,6 +182,21 @@ class Sky(_Behind):
             seen = sample(picture, np.hstack([around, 0.5 + 0.5 * rise]))[:, :3] / 255
         ground = np.array(frame.renderer.GetBackground())
         return np.clip(self.opacity * self.intensity * seen + (1 - self.opacity) * ground, 0, 1)
+
+    def around(self, directions) -> np.ndarray:
+        """Return directions in world space of those in the sky's own: z up.
+
+        Parameters
+        ----------
+        directions : numpy.ndarray, shape (n, 3)
+            Unit vectors, x towards the centre of the panorama.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n, 3), float64
+            Unit vectors in world space.
+        """
+        return directions @ _axes(self.up, self.turn)
 
     def directions(self, frame) -> np.ndarray:
         """Return the matrix from positions on the screen to directions.

@@ -1,16 +1,16 @@
 // Bloom, entry point bright: light above the threshold, averaged over squares of the picture.
-// Brightness S is the largest channel, so that colours keep their hue and blue counts like green;
-// it is that of 2 x 2 pixels, one bilinear tap, or of one pixel if fireflies are reduced.
-// FIREFLIES: a mean weighted by 1 / (1 + firefly_reduction S): B. Karis, "Tone mapping", graphicrants.blogspot.com,
-// 2013; partial, within each square: J. Jimenez, "Next generation post processing in Call of Duty:
-// Advanced Warfare", SIGGRAPH 2014, slides 166 to 168. Half-open squares, counted in pixels.
+// Squares are of any size, pixels at their edges shared: the image has as many rows in a window of
+// any size. Brightness is luminance, Rec. 709; the light has the hue of its pixel.
+// FIREFLIES: a mean weighted by 1 / (1 + firefly_reduction S): B. Karis, "Tone mapping",
+// graphicrants.blogspot.com, 2013; partial, within each square: J. Jimenez, "Next generation post processing in Call of Duty:
+// Advanced Warfare", SIGGRAPH 2014, slides 166 to 168.
 // Inputs: color (display values, above 1 where the frame has them; alpha 0 where only a plain
-// background is; linear filter).
-// Defines: TAPS and STEP, along a side of a square of TAPS * STEP pixels; OPERATOR 0 subtract,
-// 1 keep, 2 soft; FLOATS if colours may be infinite or NaN; FIREFLIES.
+// background is).
+// Defines: OPERATOR 0 subtract, 1 keep, 2 soft; FLOATS if colours may be infinite or NaN; FIREFLIES.
 //@bright
 uniform sampler2D color;
-uniform vec2 pixel;        // of the picture, one over its size
+uniform vec2 size;         // of the picture, in pixels
+uniform float side;        // of a square, in pixels
 uniform float threshold;
 uniform vec2 ramp;         // of the soft step: factor and summand that take its ends to 0 and 1
 uniform float background;  // 1 if a plain background is included
@@ -24,7 +24,7 @@ vec4 above(vec4 c)
   c.rgb = clamp(c.rgb, 0.0, 10000.0);
 #endif
   vec3 s = c.rgb * clamp(c.a + background, 0.0, 1.0);
-  float b = max(s.r, max(s.g, s.b));
+  float b = dot(s, vec3(0.2126, 0.7152, 0.0722));
 #if OPERATOR == 0
   float kept = max(b - threshold, 0.0) / max(b, 1e-9);
 #elif OPERATOR == 1
@@ -43,19 +43,19 @@ vec4 above(vec4 c)
 }
 void main()
 {
-  vec2 first = (gl_FragCoord.xy * float(TAPS * STEP) - 0.5 * float((TAPS - 1) * STEP)) * pixel;
-  vec4 sum = vec4(min(uv.x, 0.0));
-  for (int j = 0; j < TAPS; ++j)
+  vec2 low = (gl_FragCoord.xy - 0.5) * side, high = min(low + side, size);
+  ivec2 first = ivec2(low), last = ivec2(ceil(high));
+  vec4 sum = vec4(vec3(min(uv.x, 0.0)), 1e-9);
+  for (int j = first.y; j < last.y; ++j)
   {
-    for (int i = 0; i < TAPS; ++i)
+    float rows = min(float(j) + 1.0, high.y) - max(float(j), low.y);
+    for (int i = first.x; i < last.x; ++i)
     {
-      sum += above(texture(color, first + float(STEP) * vec2(i, j) * pixel));
+      float columns = min(float(i) + 1.0, high.x) - max(float(i), low.x);
+      sum += rows * columns * above(texelFetch(color, ivec2(i, j), 0));
     }
   }
-#if FIREFLIES
-  gl_FragData[0] = vec4(sum.rgb / max(sum.a, 1e-9), 1.0);
-#else
-  gl_FragData[0] = vec4(sum.rgb / float(TAPS * TAPS), 1.0);
-#endif
-  gl_FragData[1] = vec4(1e9 * dot(sum.rgb, vec3(1.0)));
+  vec3 mean = sum.rgb / sum.a;
+  gl_FragData[0] = vec4(mean, 1.0);
+  gl_FragData[1] = vec4(1e9 * dot(mean, vec3(1.0)));
 }

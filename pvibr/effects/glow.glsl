@@ -3,13 +3,14 @@
 // more.
 // Inputs: glow (colour times intensity and coverage; linear filter), own (its depth) and scene (the
 // depth of all), both window depth from 0 near to 1 far.
-// Defines: TAPS along a side of a square of 2 TAPS pixels; colour is that of 2 x 2 pixels, depth of
-// one of them.
+// Defines: TAPS along a side of a square, each at most 2 pixels wide; colour is that of 2 x 2
+// pixels, depth of one of them.
 //@source
 uniform sampler2D glow;
 uniform sampler2D own;
 uniform sampler2D scene;
 uniform vec2 pixels;      // of the picture
+uniform float side;       // of a square, in pixels
 uniform vec4 projection;  // the lower right 2 x 2 of clip from view, row by row
 uniform vec2 pixel_size;  // world units, constant and by distance
 float away(float depth)
@@ -19,13 +20,14 @@ float away(float depth)
 }
 void main()
 {
-  vec2 first = gl_FragCoord.xy * float(2 * TAPS) - float(TAPS) + 1.0;
+  float tap = side / float(TAPS);
+  vec2 first = (gl_FragCoord.xy - 0.5) * side + 0.5 * tap;
   vec3 sum = vec3(min(uv.x, 0.0));
   for (int j = 0; j < TAPS; ++j)
   {
     for (int i = 0; i < TAPS; ++i)
     {
-      vec2 place = (first + 2.0 * vec2(i, j)) / pixels;
+      vec2 place = (first + tap * vec2(i, j)) / pixels;
       // Half a pixel aside: within a pixel of both, not between four.
       float distance = -away(texture(own, place - 0.5 / vec2(textureSize(own, 0))).r);
       float hidden = -away(texture(scene, place - 0.5 / pixels).r);

@@ -18,7 +18,6 @@ from pvibr.maths.views import covered
 from pvibr.scene.thing import Thing
 
 _PBR = 3  # VTK_PBR
-_STEP = 16  # pixels: of the largest squares of light, a multiple of all others
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper')
 # Uniforms begin at 0, which leaves the scene's own drawing as it is.
 _DRAW = """  if (ibr_glow > 0.0) gl_FragData[0] = vec4(ibr_glow * {light}, 1.0);
@@ -156,7 +155,7 @@ class Glow(LightSpread):
         if self._gpu is None:
             self._gpu = _Gpu(frame.renderer, frame.size)
         feature = {'color': _COLOR, 'alpha': _ALPHA, 'emissive': _EMISSIVE}[self.source]
-        self._gpu.draw(frame, self._lit, feature)
+        self._gpu.draw(frame, self._lit, feature, frame.whole[1] / self._rows)
 
     def deactivate(self):
         """Restore the shaders of the actors."""
@@ -165,7 +164,7 @@ class Glow(LightSpread):
 
     def _draw_source(self, frame, picture, target, side):
         if self._gpu is not None:
-            self._gpu.light(frame, picture, target, side // 2)
+            self._gpu.light(frame, picture, target, side)
 
     def _forget(self):
         release(self._gpu)
@@ -269,10 +268,13 @@ class _Gpu:
     def nbytes(self) -> int:
         return self.target.nbytes
 
-    def draw(self, frame, glowing, feature):
+    def draw(self, frame, glowing, feature, side):
+        """Draw actors, and nothing around them as far as squares of light reach."""
         self._match([actor for actor, _ in glowing], feature)
         view = frame.view
-        left, bottom, right, top = self._covered(frame, view)
+        around, box = math.ceil(side) + 1, self._covered(frame, view)
+        left, bottom = (max(edge - around, 0) for edge in box[:2])
+        right, top = (min(edge + around, n) for edge, n in zip(box[2:], frame.size, strict=True))
         with self.target.drawing():
             within = left, bottom, right - left, top - bottom
             self.drawer.look(view, (0, 0, *frame.size), within=within)
@@ -285,7 +287,7 @@ class _Gpu:
         self.drawer.done()
 
     def _covered(self, frame, view):
-        """Return the part of the picture that actors may cover, in whole squares of light."""
+        """Return the part of the picture that actors may cover."""
         actors = self._attached.actors()
         if frame.scale > 1 or not all(self._bounded[address(actor)] for actor in actors):
             self._seen, self._box = (), (0, 0, *frame.size)
@@ -308,21 +310,24 @@ class _Gpu:
         """Restore the shaders of all actors."""
         self._attached.clear()
 
-    def light(self, frame, picture, target, taps):
-        """Draw the light of visible parts, in squares of twice as many pixels as taps."""
+    def light(self, frame, picture, target, side):
+        """Draw the light of visible parts, in squares of so many pixels along each side."""
+        taps = max(math.ceil(side / 2), 1)
         if taps not in self._quads:
             text = sections(shader_source(__file__))['source']
             text = f'#define TAPS {taps}\n{text}'
             self._quads[taps] = Quad(frame.window, text, 'glow source')
         one = 1 / frame.pixel_scale
         uniforms = {
+            'side': float(side),
             'pixels': picture.size,
             'projection': frame.clip_from_view[2:, 2:].ravel().tolist(),
             'pixel_size': (one, 0.0) if frame.parallel else (0.0, one),
         }
         glow = self.target.colors[0]
         textures = {'glow': glow, 'own': self.target.depth, 'scene': picture.depth}
-        left, bottom, right, top = (-(-edge // (2 * taps)) for edge in self._box)
+        left, bottom = (math.floor(edge / side) for edge in self._box[:2])
+        right, top = (math.ceil(edge / side) for edge in self._box[2:])
         with filtered(glow), target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
             frame.window.GetState().vtkglScissor(left, bottom, right - left, top - bottom)
             self._quads[taps].draw(uniforms, textures)
@@ -404,17 +409,14 @@ def _is_within_bounds(actor) -> bool:
 
 
 def _box(view, bounds, thickness, size):
-    """Return the part of a picture within bounds, in whole squares of light."""
+    """Return the part of a picture within bounds."""
     if not bounds:
         return 0, 0, 0, 0
     around = math.ceil(max(thickness)) + 1
     box = covered(view, bounds, size)
-    low = [max(edge - around, 0) // _STEP * _STEP for edge in box[:2]]
-    high = [
-        min(-(-(edge + around) // _STEP) * _STEP, side)
-        for edge, side in zip(box[2:], size, strict=True)
-    ]
-    return low[0], low[1], max(high[0], low[0]), max(high[1], low[1])
+    left, bottom = (max(edge - around, 0) for edge in box[:2])
+    right, top = (min(edge + around, n) for edge, n in zip(box[2:], size, strict=True))
+    return left, bottom, max(right, left), max(top, bottom)
 
 
 def _thickness(prop):

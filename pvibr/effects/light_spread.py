@@ -12,6 +12,8 @@ from pvibr.gl import release
 from pvibr.gl.blur import CHAINS, Blur, Light
 from pvibr.gl.scene_pass import is_marker
 
+_ROWS = 720  # of the picture that `downsample` is about
+
 
 class LightSpread(Effect):
     """Light blurred by a pyramid; a subclass draws it with `_draw_source`, freed by `_forget`.
@@ -30,7 +32,9 @@ class LightSpread(Effect):
 
     intensity = Param(1.0, 'Factor of the added light.', range='[0, inf)')
     downsample = Param(
-        8, 'Downsampling before the first blur; smaller is sharper and slower.', choices=(4, 8, 16)
+        8,
+        'Texel of the finest blur, as pixels of a picture of 720 rows; smaller is sharper.',
+        choices=(4, 8, 16),
     )
     chain = Param(
         'gaussian',
@@ -40,7 +44,7 @@ class LightSpread(Effect):
     kernel = Param(5, 'Size of each Gaussian kernel.', choices=tuple(range(3, 33, 2)), unit='px')
     levels = Param(
         None,
-        'Number of blurs, each at half the resolution; by the size of the picture by default.',
+        'Number of blurs, each at half the resolution; as wide at any `downsample` by default.',
         kind=int,
         range='[1, 10]',
     )
@@ -53,6 +57,7 @@ class LightSpread(Effect):
     _light: Light | None = None
     _seen: tuple = ()
     _asked = -1, False
+    _side = 1.0
 
     def __init__(self, **settings):
         self._drawn_at = _vtk.vtkTimeStamp()
@@ -103,7 +108,7 @@ class LightSpread(Effect):
     def _spread_light(self, frame, picture):
         """Return the light of a picture, None if there is none."""
         # A tile of a picture that was not drawn whole has only its own light.
-        side = self.downsample // 2 * frame.scale
+        side = frame.whole[1] / self._rows
         blur = self._ready(frame, picture.size, side)
         self._draw_source(frame, picture, blur.source, side)
         lit = blur.lit()
@@ -118,21 +123,27 @@ class LightSpread(Effect):
     def _draw_source(self, frame, picture, target, side):
         raise NotImplementedError
 
+    @property
+    def _rows(self) -> float:
+        """Rows of the image of the light: as many in a window of any size."""
+        return 2 * _ROWS / self.downsample
+
     def _ready(self, frame, size, side):
         extent = size[0] / side, size[1] / side
-        key = extent, self._levels(frame.whole[1] / side), self.kernel, self.chain
+        key = extent, self._levels(), self.kernel, self.chain
         window = frame.window
         if self._blur is not None and (self._window is not window or self._blur.key != key):
             self._forget_blur()
         if self._blur is None:
             self._blur, self._window = Blur(window, *key), window
+        self._side = side
         return self._blur
 
-    def _levels(self, rows):
+    def _levels(self):
         """Return the levels after which about twenty rows are left."""
         if self.levels is not None:
             return self.levels
-        return max(1, 1 + round(math.log2(max(rows / 40, 1))))
+        return max(1, 1 + round(math.log2(self._rows / 40)))
 
     def _forget(self):
         """Free GPU memory of `_draw_source`."""
@@ -147,8 +158,8 @@ class LightSpread(Effect):
         """Standard deviation of the widest blur of the last frame in pixels, NaN before it."""
         if self._blur is None:
             return math.nan
-        side = self.downsample // 2
-        squares, between = (side**2 - 1) / 12, self.downsample**2 / 6
+        side = self._side
+        squares, between = max(side**2 - 1, 0) / 12, (2 * side) ** 2 / 6
         return math.sqrt((side * self._blur.sigma) ** 2 + squares + between)
 
     def _forget_blur(self):

@@ -45,7 +45,7 @@ class Outline(Effect):
     >>> pl = pv.Plotter(off_screen=True)
     >>> chosen = pl.add_mesh(pv.Sphere())
     >>> _ = pl.add_mesh(pv.Cube().translate((0.5, 0, 0.5)))
-    >>> outline = pl.ibr.add(pvibr.Outline(actors=[chosen], color=(1, 0.5, 0), width=3))
+    >>> outline = pl.ibr.add(pvibr.Outline([chosen], color=(1, 0.5, 0), width=3))
     >>> pl.show(auto_close=False)
     >>> pl.ibr.report().rows[0].state
     'ran'
@@ -85,7 +85,7 @@ class Outline(Effect):
     _candidates: Target | None = None
     _marks: tuple[bytes, Texture] | None = None
 
-    def __init__(self, *, actors=None, **settings):
+    def __init__(self, actors=None, **settings):
         self._actors = _checked(actors)
         self._tiles: Tiles | None = None
         self._quads: dict = {}

@@ -32,8 +32,10 @@ class ToneMapping(Effect):
 
     Parameters
     ----------
+    curve : {'faithful', 'reinhard', 'aces', 'agx', 'neutral'}, optional
+        Tone curve; only faithful keeps colours in [0, 1].
     **settings
-        `curve`, `exposure`, `auto`, `adaptation`, `min_exposure`, `max_exposure`, `white`,
+        `exposure`, `auto`, `adaptation`, `min_exposure`, `max_exposure`, `white`,
         `intensity`.
 
     Examples
@@ -42,7 +44,7 @@ class ToneMapping(Effect):
     >>> from pvibr import ToneMapping
     >>> pl = pv.Plotter(off_screen=True)
     >>> _ = pl.add_mesh(pv.Sphere(), color='white')
-    >>> tone = pl.ibr.add(ToneMapping(curve='aces', exposure=0.5))
+    >>> tone = pl.ibr.add(ToneMapping('aces', exposure=0.5))
     >>> pl.show()
     """
 
@@ -63,13 +65,13 @@ class ToneMapping(Effect):
     white = Param(4.0, 'White point of the reinhard curve, as luminance.', range='(0, inf)')
     intensity = Param(1.0, 'Opacity of the mapped picture.', range='[0, 1]')
 
-    def __init__(self, **settings):
+    def __init__(self, curve=curve.default, **settings):
         self._quad: Quad | None = None
         self._measured: Target | None = None
         self._before: tuple[float, float] | None = None
         self._now: tuple[float, float] | None = None
         self._exposed: int | None = None
-        super().__init__(**settings)
+        super().__init__(curve=curve, **settings)
 
     @classmethod
     def sample(cls, actors):

@@ -18,6 +18,7 @@ from pvibr.gl.texture import Texture, release
 _FORMAT = ('rgba32f',)
 _X, _Y = (1.0, 0.0), (0.0, 1.0)
 _ENDLESS = 1e9
+_TINY = 1e-6  # of a texel: rounding
 # How an image is halved, by a Gaussian along each axis or in one pass of 13 taps, and doubled.
 _PASSES = {'gaussian': ('halve', 'mix'), 'tent': ('down13', 'tent')}
 CHAINS = tuple(_PASSES)
@@ -63,7 +64,7 @@ class Light:
     """Light to be drawn on pictures."""
 
     image: Texture
-    scale: int
+    scale: float
     box: tuple[int, int, int, int]
 
 
@@ -72,7 +73,7 @@ class Blur:
 
     def __init__(self, window, extent, levels, kernel, chain='gaussian'):
         self.key = extent, levels, kernel, chain
-        size = math.ceil(extent[0]), math.ceil(extent[1])
+        size = math.ceil(extent[0] - _TINY), math.ceil(extent[1] - _TINY)
         text = sections(shader_source(__file__))
         text['halve'] = _constants(kernel) + text['halve']
         self._quads = {n: Quad(window, text[n], f'blur {n}') for n in _PASSES[chain]}

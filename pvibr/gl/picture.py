@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import contextmanager
-from types import SimpleNamespace
 from typing import Any
 
 from pvibr.gl import enums as gl
@@ -21,7 +20,8 @@ class Picture:
     def __init__(self, window, origin, size, fused, needs_hdr=False):
         self.window, self.origin, self.size = window, origin, size
         self.needs_hdr = needs_hdr
-        self._source = like_window(window, size, 'rgba32f' if needs_hdr else 'rgba8')
+        self._own: Target | None = None
+        self._source: Any = None
         self._targets: list[Target] = []
         self._drawn: Target | None = None
         self._resolving: Quad | None = None
@@ -47,35 +47,41 @@ class Picture:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for t in [*self._targets, self._source])
+        return sum(t.nbytes for t in [*self._targets, self._own] if t is not None)
 
-    def take(self, framebuffer=None, *, on_black=False):
-        """Copy colours and depth from a framebuffer; samples are resolved."""
+    def take(self, scene, *, on_black=False):
+        """Take colours and depth of a target: where that is all of it as it is, else copied."""
         self._drawn, self._pending, self._ends = None, [], False
         self.find_depth = None
-        framebuffer = framebuffer or self.window.GetRenderFramebuffer()
-        if framebuffer.GetMultiSamples() > 1:
-            self._resolve(framebuffer, on_black)
+        samples = scene.object.GetMultiSamples()
+        if samples <= 1 and (scene.width, scene.height) == self.size and self.origin == (0, 0):
+            self._source = scene
+            return
+        if self._own is None:
+            kind = 'rgba32f' if self.needs_hdr else 'rgba8'
+            self._own = like_window(self.window, self.size, kind)
+        self._source = self._own
+        if samples > 1:
+            self._resolve(scene, on_black)
         else:
-            self._copy(framebuffer, gl.COLOR_BUFFER_BIT)
+            self._copy(scene.object, gl.COLOR_BUFFER_BIT)
         # A blit of its own: where the driver refuses it, colours come all the same.
-        self._copy(framebuffer, gl.DEPTH_BUFFER_BIT)
+        self._copy(scene.object, gl.DEPTH_BUFFER_BIT)
 
     def _copy(self, framebuffer, bits):
         self._blit(framebuffer, self._source.object, bits, self._place(), (0, 0, *self.size))
 
-    def _resolve(self, framebuffer, on_black):
+    def _resolve(self, scene, on_black):
         """Average colours as VTK does in a window."""
         if self._resolving is None:
             text = shader_source(__file__, 'resolve')
             self._resolving = Quad(self.window, text, 'resolve')
-        samples = SimpleNamespace(object=framebuffer.GetColorAttachmentAsTextureObject(0))
         uniforms = {
-            'count': framebuffer.GetMultiSamples(),
+            'count': scene.object.GetMultiSamples(),
             'origin': self.origin,
             'on_black': int(on_black),
         }
-        self._source.draw(self._resolving, uniforms, {'samples': samples})
+        self._source.draw(self._resolving, uniforms, {'samples': scene.colors[0]})
 
     def apply(self, point):
         """Apply a pointwise program; consecutive programs are fused."""
@@ -124,8 +130,8 @@ class Picture:
         place, whole = self._place(), (0, 0, *self.size)
         if self.needs_hdr:
             self._blit(self._source.object, window, gl.DEPTH_BUFFER_BIT, whole, place)
-        if self.needs_hdr or self._drawn is not None:
-            drawn = self._drawn or self._source
+        drawn = self._drawn or self._source
+        if drawn.object is not window and (self.needs_hdr or self._drawn is not None):
             self._blit(drawn.object, window, gl.COLOR_BUFFER_BIT, whole, place)
 
     def _place(self):
@@ -137,6 +143,6 @@ class Picture:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        release(*self._targets, self._source, self._resolving)
-        self._resolving = None
+        release(*self._targets, self._own, self._resolving)
+        self._own = self._resolving = None
         self._targets, self._drawn, self._pending = [], None, []

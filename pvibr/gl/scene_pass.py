@@ -7,7 +7,7 @@ from typing import Any
 from pvibr.core import _vtk
 from pvibr.core._vtk import method
 from pvibr.gl.enums import COLOR_BUFFER_BIT
-from pvibr.gl.target import Target
+from pvibr.gl.target import Target, WindowTarget
 from pvibr.gl.texture import Texture, release
 
 _MARK = 'pvibr: '  # begins the names of props that are no part of a scene
@@ -35,6 +35,13 @@ class ScenePass:
         if self.needs_hdr and self._floats is not None:
             return self._floats.object
         return self.window.GetRenderFramebuffer()
+
+    @property
+    def target(self) -> Target:
+        """The same as something to draw into."""
+        if self.needs_hdr and self._floats is not None:
+            return self._floats
+        return WindowTarget(self.window)
 
     @property
     def nbytes(self) -> int:

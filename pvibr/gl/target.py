@@ -126,6 +126,19 @@ class Target:
             texture.release()
 
 
+class WindowTarget(Target):
+    """The framebuffer into which VTK draws a window; VTK frees it."""
+
+    def __init__(self, window):
+        self.window, self._state = window, window.GetState()
+        self.object = window.GetRenderFramebuffer()
+        color = self.object.GetColorAttachmentAsTextureObject(0)
+        self.colors = [Texture.of(window, color, filter='linear')]
+        self.depth = Texture.of(window, self.object.GetDepthAttachmentAsTextureObject())
+        self._shares_depth = True
+        self.width, self.height = self.colors[0].size
+
+
 def blit(state, source, target, bits, source_rect, target_rect, filter=gl.NEAREST):
     """Copy a rectangle of a framebuffer to another; samples are resolved."""
     state.Push()

@@ -59,6 +59,20 @@ class Texture:
         to.SetMinificationFilter(smooth)
         self.nbytes = 0
 
+    @classmethod
+    def of(cls, window, object, *, filter='nearest') -> Texture:
+        """Return a texture of VTK's, which VTK frees."""
+        found = cls.__new__(cls)
+        found.window, found.object, found.nbytes = window, object, 0
+        if object.GetSamples() > 1:  # read sample by sample: GL has no filters for them
+            return found
+        smooth = object.Nearest if filter == 'nearest' else object.Linear
+        for wrap in (object.SetWrapS, object.SetWrapT):
+            wrap(object.ClampToEdge)
+        for scale in (object.SetMagnificationFilter, object.SetMinificationFilter):
+            scale(smooth)
+        return found
+
     def upload(self, array) -> Texture:
         """Upload an array of shape (height, width[, channels]), replacing the content."""
         array = np.ascontiguousarray(array)

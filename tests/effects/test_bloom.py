@@ -13,6 +13,7 @@ from pvibr.bench.effects.bloom import natural as natural_spectrum
 from pvibr.gl import Target, Texture
 from pvibr.gl.fused import Fused
 from pvibr.gl.offscreen import hidden_window, read_rgba
+from pvibr.maths.tones import LUMINANCE
 
 SIZE = (160, 96)
 
@@ -52,7 +53,7 @@ class FakePicture:
 
 def bloomed(window, array, **settings):
     """Return what a bloom makes of a picture; None where it draws nothing."""
-    bloom = pvibr.Bloom(**settings)
+    bloom = pvibr.Bloom(**{'threshold': 0.7} | settings)
     picture = FakePicture(window, array)
     bloom.render(picture, picture)
     out = None if bloom.report().get('skipped') else picture.target.colors[0].download()
@@ -67,13 +68,16 @@ def bloomed(window, array, **settings):
 def reference(array, bloom):
     """Return the light that a bloom adds, before intensity: (height, width, 3)."""
     height, width = array.shape[:2]
-    side = bloom.downsample // 2
-    padded = np.pad(array, ((0, -height % side), (0, -width % side), (0, 0)), 'edge')
-    light = means(above(means(padded, 2), bloom), side // 2)
+    side = height * bloom.downsample / 1440
+    light = above(array, bloom)
+    for axis in (0, 1):
+        light = np.moveaxis(
+            np.tensordot(shares(light.shape[axis], side), light, (1, axis)), 0, axis
+        )
     halve, double = (halved_13, doubled) if bloom.chain == 'tent' else (halved_twice, sampled)
     extent = np.array([height, width]) / side
     images = []
-    for _ in range(bloom._levels(height / side)):
+    for _ in range(bloom._levels()):
         light = halve(light, bloom.kernel, extent)
         extent = extent / 2
         images.append(light)
@@ -81,18 +85,21 @@ def reference(array, bloom):
         wide = double(light, image.shape, 0.5, extent)
         extent = extent * 2
         light = (1 - bloom.spread) * image + bloom.spread * wide
-    return sampled(light, array.shape, 1 / bloom.downsample)
+    return sampled(light, array.shape, 0.5 / side)
 
 
-def means(array, side):
-    height, width = array.shape[0] // side, array.shape[1] // side
-    return array.reshape(height, side, width, side, -1).mean(axis=(1, 3))
+def shares(count, side):
+    """Return how much of a texel of so many pixels each pixel is, along one axis."""
+    pixel, texel = np.arange(count), side * np.arange(np.ceil(count / side - 1e-6))[:, None]
+    overlap = np.minimum(pixel + 1, texel + side) - np.maximum(pixel, texel)
+    overlap = np.clip(overlap, 0, None)
+    return overlap / overlap.sum(axis=1, keepdims=True)
 
 
 def above(c, bloom):
     c = c[..., :3] * (1.0 if bloom.background else c[..., 3:])
-    s, t, k = c.max(axis=-1), bloom.threshold, bloom.knee
-    step = np.clip((s - t + k) / (2 * k), 0, 1)
+    s, t, k = c @ LUMINANCE, bloom.threshold, bloom.knee
+    step = np.clip((s - t) / k, 0, 1)
     kept = {
         'subtract': np.maximum(s - t, 0) / np.maximum(s, 1e-9),
         'keep': (s > t).astype(float),
@@ -216,11 +223,11 @@ def hot(x, y, value=500.0, size=(256, 256)):
 def test_a_moving_spot_stays_round_and_as_bright(window, operator, chain):
     sums = []
     for x, y in [(120, 120), (120.25, 120.5), (121.5, 123.75), (122.5, 121), (125, 126.5)]:
-        array = hot(x, y)
+        array = hot(x, y, size=(720, 720))  # as many pixels as `downsample` is about
         seen = bloomed(window, array, intensity=1.0, operator=operator, chain=chain)
         light = seen[..., 0] - array[..., 0]
         sums.append(light.sum())
-        rows, columns = np.mgrid[:256, :256] + 0.5
+        rows, columns = np.mgrid[:720, :720] + 0.5
         spread = [
             (light * (k - (light * k).sum() / light.sum()) ** 2).sum() / light.sum()
             for k in (columns, rows)
@@ -237,7 +244,7 @@ def test_a_moving_spot_stays_round_and_as_bright(window, operator, chain):
 
 def test_calm_dims_lone_pixels_and_little_else(window):
     """The mean of a square with one pixel of light v, weighted by 1 / (1 + v)."""
-    array = hot(120, 120)
+    array = hot(120, 120, size=(720, 720))
     light = [
         (bloomed(window, array, operator='keep', firefly_reduction=c) - array)[..., :3].sum()
         for c in (0, 1)
@@ -375,7 +382,7 @@ def test_text_and_other_subplots_stay():
         pl.add_text('text', font_size=8, color='red')
     pl.show(auto_close=False)
     before = grab(pl)
-    pl.ibr.add(pvibr.Bloom())
+    pl.ibr.add(pvibr.Bloom(threshold=0.5))
     after = grab(pl)
     np.testing.assert_array_equal(after[:, :160], before[:, :160])
     assert (after[:, 160:] != before[:, 160:]).any()
@@ -444,3 +451,58 @@ def test_stages_can_be_seen(debug):
     pl.show(auto_close=False)
     assert bloom.enabled
     assert 0 < grab(pl)[..., :3].mean() < 30
+
+
+@pytest.mark.parametrize('seed', [0, 5])
+def test_light_is_the_same_in_a_window_of_any_size(seed):
+    """Its sum, and where it is: shares of the height, of lamps in random places."""
+    rng = np.random.default_rng(seed)
+    found = []
+    places = rng.uniform(-0.6, 0.6, (4, 3)) * [1, 0.7, 0.2]
+    for size in ((240, 180), (400, 300), (640, 480), (800, 600)):
+        pl = pv.Plotter(window_size=size, lighting='none', off_screen=True)
+        pl.disable_anti_aliasing()
+        pl.set_background('black')
+        pl.add_light(pv.Light(light_type='headlight', intensity=3))
+        for k, place in enumerate(places):
+            disc = pv.Disc(center=place, inner=0, outer=0.08 + 0.03 * k, c_res=60)
+            pl.add_mesh(disc, color=(1, 0.8, 0.6), diffuse=1, ambient=0)
+        pl.camera_position = [(0, 0, 5), (0, 0, 0), (0, 1, 0)]
+        pl.camera.parallel_projection, pl.camera.parallel_scale = True, 1.0
+        pl.ibr.add(pvibr.Bloom(threshold=0.5, debug='blur'))
+        tap = pl.ibr.add(Floats())
+        pl.show(auto_close=False)
+        side = size[1] // 60
+        found.append(tap.found.reshape(60, side, 80, side, 3).mean(axis=(1, 3)))
+        pl.close()
+    gains = np.array([light.sum() for light in found]) / found[-1].sum()
+    assert gains.max() / gains.min() < 1.03
+    peaks = np.array([light.max() for light in found])
+    assert peaks.max() / peaks.min() < 1.03
+    assert all(np.abs(light - found[-1]).max() < 0.02 * found[-1].max() for light in found[1:])
+
+
+class Floats(pvibr.Effect):
+    """Reads the picture after a bloom."""
+
+    before, needs_hdr = 'ToneMapping', True
+
+    def render(self, frame, picture):
+        """Keep the colours."""
+        self.found = picture.color.download()[..., :3].astype(float)
+
+
+@pytest.mark.parametrize('cmap', ['viridis', 'jet', 'gray', 'magma'])
+def test_colours_of_data_stay_by_default(cmap):
+    pl = pv.Plotter(window_size=(200, 150), off_screen=True)
+    pl.disable_anti_aliasing()
+    mesh = pv.Plane(i_resolution=60, j_resolution=20)
+    pl.add_mesh(mesh, scalars=mesh.points[:, 0], cmap=cmap, lighting=False, show_scalar_bar=False)
+    pl.add_mesh(pv.Sphere(radius=0.1, center=(0, 0, 0.2)), color='orange', lighting=False)
+    pl.camera_position = 'xy'
+    pl.show(auto_close=False)
+    before = grab(pl)
+    bloom = pl.ibr.add(pvibr.Bloom())
+    np.testing.assert_array_equal(grab(pl), before)
+    bloom.threshold = 0.5
+    assert (grab(pl) != before).any()
