@@ -21,7 +21,7 @@ def ground(parallel, offset, seed):
         plane = pv.Plane(center=np.add(center, offset), direction=direction, i_size=30, j_size=30)
         pl.add_mesh(plane, color='white', lighting=False)
     eye = np.array([rng.uniform(-1, 1), -6, rng.uniform(0.5, 2)]) + offset
-    place(pl, eye, np.add((0, 4, -0.5), offset), parallel=3 if parallel else None)
+    place(pl, eye, np.add((0, 4, -0.5), offset), parallel=1 if parallel else None)
     return pl
 
 
