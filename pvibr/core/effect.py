@@ -166,6 +166,10 @@ class Effect(Spelled):
         """Return the stops by which it exposes the picture."""
         return 0.0
 
+    def horizon_color(self, frame) -> tuple[float, ...] | None:
+        """Return the colour that it draws at the horizon, None if it draws none."""
+        return None
+
     def pick(self, x, y) -> object | None:
         """Return the nearest item of it under a pixel, or None.
 

@@ -183,20 +183,13 @@ class Sky(_Behind):
         ground = np.array(frame.renderer.GetBackground())
         return np.clip(self.opacity * self.intensity * seen + (1 - self.opacity) * ground, 0, 1)
 
-    def around(self, directions) -> np.ndarray:
-        """Return directions in world space of those in the sky's own: z up.
-
-        Parameters
-        ----------
-        directions : numpy.ndarray, shape (n, 3)
-            Unit vectors, x towards the centre of the panorama.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, 3), float64
-            Unit vectors in world space.
-        """
-        return directions @ _axes(self.up, self.turn)
+    def horizon_color(self, frame):
+        """Return the mean colour around the horizon."""
+        if not (self.opacity and np.any(self.up)):
+            return None
+        angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+        around = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
+        return tuple(self.colors(around @ _axes(self.up, self.turn), frame).mean(axis=0))
 
     def directions(self, frame) -> np.ndarray:
         """Return the matrix from positions on the screen to directions.

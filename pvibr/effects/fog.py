@@ -6,13 +6,11 @@ import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.effects.backgrounds import Sky
 from pvibr.gl import shader_source
 from pvibr.gl.fused import Pointwise
 from pvibr.maths.vectors import unit_vectors
 
 _TEXT = shader_source(__file__)
-_HORIZON = np.array([[np.cos(a), np.sin(a), 0.0] for a in np.linspace(0, 2 * np.pi, 16, False)])
 
 
 class Fog(Effect):
@@ -112,7 +110,8 @@ class Fog(Effect):
         """Return the colour: what is far away has that of the horizon."""
         if self.color is not None:
             return self.color
-        for sky in self.pipeline.effects if self.pipeline is not None else ():
-            if isinstance(sky, Sky) and sky.enabled and sky.opacity > 0:
-                return tuple(sky.colors(sky.around(_HORIZON), frame).mean(axis=0))
+        for other in self.pipeline.effects if self.pipeline is not None else ():
+            horizon = other.horizon_color(frame) if other.enabled else None
+            if horizon is not None:
+                return horizon
         return frame.renderer.GetBackground()
