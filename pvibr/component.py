@@ -93,6 +93,29 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         """Effects and things in the active subplot, in the order in which they run."""
         return self.pipeline.effects
 
+    def __len__(self) -> int:
+        """Return how many effects and things are in the active subplot."""
+        return len(self.effects)
+
+    def __bool__(self) -> bool:
+        return True
+
+    def __iter__(self):
+        return iter(self.effects)
+
+    def __contains__(self, item) -> bool:
+        """Return True if an effect, or one of this name, is in the active subplot."""
+        return any(e is item or e.name == item for e in self.effects)
+
+    def __getitem__(self, name):
+        """Return the effect or thing in the active subplot that has a name."""
+        found = [effect for effect in self.effects if effect.name == name]
+        if not found:
+            names = ', '.join(repr(effect.name) for effect in self.effects) or 'nothing'
+            msg = f'{name!r} is not in this subplot; here are: {names}'
+            raise KeyError(msg)
+        return found[0]
+
     # -- adding and removing ---------------------------------------------------------------------
 
     def add(self, effect):
@@ -123,6 +146,7 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         args,
         kwargs,
         *,
+        label=None,
         show_scalar_bar=None,
         scalar_bar_args=None,
         label=None,
@@ -139,6 +163,8 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
             Its positional arguments.
         kwargs : dict
             Its keyword arguments.
+        label : str, optional
+            Text in the legend of the plotter.
         show_scalar_bar : bool, optional
             Whether to add a scalar bar; by default as the theme says.
         scalar_bar_args : dict, optional
@@ -165,7 +191,7 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         if accepts(make, 'theme'):
             kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
         thing = make(*args, **kwargs)
-        thing.bar = bar
+        thing.bar, thing.label = bar, label
         bar.check(self._plotter, thing)
         for old in [e for e in pipeline.effects if e.name == kwargs.get('name')]:
             pipeline.remove(old)
@@ -202,14 +228,18 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
 
         Parameters
         ----------
-        thing : pvibr.Effect
-            An effect or a thing in one of the plotter's subplots.
+        thing : pvibr.Effect or str
+            An effect or a thing in one of the plotter's subplots, or the name of one in the
+            active subplot.
 
         Raises
         ------
+        KeyError
+            If nothing in the active subplot has the name.
         ValueError
             If it is in no subplot of this plotter.
         """
+        thing = self[thing] if isinstance(thing, str) else thing
         here = (p for p in self._pipelines if thing in p.effects)
         next(here, self.pipeline).remove(thing)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
@@ -11,6 +12,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
+from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.errors import ClosedError
 from pvibr.effects import ORDER
@@ -283,3 +285,107 @@ def test_windows_of_any_size(name):
         assert found.shape[:2] == size[::-1]
     assert thing.enabled, pl.ibr.report()
     assert (off(found, on) > 15).mean() < 0.01
+
+
+@every
+def test_listed_once_as_an_actor(name):
+    """Nothing alien is in what PyVista lists, and names of ``plotter.ibr`` find it."""
+    pl, thing = drawn(name)
+    handed = EVERY[name].replaces
+    assert len(pl.actors) == 2 + 1 + (2 if handed else 0)
+    assert sum(actor is thing for actor in pl.actors.values()) == 1
+    assert all(hasattr(actor, 'prop') for actor in pl.actors.values())
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        found = pl.meshes
+    assert len(found) == len(pl.actors) - bool(handed)
+    assert all(isinstance(mesh, pv.PolyData) and mesh.n_points > 1 for mesh in found)
+    assert list(pl.ibr) == [thing]
+    assert len(pl.ibr) == 1
+    assert pl.ibr[thing.name] is thing
+    assert thing in pl.ibr
+    assert thing.name in pl.ibr
+    assert 'else' not in pl.ibr
+    with pytest.raises(KeyError, match=f"'else' is not in this subplot; here are: '{thing.name}'"):
+        pl.ibr.remove('else')
+    pl.ibr.remove(thing.name)
+    assert not list(pl.ibr)
+    assert pl.ibr
+
+
+def added(name, *, plain=False):
+    """Return a plotter with a thing or with meshes, nothing drawn yet, and what was added."""
+    pl = stage(plotter(SIZE))
+    return pl, (EVERY[name].plain if plain else EVERY[name].add)(pl)
+
+
+@every
+def test_bounds_of_the_scene_hold_it(name):
+    pl, thing = added(name)
+    low, high = np.reshape(pl.bounds, (3, 2)).T
+    least, most = np.reshape(added(name, plain=True)[0].bounds, (3, 2)).T
+    assert (low < least + 1e-3).all()
+    assert (high > most - 1e-3).all()
+    assert (high - low < most - least + 2).all()
+    thing.remove()
+    if not EVERY[name].replaces:
+        np.testing.assert_array_equal(pl.bounds, stage(plotter(SIZE)).bounds)
+
+
+def test_things_without_items_have_no_bounds():
+    pl = plotter(SIZE)
+    pl.add_mesh(pv.Sphere(center=(5, 5, 5)))
+    before = pl.bounds
+    empty = pl.ibr.add_spheres(np.zeros((0, 3)))
+    assert pl.bounds == before
+    assert empty.mapper.dataset.n_points == 0
+
+
+@every
+@pytest.mark.parametrize('look', ['opacity', 'lighting'])
+def test_its_material_is_that_of_an_actor(name, look):
+    pl, thing = drawn(name)
+    before = shot(pl)
+    value = 0.3 if look == 'opacity' else not thing.prop.lighting
+    setattr(thing.prop, look, value)
+    assert (off(shot(pl), before) > 15).mean() > 0.005
+
+
+@every
+def test_label_is_in_the_legend(name):
+    pl, thing = added(name)
+    thing.label = 'what it is'
+    legend = pl.add_legend()
+    assert [legend.GetEntryString(k) for k in range(legend.GetNumberOfEntries())] == ['what it is']
+    pl.remove_legend()
+    thing.remove()
+    with pytest.raises(ValueError, match='No labels'):
+        pl.add_legend()
+    with pytest.raises(TypeError, match='label = 3: must be a str'):
+        thing.label = 3
+
+
+@every
+def test_pyvista_sets_what_is_pickable(name):
+    pl, thing = added(name)
+    pl.pickable_actors = []
+    assert thing.pickable is False
+    pl.pickable_actors = [thing]
+    assert thing.pickable is True
+
+
+@every
+def test_clipped_or_told_why_not(name):
+    pl, thing = added(name)
+    plane = _vtk.vtkPlane()
+    if name != 'AnimatedActor':
+        with pytest.raises(AttributeError, match=f'{thing.name} cannot be clipped: '):
+            thing.mapper.AddClippingPlane(plane)
+        assert thing.mapper.clipping_planes is None
+        return
+    before = shot(pl)
+    thing.mapper.AddClippingPlane(plane)
+    cut = shot(pl)
+    assert (off(cut, before) > 15).mean() > 0.005
+    thing.mapper.RemoveAllClippingPlanes()
+    np.testing.assert_array_equal(shot(pl), before)

@@ -218,6 +218,9 @@ class Billboards(CardSet):
     def __len__(self):
         return len(self.layout)
 
+    def _places(self) -> np.ndarray:
+        return self.layout.points
+
     @property
     def facing(self) -> str:
         """Direction that the cards face."""

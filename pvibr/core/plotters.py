@@ -7,6 +7,12 @@ from contextlib import contextmanager
 
 import numpy as np
 import pyvista as pv
+from pyvista.plotting.prop_collection import _PropCollection
+from pyvista.plotting.renderer import make_legend_face
+
+from pvibr.core._vtk import address, method
+
+_INNER = 'pvibr'  # begins the names of props that are none of the user's
 
 
 def is_closed(plotter) -> bool:
@@ -27,6 +33,36 @@ def renderers_of(plotter) -> list:
 def frame_callbacks(plotter) -> list:
     """Return what a plotter calls after each frame, such as trame views."""
     return list(getattr(plotter, '_on_render_callbacks', ()))
+
+
+class _UsersProps(_PropCollection):
+    """The props of a renderer, of which ``actors`` lists those of users."""
+
+    def items(self):
+        """Yield pairs of a name and a prop."""
+        yield from (pair for pair in super().items() if not _is_inner(pair[1]))
+
+
+def _is_inner(prop) -> bool:
+    return method(prop, 'GetObjectName')().startswith(_INNER)
+
+
+def put_inner(renderer, prop):
+    """Add a prop that is none of the user's: ``actors`` and ``meshes`` of PyVista leave it out."""
+    if not _is_inner(prop):
+        prop.SetObjectName(_INNER)
+    listed = getattr(renderer, '_actors', None)
+    if listed is not None and not isinstance(listed, _UsersProps):
+        vars(renderer)['_actors'] = _UsersProps(renderer.GetViewProps())
+    renderer.AddViewProp(prop)
+
+
+def set_legend_label(renderer, actor, text, color):
+    """Have an actor in its subplot's legend, or not."""
+    labels = getattr(renderer, '_labels', {})
+    labels.pop(address(actor), None)
+    if text:
+        labels[address(actor)] = make_legend_face('triangle'), text, color
 
 
 def border_of(renderer):

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 
 from pvibr.core import _vtk
 from pvibr.core.errors import PvibrWarning
-from pvibr.core.plotters import trame_viewer
+from pvibr.core.plotters import put_inner, trame_viewer
 
 #: Backends that show images rendered here, and those that send the scene as data.
 PICTURES = ('static', 'server', 'none')
@@ -98,7 +98,7 @@ class Watch:
     def set(self, there):
         """Start or stop watching."""
         if there and not self._observers:
-            self.renderer.AddViewProp(self.prop)
+            put_inner(self.renderer, self.prop)
             show = _shows(self.prop, self._source, self._drawing)
             self._observers = [
                 self.renderer.AddObserver('StartEvent', lambda *_: show(False)),

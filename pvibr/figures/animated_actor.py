@@ -93,6 +93,7 @@ class AnimatedActor(FigurePlayer, Placed):
         look = {key: value for key, value in mesh_kwargs.items() if value is not None}
         self._mesh_actors = as_mesh_actors(figure, look, theme)
         self._posed = [a for a in self._mesh_actors if isinstance(a, PosedMeshActor)]
+        self._share_material()
         self.pickable = pickable
         self._stand_ins = [stand_in(self, a.index, a.actor) for a in self._posed]
         self._meshes: tuple = (-1, [])
@@ -131,6 +132,9 @@ class AnimatedActor(FigurePlayer, Placed):
 
     def _drawing(self) -> list:
         return [mesh_actor.actor for mesh_actor in self._mesh_actors]
+
+    def _materials_of_all(self) -> list:
+        return [actor.GetProperty() for actor in self._drawing()]
 
     def depths(self) -> list:
         """Return actors that draw the depth of the visible meshes."""
@@ -301,6 +305,17 @@ class AnimatedActor(FigurePlayer, Placed):
     def _posed_parts(self, pose) -> list:
         how = self.matrix, pose, self.skinning, self.bulge
         return [posed_part(self.figure, i, a.part, *how) for i, a in enumerate(self._mesh_actors)]
+
+    def dataset(self):
+        """Return the posed figure in world space."""
+        return self.mesh()
+
+    def set_clipping_planes(self, planes):
+        """Cut it off by a vtkPlaneCollection."""
+        for mapper in (actor.GetMapper() for actor in self.actors()):
+            mapper.RemoveAllClippingPlanes()
+            if planes is not None:
+                mapper.SetClippingPlanes(planes)
 
     # -- picking -----------------------------------------------------------------------------
 

@@ -127,6 +127,8 @@ class Crowd(Instances):
         self._clip_baking = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
         models = self._baked(self._clips) if count else {}
         self._begin(poses, np.zeros(count, int), models, pickable)
+        self._share_material()
+        self._shown_material = 0
         self._paint(scalars, colors)
 
     def _now(self) -> float:
@@ -158,6 +160,9 @@ class Crowd(Instances):
             )
         state.motions, state.box = motions, model.atlas.box.T.ravel()
         return {0: model}
+
+    def _materials_of_all(self) -> list:
+        return [a.part.actor.GetProperty() for a in self._crowd_state.mesh_actors]
 
     def _remake(self):
         self._models = self._baked(self._clips)
@@ -270,6 +275,9 @@ class Crowd(Instances):
 
     def prepare(self, frame):
         """Choose levels of detail, and animate the members."""
+        if self._shown_material != self._material.changes:
+            self._shown_material = self._material.changes
+            self._remake()
         super().prepare(frame)
         for group in self.groups:
             group.at(frame.window, self._now())

@@ -7,6 +7,7 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.params import Param
+from pvibr.core.plotters import put_inner
 from pvibr.gl.drawer import Drawer
 from pvibr.image_layers.card import LayerCard
 from pvibr.image_layers.layer import Layer, Now, numbers_by_depth
@@ -104,7 +105,6 @@ class ImageLayers(Substitute):
         self._groups = None if groups is None else _checked_groups(groups)
         super().__init__(**settings)
         self.name = name
-        self.UseBoundsOff()  # its actors have theirs
         self._members: dict[str, Member] = {}
         self._layers: list[Layer] = []
         self._layer_cards = [LayerCard()]
@@ -114,6 +114,7 @@ class ImageLayers(Substitute):
             self._layers = [Layer([Member(a) for a in group]) for group in self._groups]
             self._members = {m.key: m for layer in self._layers for m in layer.members}
         self._watch = ActorWatch(self.actors())
+        self._share_material()
 
     def __setattr__(self, name, value):
         super().__setattr__(name, _several(name, value))
@@ -310,7 +311,7 @@ class ImageLayers(Substitute):
         while len(cards) < len(shown):
             cards.append(LayerCard())
             for actor in cards[-1].actors:
-                frame.renderer.AddViewProp(actor)
+                put_inner(frame.renderer, actor)
         for card, (layer, fit) in zip(cards, shown, strict=False):
             card.show(frame, layer.picture, fit, joined_bounds(layer.bounds.tolist()), deep=deep)
         # Soft edges come before those of others; after them only those of blurred layers that

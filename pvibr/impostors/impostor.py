@@ -91,10 +91,10 @@ class Impostor(Substitute):
             )
             raise ValueError(msg)
         self.name = name
-        self.UseBoundsOff()  # its actors have theirs
         self._materials = Materials()
         self._stand_for(found)
         self._card = ImpostorCards()
+        self._share_material()
         self._costs = Costs()
         self._last = np.zeros(0, int)
         self._props_time = -1

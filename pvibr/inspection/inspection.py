@@ -9,6 +9,7 @@ import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
+from pvibr.core.plotters import put_inner
 from pvibr.impostors.impostor import Impostor
 from pvibr.inspection.marks import Marks, edges, outlines, projected
 from pvibr.inspection.tiles import FLASH, Sheet, as_bytes, has_images
@@ -69,7 +70,7 @@ class Inspection(Effect):
         """Add the overlay to the subplot."""
         super().attach(pipeline)
         for actor in self.props:
-            pipeline.renderer.AddViewProp(actor)
+            put_inner(pipeline.renderer, actor)
         self._observer = pipeline.renderer.AddObserver('EndEvent', self._on_end, 0.0)
 
     def detach(self):

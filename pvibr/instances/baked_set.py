@@ -37,11 +37,16 @@ class BakedSet(PosedSet):
         return [model.atlas for model in self._models.values()]
 
     def _wear(self):
-        """Have the material of the only part, if there is one, and give it new ones."""
+        """Have the material of the only part, or that of the first with changes for all."""
         parts = [part for found in self._meshes for part in found]
         self._dressed = (parts[0].actor,) if len(parts) == 1 else ()
         for actor in self._dressed:
             self.SetProperty(actor.GetProperty())
+        if len(parts) > 1:
+            self._share_material()
+
+    def _materials_of_all(self) -> list:
+        return [part.actor.GetProperty() for found in self._meshes for part in found]
 
     def _culled(self) -> list:
         """Return the number of each mesh that culls faces, its property and which faces."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from pvibr.core.errors import PvibrWarning
 from pvibr.core.params import Param
+from pvibr.core.plotters import put_inner
 from pvibr.core.signatures import takes
 from pvibr.instances.arguments import (
     checked_blend,
@@ -299,7 +300,7 @@ class Instances(BakedSet):
         self.order = tuple(self._card_order())
         super()._put_in(renderer)
         for actor in self.props[1:]:
-            renderer.AddViewProp(actor)
+            put_inner(renderer, actor)
 
     def _take_out(self, renderer):
         super()._take_out(renderer)
@@ -359,7 +360,7 @@ class Instances(BakedSet):
             self._show_cards(frame, shader, [c[shader.name] for c in chosen])
         for group, limit in zip(self.groups, limits, strict=True):
             for actor in group.select_meshes(frame, limit):
-                frame.renderer.AddViewProp(actor)
+                put_inner(frame.renderer, actor)
         self._offer(frame.picking)
 
     def _offer(self, there):

@@ -78,6 +78,9 @@ class PosedSet(ItemSet):
     def __len__(self):
         return len(self._poses)
 
+    def _places(self) -> np.ndarray:
+        return self._poses[:, :3, 3] if self._poses.ndim == 3 else self._poses
+
     @property
     def poses(self) -> np.ndarray:
         """Points (n, 3) or matrices (n, 4, 4), world units, read-only; see :meth:`update`."""

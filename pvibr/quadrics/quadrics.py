@@ -156,6 +156,9 @@ class Quadrics(CardSet):
         """Return their meshes: levels, sizes, matrices, and colours or None."""
         raise NotImplementedError
 
+    def _places(self) -> np.ndarray:
+        return self._spheres()[0]
+
     # -- what they are ------------------------------------------------------------------------
 
     def _world_bounds(self) -> tuple[float, ...]:

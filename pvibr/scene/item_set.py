@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pyvista as pv
 
 from pvibr.gl import Texture
 from pvibr.gl.binder import Binder
@@ -25,6 +26,20 @@ class ItemSet(Painted):
 
     def _contents(self) -> str:
         return f'{len(self):,} {self._noun}'
+
+    def _places(self) -> np.ndarray:
+        """Return the positions of the items, shape (n, 3), world units."""
+        raise NotImplementedError
+
+    def dataset(self) -> pv.PolyData:
+        """Return the positions of the items as points, with what is known of each."""
+        mesh = pv.PolyData(np.array(self._places(), float).reshape(-1, 3))
+        mesh['visible'] = self.visible
+        known = {'colors': self.colors, self.scalar_title() or 'scalars': self.scalars}
+        for name, values in known.items():
+            if values is not None:
+                mesh[name] = values
+        return mesh
 
     def _can_pick(self) -> bool:
         return self.pickable and self.pipeline is not None and self.needed(None) is True

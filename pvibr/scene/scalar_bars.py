@@ -21,7 +21,7 @@ from pvibr.core.plotters import (
 
 
 class ThingMapper(_vtk.vtkPolyDataMapper):
-    """The mapper of a thing, as PyVista's scalar bars use it: it draws nothing."""
+    """The mapper of a thing, as PyVista uses it: it draws nothing."""
 
     def follow(self, thing):
         """Tell a thing of another range."""
@@ -44,6 +44,61 @@ class ThingMapper(_vtk.vtkPolyDataMapper):
     def lookup_table(self):
         """Table of the scalars."""
         return self.GetLookupTable()
+
+    @property
+    def dataset(self):
+        """What the thing shows, as PyVista lists it in ``plotter.meshes``: often a copy."""
+        thing = self._thing()
+        return None if thing is None else thing.dataset()
+
+    def GetDataSetInput(self):
+        """Return `dataset`, also to PyVista's pickers and ``plotter.meshes``."""
+        return self.dataset
+
+    GetInputAsDataSet = GetDataSetInput
+
+    @property
+    def clipping_planes(self):
+        """Planes that clip the thing, None without."""
+        return self.GetClippingPlanes()
+
+    @clipping_planes.setter
+    def clipping_planes(self, planes):
+        self.SetClippingPlanes(planes)
+
+    def SetClippingPlanes(self, planes):
+        """Clip the thing by a vtkPlaneCollection or vtkPlanes."""
+        found = _vtk.vtkPolyDataMapper()
+        found.SetClippingPlanes(planes)
+        self._clip(found.GetClippingPlanes())
+
+    def AddClippingPlane(self, plane):
+        """Clip the thing by one more plane."""
+        found = _vtk.vtkPlaneCollection()
+        for known in self.GetClippingPlanes() or ():
+            found.AddItem(known)
+        found.AddItem(plane)
+        self._clip(found)
+
+    def RemoveClippingPlane(self, plane):
+        """Clip the thing by one plane less."""
+        found = _vtk.vtkPlaneCollection()
+        for known in self.GetClippingPlanes() or ():
+            if known is not plane:
+                found.AddItem(known)
+        self._clip(found)
+
+    def RemoveAllClippingPlanes(self):
+        """Clip the thing no more."""
+        self._clip(None)
+
+    def _clip(self, planes):
+        thing = self._thing()
+        if thing is not None:
+            thing.set_clipping_planes(planes)
+        super().RemoveAllClippingPlanes()
+        if planes is not None:
+            super().SetClippingPlanes(planes)
 
 
 class Bar:

@@ -9,6 +9,7 @@ from pvibr.core.determinism import is_deterministic
 from pvibr.core.frame import Frame
 from pvibr.core.params import Param
 from pvibr.core.passes import has_shadows
+from pvibr.core.plotters import put_inner
 from pvibr.maths.views import may_see
 from pvibr.scene.picking import Hit, nearest_actor
 from pvibr.scene.thing import Thing, joined_bounds
@@ -27,6 +28,9 @@ class Substitute(Thing):
         None, 'Time for new images in a frame.', range='[0, inf)', unit='ms', kind=float
     )
     only_if_faster = Param(True, 'Replace only actors that are measured to be slower themselves.')
+    counts_bounds = False  # its actors have theirs
+    clipped_by = 'set the clipping planes of the mappers of its actors'
+    moved_by = 'move its actors'
     _argument = 'actors'
     _version = 0
     _frame: Frame | None = None
@@ -57,6 +61,9 @@ class Substitute(Thing):
     def _conflicts(self, other, props) -> bool:
         """Return True if another effect stands for some of these props."""
         raise NotImplementedError
+
+    def _materials_of_all(self) -> list:
+        return [actor.GetProperty() for actor in self._stood_for()]
 
     # -- what it is to others --------------------------------------------------------------------
 
@@ -101,6 +108,10 @@ class Substitute(Thing):
         actors = [actor for actor in self.solids() if actor.GetPickable()]
         return nearest_actor(actors, self.pipeline.renderer, x, y)
 
+    def GetPickable(self) -> bool:
+        """Return False: its actors are picked."""
+        return False
+
     # -- the life of an effect -------------------------------------------------------------------
 
     def attach(self, pipeline):
@@ -140,7 +151,7 @@ class Substitute(Thing):
 
     def _put_in(self, renderer):
         for actor in self._card_actors():
-            renderer.AddViewProp(actor)
+            put_inner(renderer, actor)
 
     def _take_out(self, renderer):
         self.deactivate()

@@ -11,7 +11,9 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param, checked_flag, checked_name
+from pvibr.core.plotters import put_inner, set_legend_label
 from pvibr.scene.scalar_bars import Bar, ThingMapper, share_range
+from pvibr.scene.shared_material import SharedMaterial
 
 _DIRECT = 2  # VTK_COLOR_MODE_DIRECT_SCALARS
 
@@ -59,10 +61,12 @@ class Thing(Effect, pv.Actor):
 
     FOR_USERS: tuple[str, ...] = (
         *('actors', 'pick', 'pickable', 'visibility', 'prop', 'bounds', 'center', 'position'),
-        *('orientation', 'scale', 'origin', 'user_matrix'),
+        *('orientation', 'scale', 'origin', 'user_matrix', 'mapper', 'label'),
     )
 
     visibility = _Visibility(True, 'Draw it.')
+    #: What errors say of clipping planes.
+    clipped_by = 'leave items out by its visible mask'
     #: What errors say of setting its place.
     moved_by = 'its items have places of their own, set these'
 
@@ -100,6 +104,15 @@ class Thing(Effect, pv.Actor):
     def solids(self) -> list:
         """Return the actors whose meshes cast its shadow volumes, None for what has no mesh."""
         return [None]
+
+    def dataset(self) -> pv.DataSet | None:
+        """Return what PyVista takes for its mesh, such as its items' places; None for nothing."""
+        return None
+
+    def set_clipping_planes(self, planes):
+        """Cut it off by a vtkPlaneCollection."""
+        msg = f'{self.name} cannot be clipped: {self.clipped_by}'
+        raise AttributeError(msg)
 
     # -- hooks: what is known of it ----------------------------------------------------------
 
@@ -143,6 +156,10 @@ class Thing(Effect, pv.Actor):
     # PyVista checks each access in Python for VTK's own names, which frames cannot afford.
     __getattribute__ = object.__getattribute__
 
+    #: Whether the bounds of the scene take in its own.
+    counts_bounds = True
+    _has_extent = True
+    _label: str | None = None
     _pickable = True
     _listed: str | None = None
     _scalar_name = ''
@@ -153,6 +170,8 @@ class Thing(Effect, pv.Actor):
     bar: Bar | None = None
     #: Actors with its material.
     _dressed: tuple = ()
+    #: What keeps the materials of several meshes like its own.
+    _material: SharedMaterial | None = None
 
     position = _unplaced('position')
     orientation = _unplaced('orientation')
@@ -166,13 +185,18 @@ class Thing(Effect, pv.Actor):
         mapper.SetNumberOfSubPieces(0)  # nothing is drawn, in any representation
         mapper.SetInputData(_vtk.vtkPolyData())
         pv.Actor.__init__(self, mapper)
-        self.PickableOff()
+        pv.Actor.SetPickable(self, False)  # what stands for its items is picked instead
         self.ForceOpaqueOn()  # a translucent prop takes part in the order of drawing
+        self.SetUseBounds(self.counts_bounds)
         super().__init__(**settings)
 
     def _set_bounds(self, bounds):
         """Have bounds, in the space of the actor."""
         mesh = _vtk.vtkPolyData()
+        # PyVista takes empty bounds for real ones.
+        if self._has_extent != (bounds[0] <= bounds[1]):
+            self._has_extent = not self._has_extent
+            self.SetUseBounds(self._has_extent and self.counts_bounds)
         if bounds[0] <= bounds[1]:
             points, cells = _vtk.vtkPoints(), _vtk.vtkCellArray()
             points.SetDataTypeToDouble()
@@ -201,15 +225,49 @@ class Thing(Effect, pv.Actor):
     def pickable(self, pickable):
         self._pickable = bool(checked_flag('pickable', pickable))
 
+    def GetPickable(self) -> bool:
+        """Return `pickable`, also to PyVista."""
+        return self._pickable
+
+    def SetPickable(self, pickable):
+        """Set `pickable`, as PyVista does."""
+        self._pickable = bool(pickable)
+
     @property
     def prop(self):
-        """Material of all of it; of things with several materials, of none."""
+        """Material of all of it; where meshes have several, what changes in it does in all."""
         return self.GetProperty()
 
     @prop.setter
     def prop(self, prop):
         for actor in (self, *self._dressed):
             actor.SetProperty(prop)
+        if self._material is not None:
+            self._material.wear(prop)
+
+    def _share_material(self):
+        """Have the first of the materials, and have what changes in it change in all."""
+        if self._material is not None:
+            self._material.stop()
+        self._material = SharedMaterial(self.prop, self._materials_of_all)
+
+    def _materials_of_all(self) -> list:
+        """Return the properties of what draws it."""
+        return []
+
+    @property
+    def label(self) -> str | None:
+        """Text in the legend of the plotter, None for no entry."""
+        return self._label
+
+    @label.setter
+    def label(self, label):
+        if not isinstance(label, (str, type(None))):
+            msg = f'label = {label!r}: must be a str or None'
+            raise TypeError(msg)
+        self._label = label
+        if self.pipeline is not None:
+            set_legend_label(self.pipeline.renderer, self, label, self.prop.color)
 
     @property
     def center(self) -> tuple[float, float, float]:
@@ -253,10 +311,12 @@ class Thing(Effect, pv.Actor):
         if isinstance(renderer, pv.Renderer):
             given = self._name
             self._listed = None if given else _free_name(self.name, renderer.actors)
-            renderer.add_actor(self, name=self.name, render=False, pickable=False)
+            renderer.add_actor(self, name=self.name, render=False, pickable=self.pickable)
             self._name = given
         else:
             renderer.AddViewProp(self)
+        if self._label:
+            set_legend_label(renderer, self, self._label, self.prop.color)
         self._put_in(renderer)
 
     def detach(self):
@@ -274,7 +334,7 @@ class Thing(Effect, pv.Actor):
 
     def _put_in(self, renderer):
         for actor in self.actors():
-            renderer.AddViewProp(actor)
+            put_inner(renderer, actor)
 
     def _take_out(self, renderer):
         for actor in self.actors():

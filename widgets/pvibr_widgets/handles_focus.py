@@ -6,6 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.plotters import put_inner
 from pvibr.effects.depth_of_field import DepthOfField
 from pvibr.gl.scene_pass import hidden_name
 from pvibr_widgets.handles_keys import OwnersControl
@@ -220,7 +221,7 @@ class _Plane:
         look.LightingOff()
         look.SetColor(*_COLOR)
         look.SetOpacity(_OPACITY)
-        renderer.AddViewProp(self.actor)
+        put_inner(renderer, self.actor)
 
     def show(self, frame, lens):
         """Show the plane at the focal distance, as large as the view there."""

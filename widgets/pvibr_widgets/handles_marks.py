@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.plotters import put_inner
 from pvibr_widgets.handles_stage import lines_to_pixels
 
 #: Around what is drawn, so that it is seen before anything.
@@ -35,7 +36,7 @@ class Marks:
         style.SetColor(1.0, 1.0, 1.0)
         style.SetBackgroundColor(*(c / 255 for c in DARK))
         style.SetBackgroundOpacity(0.8)
-        renderer.AddViewProp(self._text)
+        put_inner(renderer, self._text)
 
     def draw_lines(self, frame, groups):
         """Show lines."""
@@ -92,7 +93,7 @@ class _Flat:
         self.actor.SetMapper(self._mapper)
         self.actor.PickableOff()
         self.show((), ())
-        renderer.AddViewProp(self.actor)
+        put_inner(renderer, self.actor)
 
     def show(self, pixels, colors, **cells):
         mesh = pv.PolyData()

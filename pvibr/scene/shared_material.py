@@ -1,0 +1,57 @@
+"""One material for several actors that have their own: changes of it are theirs."""
+
+from __future__ import annotations
+
+import weakref
+
+_VALUES = (
+    *('Ambient', 'Diffuse', 'Specular', 'SpecularPower', 'Opacity', 'Interpolation'),
+    *('Representation', 'EdgeVisibility', 'LineWidth', 'PointSize', 'Lighting', 'Metallic'),
+    *('Roughness', 'BackfaceCulling', 'FrontfaceCulling', 'AmbientColor', 'DiffuseColor'),
+    *('SpecularColor', 'EdgeColor', 'RenderPointsAsSpheres', 'RenderLinesAsTubes'),
+)
+
+
+class SharedMaterial:
+    """Sets what changes in a property in others, too."""
+
+    def __init__(self, prop, others):
+        self._others = weakref.WeakMethod(others)
+        #: How many times others were changed.
+        self.changes = 0
+        for first in others()[:1]:
+            prop.DeepCopy(first)
+        self._was = _values(prop)
+        self._watch(prop)
+
+    def _watch(self, prop):
+        self._prop = prop
+        # VTK keeps the function, which must not keep the actors: a cycle through C++ leaks.
+        apply = weakref.WeakMethod(self._apply)
+        self._tag = prop.AddObserver('ModifiedEvent', lambda *_: (found := apply()) and found())
+
+    def wear(self, prop):
+        """Take over another property, all of it."""
+        self.stop()
+        self._was = {}
+        self._watch(prop)
+        self._apply()
+
+    def stop(self):
+        """Leave others alone."""
+        self._prop.RemoveObserver(self._tag)
+
+    def _apply(self):
+        others, before, now = self._others(), self._was, _values(self._prop)
+        changed = {name: value for name, value in now.items() if before.get(name) != value}
+        self._was = now
+        if not changed or others is None:
+            return
+        for other in others():
+            for name, value in changed.items():
+                getattr(other, f'Set{name}')(value)
+        self.changes += 1
+
+
+def _values(prop) -> dict:
+    return {name: getattr(prop, f'Get{name}')() for name in _VALUES}
