@@ -81,7 +81,7 @@ class Crowd(Instances):
     >>> pl.close()
     """
 
-    @takes(mesh_kwargs=as_parts)
+    @takes(without=('label',), mesh_kwargs=as_parts)
     def __init__(
         self,
         figure,

@@ -135,7 +135,7 @@ class Instances(BakedSet):
     )
     _noun = 'instances'
 
-    @takes(mesh_kwargs=as_parts)
+    @takes(without=('label',), mesh_kwargs=as_parts)
     def __init__(
         self,
         mesh,
