@@ -25,6 +25,7 @@ from pvibr.scene.shader_draws import ROW, ShaderDraws, pack
 
 _CHUNK = 65_536  # billboards of one draw
 _WIDE = 3072  # texels; a multiple of 3 and of 4
+_SHARES = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # of width and height, at corners of a card
 _HIT = 0.05  # alpha from which a blended billboard can be picked
 
 
@@ -221,6 +222,25 @@ class Billboards(CardSet):
     def _places(self) -> np.ndarray:
         return self.layout.points
 
+    def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return points, shape (n, 3), and how far their cards reach."""
+        rows = np.arange(len(self))
+        sizes = self.layout.placed(Frame.of(self.pipeline.renderer), rows)[1]
+        return self.layout.points, np.hypot(*np.moveaxis(sizes, 1, 0))
+
+    def item_mesh(self, index) -> pv.PolyData:
+        """Return the card of an item in world units, for VTK's pickers."""
+        corners = self._corners(Frame.of(self.pipeline.renderer), np.array([index]))
+        return pv.PolyData(corners[0], faces=[4, 0, 1, 2, 3])
+
+    def _corners(self, frame, rows) -> np.ndarray:
+        """Return the corners of some cards, shape (k, 4, 3)."""
+        axes, sizes = self.layout.placed(frame, rows)
+        right, up, _ = np.moveaxis(axes, 2, 0)
+        off = (_SHARES - self.layout.anchor) * sizes[:, None]
+        corners = self.layout.points[rows, None] + off[..., :1] * right[:, None]
+        return corners + off[..., 1:] * up[:, None]
+
     @property
     def facing(self) -> str:
         """Direction that the cards face."""
@@ -395,17 +415,12 @@ class Billboards(CardSet):
     def bake_into(self, scene):
         """Add them to a scene without pvibr, turned to its camera."""
         rows = np.flatnonzero(self.visible)
-        layout, frame = self.layout, scene.frame
-        axes, sizes = layout.placed(frame, rows)
-        right, up, _ = np.moveaxis(axes, 2, 0)
-        shares = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-        off = (shares - layout.anchor) * sizes[:, None]
-        corners = layout.points[rows, None] + off[..., :1] * right[:, None]
-        corners = corners + off[..., 1:] * up[:, None]
+        frame = scene.frame
+        corners = self._corners(frame, rows)
         image, rects = self._images.whole()
         height, width = image.shape[:2]
         rects = rects[self._shown_images(frame, rows)].reshape(-1, 2, 2)
-        places = rects[:, :1] + shares * (rects[:, 1:] - rects[:, :1])
+        places = rects[:, :1] + _SHARES * (rects[:, 1:] - rects[:, :1])
         scene.quads(
             self,
             corners,

@@ -226,8 +226,8 @@ class AnimatedActor(FigurePlayer, Placed):
     def prepare(self, frame):
         """Pose the vertices if the pose changed, and bind their textures."""
         moment = self._now_shown()
-        for mesh_actor in self._posed if frame.picking else ():
-            mesh_actor.actor.SetPickable(bool(self.pickable))
+        if frame.picking and frame.own:
+            self._put_stand_ins(self.pickable)
         if not self._posed:
             return
         if self._posing is None or self._posing.how != self.skinning:
@@ -253,8 +253,6 @@ class AnimatedActor(FigurePlayer, Placed):
 
     def finish(self, frame):
         """Release the texture units."""
-        for mesh_actor in self._posed if frame.picking else ():
-            mesh_actor.actor.PickableOff()  # other pickers would see the mesh at rest
         if self._posing is not None:
             for texture in self._posing.textures.values():
                 texture.deactivate()

@@ -281,8 +281,6 @@ class Crowd(Instances):
         super().prepare(frame)
         for group in self.groups:
             group.at(frame.window, self._now())
-            for actor in group.mesh_actors():
-                actor.SetPickable(bool(self.pickable and frame.picking))
 
     def finish(self, frame):
         """Release the texture units."""

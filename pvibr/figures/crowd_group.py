@@ -56,9 +56,6 @@ class _PosedMeshes(NearMeshes):
     def draw_many(self, capacity, center, binder):
         """Keep an actor each: posed vertices come from textures."""
 
-    def offer(self, pickable, there):
-        """Leave it to the crowd: pickers between frames would see meshes at rest."""
-
 
 class CrowdGroup(InstanceGroup):
     """The members of a crowd, as a group of instances."""

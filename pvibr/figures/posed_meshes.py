@@ -36,8 +36,6 @@ class PosedPool(MeshPool):
 
     def _actor(self, mesh_actor):
         actor = lendable(mesh_actor.part, mesh_actor.actor.GetMapper())
-        actor.UseBoundsOff()
-        actor.PickableOff()  # pickers would see the mesh at rest
         if isinstance(mesh_actor, PosedMeshActor):
             posed_feature().attach(actor)
         return actor

@@ -285,11 +285,6 @@ class InstanceGroup:
         """Draw instances too large for cards as meshes; return new actors."""
         return self.near.select(self, frame, limits)
 
-    def instance_of(self, actor):
-        """Return the index of the instance that a mesh actor shows, or None."""
-        slot = self.near.instance_of(actor)
-        return None if slot is None else int(self.ids[slot])
-
     def mesh_actors(self):
         """Return the actors of instances drawn as meshes."""
         return self.near.actors()

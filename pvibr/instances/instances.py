@@ -6,6 +6,7 @@ import warnings
 from functools import partial
 
 import numpy as np
+import pyvista as pv
 
 from pvibr.core.errors import PvibrWarning
 from pvibr.core.params import Param
@@ -29,7 +30,7 @@ from pvibr.meshes.parts import as_meshes, as_parts, with_own_culling
 from pvibr.scene import looks as look
 from pvibr.scene.keywords import OF_MESH_SCALARS
 from pvibr.scene.painted import TABLE_OPTIONS
-from pvibr.scene.picking import nearest_hit
+from pvibr.scene.picking import joined, nearest_hit
 
 
 class Instances(BakedSet):
@@ -118,7 +119,6 @@ class Instances(BakedSet):
         'force_level',
         'bake',
         'pick',
-        'instance_of',
         'actors',
         'report',
     )
@@ -299,18 +299,19 @@ class Instances(BakedSet):
     def _put_in(self, renderer):
         self.order = tuple(self._card_order())
         super()._put_in(renderer)
-        for actor in self.props[1:]:
-            put_inner(renderer, actor)
 
-    def _take_out(self, renderer):
-        super()._take_out(renderer)
-        for actor in self.props[1:]:
-            renderer.RemoveViewProp(actor)
+    def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return centres, shape (n, 3), and radii of the instances' bounding spheres."""
+        centers, radii = np.zeros((len(self), 3)), np.zeros(len(self))
+        for group in self.groups:
+            centers[group.ids], radii[group.ids] = group.centers(slice(None)), group.radii
+        return centers, radii
 
-    @property
-    def props(self) -> tuple:
-        """The actor that stands for it, and those that only pickers see."""
-        return (self, *(actor for group in self.groups for actor in group.near.picked()))
+    def item_mesh(self, index) -> pv.PolyData:
+        """Return the mesh of an instance in world units, for VTK's pickers."""
+        group = next(group for group in self.groups if index in group.ids)
+        slot = int(np.flatnonzero(group.ids == index)[0])
+        return joined([(group.parts(slot), group.matrix(slot))])
 
     def actors(self) -> list:
         """Return the actors that draw the instances, invisible ones included."""
@@ -336,19 +337,20 @@ class Instances(BakedSet):
     def prepare(self, frame):
         """Choose levels again if camera, size, settings, meshes or materials changed."""
         self._follow()
+        if self._is_drawn_for_picker(frame):
+            return
         self._check_meshes()
-        covered = self.covered if frame.own and not frame.picking else None
+        covered = self.covered if frame.own else None
         if covered is not self._applied:
             self._apply_looks(covered)
             self._content_key = None
         self._upload(frame.window)
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         depth = self._depth_is_read(frame)
-        how = frame.picking, frame.casting, frame.depth_map, frame.quality, frame.samples, depth
+        how = frame.casting, frame.depth_map, frame.quality, frame.samples, depth
         content_key = (*camera, frame.size, self.revision, *how)
         self._check_cards()
         if content_key == self._content_key:
-            self._offer(frame.picking)
             return
         self._content_key = content_key
         limits = self._limits_in(frame)
@@ -361,12 +363,6 @@ class Instances(BakedSet):
         for group, limit in zip(self.groups, limits, strict=True):
             for actor in group.select_meshes(frame, limit):
                 put_inner(frame.renderer, actor)
-        self._offer(frame.picking)
-
-    def _offer(self, there):
-        """Let VTK's pickers find instances that are drawn as meshes."""
-        for group in self.groups:
-            group.near.offer(bool(self.pickable), there)
 
     def _show_cards(self, frame, shader, choices):
         unit = self.groups[0].unit
@@ -401,8 +397,6 @@ class Instances(BakedSet):
     def finish(self, frame):
         """Release the texture units, and let pickers find instances."""
         self._binder.unbind()
-        if frame.own:
-            self._offer(True)
         if frame.own and not frame.picking:
             for group in self.groups:
                 group.near.check()
@@ -441,13 +435,3 @@ class Instances(BakedSet):
         if not self._can_pick():
             return None
         return nearest_hit(self.groups, self.pipeline.renderer, x, y, self.visible)
-
-    def instance_of(self, actor):
-        """Return the index of the instance that a picked actor shows, or None.
-
-        Parameters
-        ----------
-        actor : vtkActor
-            Actor that PyVista's mesh picking returned.
-        """
-        return next((i for k in self.groups if (i := k.instance_of(actor)) is not None), None)

@@ -53,13 +53,17 @@ class MeshLevel:
         return sum(p.mesh.n_cells for p in self.parts)
 
 
-class ActorPool:
-    """Actors of one level, lent to the instances that need them."""
+class MeshPool:
+    """Actors of one level, lent to instances, with the looks of these."""
 
     def __init__(self, level):
         self.level = level
         self.lent: dict = {}  # by instance
         self.free: list = []
+        self.radius = max(p.mesh.length for p in level.parts) / 2
+        self.multiply = False
+        self._tint: tuple | None = None
+        self._faded: set[int] = set()
 
     def lend(self, ids, matrix_of) -> list:
         """Show the mesh at some instances and nowhere else; return new actors."""
@@ -78,39 +82,6 @@ class ActorPool:
             self._put(self.lent[i], np.asarray(matrix_of(i), float))
         return new
 
-    def _made(self) -> list:
-        """Return new actors that show one instance."""
-        actors = [part.new_actor(part.actor.GetMapper()) for part in self.level.parts]
-        for actor in actors:
-            actor.SetUserMatrix(_vtk.vtkMatrix4x4())
-            actor.UseBoundsOff()
-        return actors
-
-    def _put(self, actors, matrix):
-        values = matrix.ravel().tolist()
-        for actor in actors:
-            actor.GetUserMatrix().DeepCopy(values)
-            actor.VisibilityOn()
-
-    def instance_of(self, actor):
-        """Return the instance that an actor shows, or None."""
-        return next((i for i, actors in self.lent.items() if actor in actors), None)
-
-    def actors(self) -> list:
-        """Return every actor made so far."""
-        return [a for group in [*self.lent.values(), *self.free] for a in group]
-
-
-class MeshPool(ActorPool):
-    """Actors with the looks of the instances that they are lent to."""
-
-    def __init__(self, level):
-        super().__init__(level)
-        self.radius = max(p.mesh.length for p in level.parts) / 2
-        self.multiply = False
-        self._tint: tuple | None = None
-        self._faded: set[int] = set()
-
     def show(self, ids, matrix_of, look_of) -> list:
         """Show the mesh at some instances and nowhere else; return new actors."""
         before = set(self.lent)
@@ -119,6 +90,10 @@ class MeshPool(ActorPool):
             for actor in self.lent[i]:
                 self._set_look(actor, look_of(i))
         return new
+
+    def actors(self) -> list:
+        """Return every actor made so far."""
+        return [a for group in [*self.lent.values(), *self.free] for a in group]
 
     def _made(self) -> list:
         return [lendable(p, p.actor.GetMapper()) for p in self.level.parts]
@@ -143,9 +118,11 @@ class MeshPool(ActorPool):
                 self._set_look(actor, look_of(i))
 
     def _put(self, actors, matrix):
-        super()._put(actors, matrix)
+        values = matrix.ravel().tolist()
         volume = float(np.linalg.det(matrix[:3, :3]))
         for actor in actors:
+            actor.GetUserMatrix().DeepCopy(values)
+            actor.VisibilityOn()
             shader = actor.GetShaderProperty()
             uniforms = shader.GetFragmentCustomUniforms()
             uniforms.SetUniformf('ibr_share', 1.0)
@@ -163,6 +140,8 @@ def lendable(part, mapper):
     """Return a new actor that draws a part at instances, with per-instance looks."""
     actor = with_looks(part, mapper)
     actor.SetUserMatrix(_vtk.vtkMatrix4x4())
+    actor.PickableOff()  # what stands for the instance is picked
+    actor.UseBoundsOff()
     _MIRROR.attach(actor)
     shader = actor.GetShaderProperty()
     shader.GetVertexCustomUniforms().SetUniformf('ibr_turn', 1.0)

@@ -8,12 +8,10 @@ from pvibr.core import _vtk
 from pvibr.gl import Texture, release
 from pvibr.instances.cards import FADE
 from pvibr.instances.mesh_draws import MeshDraws, suits
-from pvibr.instances.mesh_pool import ActorPool, MeshPool
+from pvibr.instances.mesh_pool import MeshPool
 from pvibr.maths.blocks import ascending, frustum_planes
 from pvibr.scene.shader_draws import ROW, pack
 
-#: Instances that VTK's own pickers find between frames, the nearest.
-_PICKED = 256
 _SHARE_BITS = 6  # of the share of an instance's pixels, which is dithered
 _SHARED = 'ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius'
 _OF_CAMERA = 'ibr_eye_from_world', 'ibr_clip_from_eye'
@@ -29,7 +27,6 @@ class NearMeshes:
         #: Of each level, whether its instances have an actor each.
         self.single = (True,) * len(levels)
         self._matrix = _vtk.vtkMatrix4x4()
-        self._picked = ActorPool(levels[0])
         self._entries: Texture | None = None
         #: Level of each slot in the last frame, -1 for those that are no meshes.
         self.level_of = np.zeros(0, np.int8)
@@ -86,15 +83,11 @@ class NearMeshes:
         for k, pool in enumerate(self.pools):
             group.counts[f'mesh {pool.level.triangles}'] = int((levels == k).sum())
         shares = np.ones(len(sizes), np.float32)
-        if not (frame.picking or frame.casting):
+        if not frame.casting:
             shares = (sizes - least) / np.maximum(least * (FADE - 1), 1e-6)
         alone = np.array(self.single)[levels]
         new = self._show_singly(group, slots[alone], levels[alone], shares[alone])
         slots, centers, levels, shares = (a[..., ~alone] for a in (slots, centers, levels, shares))
-        new += self._show_picked(group, frame, slots)
-        if frame.picking:
-            self._hide_draws()
-            return new
         return new + self._show_draws(group, frame, slots, centers, levels, shares)
 
     def _large(self, group, frame, limits):
@@ -177,44 +170,16 @@ class NearMeshes:
         for k, draws in enumerate(self.draws):
             draws.tint(colors.get('lighter mesh' if k else 'mesh'))
 
-    # -- picking ------------------------------------------------------------------------------
-
-    def _show_picked(self, group, frame, slots):
-        """Have actors of single instances for VTK's pickers, which know nothing of draws."""
-        if not frame.own:
-            return []
-        if not frame.picking:
-            slots = slots[:_PICKED]
-        return self._picked.lend(slots.tolist(), group.matrix)
-
-    def offer(self, pickable, there):
-        """Let VTK's pickers find instances: frames draw these actors only if they pick."""
-        for pool in self.pools:
-            for actor in (a for actors in pool.lent.values() for a in actors):
-                actor.SetPickable(pickable)
-        for actor in (a for actors in self._picked.lent.values() for a in actors):
-            actor.SetVisibility(pickable and there)
-
-    def instance_of(self, actor):
-        """Return the slot that an actor of its own shows, or None."""
-        found = (pool.instance_of(actor) for pool in (self._picked, *self.pools))
-        return next((slot for slot in found if slot is not None), None)
-
     # -- its life -----------------------------------------------------------------------------
 
     def actors(self) -> list:
         """Return every actor made so far that draws."""
         return [actor for owner in (*self.draws, *self.pools) for actor in owner.actors()]
 
-    def picked(self) -> list:
-        """Return the actors that only VTK's pickers see."""
-        return self._picked.actors()
-
     def lend_anew(self, group):
         """Show nothing, whatever a slot holds from now on."""
         self._hide_draws()
         self._hide_pools(group)
-        self._picked.lend((), group.matrix)
         self.level_of, self._slots = np.full(len(group), -1, np.int8), np.zeros(0, int)
 
     def _hide_draws(self):
@@ -233,7 +198,7 @@ class NearMeshes:
         self._entries = None
         if window is None:
             return
-        for actor in (*self.actors(), *self.picked()):
+        for actor in self.actors():
             actor.ReleaseGraphicsResources(window)
         for pool in self.pools:
             for part in pool.level.parts:

@@ -135,16 +135,16 @@ class Cylinders(Quadrics):
         rows = [np.column_stack([middles, self._radii]), np.column_stack([units, lengths])]
         return np.stack(rows, 1)
 
-    def _bodies(self):
-        halves, radii = self._halves()[0], self._radii
-        middles = self._spheres()[0]
-        first = last = self._colors
+    def _bodies(self, rows=slice(None)):
+        halves, radii = self._halves()[0][rows], self._radii[rows]
+        middles = self._spheres()[0][rows]
+        first = last = own = self._colored(rows)
         levels = tubes(self.prop, self.caps == 'flat')
         with np.errstate(invalid='ignore'):  # those without length have no tube
-            if self._colors is None or self._colors.ndim == 2:
-                found = [(*levels, along(middles, halves, radii), self._colors)]
+            if own is None or own.ndim == 2:
+                found = [(*levels, along(middles, halves, radii), own)]
             else:
-                first, last = np.moveaxis(self._colors, 1, 0)
+                first, last = np.moveaxis(own, 1, 0)
                 found = [
                     (*levels, along(middles + side * halves / 2, halves / 2, radii), colors)
                     for side, colors in ((-1, first), (1, last))
@@ -152,7 +152,7 @@ class Cylinders(Quadrics):
         if self.caps == 'round':
             size = radii[:, None, None] * np.eye(3)
             for ends, colors in zip(self._ends, (first, last), strict=True):
-                found.append((*balls(self.prop), linear(ends, size), colors))
+                found.append((*balls(self.prop), linear(ends[rows], size), colors))
         return found
 
     def _gaps(self, eye, index):

@@ -103,8 +103,9 @@ class Ellipsoids(PointQuadrics):
     def _rows(self, middles):
         return np.concatenate([self.axes().swapaxes(1, 2), middles[:, :, None]], 2)
 
-    def _bodies(self):
-        return [(*balls(self.prop), linear(self._points, self.axes()), self._colors)]
+    def _bodies(self, rows=slice(None)):
+        matrices = linear(self._points[rows], self.axes()[rows])
+        return [(*balls(self.prop), matrices, self._colored(rows))]
 
     def _gaps(self, eye, index):
         axes = self.axes()[index]

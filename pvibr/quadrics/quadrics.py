@@ -30,7 +30,7 @@ from pvibr.scene.draw_order import depths_of
 from pvibr.scene.item_set import CardSet
 from pvibr.scene.looks import read_only
 from pvibr.scene.painted import TABLE_OPTIONS, scalars_of
-from pvibr.scene.picking import Hit, pixel_ray
+from pvibr.scene.picking import Hit, joined, pixel_ray
 from pvibr.scene.shader_draws import PBR, ROW, pack
 
 # Opacities in the alpha of looks: up to this with the material's colour, from the next on their
@@ -152,9 +152,21 @@ class Quadrics(CardSet):
         """Return the intersections of a ray with some of them."""
         raise NotImplementedError
 
-    def _bodies(self) -> list:
-        """Return their meshes: levels, sizes, matrices, and colours or None."""
+    def _bodies(self, rows=slice(None)) -> list:
+        """Return meshes of some: levels, sizes, matrices, and colours or None."""
         raise NotImplementedError
+
+    def _colored(self, rows):
+        return None if self._colors is None else self._colors[rows]
+
+    def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return centres, shape (n, 3), and radii of the items' bounding spheres."""
+        return self._spheres()
+
+    def item_mesh(self, index) -> pv.PolyData:
+        """Return the mesh of an item in world units, for VTK's pickers."""
+        bodies = self._bodies([index])
+        return joined([(levels[0], matrices[0]) for levels, _, matrices, _ in bodies])
 
     def _places(self) -> np.ndarray:
         return self._spheres()[0]
@@ -329,11 +341,11 @@ class Quadrics(CardSet):
     def bake_into(self, scene):
         """Add them to a scene without pvibr."""
         rows = np.flatnonzero(self.visible & (self._spheres()[1] > 0))
-        for levels, largest, matrices, colors in self._bodies():
-            shown = rows[np.isfinite(matrices[rows]).all((1, 2))]
+        for levels, largest, matrices, colors in self._bodies(rows):
+            shown = np.isfinite(matrices).all((1, 2))
             colors = None if colors is None else colors[shown]
             if self._opacity.ndim:
-                colors = self._with_opacity(colors, shown)
+                colors = self._with_opacity(colors, rows[shown])
             scene.copies(self, levels, matrices[shown], largest=largest, colors=colors)
 
     def _with_opacity(self, colors, rows):

@@ -79,9 +79,9 @@ class Spheres(PointQuadrics):
     def _rows(self, middles):
         return np.column_stack([middles, self._radii])[:, None]
 
-    def _bodies(self):
-        matrices = linear(self._points, self._radii[:, None, None] * np.eye(3))
-        return [(*balls(self.prop), matrices, self._colors)]
+    def _bodies(self, rows=slice(None)):
+        matrices = linear(self._points[rows], self._radii[rows, None, None] * np.eye(3))
+        return [(*balls(self.prop), matrices, self._colored(rows))]
 
     def _gaps(self, eye, index):
         away, radii = np.linalg.norm(self._points[index] - eye, axis=1), self._radii[index]

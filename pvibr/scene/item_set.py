@@ -9,6 +9,7 @@ from pvibr.gl import Texture
 from pvibr.gl.binder import Binder
 from pvibr.scene.draw_order import depths_of, translucent
 from pvibr.scene.painted import Painted
+from pvibr.scene.stand_ins import StandIns
 
 
 class ItemSet(Painted):
@@ -17,7 +18,8 @@ class ItemSet(Painted):
     Parameters are those of :class:`pvibr.Effect`.
     """
 
-    FOR_USERS: tuple[str, ...] = ()
+    FOR_USERS: tuple[str, ...] = ('instance_of',)
+    _stand_ins: StandIns | None = None
     #: Frames that are drawn to pick need them too.
     picks = True
     _noun = 'items'
@@ -26,6 +28,32 @@ class ItemSet(Painted):
 
     def _contents(self) -> str:
         return f'{len(self):,} {self._noun}'
+
+    def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return centres, shape (n, 3), and radii of the items' bounding spheres."""
+        raise NotImplementedError
+
+    def item_mesh(self, index) -> pv.PolyData:
+        """Return the mesh of an item in world units, for VTK's pickers."""
+        raise NotImplementedError
+
+    def instance_of(self, actor) -> int | None:
+        """Return the index of the item that an actor stands for, or None.
+
+        Parameters
+        ----------
+        actor : vtkActor
+            Actor that one of PyVista's pickers returned.
+        """
+        return None if self._stand_ins is None else self._stand_ins.index_of(actor)
+
+    def _is_drawn_for_picker(self, frame) -> bool:
+        """Show meshes instead if a frame is drawn to pick; return True if it is."""
+        if frame.picking and frame.own:
+            self.deactivate()
+            if self.pickable:
+                self._stand_ins.draw(frame)
+        return frame.picking and frame.own
 
     def _places(self) -> np.ndarray:
         """Return the positions of the items, shape (n, 3), world units."""
@@ -60,8 +88,14 @@ class ItemSet(Painted):
             actor.VisibilityOff()
         self._content_key = None
 
+    def _put_in(self, renderer):
+        super()._put_in(renderer)
+        self._stand_ins = self._stand_ins or StandIns(self)
+        self._stand_ins.put_in(renderer)
+
     def _take_out(self, renderer):
         self.deactivate()
+        self._stand_ins.take_out()
         super()._take_out(renderer)
 
     def _touch(self):
@@ -97,6 +131,8 @@ class CardSet(ItemSet):
 
     def prepare(self, frame):
         """Choose which items are drawn, and in which order."""
+        if self._is_drawn_for_picker(frame):
+            return
         self._upload(frame.window)
         others: list[float] = []
         if self.blends and frame.own and not frame.casting:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pyvista as pv
 
 from pvibr.core import _vtk
 
@@ -33,6 +34,12 @@ def pixel_ray(renderer, x, y):
         ends.append(point[:3] / point[3])
     direction = ends[1] - ends[0]
     return ends[0], direction / np.linalg.norm(direction)
+
+
+def joined(placed) -> pv.PolyData:
+    """Return one mesh in world units of pairs of parts and a matrix."""
+    moved = [p.mesh.transform(matrix, inplace=False) for parts, matrix in placed for p in parts]
+    return moved[0] if len(moved) == 1 else pv.merge(moved, merge_points=False).extract_surface()
 
 
 def nearest_actor(actors, renderer, x, y):
