@@ -121,6 +121,9 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
     def add(self, effect):
         """Add an effect or a thing to the active subplot.
 
+        It replaces what has the name that it was given, and effects of which a picture has one,
+        such as `Bloom`, replace one of their kind: a notebook cell may be run twice.
+
         Parameters
         ----------
         effect : pvibr.Effect
@@ -138,7 +141,11 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         ValueError
             If the effect is already in a subplot.
         """
-        return self.pipeline.add(effect)
+        pipeline = self.pipeline
+        pipeline.check_addable(effect)
+        for old in [e for e in pipeline.effects if _replaces(effect, e)]:
+            pipeline.remove(old)
+        return pipeline.add(effect)
 
     def _add_thing(
         self,
@@ -181,7 +188,7 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         pvibr.Effect
             The thing.
         """
-        pipeline = self.pipeline
+        self._check_open()
         bar = Bar(show_scalar_bar, scalar_bar_args)
         reset_camera = checked_flag('reset_camera', reset_camera, optional=True)
         render = checked_flag('render', render)
@@ -193,9 +200,7 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         thing = make(*args, **kwargs)
         thing.bar, thing.label = bar, label
         bar.check(self._plotter, thing)
-        for old in [e for e in pipeline.effects if e.name == kwargs.get('name')]:
-            pipeline.remove(old)
-        pipeline.add(thing)
+        self.add(thing)
         bar.show(thing)
         if label is not None:
             add_legend_label(pipeline.renderer, thing, label, thing.scalar_mapper() is not None)
@@ -437,3 +442,8 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
 
     def __plotter_deep_clean__(self):
         self._pipelines.clear()
+
+
+def _replaces(effect, old) -> bool:
+    """Return True if an effect takes the place of another: by its given name, or its kind."""
+    return old.name == effect.given_name or (effect.single and type(effect) is type(old))

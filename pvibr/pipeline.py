@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
 from typing import Any
 
 from pvibr.core.effect import Effect
-from pvibr.core.errors import ClosedError, PvibrWarning
+from pvibr.core.errors import ClosedError, warn
 from pvibr.core.frame import Frame
 from pvibr.core.passes import is_llvmpipe, loses_depth, peels_samples
 from pvibr.core.report import Report, Row
@@ -92,7 +91,7 @@ class Pipeline:
 
     def add(self, effect) -> Effect:
         """Put an effect or a thing in; it is in the next frame."""
-        self._check_addable(effect)
+        self.check_addable(effect)
         effect.attach(self)
         effect.pipeline = self
         self._enter(sorted([*self._entries, _Entry(effect, Row(effect.name))], key=_place))
@@ -105,7 +104,8 @@ class Pipeline:
         self._effects = tuple(entry.effect for entry in entries)
         self._things = [e for e in self._effects if isinstance(e, Thing)]
 
-    def _check_addable(self, effect):
+    def check_addable(self, effect):
+        """Raise an error unless an effect can be added."""
         if self._closed:
             msg = 'the plotter is closed: make a new one and add the effect there'
             raise ClosedError(msg)
@@ -324,7 +324,7 @@ class _Turn:
     def warn(self):
         """Say what went wrong, once; last, since a filter may turn a warning into an error."""
         if self.failures:
-            warnings.warn('\n'.join(self.failures), PvibrWarning, stacklevel=2)
+            warn('\n'.join(self.failures))
 
 
 class _Stage:

@@ -293,3 +293,30 @@ def test_repr_says_what_there_is(pl):
     assert repr(pl.ibr).endswith('time 0.5 s, playing>')
     pl.close()
     assert repr(pl.ibr) == '<plotter.ibr: closed>'
+
+
+def test_a_cell_run_twice_replaces_what_it_added():
+    """By its name, or by its kind where a picture has one of it."""
+    pl = pv.Plotter(off_screen=True)
+
+    def cell():
+        pl.ibr.add(pvibr.Bloom())
+        pl.ibr.add(pvibr.Shadows())
+        effect = pvibr.ShaderEffect('vec4 effect(vec2 uv) { return color_at(uv); }')
+        effect.name = 'same'
+        pl.ibr.add(effect)
+        pl.ibr.add(pvibr.Spheres([[0.0, 0, 0]], name='balls'))
+        pl.ibr.add_spheres([[1.0, 0, 0]], name='more')
+        return set(pl.ibr)
+
+    first, second = cell(), cell()
+    assert len(pl.ibr) == len(second) == 5
+    assert not first & second
+    assert all(effect.pipeline is None for effect in first)
+    with pytest.raises(ValueError, match='in this subplot already'):
+        pl.ibr.add(pl.ibr['Bloom'])
+    assert len(pl.ibr) == 5
+    pl.ibr.add(pvibr.Outline(width=1))
+    pl.ibr.add(pvibr.Outline(width=3))
+    assert len(pl.ibr) == 7
+    pl.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from os import PathLike
 
 import numpy as np
@@ -11,7 +10,7 @@ import pyvista as pv
 from pvibr.animation.figure_mesh import FigureMesh, Skin
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.core.files import existing
 from pvibr.formats.trimesh_meshes import as_dataset
 from pvibr.maths.skinning import MAX_INFLUENCES
@@ -153,7 +152,7 @@ def _warn_of_data(surfaces):
     if changing:
         names = ', '.join(repr(name) for name in changing[:5]) + ', ...' * (len(changing) > 5)
         msg = f'{names} differ between meshes: the figure shows those of the first one'
-        warnings.warn(msg, PvibrWarning, stacklevel=4)
+        warn(msg)
 
 
 def _same(one, other):

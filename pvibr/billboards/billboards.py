@@ -265,7 +265,7 @@ class Billboards(CardSet):
     @property
     def size(self) -> np.ndarray:
         """Height, or width and height, of all or of each, world units or pixels."""
-        return self.layout.given_size
+        return read_only(self.layout.given_size)
 
     @size.setter
     def size(self, size):

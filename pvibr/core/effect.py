@@ -55,12 +55,16 @@ class Effect(Spelled):
         'report',
     )
 
+    keeps_arguments = True
+
     # -- what a class declares ---------------------------------------------------------------
 
     #: Whether it runs; the pipeline disables an effect that raises.
     enabled = True
     #: Name of the class in ``pvibr.effects.ORDER`` that it runs right before, None for its own.
     before: str | None = None
+    #: Whether a subplot has one of its kind: another one replaces it, as in a cell run twice.
+    single = False
     #: Whether it also runs in frames that are drawn to pick.
     picks = False
     #: Whether `render` needs colours above 1.
@@ -80,6 +84,7 @@ class Effect(Spelled):
     #: How many times a setting was changed.
     revision = 0
     _name: str | None = None
+    _made_of: tuple
     __signature__: ClassVar[Signature]
 
     @property
@@ -211,6 +216,30 @@ class Effect(Spelled):
         for_users = {*params_of(type(self)), *(n for c in declaring for n in c['FOR_USERS'])}
         return sorted(set(super().__dir__()) - (public - for_users))
 
+    def __reduce__(self):
+        """Return what makes an equal one, in no plotter, with nothing on the GPU."""
+        args, kwargs = self._made_of
+        return _made_again, (type(self), args, kwargs, self._changed())
+
+    def __copy__(self):
+        return self.__deepcopy__({})
+
+    def __deepcopy__(self, _memo):
+        """Return an equal one, of the same actors, textures and images."""
+        make, arguments = self.__reduce__()
+        return make(*arguments)
+
+    def _changed(self) -> dict:
+        """Return what may have been set since it was made."""
+        kept = {name: getattr(self, name) for name in params_of(type(self))}
+        members = {n: v for cls in reversed(type(self).__mro__) for n, v in vars(cls).items()}
+        for name, value in members.items():
+            if isinstance(value, property) and value.fset and name != 'pipeline':
+                kept[name] = getattr(self, name)
+        own = {n: v for n, v in vars(self).items() if not n.startswith('_')}
+        kept |= {name: own[name] for name in ('enabled', 'before') if name in own}
+        return kept | {'name': self._name}
+
     def _checked(self, settings):
         params = params_of(type(self))
         unknown = sorted(set(settings) - set(params))
@@ -233,6 +262,11 @@ class Effect(Spelled):
     @name.setter
     def name(self, name):
         self._name = checked_name(name)
+
+    @property
+    def given_name(self) -> str | None:
+        """Name that it was given, None without."""
+        return self._name
 
     def __repr__(self) -> str:
         """Return in a line what it is, its name, its contents and its state."""
@@ -275,3 +309,10 @@ class Effect(Spelled):
         known = params_of(type(self))
         self._set(self._checked({n: v for n, v in state.items() if n in known}))
         return [n for n in state if n not in known]
+
+
+def _made_again(cls, args, kwargs, changed):
+    """Return an effect like one that was made of these arguments and changed since."""
+    made = cls(*args, **kwargs)
+    made._set(changed)
+    return made

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import sys
+import warnings
+from types import FrameType
 
 
 class PvibrWarning(UserWarning):
@@ -43,6 +46,24 @@ class ShaderError(PvibrError, RuntimeError):
 
 class ClosedError(PvibrError, RuntimeError):
     """The plotter or the window is closed; what was drawn there is released."""
+
+
+#: Where frames are not the user's: pvibr, PyVista and what imports both.
+_LIBRARIES = ('pvibr', 'pvibr_widgets', 'pyvista', 'pyvistaqt', 'importlib', 'contextlib')
+
+
+def warn(message, category=PvibrWarning):
+    """Warn at the line of the user that led here, the first outside pvibr and PyVista."""
+    frame: FrameType | None = sys._getframe(1)  # noqa: SLF001
+    level = 2
+    while frame is not None and _is_library(frame):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, stacklevel=level if frame is not None else 2)
+
+
+def _is_library(frame) -> bool:
+    name = frame.f_globals.get('__name__', '')
+    return name.partition('.')[0] in _LIBRARIES
 
 
 def require(module, extra, what):

@@ -32,6 +32,8 @@ class _Complete(type(pv.Actor)):  # type: ignore[misc]
     def __call__(cls, *args, **kwargs):
         made = type.__call__(cls, *args, **kwargs)
         made.__dict__['_complete'] = True
+        if cls.keeps_arguments:
+            made.__dict__['_made_of'] = args, kwargs
         return made
 
 
@@ -42,6 +44,8 @@ class Spelled(metaclass=_Complete):
     """
 
     _complete = False
+    #: Whether instances know what they were made of, so that they can be made again.
+    keeps_arguments = False
 
     def __setattr__(self, name, value):
         if self._complete and not name.startswith('_') and not _has(self, name):

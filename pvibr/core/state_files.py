@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import warnings
 from pathlib import Path
 
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.core.files import replacing
 
 #: Version of the file layout; files of other versions are read leniently.
@@ -97,7 +96,7 @@ def warn_of(unknown):
     """Warn once of all unknown names, at the caller's caller."""
     if unknown:
         msg = f'unknown names are not restored: {", ".join(unknown)}; add the effects first'
-        warnings.warn(msg, PvibrWarning, stacklevel=3)
+        warn(msg)
 
 
 def to_text(kind, values) -> str:

@@ -82,6 +82,7 @@ class Backdrop(_Behind, FullScreenImage):
 
     fit = Param('cover', 'Fit to the rectangle.', choices=('contain', 'cover', 'stretch'))
 
+    single = True
     parts = ('image', 'behind', 'backdrop')
     web = 'lost', 'fixed to the screen, and a browser has no such background'
 
@@ -110,6 +111,7 @@ class Sky(_Behind):
     >>> pl.show()
     """
 
+    single = True
     web = 'baked', 'a dome around the scene'
     neutral = 'opacity', 0
     presets = {

@@ -46,6 +46,7 @@ class DepthOfField(Effect):
     >>> pl.show()
     """
 
+    single = True
     neutral = 'radius', 0
     covers = True
     presets = {

@@ -33,6 +33,7 @@ class Vignette(FullScreen):
     0.4
     """
 
+    single = True
     parts = ('vignette',)
     neutral = 'intensity', 0
     presets = {
@@ -144,6 +145,7 @@ class NightVision(FullScreen):
     8.0
     """
 
+    single = True
     parts = ('night_vision',)
 
     neutral = 'intensity', 0
@@ -189,6 +191,7 @@ class Iris(FullScreen):
     0.25
     """
 
+    single = True
     covers = True
 
     neutral = 'opening', 1

@@ -48,6 +48,7 @@ class ToneMapping(Effect):
     >>> pl.show()
     """
 
+    single = True
     needs_hdr = True
     neutral = 'intensity', 0
     presets = {

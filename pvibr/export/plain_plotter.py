@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core._vtk import address
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.core.frame import Frame
 from pvibr.core.plotters import border_of, renderers_of
 from pvibr.export.scene import BakedScene, names_of
@@ -150,4 +149,4 @@ def _warn(report, dropped):
             f'{count} of {name}, the smallest on the screen, are left out: increase triangles'
         )
     if parts:
-        warnings.warn('; '.join(parts), PvibrWarning, stacklevel=4)
+        warn('; '.join(parts))

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 import weakref
 from dataclasses import asdict, dataclass
 
 from pvibr.core import _vtk
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.core.plotters import put_inner, trame_viewer
 
 #: Backends that show images rendered here, and those that send the scene as data.
@@ -179,4 +178,4 @@ def warn_missing(report):
     if named:
         parts.append(f'Not available: {named}')
     parts.append("With jupyter_backend='server' a page shows everything; see pl.ibr.web_report()")
-    warnings.warn('. '.join(parts) + '.', PvibrWarning, stacklevel=2)
+    warn('. '.join(parts) + '.')

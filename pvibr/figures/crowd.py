@@ -13,6 +13,7 @@ from pvibr.instances.progress import baking
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.posed import posed
+from pvibr.scene.looks import read_only
 from pvibr.scene.painted import Painted
 
 
@@ -182,7 +183,7 @@ class Crowd(Instances):
     @property
     def times(self) -> np.ndarray:
         """Clip times at ``plotter.ibr.time`` 0 in seconds, shape (n,)."""
-        return self._crowd_state.playback.offset.copy()
+        return read_only(self._crowd_state.playback.offset)
 
     @times.setter
     def times(self, times):
@@ -192,7 +193,7 @@ class Crowd(Instances):
     @property
     def speeds(self) -> np.ndarray:
         """Clip seconds per second, shape (n,)."""
-        return self._crowd_state.playback.speed.copy()
+        return read_only(self._crowd_state.playback.speed)
 
     @speeds.setter
     def speeds(self, speeds):

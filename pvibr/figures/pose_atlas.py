@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from pvibr.animation.clip import Clip
 from pvibr.animation.figure import Figure
 from pvibr.animation.normals import point_normals
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.figures.mesh_actors import PosedMeshActor
 from pvibr.gl.offscreen import hidden_window
 from pvibr.instances.atlas import Atlas, pyramid
@@ -232,7 +231,7 @@ def bake_pose_atlas(
             f'impostor cards are disabled and meshes are drawn instead: {error}. Run `pvibr '
             'doctor`, or update the graphics driver.'
         )
-        warnings.warn(msg, PvibrWarning, stacklevel=3)
+        warn(msg)
         return LodModel(levels, Atlas.blank(box)), list(motions)
     if store is not None:
         store.put(key, atlas.to_arrays())

@@ -6,13 +6,12 @@ import base64
 import binascii
 import struct
 import urllib.parse
-import warnings
 from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
 
-from pvibr.core.errors import PvibrError, PvibrWarning
+from pvibr.core.errors import PvibrError, warn
 from pvibr.formats.gltf_schema import Gltf
 
 _MAGIC, _JSON, _BIN = b'glTF', b'JSON', b'BIN\0'
@@ -92,7 +91,7 @@ class GltfFile:
         if self._left_out:
             what = ', '.join(f'{what} ({place})' for what, place in self._left_out.items())
             msg = f'{self.path.name}: not supported and left out: {what}.'
-            warnings.warn(_clipped(msg), PvibrWarning, stacklevel=3)
+            warn(_clipped(msg))
 
     def view(self, index, place) -> memoryview:
         """Return the bytes of a buffer view."""

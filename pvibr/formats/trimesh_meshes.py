@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import sys
-import warnings
 
 import numpy as np
 import pyvista as pv
 
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 
 COLORS = 'trimesh_colors'
 _INSTANCING = 'EXT_mesh_gpu_instancing'
@@ -76,12 +75,12 @@ def _warn_dropped(scene, node):
             f'node {node!r} has {_INSTANCING}, which trimesh drops: one instance is drawn. '
             'Give the path of the file instead of the trimesh scene.'
         )
-        warnings.warn(msg, PvibrWarning, stacklevel=4)
+        warn(msg)
 
 
 def _warn_skipped(name, geometry):
     msg = f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn.'
-    warnings.warn(msg, PvibrWarning, stacklevel=3)
+    warn(msg)
 
 
 def _colored(data, colors):

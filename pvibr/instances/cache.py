@@ -9,14 +9,13 @@ import os
 import re
 import struct
 import time
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import platformdirs
 
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.core.files import replacing
 
 if TYPE_CHECKING:
@@ -160,7 +159,7 @@ class AtlasCache:
             'going on without it, so atlases are baked in every run. Free the disk, or set the '
             'environment variable PVIBR_CACHE to a folder that can be written.'
         )
-        warnings.warn(msg, PvibrWarning, stacklevel=3)
+        warn(msg)
 
 
 def default_path() -> Path:
@@ -249,4 +248,4 @@ def _discard(file: Path, error: Exception) -> None:
         file.unlink()
     reason = str(error) if isinstance(error, ValueError) else f'its content is wrong ({error!r})'
     msg = f'Removed the cached atlas {str(file)!r}, because {reason}; it will be baked again.'
-    warnings.warn(msg, PvibrWarning, stacklevel=3)
+    warn(msg)

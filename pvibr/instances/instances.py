@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from functools import partial
 
 import numpy as np
 import pyvista as pv
 
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.core.params import Param
 from pvibr.core.plotters import put_inner
 from pvibr.core.signatures import takes
@@ -392,7 +391,7 @@ class Instances(BakedSet):
 
     def _warn(self, failure, instead):
         msg = f'{self.name}: {failure}: {instead} instead. Look at `pvibr doctor`.'
-        warnings.warn(msg, PvibrWarning, stacklevel=3)
+        warn(msg)
 
     def finish(self, frame):
         """Release the texture units, and let pickers find instances."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 import weakref
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import TEXTURE_MODES, bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
@@ -153,7 +152,7 @@ def _new_model(parts, store, key, progress, **grid) -> LodModel:
             f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
             'the graphics driver.'
         )
-        warnings.warn(msg, PvibrWarning, stacklevel=4)
+        warn(msg)
         return unbaked(parts, str(error) or 'the bake failed', needs=np.inf)
     if store is not None:
         kept = {} if given(parts) else to_arrays(model.levels)

@@ -102,7 +102,7 @@ class PosedSet(ItemSet):
     @property
     def phase(self) -> np.ndarray:
         """Mesh of each instance as a fraction of all meshes, 0 to 1; setting it repeats them."""
-        return self._index / max(len(self._meshes), 1)
+        return look.read_only(self._index / max(len(self._meshes), 1))
 
     @phase.setter
     def phase(self, phase):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pyvista as pv
 
@@ -19,7 +21,7 @@ class ItemSet(Painted):
     """
 
     FOR_USERS: tuple[str, ...] = ('instance_of',)
-    _stand_ins: StandIns | None = None
+    _stand_ins: Any = None
     #: Frames that are drawn to pick need them too.
     picks = True
     _noun = 'items'

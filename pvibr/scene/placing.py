@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
+from pvibr.scene.looks import read_only
 from pvibr.scene.thing import Thing
 
 
@@ -39,7 +40,7 @@ class Placed(Thing):
     @property
     def user_matrix(self) -> np.ndarray:
         """Matrix that is applied after position, orientation and scale, shape (4, 4)."""
-        return np.array(super().user_matrix)
+        return read_only(np.array(super().user_matrix))
 
     @user_matrix.setter
     def user_matrix(self, matrix):
@@ -52,4 +53,4 @@ class Placed(Thing):
     @property
     def matrix(self) -> np.ndarray:
         """World from model, of all of these, shape (4, 4)."""
-        return pv.array_from_vtkmatrix(self.GetMatrix())
+        return read_only(pv.array_from_vtkmatrix(self.GetMatrix()))

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import warnings
 import weakref
 from collections import deque
+from typing import Any
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.core.frame import Frame
 from pvibr.core.plotters import put_inner
 from pvibr.scene.picking import pixel_ray
 
 #: Items that a click finds, and that pickers that draw do, the nearest.
 _CLICKED, _DRAWN = 8, 1024
+#: Places that a picker by rays asks about: its own, then two corners of the viewport.
+_LAST = 3
 #: Tolerance of PyVista's pickers, as a share of the diagonal.
 _TOLERANCE = 0.025
 
@@ -25,11 +27,11 @@ class StandIns:
     """Actors of items: some that pickers by rays ask for meshes, and some that others draw."""
 
     def __init__(self, thing):
-        self._thing = weakref.ref(thing)
-        self._renderer = None
+        self._thing: Any = weakref.ref(thing)
+        self._renderer: Any = None
         self._observers: list[int] = []
         #: The last places that the renderer was asked about: all that is known of a picker.
-        self._asked: deque = deque(maxlen=3)
+        self._asked: deque = deque(maxlen=_LAST)
         self._found: tuple = ((), [])
         self._shown: tuple | None = None
         #: Indices of the items that actors of either kind stand for.
@@ -94,7 +96,7 @@ class StandIns:
             output.ShallowCopy(_named(thing, found[k]))
 
     def _candidates(self, thing) -> list[int]:
-        if len(self._asked) < self._asked.maxlen:
+        if len(self._asked) < _LAST:
             return []
         key = tuple(self._asked), thing.content_key()
         if self._found[0] != key:
@@ -135,8 +137,8 @@ class StandIns:
     def draw(self, frame):
         """Show items in the area of a picker that draws the scene, in each of its passes."""
         thing = self._thing()
-        key = self._renderer.GetSelector().GetArea(), frame.view_from_world.tobytes()
-        key = *key, frame.clip_from_view.tobytes(), frame.size, thing.content_key()
+        view = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
+        key = self._renderer.GetSelector().GetArea(), view, thing.content_key()
         if key == self._shown:
             self._show_drawn()
             return
@@ -148,7 +150,7 @@ class StandIns:
                 f"{thing.name}: VTK's hardware pickers see items as meshes, the nearest {_DRAWN} "
                 f'of {len(found)} there; plotter.ibr.pick and rectangles through the scene see all'
             )
-            warnings.warn(msg, PvibrWarning, stacklevel=2)
+            warn(msg)
         found = found[:_DRAWN]
         for _ in range(len(found) - len(self._drawn)):
             self._drawn.append(_actor(_vtk.vtkPolyDataMapper()))

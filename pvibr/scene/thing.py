@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from inspect import get_annotations
 from itertools import count
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -12,6 +13,7 @@ from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param, checked_flag, checked_name
 from pvibr.core.plotters import put_inner, set_legend_label
+from pvibr.scene.looks import read_only
 from pvibr.scene.scalar_bars import Bar, ThingMapper, share_range
 from pvibr.scene.shared_material import SharedMaterial
 
@@ -35,7 +37,11 @@ def _unplaced(name):
         msg = f'{thing.name}.{name} cannot be set: {thing.moved_by}'
         raise AttributeError(msg)
 
-    return getattr(pv.Actor, name).setter(refuse)
+    def value(thing):
+        found = getattr(pv.Actor, name).fget(thing)
+        return read_only(found) if isinstance(found, np.ndarray) else found
+
+    return property(value, refuse, doc=getattr(pv.Actor, name).__doc__)
 
 
 def joined_bounds(boxes) -> tuple[float, ...]:
@@ -153,6 +159,8 @@ class Thing(Effect, pv.Actor):
 
     # -- the actor that stands for it --------------------------------------------------------
 
+    keeps_arguments = False  # of instances these are large
+
     # PyVista checks each access in Python for VTK's own names, which frames cannot afford.
     __getattribute__ = object.__getattribute__
 
@@ -171,7 +179,7 @@ class Thing(Effect, pv.Actor):
     #: Actors with its material.
     _dressed: tuple = ()
     #: What keeps the materials of several meshes like its own.
-    _material: SharedMaterial | None = None
+    _material: Any = None
 
     position = _unplaced('position')
     orientation = _unplaced('orientation')
@@ -277,8 +285,14 @@ class Thing(Effect, pv.Actor):
 
     def copy(self, deep=True):
         """Raise an error: the copy would draw nothing."""
-        msg = f'{self.name} cannot be copied: make one more and add it'
+        msg = f'{self.name} cannot be copied or pickled: make one more and add it'
         raise TypeError(msg)
+
+    def __reduce_ex__(self, _protocol):
+        return self.copy()
+
+    def __deepcopy__(self, _memo):
+        return self.copy()
 
     def __dir__(self) -> list[str]:
         """Return the names that users use: hooks and undeclared attributes are left out."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.gl import release
 from pvibr.gl.feature import DITHER, declared_samplers
 from pvibr.maths.kernels import vogel_disk
@@ -82,7 +81,7 @@ class LightMaps:
                     f'resolution = {wanted}: the driver has room for {self.view.resolution} '
                     f'texels along a side of each of {len(self.views)} views'
                 )
-                warnings.warn(msg, PvibrWarning, stacklevel=2)
+                warn(msg)
             self.moments = Moments(self.view, method) if method in KINDS else None
             self.nearest = Nearest(self.view) if method == 'pcss' else None
         for k in self.view.update(frame, self.views, casters, faces=self.owner.faces):

@@ -68,6 +68,7 @@ class Shadows(Effect):
     >>> pl.close()
     """
 
+    single = True
     web = 'baked', 'darker colours of surfaces'
     presets = {
         'crisp': {'method': 'pcf', 'resolution': 4096, 'filter_radius': 0.5},

@@ -29,6 +29,10 @@ def picked(pl, pixel, picker, tolerance=0.0):
     return actor, None if mesh is None else pv.wrap(mesh), np.array(picker.GetPickPosition())
 
 
+def index_in(mesh):
+    return [] if mesh is None else list(mesh.field_data.get('index', ()))
+
+
 def number_of(pl, actor):
     """Return the number of the item that a plain mesh stands for, None for none."""
     return next((k - _STAGE for k, own in enumerate(pl.actors.values()) if own is actor), -9)
@@ -53,7 +57,7 @@ def test_same_item_cell_and_place(both, kind):
             continue
         found += 1
         index = [number] if hasattr(thing, 'instance_of') else None
-        agree.append(index is None or list(mesh.field_data.get('index', ())) == index)
+        agree.append(index is None or index_in(mesh) == index)
         agree[-1] &= index is None or thing.instance_of(actor) == number
         agree[-1] &= bool(np.linalg.norm(place - truth) < 0.15)
     assert found > 2

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pyvista as pv
 
 from pvibr.animation.clip import Clip
 from pvibr.animation.gltf.write_tracks import lasting, one_hot, weights_track
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.core.files import with_suffix
 from pvibr.formats.glb_writer import GlbWriter
 from pvibr.maths.tones import to_light
@@ -59,7 +57,7 @@ class _FigureWriter:
         self._scene(nodes)
         if self._left_out:
             msg = f'left out, since it is not written as glTF: {", ".join(self._left_out)}.'
-            warnings.warn(msg, PvibrWarning, stacklevel=4)
+            warn(msg)
         return self._glb
 
     def _nodes(self):

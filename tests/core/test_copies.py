@@ -1,0 +1,90 @@
+"""Effects are copied and pickled by what they were made of; things say why they are not."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import pvibr
+from pvibr.core.params import params_of
+from tests.pictures import plotter, shot
+
+EFFECTS = [name for name in pvibr.EFFECTS if name != 'Projector']
+WAYS = {
+    'deepcopy': copy.deepcopy,
+    'copy': copy.copy,
+    'pickle': lambda effect: pickle.loads(pickle.dumps(effect)),  # noqa: S301
+}
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+@pytest.mark.parametrize('way', WAYS)
+def test_copies_are_equal_and_of_their_own(name, way):
+    pl = plotter((40, 30))
+    ball = pl.add_mesh(pv.Sphere())
+    effect = pl.ibr.add(getattr(pvibr, name).sample([ball]))
+    effect.name = 'it'
+    for setting, param in params_of(type(effect)).items():
+        if param.kind is bool:
+            setattr(effect, setting, not getattr(effect, setting))
+            break
+    effect.enabled = False
+    shot(pl)
+    if way == 'pickle' and 'Actor' in repr(effect._made_of):
+        with pytest.raises(TypeError, match="cannot pickle 'Actor'"):
+            WAYS[way](effect)
+        return
+    made = WAYS[way](effect)
+    assert type(made) is type(effect)
+    assert made is not effect
+    assert (made.state(), made.name, made.enabled) == (effect.state(), 'it', False)
+    assert made.pipeline is None
+    other = plotter((40, 30))
+    made.enabled = True
+    if 'Actor' not in repr(effect._made_of):
+        other.add_mesh(pv.Sphere())
+        other.ibr.add(made)
+        shot(other)
+        assert made.enabled
+
+
+def test_a_copy_follows_what_was_set_and_is_independent():
+    bloom = pvibr.Bloom(intensity=0.3)
+    bloom.threshold = 0.7
+    made = copy.deepcopy(bloom)
+    assert (made.intensity, made.threshold) == (0.3, 0.7)
+    made.threshold = 0.1
+    assert bloom.threshold == 0.7
+
+
+def test_things_say_why_they_are_not_copied():
+    balls = pvibr.Spheres([[0.0, 0, 0]], name='balls')
+    for way in WAYS.values():
+        with pytest.raises(TypeError, match='balls cannot be copied or pickled: make one more'):
+            way(balls)
+
+
+def test_arrays_that_things_return_are_read_only():
+    """So that no change in place is silent; PyVista's own matrices, too."""
+    rng = np.random.default_rng(8)
+    places = rng.uniform(-1, 1, (5, 3))
+    made = [
+        pvibr.Spheres(places),
+        pvibr.Billboards(places, np.zeros((2, 2, 3)), size=0.3),
+        pvibr.Cylinders(places, places + 1),
+        pvibr.Ellipsoids(places, (1, 2, 3)),
+        pvibr.Instances(pv.Cube(), places, bake=False),
+    ]
+    count = 0
+    for thing in made:
+        for name in dir(thing):
+            value = None if name.startswith('_') else getattr(thing, name, None)
+            if isinstance(value, np.ndarray):
+                count += 1
+                with pytest.raises(ValueError, match='read-only'):
+                    value[...] = 0
+    assert count > 20
