@@ -61,7 +61,8 @@ def test_same_item_cell_and_place(both, kind):
         agree[-1] &= index is None or thing.instance_of(actor) == number
         agree[-1] &= bool(np.linalg.norm(place - truth) < 0.15)
     assert found > 2
-    assert np.mean(agree) > 0.97
+    # The hardware picker takes what is within five pixels, which differs at outlines.
+    assert np.mean(agree) > (0.97 if kind == 'vtkCellPicker' else 0.94)
     np.testing.assert_array_equal(shot(pl), before)
 
 
