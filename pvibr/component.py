@@ -11,7 +11,7 @@ from pvibr.add_methods import AddMethod
 from pvibr.capture.facade import CaptureFacade
 from pvibr.core.facade import StateFacade
 from pvibr.core.params import checked_flag
-from pvibr.core.plotters import add_legend_label, renderers_of
+from pvibr.core.plotters import renderers_of
 from pvibr.core.report import Report
 from pvibr.core.signatures import accepts
 from pvibr.export.facade import ExportFacade
@@ -153,7 +153,6 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         args,
         kwargs,
         *,
-        label=None,
         show_scalar_bar=None,
         scalar_bar_args=None,
         label=None,
@@ -170,8 +169,6 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
             Its positional arguments.
         kwargs : dict
             Its keyword arguments.
-        label : str, optional
-            Text in the legend of the plotter.
         show_scalar_bar : bool, optional
             Whether to add a scalar bar; by default as the theme says.
         scalar_bar_args : dict, optional
@@ -202,8 +199,6 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         bar.check(self._plotter, thing)
         self.add(thing)
         bar.show(thing)
-        if label is not None:
-            add_legend_label(pipeline.renderer, thing, label, thing.scalar_mapper() is not None)
         self._show(reset_camera, render)
         return thing
 

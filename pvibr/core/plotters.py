@@ -8,7 +8,6 @@ from contextlib import contextmanager
 import numpy as np
 import pyvista as pv
 from pyvista.plotting.prop_collection import _PropCollection
-from pyvista.plotting.renderer import make_legend_face
 
 from pvibr.core._vtk import address, method
 
@@ -55,14 +54,6 @@ def put_inner(renderer, prop):
     if listed is not None and not isinstance(listed, _UsersProps):
         vars(renderer)['_actors'] = _UsersProps(renderer.GetViewProps())
     renderer.AddViewProp(prop)
-
-
-def set_legend_label(renderer, actor, text, color):
-    """Have an actor in its subplot's legend, or not."""
-    labels = getattr(renderer, '_labels', {})
-    labels.pop(address(actor), None)
-    if text:
-        labels[address(actor)] = make_legend_face('triangle'), text, color
 
 
 def border_of(renderer):
@@ -117,15 +108,15 @@ def bar_places(plotter) -> set:
     return getattr(plotter, '_scalar_bar_slots', set())
 
 
-def add_legend_label(renderer, actor, label, has_scalars):
-    """Let legends of a renderer have an entry of an actor, as ``add_mesh`` does."""
+def set_legend_label(renderer, actor, label, has_scalars):
+    """Let legends of a renderer have an entry of an actor, as ``add_mesh`` does, or none."""
     from pyvista.plotting.renderer import make_legend_face  # what plots is imported when used
 
-    labels = getattr(renderer, '_labels', None)
-    if labels is not None:
+    labels = getattr(renderer, '_labels', {})
+    labels.pop(address(actor), None)
+    if label:
         face = make_legend_face('rectangle' if has_scalars else 'triangle')
-        color = pv.Color(actor.GetProperty().GetColor())
-        labels[actor.GetAddressAsString('')] = (face, label, color)
+        labels[address(actor)] = face, label, pv.Color(actor.GetProperty().GetColor())
 
 
 class _Trial(pv.BasePlotter):

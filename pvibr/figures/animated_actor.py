@@ -75,7 +75,7 @@ class AnimatedActor(FigurePlayer, Placed):
     #: Revision and bounds of the content in the last frame, or when it was added.
     _framed: tuple = (-1, (1.0, -1.0) * 3)
 
-    @takes(without=('label',), mesh_kwargs=as_parts)
+    @takes(mesh_kwargs=as_parts)
     def __init__(
         self,
         figure,

@@ -82,7 +82,7 @@ class Crowd(Instances):
     >>> pl.close()
     """
 
-    @takes(without=('label',), mesh_kwargs=as_parts)
+    @takes(mesh_kwargs=as_parts)
     def __init__(
         self,
         figure,

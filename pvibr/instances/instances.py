@@ -134,7 +134,7 @@ class Instances(BakedSet):
     )
     _noun = 'instances'
 
-    @takes(without=('label',), mesh_kwargs=as_parts)
+    @takes(mesh_kwargs=as_parts)
     def __init__(
         self,
         mesh,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.core.params import checked_flag
 from pvibr.core.spelling import nearest
 from pvibr.maths.transforms import trs
@@ -156,7 +155,7 @@ def _activate(dataset, argument, name) -> bool:
             by_default(dataset)
         except (pv.MissingDataError, pv.AmbiguousDataError) as error:
             msg = f'{argument} is True: {error} It is set to False; name an array of {kind}.'
-            warnings.warn(msg, PvibrWarning, stacklevel=4)
+            warn(msg)
             return False
         return True
     if name not in dataset.point_data and name not in dataset.cell_data:

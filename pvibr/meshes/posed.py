@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +10,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.core.errors import PvibrWarning
+from pvibr.core.errors import warn
 from pvibr.core.spelling import nearest
 from pvibr.formats.tables import columns_table
 from pvibr.maths.quaternions import to_matrices
@@ -152,7 +151,7 @@ def vectors_of(dataset):
             f'the points have several arrays of vectors, {names}: name one, as in '
             f'orient={names[0]!r}; nothing is turned'
         )
-        warnings.warn(msg, PvibrWarning, stacklevel=2)
+        warn(msg)
     return names[0] if len(names) == 1 else None
 
 

@@ -275,7 +275,7 @@ class Thing(Effect, pv.Actor):
             raise TypeError(msg)
         self._label = label
         if self.pipeline is not None:
-            set_legend_label(self.pipeline.renderer, self, label, self.prop.color)
+            set_legend_label(self.pipeline.renderer, self, label, self.scalar_mapper() is not None)
 
     @property
     def center(self) -> tuple[float, float, float]:
@@ -330,7 +330,7 @@ class Thing(Effect, pv.Actor):
         else:
             renderer.AddViewProp(self)
         if self._label:
-            set_legend_label(renderer, self, self._label, self.prop.color)
+            set_legend_label(renderer, self, self._label, self.scalar_mapper() is not None)
         self._put_in(renderer)
 
     def detach(self):
