@@ -24,7 +24,6 @@ def quick(patch):
     """Measure the errors of atlases at two sizes: a bake takes a third of its time."""
     patch.setattr('pvibr.instances.measure.SIZES', (8, 32))
     patch.setattr('pvibr.instances.levels._atlases', _QUICK)
-    patch.setitem(make_model.__kwdefaults__, 'tile', 64)
 
 
 @wraps(_textures)
@@ -74,8 +73,8 @@ def matrices(poses):
 class Scenes:
     """Plotters with instances, and with plain actors in the same places."""
 
-    def __init__(self, folder):
-        self.folder = folder
+    def __init__(self, folder, tile=128):
+        self.folder, self._tile = folder, tile  # texels of images at a forced level
         self._last = None, '', None
 
     def instances(self, mesh, poses, *, level=None, size=(120, 90), camera=None, **kwargs):
@@ -86,6 +85,7 @@ class Scenes:
         with pytest.MonkeyPatch.context() as patch:
             if level is not None:  # whatever its error is
                 quick(patch)
+                patch.setitem(make_model.__kwdefaults__, 'tile', self._tile)
                 folder = folder.parent / 'quick'
             things = pl.ibr.add_instances(mesh, poses, cache=folder, **kwargs)
         keep(things)

@@ -9,6 +9,7 @@ from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
 from pvibr.core.frame import Frame
+from tests.instances.scenes import Scenes
 
 pytestmark = pytest.mark.all_sizes
 
@@ -30,6 +31,12 @@ BOUNDS = {
 }
 
 LOOK = {'color': 'tan', 'smooth_shading': True}
+
+
+@pytest.fixture(scope='module')
+def scenes(atlases):
+    """Scenes of small images: these are shown at 60 pixels and less."""
+    return Scenes(atlases, tile=64)
 
 
 def camera(view, size, parallel, focus=(0, 0, 0), height=90, diameter=1.9):
