@@ -301,6 +301,7 @@ def test_a_cell_run_twice_replaces_what_it_added():
 
     def cell():
         pl.ibr.add(pvibr.Bloom())
+        pl.ibr.add(pvibr.Fog(2.0))
         pl.ibr.add(pvibr.Shadows())
         effect = pvibr.ShaderEffect('vec4 effect(vec2 uv) { return color_at(uv); }')
         effect.name = 'same'
@@ -310,13 +311,13 @@ def test_a_cell_run_twice_replaces_what_it_added():
         return set(pl.ibr)
 
     first, second = cell(), cell()
-    assert len(pl.ibr) == len(second) == 5
+    assert len(pl.ibr) == len(second) == 6
     assert not first & second
     assert all(effect.pipeline is None for effect in first)
     with pytest.raises(ValueError, match='in this subplot already'):
         pl.ibr.add(pl.ibr['Bloom'])
-    assert len(pl.ibr) == 5
+    assert len(pl.ibr) == 6
     pl.ibr.add(pvibr.Outline(width=1))
     pl.ibr.add(pvibr.Outline(width=3))
-    assert len(pl.ibr) == 7
+    assert len(pl.ibr) == 8
     pl.close()

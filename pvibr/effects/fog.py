@@ -40,6 +40,7 @@ class Fog(Effect):
     2.0
     """
 
+    single = True
     neutral = 'intensity', 0
     presets = {
         'haze': {'intensity': 0.5},

@@ -473,7 +473,7 @@ def test_one(scenes, see, bean):
 
 SINGULAR = np.tile(np.diag([1.0, 1, 0, 1]), (2, 1, 1))
 BAD = {
-    'level': ({'force_level': 'nearest'}, ValueError, 'force_level.*nearest.*blended, mesh'),
+    'level': ({'force_level': 'nearest'}, ValueError, 'force_level.*nearest.*blended, fine, mesh'),
     'sizes': ({'force_level': {'flat': (9.0, 3.0)}}, ValueError, r'force_level.*flat.*\(9'),
     'nan': ({'poses': [[0, 0, np.nan], [0, 0, 0]]}, ValueError, r'poses.*(NaN|finite)'),
     'infinite': ({'poses': [[0, 0, np.inf], [0, 0, 0]]}, ValueError, 'poses.*finite'),
