@@ -12,6 +12,7 @@ Examples
 from __future__ import annotations
 
 import importlib
+import sys
 
 
 def lazy_exports(package, exports):
@@ -94,3 +95,22 @@ _EXPORTS = {
 
 __all__ = [*_EXPORTS]  # noqa: PLE0604, RUF100
 __getattr__, __dir__ = lazy_exports(__name__, _EXPORTS)
+
+
+class _WhenQtIsImported:
+    """Adds ``.ibr`` to PyVista's plotters as pyvistaqt is imported.
+
+    Attributes that Qt's classes lack are never looked up by PyVista, which finds it otherwise.
+    """
+
+    def find_spec(self, name, _path=None, _target=None):
+        """Find nothing itself."""
+        if name == 'pyvistaqt':
+            sys.meta_path.remove(self)
+            importlib.import_module('pvibr.component')
+
+
+if 'pyvistaqt' in sys.modules:
+    importlib.import_module('pvibr.component')
+else:
+    sys.meta_path.insert(0, _WhenQtIsImported())

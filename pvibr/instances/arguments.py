@@ -10,7 +10,7 @@ import numpy as np
 from pvibr.formats.trimesh_meshes import is_trimesh
 from pvibr.maths.transforms import trs
 from pvibr.meshes.files import scene_instances
-from pvibr.meshes.glyphs import Glyphs
+from pvibr.meshes.glyphs import Glyphs, named
 from pvibr.meshes.parts import are_parts
 from pvibr.meshes.posed import names_in, posed_source, source_of
 from pvibr.meshes.poses import as_poses
@@ -40,6 +40,7 @@ def placed(mesh, poses, index, scalars, pbr=False, plain=False, **how) -> Placed
         if np.ndim(scalars) != 1 or np.asarray(scalars).dtype.kind not in 'fiub':
             msg = f'scalars is {name!r}, an array of text or vectors; name one of numbers'
             raise ValueError(msg)
+        scalars = named(scalars, name)  # its scalar bar has the name of the column
     return Placed(meshes, posed_source(source, **how), index, scalars)
 
 

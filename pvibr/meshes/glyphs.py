@@ -118,13 +118,13 @@ class _Points:
     def colors(self, mode, scaled, sizes):
         """Return the values that glyphs are coloured by, with their name."""
         if mode == 'vector' and self.vectors is not None:
-            return _named(self.lengths, 'VectorMagnitude')
+            return named(self.lengths, 'VectorMagnitude')
         if self.scalars is None:
             return None
         if mode == 'scale':
-            return _named(sizes, self.name if scaled and not self.by_length else 'GlyphScale')
+            return named(sizes, self.name if scaled and not self.by_length else 'GlyphScale')
         several = self.scalars.ndim > 1
-        return _named(np.linalg.norm(self.scalars, axis=1) if several else self.first, self.name)
+        return named(np.linalg.norm(self.scalars, axis=1) if several else self.first, self.name)
 
 
 def _merged(dataset, tolerance, absolute):
@@ -205,6 +205,6 @@ def _width(span) -> float:
     return (span[1] - span[0]) or 1.0
 
 
-def _named(values, name):
+def named(values, name):
     """Return values as an array that is titled by a name."""
     return pv.pyvista_ndarray(pv.convert_array(np.array(values, float), name=name))

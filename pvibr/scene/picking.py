@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.frame import Frame
 
-#: How near to lines and points a ray passes that meets them, in diagonals of their mesh.
+#: How near to lines and points a ray passes that meets them, in diagonals of their mesh; it meets
+#: them, too, in the pixels that they cover.
 _NEAR = 0.04
 
 
@@ -62,26 +65,44 @@ def nearest_hit(groups, renderer, x, y, visible):
     start, direction = pixel_ray(renderer, x, y)
     best = None
     for group in groups:
-        for slot in _candidates(group, start, direction, visible):
-            enters, slot = slot
+        wider = partial(_lengths_of, _width(group), renderer)
+        for enters, slot in _candidates(group, start, direction, visible, wider):
             if best is not None and enters > best.distance:
                 break
-            hit = _meet(group, slot, start, direction)
+            near = float(np.max(wider(group.centers([slot]))))
+            hit = _meet(group, slot, start, direction, near)
             if hit is not None and (best is None or hit.distance < best.distance):
                 best = hit
     return best
 
 
-def _candidates(group, start, direction, visible):
-    """Return (distance, slot) of the spheres that the ray enters, the nearest first."""
+def _width(group) -> float:
+    """Return how far lines and points reach beyond themselves, in pixels; 0 for surfaces."""
+    strokes = [p.actor.GetProperty() for p in group.levels[0].parts if not p.mesh.n_cells]
+    widest = (max(p.GetLineWidth(), p.GetPointSize()) for p in strokes)
+    # Points are squares, and their outlines are blended into the pixels around.
+    return max((width * 0.5**0.5 + 1 for width in widest), default=0.0)
+
+
+def _lengths_of(pixels, renderer, centers):
+    """Return how long pixels are at some places, world units."""
+    frame = Frame.of(renderer)
+    away = np.linalg.norm(centers - renderer.GetActiveCamera().GetPosition(), axis=1)
+    return pixels * (1.0 if frame.parallel else away) / frame.pixel_scale
+
+
+def _candidates(group, start, direction, visible, wider):
+    """Return (distance, slot) of the widened spheres that the ray enters, the nearest first."""
     blocks = group.blocks
-    _, near = _spheres(blocks.centers, blocks.reach + blocks.largest, start, direction)
+    reach = blocks.reach + blocks.largest + wider(blocks.centers)
+    _, near = _spheres(blocks.centers, reach, start, direction)
     slots = (np.flatnonzero(near)[:, None] * group.unit + np.arange(group.unit)).ravel()
     slots = slots[slots < len(group)]
     slots = slots[visible[group.ids[slots]]]
     if not len(slots):
         return []
-    enters, hit = _spheres(group.centers(slots), group.radii[slots], start, direction)
+    centers = group.centers(slots)
+    enters, hit = _spheres(centers, group.radii[slots] + wider(centers), start, direction)
     return sorted(zip(enters[hit].tolist(), slots[hit].tolist(), strict=True))
 
 
@@ -92,7 +113,7 @@ def _spheres(centers, radii, start, direction):
     return along - half, (away <= radii) & (along + half > 0)
 
 
-def _meet(group, slot, start, direction):
+def _meet(group, slot, start, direction, width):
     matrix = group.matrix(slot)
     inverse = np.linalg.inv(matrix)
     origin = inverse[:3, :3] @ start + inverse[:3, 3]
@@ -100,8 +121,9 @@ def _meet(group, slot, start, direction):
     reach = np.linalg.norm(origin - group.atlas.center) + 2 * group.atlas.radius
     end = origin + toward / np.linalg.norm(toward) * reach
     best = None
+    width /= max(abs(float(np.linalg.det(matrix[:3, :3]))) ** (1 / 3), 1e-30)
     for part in group.parts(slot):
-        point = _line_mesh(part, origin, end)
+        point = _line_mesh(part, origin, end, width)
         if point is not None:
             world = matrix[:3, :3] @ point + matrix[:3, 3]
             distance = float((world - start) @ direction)
@@ -110,11 +132,11 @@ def _meet(group, slot, start, direction):
     return best
 
 
-def _line_mesh(part, start, end):
+def _line_mesh(part, start, end, width):
     t, sub, cell = _vtk.reference(0.0), _vtk.reference(0), _vtk.reference(0)
     point, param = [0.0] * 3, [0.0] * 3
     if not part.mesh.n_cells:
-        return _line_strokes(part.strokes, start, end, _NEAR * part.mesh.length)
+        return _line_strokes(part.strokes, start, end, max(_NEAR * part.mesh.length, width))
     met = part.locator.IntersectWithLine(start, end, 0.0, t, point, param, sub, cell)
     return np.array(point) if met else None
 

@@ -10,9 +10,9 @@ table['height'] = table['z'] * 2
 
 pl = pv.Plotter()
 cows = pl.ibr.add_instances(pv.Cone(), table, scalars='height')
+assert 'height' in pl.scalar_bars
 picture = pl.show(screenshot=True, return_img=True)
 
 assert len(cows) == 50
 np.testing.assert_allclose(cows.scalars, table['height'])
-assert 'height' in pl.scalar_bars
 assert (picture != 255).any()

@@ -18,7 +18,7 @@ arrow = pv.Arrow()
 kwargs = {'orient': 'Normals', 'scale': 'length', 'factor': 0.3}
 theirs = shot(lambda pl: pl.add_mesh(points.glyph(geom=arrow, **kwargs), color='w'))
 ours = shot(lambda pl: pl.ibr.add_instances(arrow, points, color='w', **kwargs))
-accessor = shot(lambda pl: pl.ibr.add(points.ibr.glyph(geom=arrow, **kwargs), color='w'))
+accessor = shot(lambda pl: pl.ibr.add_instances(points.ibr.glyph(geom=arrow, **kwargs), color='w'))
 
 assert np.abs(ours - theirs).mean() < 2
 assert np.abs(accessor - theirs).mean() < 2

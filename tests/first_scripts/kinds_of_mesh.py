@@ -25,5 +25,6 @@ for name, mesh in kinds.items():
     pl.ibr.add_instances(mesh, places, **keys)
     picture = pl.screenshot()
     assert (picture != picture[0, 0]).any(-1).sum() > 100, name
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 3, name
+    if name not in ('lines', 'points'):  # these are of one colour
+        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 3, name
     pl.close()

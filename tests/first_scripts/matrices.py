@@ -11,7 +11,7 @@ poses = pvibr.matrices(points, orient=[[0, 0, 1], [1, 0, 0]], scale=[2, 1])
 np.testing.assert_allclose(poses[0] @ [1, 0, 0, 1], [0, 0, 2, 1], atol=1e-12)
 np.testing.assert_allclose(poses[1] @ [1, 0, 0, 1], [6, 0, 0, 1], atol=1e-12)
 
-turns = Rotation.from_euler('z', [90, 0], degrees=True)
+turns = Rotation.from_euler('z', [[90], [0]], degrees=True)
 turned = pvibr.matrices(points, turns)
 np.testing.assert_allclose(turned[0] @ [1, 0, 0, 1], [0, 1, 0, 1], atol=1e-12)
 
