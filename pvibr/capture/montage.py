@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from pvibr.core.files import replacing
@@ -21,8 +23,19 @@ def as_bytes(picture) -> np.ndarray:
     return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
 
 
+#: Endings of the files that :func:`save` writes.
+IMAGES = ('.png', '.jpg', '.jpeg', '.tif', '.tiff', '.webp', '.bmp')
+
+
+def check_image(path):
+    """Raise if :func:`save` cannot write a file of this ending."""
+    if Path(path).suffix.lower() not in IMAGES:
+        msg = f'{path} must end in one of {", ".join(IMAGES)}.'
+        raise ValueError(msg)
+
+
 def save(path, picture):
-    """Write an image as PNG, and create its folder."""
+    """Write an image in the format of its ending, and create its folder."""
     from PIL import Image
 
     picture = picture if picture.dtype == np.uint8 else as_bytes(picture)

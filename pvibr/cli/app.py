@@ -43,13 +43,20 @@ def _moving(type_: type, value: float) -> None:
         raise ValueError(msg)
 
 
+def _in_a_folder(type_: type, value: Path | None) -> None:
+    if value is not None and not value.absolute().parent.is_dir():
+        msg = f'There is no folder {value.parent}: make it first.'
+        raise ValueError(msg)
+
+
 _Positive = Parameter(validator=_positive)
 _Moment = Annotated[float, Parameter(validator=_finite)]
 _Speed = Annotated[float, Parameter(validator=_moving)]
 _Count = Annotated[int, _Positive]
 _Pixels = Annotated[float, _Positive]
 _Folder = Annotated[Path, Parameter(name=['--out', '-o'])]
-_Out = Annotated[Path | None, Parameter(name=['--out', '-o'])]
+_Out = Annotated[Path | None, Parameter(name=['--out', '-o'], validator=_in_a_folder)]
+_File = Annotated[Path | None, Parameter(validator=_in_a_folder)]
 
 app = App(
     name='pvibr',
@@ -78,7 +85,7 @@ def demo(
     max_error: _Pixels = 1.0,
     frames: _Count | None = None,
     window: bool = False,
-    movie: Path | None = None,
+    movie: _File = None,
     size: str = '1280x720',
 ) -> None:
     """Compare VTK and pvibr on a landscape of trees."""
@@ -109,13 +116,21 @@ def view(
     cmap: str | None = None,
     columns: str | None = None,
     scale: _Pixels = 1.0,
-    window: bool = False,
+    window: bool | None = None,
 ) -> None:
     """Draw a mesh at every pose in a file, or alone on a ground.
 
-    Without --out and --window, a picture is written to a new folder, and its path printed.
+    Without --out a window opens; where there is no display, or with --no-window, a picture is
+    written to a new folder, and its path printed. Pictures are .png, .jpg, .tif, .webp or .bmp.
+
+    Meshes are read from glTF (.glb, .gltf), CityJSON (.json, .cityjson; the extra city), and
+    whatever PyVista and trimesh read: .ply, .stl, .obj, .off, .3mf, .vtk, .vtp, .vtu, .vti, .vtr,
+    .vts, .vtm, .vtkhdf, .case, .foam, .cgns, .msh, .inp, .xdmf and others.
+    Poses are read from tables (.csv, .tsv, .txt, each also .gz; .parquet with the extra parquet),
+    clouds of points (.las, .laz with the extra las) and arrays of numpy (.npy).
     """
     pixels, names = _size(size), _columns(columns)
+    window = out is None and _has_display() if window is None else window
     from pvibr.cli.view import main
 
     _require_gl(window=window)
@@ -138,7 +153,7 @@ def play(
     file: ExistingFile,
     *,
     clip: str | None = None,
-    movie: Path | None = None,
+    movie: _File = None,
     time: _Moment | None = None,
     out: _Out = None,
     fps: Annotated[float, _Positive] = 30.0,
@@ -147,7 +162,11 @@ def play(
     seconds: Annotated[float | None, _Positive] = None,
     skinning: Literal['linear', 'dual'] = 'linear',
 ) -> None:
-    """Play an animated file in a window, or write a movie or an image."""
+    """Play an animated file in a window, or write a movie or an image.
+
+    Figures are read from glTF (.glb, .gltf); what else ``pvibr view`` reads is shown as it stands.
+    Movies are .mp4, .gif and what else imageio writes, images those of ``pvibr view``.
+    """
     pixels = _size(size)
     from pvibr.cli.play import main
 
@@ -167,16 +186,23 @@ def play(
 
 
 @app.command
-def bake(mesh: ExistingFile, *, out: _Out = None, sheet: Path | None = None) -> None:
-    """Bake the atlas of a mesh and write it to a file."""
+def bake(mesh: ExistingFile, *, out: _Out = None, sheet: _File = None) -> None:
+    """Bake the atlas of a mesh and write it to a file.
+
+    Meshes are those of ``pvibr view``; --sheet writes an image of all views.
+    """
     from pvibr.instances.levels import bake
     from pvibr.meshes.parts import as_parts
 
     _require_gl()
     atlas = bake(as_parts(mesh))
-    atlas.save(out or mesh.with_suffix('.atlas.npz'))
+    out = out or mesh.with_suffix('.atlas.npz')
+    atlas.save(out)
+    views, size = atlas.views**2, out.stat().st_size
+    print(f'wrote {out}: {views} views of {mesh}, {size / 1e6:.1f} MB')
     if sheet is not None:
         atlas.contact_sheet(sheet)
+        print(f'wrote {sheet}')
 
 
 def _bench_command(name):
@@ -252,10 +278,14 @@ def _columns(text: str | None) -> tuple[str | None, ...] | None:
     return names
 
 
+def _has_display() -> bool:
+    return not sys.platform.startswith('linux') or bool(os.environ.get('DISPLAY'))
+
+
 def _require_gl(*, window: bool = False) -> None:
     from pvibr.cli.doctor import prefer_egl, require_gl
 
-    if window and sys.platform.startswith('linux') and not os.environ.get('DISPLAY'):
+    if window and not _has_display():
         msg = '--window needs a display, and the environment variable DISPLAY names none.'
         raise ValueError(msg)
     prefer_egl()

@@ -10,6 +10,7 @@ import pyvista as pv
 from rich.console import Console
 from rich.table import Table
 
+from pvibr.capture.montage import check_image, save
 from pvibr.capture.movies import MOVIES
 from pvibr.capture.offscreen import SKY
 from pvibr.figures.as_figure import as_figure
@@ -42,8 +43,7 @@ def main(file, *, clip, movie, time, out, fps, size, speed, seconds, skinning):
     else:
         movie = out or f'{Path(file).stem}.png'
         plotter.ibr.time = time or 0.0
-        Path(movie).parent.mkdir(parents=True, exist_ok=True)
-        plotter.screenshot(movie)
+        save(movie, plotter.screenshot(None, return_img=True))
     plotter.close()
     console.print(f'wrote {movie}')
 
@@ -52,9 +52,8 @@ def _check(movie, time, out):
     if movie is not None and (time is not None or out is not None):
         msg = '--movie writes a movie, --time and -o one image: give one of them.'
         raise ValueError(msg)
-    if out is not None and Path(out).suffix.lower() != '.png':
-        msg = f'-o is {str(out)!r}; it must end in .png.'
-        raise ValueError(msg)
+    if out is not None:
+        check_image(out)
     if movie is None:
         return
     ending = Path(movie).suffix.lower()

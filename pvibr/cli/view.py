@@ -9,7 +9,7 @@ import numpy as np
 import pyvista as pv
 from rich.console import Console
 
-from pvibr.capture.montage import save
+from pvibr.capture.montage import check_image, save
 from pvibr.capture.offscreen import Stage
 from pvibr.maths.transforms import trs
 from pvibr.meshes.pose_files import read_poses
@@ -33,6 +33,8 @@ def main(
     window=False,
 ):
     """Draw a mesh at every pose in a file, and print a report and the frame time."""
+    if out is not None:
+        check_image(out)
     matrices, looks, name = np.zeros((1, 3)), {}, Path(mesh).stem
     of_tables = {'--scalars': scalars, '--columns': columns}
     if poses is None and any(given := [n for n, value in of_tables.items() if value is not None]):

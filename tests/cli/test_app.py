@@ -4,6 +4,7 @@ import types
 from pathlib import Path
 
 import pytest
+import pyvista as pv
 
 from pvibr.cli import app as cli
 from pvibr.core.errors import PvibrError
@@ -53,6 +54,7 @@ def fails(capsys, *tokens):
         (['demo', '--movie'], '--movie'),
         (['view', 'no-such.ply', '--poses', 'x'], 'no-such.ply'),
         (['bake', 'no-such.ply'], 'no-such.ply'),
+        (['bake', __file__, '-o', 'nowhere/a.npz'], 'nowhere'),
         (['bench', 'instancez'], 'instances'),
     ],
 )
@@ -130,6 +132,31 @@ def test_a_window_needs_a_display(called, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, 'pvibr.cli.demo', types.SimpleNamespace(main=None))
     monkeypatch.delenv('DISPLAY', raising=False)
     assert '--window needs a display' in fails(capsys, 'demo', '--window')
+
+
+@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='others always have a display')
+@pytest.mark.parametrize('display', [True, False])
+def test_view_opens_a_window_where_there_is_a_display(called, files, monkeypatch, display):
+    if display:
+        monkeypatch.setenv('DISPLAY', ':7')
+    else:
+        monkeypatch.delenv('DISPLAY', raising=False)
+    for tokens in ([], ['-o', 'a.png'], ['--no-window']):
+        assert cli.main(['view', *files, *tokens]) == 0
+    assert [kwargs['window'] for _, kwargs in called] == [display, False, False]
+
+
+def test_bake_says_what_it_made(tmp_path, capsys):
+    pv.Sphere(theta_resolution=9, phi_resolution=9).save(tmp_path / 'ball.ply')
+    out, sheet = tmp_path / 'ball.npz', tmp_path / 'views.png'
+    assert (
+        cli.main(['bake', str(tmp_path / 'ball.ply'), '-o', str(out), '--sheet', str(sheet)]) == 0
+    )
+    said = capsys.readouterr().out
+    assert f'wrote {out}: 256 views' in said
+    assert str(sheet) in said
+    assert out.is_file()
+    assert sheet.is_file()
 
 
 def test_bench_passes_the_seed_of_a_survey_on(called, capsys):

@@ -33,7 +33,7 @@ def height(picture):
 def test_a_frame_is_the_picture_of_its_time(file, tmp_path, capsys):
     heights = []
     for time in ('0', '0.9'):
-        out = tmp_path / 'new' / f'{time}.png'
+        out = tmp_path / f'{time}.png'
         assert main(['play', file, '--time', time, '-o', str(out), *SIZE]) == 0
         picture = iio.imread(out)
         assert picture.shape[:2] == (48, 64)
@@ -87,7 +87,8 @@ def test_a_movie_that_fails_leaves_what_was_there(file, tmp_path, monkeypatch, c
         (['--time', '0', '--clip', '7'], "'rise', 'turn'"),
         (['--movie', 'a.xyz'], '.mp4'),
         (['--movie', 'a.gif', '--time', '1'], 'one of them'),
-        (['-o', 'a.jpg'], '.png'),
+        (['-o', 'a.xyz'], '.png'),
+        (['-o', 'nowhere/a.png'], 'nowhere'),
         (['--time', 'nan'], 'finite'),
         (['--speed', '0'], 'other than 0'),
         (['--fps', '0'], 'positive'),
