@@ -144,9 +144,10 @@ def blit(state, source, target, bits, source_rect, target_rect, filter=gl.NEARES
     state.Push()
     state.PushFramebufferBindings()
     source.Bind(gl.READ_FRAMEBUFFER)
-    source.ActivateReadBuffer(0)
     target.Bind(gl.DRAW_FRAMEBUFFER)
-    target.ActivateDrawBuffer(0)
+    if bits & gl.COLOR_BUFFER_BIT:  # others may have none
+        source.ActivateReadBuffer(0)
+        target.ActivateDrawBuffer(0)
     x0, y0, x1, y1 = target_rect
     state.vtkglScissor(x0, y0, x1 - x0, y1 - y0)  # the scissor cuts blits too
     state.vtkglBlitFramebuffer(*source_rect, *target_rect, bits, filter)

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -362,5 +363,8 @@ class Casters:
     def seen(self, view) -> Casters:
         """Return the casters that may be in a view."""
         inside = may_see(view, self.boxes)
-        actors = [a for a, i in zip(self.actors, inside, strict=True) if i]
-        return Casters(actors, self.things, self.frame)
+        actors = list(compress(self.actors, inside))
+        boxes = [t.cast_bounds for t in self.things]
+        near = may_see(view, boxes) | ~np.isfinite(boxes).all(1) if boxes else ()
+        versions = tuple(compress(self.versions, inside))
+        return Casters(actors, list(compress(self.things, near)), self.frame, versions)

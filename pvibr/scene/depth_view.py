@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from pvibr.gl import Target, release, set_fragment_uniforms, shader_source, texture_limit
+from pvibr.gl.enums import DEPTH_BUFFER_BIT
 from pvibr.gl.feature import Feature, FeatureSet, sections
+from pvibr.gl.target import blit
 from pvibr.scene.casters import SPHERES, draws_spheres, sized
 from pvibr.scene.seen_from import seen_from
 
@@ -48,7 +50,8 @@ class DepthView:
             formats = ('rgba8', 'r32f')
             self.veils = [Target(drawer.window, *size, (f,), depth=self.texture) for f in formats]
         self.views: list = [None] * views
-        self._keys: list = [None] * views
+        self.key: tuple = ()  # of all casters
+        self.keys: list = [None] * views  # of each view, and of the casters in it
         self._attached = FeatureSet()
         self.bakes = 0
 
@@ -76,10 +79,18 @@ class DepthView:
         """Return the lower left texel of a view in the texture."""
         return k % self.columns * self.resolution, k // self.columns * self.resolution
 
+    def take(self, other):
+        """Copy the views that another has drawn, of as many texels each and without veils."""
+        side, state = self.resolution, self.drawer.window.GetState()
+        for k in range(min(len(other.views), len(self.views))):
+            at = [(x, y, x + side, y + side) for x, y in (other.corner(k), self.corner(k))]
+            blit(state, other.target.object, self.target.object, DEPTH_BUFFER_BIT, *at)
+            self.keys[k] = other.keys[k]
+        self.key = other.key
+
     def update(self, frame, views, casters, *, faces='both') -> list[int]:
         """Draw the views that are stale."""
-        shared = casters.key()
-        stale = [k for k, v in enumerate(views) if self._keys[k] != (v.key(), shared)]
+        stale = self._stale(views, casters)
         self.views = list(views)
         if not stale:
             return []
@@ -94,11 +105,22 @@ class DepthView:
         self.drawer.doubles.keep(casters.actors, self.drawer.window)
         self.drawer.done()
         # Taken again: things may have made actors for these views.
-        shared = casters.settled()
+        self.key = casters.settled()
         for k in stale:
-            self._keys[k] = (views[k].key(), shared)
+            self.keys[k] = (views[k].key(), casters.seen(views[k]).key())
         self.bakes += len(stale)
         return stale
+
+    def _stale(self, views, casters) -> list[int]:
+        """Return the views that are others, or that see others than when they were drawn."""
+        same = casters.key() == self.key
+        self.key = casters.key()
+        found = []
+        for k, view in enumerate(views):
+            at, seen = self.keys[k] or (None, None)
+            if at != view.key() or (not same and seen != casters.seen(view).key()):
+                found.append(k)
+        return found
 
     def _draw(self, frame, k, casters, faces):
         view, size = self.views[k], (self.resolution, self.resolution)

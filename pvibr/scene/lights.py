@@ -22,9 +22,10 @@ _WIDE = 60.0
 _NEAREST = 1e-3
 _TEXEL = 2.0  # pixels that a texel may cover: an edge is found to half a texel
 _TILE_EDGE = 4.0  # texels around a view, for filters that reach over its edge
-_STEPS = 3  # by which views within each other get narrower by half, before they do so faster
+_STEPS = 3  # views that get narrower by half each, before some do so by a quarter
 _FINEST = 2e-6  # of a light's reach: depth of 32 bits resolves no less
-_SHRINK = 4.0  # at most, from one view to the next
+_LEAD = 0.5  # how far before the eye its views' middles are, parts of their half width
+_SLACK = 0.4  # and how far these may be from there before they are aimed again
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,19 @@ class SceneLight:
         if self.positional:
             return np.array([*self.position, 1.0])
         return np.array([*(-np.array(self.direction)), 0.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Cascade:
+    """A view around the eye: one of nested views that do not depend on where the camera looks.
+
+    Zhang et al., "Parallel-split shadow maps", 2006, nested as the levels of a clipmap are.
+    """
+
+    level: int  # how often it halves the light's reach
+    center: np.ndarray
+    view: View
+    base: tuple  # the light and its reach: with another, it is drawn anew
 
 
 def lights_of(renderer) -> list[SceneLight]:
@@ -75,26 +89,48 @@ def _scene_light(number, light) -> SceneLight:
 
 
 def light_views(
-    light, bounds, frame, resolution, cascades, *, least=0, square=False
-) -> tuple[list[View], list[View]]:
-    """Return views from a light that contain all casters, and up to so many around the eye."""
+    light, bounds, frame, resolution, count, *, kept=(), square=False
+) -> tuple[list[View], list[Cascade]]:
+    """Return views from a light that contain all casters, and up to so many around the eye.
+
+    Of those that were kept of an earlier frame each is the same again unless it serves no more.
+    """
     edge = 1 + 2 * _TILE_EDGE / resolution
+    place, ahead = _seen(frame, bounds)
     if light.kind == 'directional':
-        return _cascades(light, bounds, frame, resolution, (least, cascades), square)
+        axes = look_along((0, 0, 0), light.direction)[:3, :3]
+        whole = _box(axes, bounds, edge, square)
+        half = 1 / np.diag(whole.clip_from_view)[:3] * [1, 1, -1]
+        reach = near = half[:2].max()
+        base = light, whole.key()
+
+        def aimed(level, old):
+            return _around_eye(whole, level, axes @ place, axes @ ahead, axes, base, old)
+
+        views = [whole]
+    else:
+        views, tangent, room = _positional(light, bounds, edge)
+        reach, near = tangent * room[1], tangent * np.linalg.norm(place - light.position)
+        base = light, tangent, room
+
+        def aimed(level, old):
+            return _aimed(light, place, ahead, reach / 2.0**level, room, level, base, old)
+
+    levels = _levels(reach, near, resolution, frame, bounds, count, kept)
+    return views, _matched(levels, kept, base, aimed)
+
+
+def _positional(light, bounds, edge):
+    """Return views of all casters, the tangent of half their angle, and nearest and farthest."""
     aim, tangent = _aim(light, bounds)
+    nearest = box_distance(light.position, bounds)
     if tangent is None:
         near, far = _reach(light, bounds)
-        views, tangent = around(light.position, near, far, edge), 1.0
-    else:
-        away = (corners(bounds).reshape(-1, 3) - np.array(light.position)) @ aim
-        far = float(away.max()) * 1.0001
-        near = min(max(float(away.min()) * 0.9999, _NEAREST * far), 0.9999 * far)
-        views = [perspective(light.position, aim, tangent * edge, near, far)]
-    place, ahead = _seen(frame, bounds)
-    radius = tangent * np.linalg.norm(place - light.position)
-    shrinks = _shrinks(2 * radius / resolution, frame, bounds, radius, (least, cascades))
-    room = box_distance(light.position, bounds), far
-    return views, [_aimed(light, place, ahead, radius / s, room) for s in shrinks]
+        return around(light.position, near, far, edge), 1.0, (nearest, far)
+    away = (corners(bounds).reshape(-1, 3) - np.array(light.position)) @ aim
+    far = float(away.max()) * 1.0001
+    near = min(max(float(away.min()) * 0.9999, _NEAREST * far), 0.9999 * far)
+    return [perspective(light.position, aim, tangent * edge, near, far)], tangent, (nearest, far)
 
 
 def _seen(frame, bounds):
@@ -108,25 +144,48 @@ def _seen(frame, bounds):
     return frame.eye + ahead * box_distance(frame.eye, bounds), ahead
 
 
-def _shrinks(texel, frame, bounds, radius, count) -> list[float]:
-    """Return how much narrower each view around the eye is than that of everything."""
-    finest = max(_TEXEL * _pixel(frame, bounds), _FINEST * radius)
-    wanted = int(np.ceil(np.log2(max(texel / finest, 1.0))))
+def _levels(reach, near, resolution, frame, bounds, most, kept) -> list[int]:
+    """Return how often each view around the eye halves a light's reach, as its own near does."""
+    if not near > 0:
+        return []
+    finest = max(_TEXEL * _pixel(frame, bounds), _FINEST * reach)
+    last = int(np.ceil(np.log2(max(2 * reach / resolution / finest, 1.0))))
     if frame.parallel:  # as much as is seen must be in the narrowest view
         seen = 1.2 * max(frame.size) / 2 / frame.pixel_scale
-        wanted = min(wanted, int(np.log2(max(radius / seen, 1.0))))
-    least, most = count
-    fewest = max(min(wanted, _STEPS), int(np.ceil(wanted / np.log2(_SHRINK))))
-    levels = max(min(most, fewest), least)
-    step = min(max(2.0 ** (wanted / max(levels, 1)), 2.0), _SHRINK)
-    return [step**k for k in range(1, levels + 1)]
+        last = min(last, int(np.log2(max(reach / seen, 1.0))))
+    elif any(cascade.level == last + 1 for cascade in kept):
+        last += 1  # as long as it serves: eyes come and go
+    first = max(int(np.log2(reach / near)), 0)
+    wanted = min(max(last - first, 0), 2 * most)
+    count = min(most, max(min(wanted, _STEPS), -(-wanted // 2)))
+    # The widest are each a quarter of the one before: one more wanted changes one alone.
+    return [first + k + min(k, wanted - count) for k in range(1, count + 1)]
 
 
-def _aimed(light, place, ahead, radius, room) -> View:
+def _matched(levels, kept, base, aimed) -> list[Cascade]:
+    """Return a view of each level, in the place of the one kept, or of one not wanted."""
+    found = list(kept)
+    for k, cascade in enumerate(kept):
+        if cascade.level in levels or cascade.base != base:
+            found[k] = aimed(cascade.level, cascade if cascade.base == base else None)
+    have = {cascade.level for cascade in kept}
+    free = [k for k, cascade in enumerate(kept) if cascade.level not in levels]
+    for level in levels:
+        if level not in have and free:
+            found[free.pop()] = aimed(level, None)
+        elif level not in have:
+            found.append(aimed(level, None))
+    return found
+
+
+def _aimed(light, place, ahead, radius, room, level, base, old) -> Cascade:
     """Return a view of a positional light of what lies around a place; it moves in steps."""
     start = np.array(light.position)
     step = 0.5 * radius
-    way = np.round((place + 0.6 * radius * ahead - start) / step) * step
+    wanted = place + _LEAD * radius * ahead - start
+    if old is not None and np.abs(wanted - old.center).max() <= _SLACK * radius:
+        return old
+    way = center = np.round(wanted / step) * step
     away = float(np.linalg.norm(way))
     if away < radius:
         way, away = np.array(light.direction) * radius, radius
@@ -134,7 +193,8 @@ def _aimed(light, place, ahead, radius, room) -> View:
     # What is a part of its own width behind is left to wider views: depth is sharper so.
     far = min(room[1], away + 3 * radius)
     near = max(0.999 * room[0] / np.sqrt(1 + 2 * tangent**2), _NEAREST * away)
-    return perspective(start, way, tangent, min(near, 0.9999 * far), far)
+    view = perspective(start, way, tangent, min(near, 0.9999 * far), far)
+    return Cascade(level, center, view, base)
 
 
 def _aim(light, bounds):
@@ -163,13 +223,8 @@ def _reach(light, bounds):
     return max(box_distance(light.position, bounds) / 2 * 0.999, _NEAREST * far), far
 
 
-def _cascades(light, bounds, frame, resolution, count, square):
-    """Return the view of everything, and views of halving width around the eye.
-
-    The last is the narrowest: cascades (Zhang et al., "Parallel-split shadow maps",
-    2006) nested as the levels of a clipmap are, so that none depends on where the camera looks.
-    """
-    axes = look_along((0, 0, 0), light.direction)[:3, :3]
+def _box(axes, bounds, edge, square) -> View:
+    """Return the parallel view of everything."""
     points = corners(bounds).reshape(-1, 3) @ axes.T
     low, high = points.min(0), points.max(0)
     # As wide and as high as it is: low light sees level ground foreshortened, and needs it sharp.
@@ -179,13 +234,8 @@ def _cascades(light, bounds, frame, resolution, count, square):
     if square:
         size[:2] = size[:2].max()
     middle = (low + high) / 2
-    half = 0.5 * size * [*[1 + 2 * _TILE_EDGE / resolution] * 2, 1.002]
-    whole = orthographic(axes, middle - half, middle + half)
-    place, ahead = _seen(frame, bounds)
-    radius = half[:2].max()
-    shrinks = _shrinks(2 * radius / resolution, frame, bounds, radius, count)
-    eye, ahead = axes @ place, axes @ ahead
-    return [whole], [_around_eye(whole, s, eye, ahead, axes) for s in shrinks]
+    half = 0.5 * size * [edge, edge, 1.002]
+    return orthographic(axes, middle - half, middle + half)
 
 
 def _pixel(frame, bounds) -> float:
@@ -196,11 +246,14 @@ def _pixel(frame, bounds) -> float:
     return max(box_distance(frame.eye, bounds), frame.near) / frame.pixel_scale
 
 
-def _around_eye(whole, shrink, eye, ahead, axes) -> View:
-    """Return a part of a view, where the eye looks; it moves in steps of a quarter."""
+def _around_eye(whole, level, eye, ahead, axes, base, old) -> Cascade:
+    """Return a part of a parallel view where the eye looks; it moves in steps of a quarter."""
     half = 1 / np.diag(whole.clip_from_view)[:3] * [1, 1, -1]
     middle = whole.eye @ axes.T - [0, 0, whole.near + half[2]]
-    part = half / [shrink, shrink, 1]
-    center = middle + np.round((eye + 0.6 * part[0] * ahead - middle) / (0.5 * part)) * 0.5 * part
-    center[2] = middle[2]
-    return orthographic(axes, center - part, center + part)
+    part = half / [2.0**level, 2.0**level, 1]
+    wanted = (eye + _LEAD * part[0] * ahead - middle) * [1, 1, 0]
+    if old is not None and (np.abs(wanted - old.center) <= _SLACK * part).all():
+        return old
+    center = np.round(wanted / (0.5 * part)) * 0.5 * part
+    at = middle + center
+    return Cascade(level, center, orthographic(axes, at - part, at + part), base)

@@ -32,7 +32,7 @@ class LightMaps:
         self.moments: Any = None
         self.nearest: Any = None
         self.views: list = []
-        self.refined = 0  # views around the eye
+        self._cascades: list = []  # around the eye, as many as ever were wanted
         self._released = 0
 
     @property
@@ -63,40 +63,45 @@ class LightMaps:
             self.release()
             return
         wanted = self.owner.resolution
-        # As many as ever were wanted: no map is made anew while a camera flies.
-        shape = {'least': self.refined, 'square': bool(casters.thin)}
-        whole, refined = light_views(self.light, bounds, frame, wanted, CASCADES, **shape)
-        self.views, self.refined = whole + refined, len(refined)
-        veiled = bool(casters.translucent)
-        old = self.view
-        if old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled):
-            self.release()
-            method = self.owner.method
-            compare = filter_of(self.owner)[0] == 'pcf'
-            self.view = DepthView(
-                self.drawer, len(self.views), wanted, compare=compare, veiled=veiled
-            )
-            if self.view.resolution < wanted:
-                msg = (
-                    f'resolution = {wanted}: the driver has room for {self.view.resolution} '
-                    f'texels along a side of each of {len(self.views)} views'
-                )
-                warn(msg)
-            self.moments = Moments(self.view, method) if method in KINDS else None
-            self.nearest = Nearest(self.view) if method == 'pcss' else None
-        for k in self.view.update(frame, self.views, casters, faces=self.owner.faces):
+        shape = {'kept': self._cascades, 'square': bool(casters.thin)}
+        whole, self._cascades = light_views(self.light, bounds, frame, wanted, CASCADES, **shape)
+        self.views = whole + [cascade.view for cascade in self._cascades]
+        veiled, old = bool(casters.translucent), self.view
+        new = old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled)
+        if new:
+            self._make(veiled)
+        drawn = self.view.update(frame, self.views, casters, faces=self.owner.faces)
+        for k in range(len(self.views)) if new else drawn:
             if self.moments is not None:
                 self.moments.update(k, filter_radius(self.owner))
             if self.nearest is not None:
                 self.nearest.update(k)
+
+    def _make(self, veiled):
+        """Make the maps of all views anew, with what the old ones show."""
+        method, wanted, old = self.owner.method, self.owner.resolution, self.view
+        compare, views = filter_of(self.owner)[0] == 'pcf', len(self.views)
+        view = DepthView(self.drawer, views, wanted, compare=compare, veiled=veiled)
+        if view.resolution < wanted:
+            msg = (
+                f'resolution = {wanted}: the driver has room for {view.resolution} '
+                f'texels along a side of each of {views} views'
+            )
+            warn(msg)
+        if old is not None and not (veiled or old.veils) and old.resolution == view.resolution:
+            view.take(old)
+        self.release()
+        self.view = view
+        self.moments = Moments(view, method) if method in KINDS else None
+        self.nearest = Nearest(view) if method == 'pcss' else None
 
     def signature(self):
         """Return what the shader of receivers depends on."""
         return (
             self.light.number,
             self.light.positional,
-            len(self.views) - self.refined,
-            self.refined,
+            len(self.views) - len(self._cascades),
+            len(self._cascades),
             self.view.columns,
             self.view.rows,
             bool(self.view.veils),

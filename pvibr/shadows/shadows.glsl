@@ -290,11 +290,17 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
   }
 #endif
   // Of views around the eye, the narrowest.
+  float least = 1e30;
   for (int k = FIRST + WHOLE; k < FIRST + WHOLE + REFINED; ++k)
   {
     vec4 c = ibr_shadow_from_view[k] * vec4(p, 1.0);
     vec2 aside = abs(c.xy - 0.5 * c.w);
-    view = max(aside.x, aside.y) < 0.49 * c.w && c.z < c.w ? k : view;
+    bool narrower = ibr_shadow_texel[2 * k] < least;
+    if (narrower && max(aside.x, aside.y) < 0.49 * c.w && c.z < c.w)
+    {
+      view = k;
+      least = ibr_shadow_texel[2 * k];
+    }
   }
   mat4 m = ibr_shadow_from_view[view];
   vec4 q = m * vec4(p, 1.0);

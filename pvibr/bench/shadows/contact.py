@@ -107,7 +107,7 @@ def _texel(stage, resolution) -> float:
     bounds = [actor.GetBounds() for actor in stage.renderer.GetActors()]
     whole, refined = light_views(light, bounds, stage.frame(), resolution, CASCADES)
     ahead, texel = 1e-3, np.inf
-    for view in whole + refined:
+    for view in whole + [cascade.view for cascade in refined]:
         ends = np.array([[0, 0, 0, 1], [0, ahead, 0, 1]]) @ view.texture_from_world().T
         ends = ends[:, :2] / ends[:, 3:]
         if np.abs(ends[0] - 0.5).max() < 0.49:  # the foot is in it
