@@ -102,7 +102,7 @@ def light_views(
         whole = _box(axes, bounds, edge, square)
         half = 1 / np.diag(whole.clip_from_view)[:3] * [1, 1, -1]
         reach = near = half[:2].max()
-        base = light, whole.key()
+        base: tuple = light, whole.key()
 
         def aimed(level, old):
             return _around_eye(whole, level, axes @ place, axes @ ahead, axes, base, old)
