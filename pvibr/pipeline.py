@@ -333,20 +333,22 @@ class _Stage:
     def __init__(self, renderer, buffers):
         self.renderer, self.buffers = renderer, buffers
         self._things: list = []
-        self._annotations: Annotations | None = None
+        self._annotations = Annotations(renderer)
+        self._begun = False
         self._picture: Picture | None = None
         self._scene: ScenePass | None = None
         self._fused: Fused | None = None
 
     @property
     def nbytes(self) -> int:
-        return sum(owner.nbytes for owner in (self._picture, self._scene) if owner is not None)
+        owners = self._picture, self._scene, self._annotations
+        return sum(owner.nbytes for owner in owners if owner is not None)
 
     def begin(self, frame, effects, things):
         """Before the renderer draws: flat props out, and what effects need besides colours in."""
         self._things = things
-        self._annotations = Annotations(self.renderer)
-        self._annotations.hide()
+        self._begun = True
+        self._annotations.hide(frame.size)
         self._scene = scene = self._scene or ScenePass(self.renderer.GetRenderWindow())
         # A renderer that draws over others' pixels has no picture of its own in floats.
         own = not self.renderer.GetPreserveColorBuffer()
@@ -356,18 +358,17 @@ class _Stage:
 
     def end(self, turn):
         """After the renderer drew: all back in its place, then effects, then flat props."""
-        annotations, scene = self._annotations, self._scene
-        if annotations is None or scene is None:
+        begun, self._begun, scene = self._begun, False, self._scene
+        if not begun or scene is None:
             return
-        self._annotations = None
         scene.end()
         self.buffers.detach()
-        annotations.show()
+        self._annotations.show()
         place = turn.frame.origin, turn.frame.size
         running = [e for e in turn.images if e.running]
         if running or scene.needs_hdr:
             turn.guard(turn.images, self._run, turn, scene, running, place)
-        annotations.draw(*place)
+        self._annotations.draw(*place)
 
     def _run(self, turn, scene, entries, place):
         picture = self._picture_of(place, scene.needs_hdr)
@@ -391,7 +392,7 @@ class _Stage:
         return self._picture
 
     def release(self):
-        for owner in (self._picture, self._scene, self._fused):
+        for owner in (self._picture, self._scene, self._fused, self._annotations):
             if owner is not None:
                 owner.release()
         self._picture = self._scene = self._fused = None
