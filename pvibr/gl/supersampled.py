@@ -74,8 +74,8 @@ class Supersampled:
         state.PushDrawFramebufferBinding()
         self._targets['scene'].object.Bind(gl.DRAW_FRAMEBUFFER)
         state.vtkglScissor(0, 0, *large)
-        place = x, y, x + width, y + height
-        state.vtkglBlitFramebuffer(*place, 0, 0, *large, gl.COLOR_BUFFER_BIT, gl.NEAREST)
+        source = x, y, x + width, y + height
+        state.vtkglBlitFramebuffer(*source, 0, 0, *large, gl.COLOR_BUFFER_BIT, gl.NEAREST)
         state.PopDrawFramebufferBinding()
         state.Pop()
         self._taken = True
