@@ -132,7 +132,7 @@ def _props(renderer, effects) -> list:
     for thing in effects:
         # What stands for plain actors has them visible between frames, and its own actors not.
         if isinstance(thing, Thing) and thing.web[0] != 'shown':
-            hidden |= {address(a) for a in thing.actors()}
+            hidden |= {address(a) for a in (*thing.actors(), *thing.picked())}
         hidden |= {address(p) for p in thing.props}
     names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if address(p) not in hidden]

@@ -39,6 +39,10 @@ class ItemSet(Painted):
         """Return the mesh of an item in world units, for VTK's pickers."""
         raise NotImplementedError
 
+    def picked(self) -> list:
+        """Return the actors that pickers of VTK find in its place."""
+        return [] if self._stand_ins is None else self._stand_ins.actors()
+
     def instance_of(self, actor) -> int | None:
         """Return the index of the item that an actor stands for, or None.
 

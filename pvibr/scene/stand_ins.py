@@ -55,11 +55,15 @@ class StandIns:
         ]
         self._offer()
 
+    def actors(self) -> list:
+        """Return the actors of both kinds."""
+        return [*(actor for actor, _ in self._clicked), *self._drawn]
+
     def take_out(self):
         """Leave the scene."""
         for tag in self._observers:
             self._renderer.RemoveObserver(tag)
-        for actor in (*(a for a, _ in self._clicked), *self._drawn):
+        for actor in self.actors():
             self._renderer.RemoveViewProp(actor)
         self._renderer, self._observers, self._drawn, self._within = None, [], [], []
         self._shown = None
@@ -73,7 +77,7 @@ class StandIns:
             source.Modified()
 
     def _hide(self):
-        for actor in (*(a for a, _ in self._clicked), *self._drawn):
+        for actor in self.actors():
             actor.VisibilityOff()
 
     def _offer(self):

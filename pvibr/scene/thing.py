@@ -86,6 +86,10 @@ class Thing(Effect, pv.Actor):
         """Return the actors that draw it in the frame that it was prepared for."""
         return [actor for actor in self.actors() if actor.GetVisibility()]
 
+    def picked(self) -> list:
+        """Return the actors that pickers of VTK find in its place."""
+        return []
+
     def draws(self, frame, *, depth=False) -> list:
         """Return the actors that draw it in a frame that is not its own, or its depth alone."""
         self.prepare(frame)

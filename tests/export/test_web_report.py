@@ -80,7 +80,32 @@ def test_an_empty_report_is_a_table():
 
 
 def exports(pl, folder):
-    pl.export_obj(folder / 'scene.obj')
+    pv.Plotter.export_obj(pl, folder / 'scene.obj')  # as a program does that reads the scene
+
+
+def test_exporters_of_pyvista_write_the_plain_plotter(tmp_path):
+    places = np.random.default_rng(7).uniform(0, 9, (6, 3))
+    pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+    pl.add_mesh(pv.Cube(center=(0, 0, -4)), color='gold')
+    pl.ibr.add_instances(pv.Cube(), places, color='red')
+    for ending in ('gltf', 'obj', 'vrml'):
+        path = tmp_path / f'scene.{ending}'
+        getattr(pl, f'export_{ending}')(path)
+        if ending == 'gltf':
+            blocks = pv.read(path).recursive_iterator()
+            points = np.vstack([b.points for b in blocks if b.n_points])
+            assert len(points) == 7 * pv.Cube().n_points
+            across = np.ptp([*places[:, 0], 0]) + 1
+            np.testing.assert_allclose(np.ptp(points, axis=0)[2], across, rtol=1e-3)
+        assert path.stat().st_size > 3000
+    plain = pl.ibr.to_plain_plotter()
+    assert all(actor.mapper.dataset.n_cells for actor in plain.actors.values())
+    plain.close()
+    pl.close()
+    with pytest.raises(pvibr.ClosedError):
+        pl.export_gltf(tmp_path / 'scene.gltf')
+    with pytest.raises(pvibr.ClosedError):
+        pl.ibr.to_plain_plotter()
 
 
 @pytest.mark.filterwarnings('ignore::pyvista.PyVistaDeprecationWarning')
