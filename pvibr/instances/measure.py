@@ -15,7 +15,7 @@ from pvibr.instances.group import InstanceGroup
 from pvibr.instances.mesh_pool import MeshPool
 from pvibr.maths import octahedral
 from pvibr.maths.flip import Flip
-from pvibr.maths.image_error import box_reduce, outline_distances
+from pvibr.maths.image_error import outline_distances
 from pvibr.meshes.turntable import LEVEL
 
 SIZES = (8, 16, 32, 64, 128)  # diameters of the bounding sphere on the screen, px
@@ -77,8 +77,8 @@ def _measured(model, views, shaders, *, meshes, progress):
     sheet = _Sheet(model, views)
     try:
         reference = sheet.draw_mesh(0)
-        full = _reduced(reference)
-        truths = [_Truth(reference, full, size) for size in SIZES]
+        full = _pixels(reference)
+        truths = [_Truth(reference, full[size], size) for size in SIZES]
         table = {}
         lighter = range(1, len(model.levels) if meshes else 1)
         steps = iter(np.linspace(0, 1, len(lighter) + len(shaders) + 1)[1:].tolist())
@@ -87,8 +87,8 @@ def _measured(model, views, shaders, *, meshes, progress):
             radii = model.levels[i].error
             if radii is None:
                 radii = _fine(picture, reference)
-            drawn = _reduced(picture)
-            rows = _rows(truths, lambda t, p=drawn: _shrunk(p, t.size))
+            drawn = _pixels(picture)
+            rows = _rows(truths, lambda t, p=drawn: p[t.size])
             table[f'mesh{i}'] = np.broadcast_to(rows.mean(1, keepdims=True), rows.shape).copy()
             table[f'mesh{i}'][..., 0] = radii * np.array(SIZES)[:, None] / 2 + SLACK
             table[f'mesh{i}.radii'] = np.array(radii)
@@ -110,8 +110,9 @@ def _unseen(_done):
 def _rows(truths, draw, largest=np.inf):
     """Return the errors of a level at all sizes, (sizes, patches, 3)."""
     rows: list[np.ndarray] = []
-    for truth in truths:
-        if truth.size > 2 * largest or (rows and np.median(of_cards(rows[-1])) > _HOPELESS):
+    for i, truth in enumerate(truths):
+        beyond = i and truths[i - 1].size >= largest
+        if beyond or (rows and np.median(of_cards(rows[-1])) > _HOPELESS):
             rows.append(rows[-1] * [2.0, 1.5, 1.0])  # it grows with the size
         else:
             rows.append(truth.errors(draw(truth)))
@@ -146,9 +147,9 @@ def _allowed(moved, flip, own, share):
 class _Truth:
     """The reference at one size."""
 
-    def __init__(self, reference, full, size):
+    def __init__(self, reference, picture, size):
         self.size = size
-        self.picture = _shrunk(full, size)
+        self.picture = picture
         self.few = np.arange(_VIEWS)
         if size >= _FEW_SIZE:
             self.few = self.few.reshape(_SIDE, _SIDE)[::2, ::2].ravel()
@@ -201,9 +202,20 @@ def _reduced(picture):
     return sums / np.float32(255 * (2 * _SAMPLES) ** 2)
 
 
-def _shrunk(picture, size):
-    """Return pixels of a size, as means of those of the largest."""
-    return box_reduce(picture, SIZES[-1] // size).astype(np.float32)
+def _pixels(picture):
+    """Return the pixels of each size, from samples of the largest."""
+    pixels, size, found = _reduced(picture), SIZES[-1], {}
+    for wanted in SIZES[::-1]:
+        while size > wanted:
+            pixels, size = _halved(pixels), size // 2
+        found[wanted] = pixels
+    return found
+
+
+def _halved(pixels):
+    """Return the means of squares of four pixels."""
+    rows = pixels[::2] + pixels[1::2]
+    return (rows[:, ::2] + rows[:, 1::2]) * np.float32(0.25)
 
 
 def _once(picture, size):

@@ -117,7 +117,7 @@ def test_less_is_allowed_where_the_mesh_has_more_samples(seed):
 
 def test_the_samples_of_a_mesh_lessen_its_error_as_told(sheet):
     picture = sheet.draw_mesh(0)
-    truth = me._Truth(picture, me._reduced(picture), 32)
+    truth = me._Truth(picture, me._pixels(picture)[32], 32)
     step = me.SIZES[-1] * me._SAMPLES // 32
     places = [(1, 3), (3, 7), (5, 1), (7, 5)]  # four, as drivers spread them
     four = np.mean([np.roll(picture, (-y, -x), (0, 1))[::step, ::step] for y, x in places], 0)
