@@ -131,8 +131,9 @@ def _data(settings, results):
         # One side, whose normals they are: a face seen from behind is dark.
         lit = Rays(scene.meshes).lit(samples.points, samples.normals, _lamp(camera)) == 1
         true = lit & _inside(camera, samples.points)
-        seen = pvibr.visible(mesh, camera, casters=others, to='cells', two_sided=False)
-        mask = pvibr.shadow_mask(mesh, _lamp(camera), others, to='cells', two_sided=False) > 0.5
+        how = {'to': 'cells', 'two_sided': False, 'method': 'map'}
+        seen = pvibr.visible(mesh, camera, casters=others, **how)
+        mask = pvibr.shadow_mask(mesh, _lamp(camera), others, **how) > 0.5
         for what, found, truth in (('visible', seen, true), ('shadow_mask', mask, lit)):
             counts = _alike(mesh, truth)
             for kind, rows in (('leak', counts & ~truth), ('hole', counts & truth)):

@@ -20,7 +20,7 @@ TIMEOUT_SECONDS = 120
 
 # A module of each extra, whose presence shows that it is installed.
 _EXTRAS = {
-    'bench': 'embreex',
+    'bench': 'psutil',
     'city': 'cjio',
     'cluster': 'distributed',
     'docs': 'sphinx_gallery',
@@ -28,6 +28,7 @@ _EXTRAS = {
     'las': 'laspy',
     'movie': 'imageio_ffmpeg',
     'parquet': 'pyarrow',
+    'rays': 'embreex',
     'sun': 'ephem',
     'test': 'pytest',
 }

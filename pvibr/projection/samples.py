@@ -8,6 +8,8 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.maths.vectors import unit_vectors
+from pvibr.scene.item_set import ItemSet
+from pvibr.scene.thing import Thing
 
 #: How far points are moved into the faces that they belong to, as a share of the way.
 _INWARD = 1e-3
@@ -93,7 +95,7 @@ def _triangles(mesh):
         cell = np.asarray(surface['vtkOriginalCellIds'])
         surface.clear_data()
     surface.cell_data['cell'] = cell
-    faces = surface.triangulate()
+    faces = surface if surface.is_all_triangles else surface.triangulate()
     return faces.regular_faces.reshape(-1, 3), np.asarray(faces.cell_data['cell']), point
 
 
@@ -122,6 +124,28 @@ def surface_of(thing) -> pv.PolyData:
     if matrix is not None:
         points = points @ matrix[:3, :3].T + matrix[:3, 3]
     return with_points(surface, points)
+
+
+def surfaces_of(casters) -> list[pv.PolyData]:
+    """Return the surfaces of meshes, actors and things, of these those that are visible."""
+    found = []
+    for caster in casters:
+        found += _surfaces_of_thing(caster) if isinstance(caster, Thing) else [surface_of(caster)]
+    return found
+
+
+def _surfaces_of_thing(thing) -> list:
+    if isinstance(thing, ItemSet):
+        shown = np.flatnonzero(thing.visible) if thing.visibility else ()
+        return [surface_of(thing.item_mesh(int(i))) for i in shown]
+    solids = thing.solids()
+    if None in solids:
+        msg = (
+            f'{thing.name} has no mesh that hides light; casters are meshes, actors, instances, '
+            f'figures or impostors.'
+        )
+        raise TypeError(msg)
+    return [surface_of(actor) for actor in solids]
 
 
 def with_points(surface, points):

@@ -12,9 +12,11 @@ from pvibr.core.frame import Frame
 from pvibr.maths import depth_test
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.kernels import vogel_disk
+from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.vectors import unit_vectors
 from pvibr.projection.depth_maps import depth_maps, depth_scene, view_of
-from pvibr.projection.samples import Samples, bounds_of, sides_of, surface_of
+from pvibr.projection.rays import Rays, ray_method
+from pvibr.projection.samples import Samples, bounds_of, sides_of, surface_of, surfaces_of
 from pvibr.scene.lights import light_views, lights_of
 
 #: How far points are moved along their normals before they are compared, texels: less than in
@@ -24,7 +26,17 @@ _OFFSET = 0.1
 _SUN = 0.53
 
 
-def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=4096, two_sided=None):
+def visible(
+    mesh,
+    camera,
+    *,
+    casters=(),
+    to='points',
+    size=None,
+    method='auto',
+    resolution=4096,
+    two_sided=None,
+):
     """Return which points or cells of a mesh a camera sees.
 
     Parameters
@@ -33,13 +45,16 @@ def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=4096
         World units; the surface of volumes.
     camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
         See :func:`pvibr.maths.cameras.as_camera`.
-    casters : sequence of pyvista.DataSet or actors, optional
+    casters : sequence of pyvista.DataSet, actors or things of pvibr, optional
         Other occluders.
     to : {'points', 'cells'}
         Result per point or per cell. A point is visible if an adjacent face is.
     size : tuple of 2 int, optional
         Width and height of the image in pixels, if the camera has none; by default PyVista's
         window size.
+    method : {'auto', 'rays', 'map'}
+        Rays are exact, and need embree (``pip install "pvibr[rays]"``); a depth map finds what is
+        wider than its texels. By default rays where embree is installed.
     resolution : int, optional
         Texels along a side of the depth map.
     two_sided : bool, optional
@@ -54,6 +69,8 @@ def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=4096
     ------
     ValueError
         If an argument is invalid.
+    ModuleNotFoundError
+        If rays are asked for without embree.
 
     Examples
     --------
@@ -77,7 +94,14 @@ def visible(mesh, camera, *, casters=(), to='points', size=None, resolution=4096
     facing = samples.facing(toward, sides_of(mesh, two_sided))
     rows = np.flatnonzero(inside & (facing > 0))
     found = np.zeros(len(inside))
-    surfaces = [surface_of(m) for m in (mesh, *casters)]
+    surfaces = [surface_of(mesh), *surfaces_of(casters)]
+    if ray_method(method):
+        reach = _away(camera, samples.points[rows])
+        free = Rays(surfaces).free(
+            samples.points[rows], samples.turned(toward)[rows], toward[rows], reach
+        )
+        found[rows] = free & (reach > 0)
+        return samples.most(found) >= 0.5
     view = view_of(camera, bounds_of(surfaces), resolution)
     if view is not None and len(rows):
         (depth,) = depth_maps([view], surfaces, resolution)
@@ -92,6 +116,7 @@ def shadow_mask(
     casters=(),
     *,
     to='points',
+    method='auto',
     resolution=4096,
     samples=1,
     extent=None,
@@ -105,10 +130,15 @@ def shadow_mask(
         World units; it shadows itself.
     light : pyvista.Light
         Directional or positional; nothing is lit outside the cone of a spot.
-    casters : sequence of pyvista.DataSet or actors, optional
+    casters : sequence of pyvista.DataSet, actors or things of pvibr, optional
         Other casters.
     to : {'points', 'cells'}
         Result per point or per cell.
+    method : {'auto', 'rays', 'map'}
+        Rays are exact, and need embree (``pip install "pvibr[rays]"``); a depth map is wrong
+        within a texel of a shadow's edge, and loses casters thinner than that. A texel is as wide
+        as what the light sees of all meshes, over `resolution`. By default rays where embree is
+        installed.
     resolution : int, optional
         Texels along a side of a depth map.
     samples : int, optional
@@ -129,6 +159,8 @@ def shadow_mask(
     ------
     ValueError
         If an argument is invalid, or the light has no direction or is a headlight.
+    ModuleNotFoundError
+        If rays are asked for without embree.
 
     Examples
     --------
@@ -140,12 +172,19 @@ def shadow_mask(
     [1.0, 0.0, 0.0, 1.0]
     """
     _check_light(light, samples, extent)
+    by_rays = ray_method(method)
     found = Samples.of(mesh, to)
-    surfaces = [surface_of(m) for m in (mesh, *casters)]
+    surfaces = [surface_of(mesh), *surfaces_of(casters)]
     sides = sides_of(mesh, two_sided) or (0 if two_sided else _lit_side(light, found))
     total = np.zeros(len(found.points))
+    places = _spread(_scene_light(light), samples, extent)
+    if by_rays:
+        rays = Rays(surfaces)
+        for place in places:
+            total += _lit_by_rays(place, rays, found, sides)
+        return found.most(total / samples)
     with depth_scene(surfaces) as scene:
-        for place in _spread(_scene_light(light), samples, extent):
+        for place in places:
             total += _lit(place, _views(scene, place, resolution), found, sides)
     return found.most(total / samples)
 
@@ -185,6 +224,14 @@ def shadowed_area(mesh, lit) -> float:
     faces = Samples.of(mesh, 'cells')
     own = lit[faces.owner] if len(lit) == mesh.n_cells else lit[faces.corner].mean(1)
     return float((faces.area * (1 - own)).sum())
+
+
+def _away(camera, points):
+    """Return how far points are from a camera: from where it is, or from its near plane."""
+    matrix = camera.view_from_world
+    if isinstance(camera, Orthographic):
+        return -(points @ matrix[2, :3] + matrix[2, 3]) - camera.near
+    return np.linalg.norm(points @ matrix[:3, :3].T + matrix[:3, 3], axis=1)
 
 
 # -- light --------------------------------------------------------------------------------------
@@ -249,12 +296,29 @@ def _views(scene, light, resolution) -> list:
     return [(view, scene.depth(view, resolution)) for view in views]
 
 
-def _lit(light, views, samples, sides):
-    """Return the visibility of a point-like light from each sample."""
+def _reached(light, samples, sides):
+    """Return unit vectors to a light, and which samples it reaches if nothing hides it."""
     toward = toward_light(light, samples.points)
     reached = samples.facing(toward, sides) > 0
     if light.kind == 'spot':
         reached &= -toward @ np.array(light.direction) > np.cos(np.radians(light.cone))
+    return toward, reached
+
+
+def _lit_by_rays(light, rays, samples, sides):
+    """Return the visibility of a point-like light from each sample, 0 or 1."""
+    toward, reached = _reached(light, samples, sides)
+    rows, found = np.flatnonzero(reached), np.zeros(len(toward))
+    points, reach = samples.points[rows], np.full(len(rows), np.inf)
+    if light.positional:
+        reach = np.linalg.norm(np.array(light.position) - points, axis=1)
+    found[rows] = rays.free(points, samples.turned(toward)[rows], toward[rows], reach)
+    return found
+
+
+def _lit(light, views, samples, sides):
+    """Return the visibility of a point-like light from each sample, by depth in its views."""
+    toward, reached = _reached(light, samples, sides)
     normals = samples.turned(toward)
     matrices = [v.texture_from_world()[3] for v, _ in views]
     ahead = [samples.points @ m[:3] + m[3] for m in matrices]

@@ -142,7 +142,7 @@ def test_a_pyvista_camera_and_casters_that_are_actors():
 def test_shadow_of_a_square_in_closed_form(light, half):
     mesh = grid(2.0, 80)
     roof = pv.Plane(center=(0, 0, 1), i_size=0.5, j_size=0.5)
-    lit = pvibr.shadow_mask(mesh, light, [roof], to='cells')
+    lit = pvibr.shadow_mask(mesh, light, [roof], to='cells', method='map')
     out = np.abs(mesh.cell_centers().points[:, :2]).max(1)
     sure = np.abs(out - half) > 0.02
     np.testing.assert_array_equal(lit[sure], (out > half)[sure])
@@ -160,7 +160,7 @@ def test_outside_a_cone_there_is_no_light():
 def test_shadows_of_hills_are_as_rays_say(kind):
     mesh = bumpy()
     light = lamp((-6, -4, 3)) if kind == 'directional' else lamp((-2, -1, 3), cone=90)
-    found = pvibr.shadow_mask(mesh, light, to='cells') > 0.5
+    found = pvibr.shadow_mask(mesh, light, to='cells', method='map') > 0.5
     samples = Samples.of(mesh, 'cells')
     normals = np.where(samples.normals[:, 2:] < 0, -samples.normals, samples.normals)
     true = Rays([mesh]).lit(samples.points, normals, light)
@@ -173,7 +173,9 @@ def test_samples_of_a_light_make_soft_edges():
     mesh = grid(2.0, 60)
     roof = pv.Plane(center=(0, 0, 1), i_size=1, j_size=1)
     light = lamp((0, 0, 3), cone=90)
-    found = pvibr.shadow_mask(mesh, light, [roof], to='cells', samples=24, extent=0.4)
+    found = pvibr.shadow_mask(
+        mesh, light, [roof], to='cells', samples=24, extent=0.4, method='map'
+    )
     true = Rays([mesh, roof]).lit(mesh.cell_centers().points, [0, 0, 1], light, extent=0.4)
     assert ((found > 0.1) & (found < 0.9)).sum() > 200
     assert np.abs(found - true).mean() < 0.03
