@@ -128,7 +128,7 @@ def surface_of(thing) -> pv.PolyData:
 
 def surfaces_of(casters) -> list[pv.PolyData]:
     """Return the surfaces of meshes, actors and things, of these those that are visible."""
-    found = []
+    found: list = []
     for caster in casters:
         found += _surfaces_of_thing(caster) if isinstance(caster, Thing) else [surface_of(caster)]
     return found
