@@ -229,6 +229,24 @@ uniform int reach;
 uniform float width;
 uniform float dash;
 uniform vec4 ink;
+uniform sampler2D veil;  // alpha: opacity of volumes
+uniform int veiled;      // whether there are any
+uniform vec2 corner;     // of the picture in the veil
+
+// Opacity of volumes at a pixel of the picture.
+float veil_at(ivec2 p)
+{
+  return texelFetch(veil, clamp(p + ivec2(corner), ivec2(0), textureSize(veil, 0) - 1), 0).a;
+}
+
+// How much volumes hide of a line at p. A boundary's sides with more and less before them belong to
+// surfaces before and behind a volume, or within it: the line lies on that with less.
+float hidden(ivec2 p, ivec2 side, ivec2 other)
+{
+  float one = veil_at(side), two = veil_at(other);
+  float part = abs(one - two) / max(max(one, two), 0.01);
+  return mix(veil_at(p), min(one, two), smoothstep(0.25, 0.5, part));
+}
 
 // How much a line of that width covers of a pixel whose middle is so far off.
 float covered(float d)
@@ -245,6 +263,7 @@ void main()
   bool drawn = fract((gl_FragCoord.x + gl_FragCoord.y) / (2.0 * dash)) < 0.5;
   int beside = drawn ? 3 : 1, above = 4 * beside;
   float near = 1e6;
+  ivec2 nearest = ivec2(0), pace = ivec2(0);  // the boundary's pixel and step; none of luminance
   for (int j = low.y; j <= high.y; ++j)
     for (int i = low.x; i <= high.x; ++i)
     {
@@ -253,14 +272,26 @@ void main()
       ivec4 found = ivec4(255.0 * texel + 0.5);
       for (int k = 0; k < 4; ++k)
       {
-        vec2 o = vec2(2 * i + k % 2, 2 * j + k / 2) - vec2(p);
+        ivec2 at = ivec2(2 * i + k % 2, 2 * j + k / 2);
+        vec2 o = vec2(at - p);
         // To the middles of the boundary's steps: on lines aslant their corners are off the line.
-        if ((found[k] & beside) != 0) near = min(near, length(o + vec2(0.5, 0.0)));
-        if ((found[k] & above) != 0) near = min(near, length(o + vec2(0.0, 0.5)));
-        if ((found[k] & 16) != 0) near = min(near, 0.5 + length(o));
+        float right = (found[k] & beside) != 0 ? length(o + vec2(0.5, 0.0)) : near;
+        float up = (found[k] & above) != 0 ? length(o + vec2(0.0, 0.5)) : near;
+        if (min(right, up) < near)
+        {
+          near = min(right, up);
+          nearest = at;
+          pace = right <= up ? ivec2(1, 0) : ivec2(0, 1);
+        }
+        if ((found[k] & 16) != 0 && 0.5 + length(o) < near)
+        {
+          near = 0.5 + length(o);
+          pace = ivec2(0);
+        }
       }
     }
   float cover = ink.a * covered(near);
+  if (veiled == 1 && pace != ivec2(0)) cover *= 1.0 - hidden(p, nearest, nearest + pace);
   if (cover <= 0.0) discard;
   gl_FragData[0] = vec4(ink.rgb, cover);
 }

@@ -16,13 +16,15 @@ from pvibr.gl.feature import sections
 from pvibr.gl.tiles import SIDE, Tiles, sized
 from pvibr.scene.buffers import Drawn
 from pvibr.scene.thing import Thing
+from pvibr.scene.veil import Veil
 
 
 class Outline(Effect):
     """Lines at boundaries of objects, depth discontinuities, creases or luminance edges.
 
     Ids, depth and normals are those of opaque surfaces, instances included; translucent props
-    and volumes have luminance edges only. Tiles of large screenshots cut lines along their seams.
+    and volumes have luminance edges only, and volumes hide lines behind them as they hide
+    surfaces: for that they are drawn a second time. Tiles of large screenshots cut lines along their seams.
 
     Parameters
     ----------
@@ -81,6 +83,7 @@ class Outline(Effect):
     )
 
     _drawn: Drawn | None = None
+    _veil: Veil | None = None
     _half: Target | None = None
     _candidates: Target | None = None
     _marks: tuple[bytes, Texture] | None = None
@@ -145,9 +148,12 @@ class Outline(Effect):
             'dash': self.dash * frame.scale,
             'ink': (*self.color, self.opacity),
         }
-        textures = {'edges': edges, 'squares': tiles.squares}
+        self._veil = self._veil or Veil(frame.renderer)
+        veil = self._veil.draw(frame, picture) if self._asks_surfaces else None
+        look |= {'reach': reach, 'veiled': int(veil is not None), 'corner': frame.origin}
+        textures = {'edges': edges, 'squares': tiles.squares, 'veil': veil or edges}
         with picture.drawing_over():
-            tiles.draw(self._sparse(tiles, 'lines'), {'reach': reach, **look}, textures, 'over')
+            tiles.draw(self._sparse(tiles, 'lines'), look, textures, 'over')
 
     def bake_into(self, scene):
         """Add the lines to a scene without pvibr."""
@@ -247,7 +253,8 @@ class Outline(Effect):
         """Free GPU memory; the context is current."""
         marks = self._marks[1] if self._marks else None
         release(*self._targets(), marks, *self._quads.values())
-        self._drawn = self._candidates = self._half = self._tiles = self._marks = None
+        self._drawn = self._veil = self._candidates = self._half = None
+        self._tiles = self._marks = None
         self._quads = {}
 
     def report(self) -> dict:
@@ -255,7 +262,7 @@ class Outline(Effect):
         return {'bytes': sum(owner.nbytes for owner in self._targets() if owner is not None)}
 
     def _targets(self):
-        return self._drawn, self._candidates, self._half, self._tiles
+        return self._drawn, self._veil, self._candidates, self._half, self._tiles
 
 
 _NAME = 'outline.glsl, '

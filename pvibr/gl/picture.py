@@ -123,6 +123,12 @@ class Picture:
         self._drawn = found
         return found
 
+    def blit_depth(self, framebuffer, place):
+        """Copy the depth of the scene to a rectangle of a framebuffer, none if it has none."""
+        if self.find_depth is None:
+            whole = (0, 0, *self.size)
+            self._blit(self._source.object, framebuffer, gl.DEPTH_BUFFER_BIT, whole, place)
+
     def present(self):
         """Copy the picture to the window if it changed."""
         self._draw_pending()
