@@ -24,7 +24,8 @@ class Outline(Effect):
 
     Ids, depth and normals are those of opaque surfaces, instances included; translucent props
     and volumes have luminance edges only, and volumes hide lines behind them as they hide
-    surfaces: for that they are drawn a second time. Tiles of large screenshots cut lines along their seams.
+    surfaces: for that they are drawn a second time. Tiles of large screenshots cut lines along
+    their seams.
 
     Parameters
     ----------
