@@ -351,6 +351,7 @@ uniform vec4 ibr_paint;               // a colour in place of the albedo, where 
 uniform float ibr_margin;
 uniform vec3 ibr_part;                // coverages from, to; opacity: below 0 the coverage
 uniform int ibr_fades;                // 1 where levels blend with each other
+uniform float ibr_error;              // px, how far from the mesh a level may be
 uniform vec4 ibr_clip_depth;          // rows z and w of clip from eye, z columns: zz, zw, wz, ww
 in vec4 vertexVCVSOutput;
 #if SPLAT
@@ -475,7 +476,7 @@ void ibr_tap(vec2 off, inout vec4 geometry, inout vec4 albedo)
 #endif
   // For features that ask where the surface is that is seen, and how well that is known: to a
   // pixel; depth has 8 bits in the pictures, and a splat is as deep as it is large.
-#define IBR_BLUR (ibr_stretch * (SPLAT == 1 ? 1.0 : max(0.02, 2.0 / ibr_card.y)))
+#define IBR_BLUR (ibr_stretch * (SPLAT == 1 ? 1.0 : clamp(2.0 * ibr_error / ibr_card.y, 0.02, 1.0)))
   vertexVC.xyz = cameraParallel == 1 ? vec3(vertexVC.xy, ibr_g.r)
     : vertexVC.xyz * (ibr_g.r / vertexVC.z);
 #define IBR_PLACE vertexVC.xyz
