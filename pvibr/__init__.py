@@ -38,6 +38,7 @@ def lazy_exports(package, exports):
 EFFECTS = {
     'Shadows': 'pvibr.shadows.shadows',  # light that reaches surfaces, before any is shaded
     'Projector': 'pvibr.projection.projector',  # photographs are lit and shadowed like surfaces
+    'AmbientOcclusion': 'pvibr.effects.ambient_occlusion',  # of surfaces, before what is behind
     'Sky': 'pvibr.effects.backgrounds',  # behind the scene: a lens blurs it, bright parts bloom
     'Backdrop': 'pvibr.effects.backgrounds',  # as the sky
     'Fog': 'pvibr.effects.fog',  # in the air before the lens

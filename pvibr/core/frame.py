@@ -142,6 +142,12 @@ class Frame:
         """The scale along y, or the greater where pixels may be oblong."""
         return max(self.pixel_scales) if self.depth_map else self.pixel_scales[1]
 
+    @property
+    def scene_size(self) -> float:
+        """Diagonal of what is in the scene, world units."""
+        low, high = np.reshape(self.renderer.ComputeVisiblePropBounds(), (3, 2)).T
+        return max(float(np.linalg.norm(high - low)), 1e-12)
+
     def pixel_at(self, point) -> float:
         """Return the size of a pixel at a point, in world units."""
         away = -float(self.view_from_world[2, :3] @ point + self.view_from_world[2, 3])

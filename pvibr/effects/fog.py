@@ -94,18 +94,12 @@ class Fog(Effect):
             'tint': (*self._color(frame), self.intensity),
             'air': (
                 self.begin,
-                1 / self._visibility(frame),
+                1 / (self.visibility or frame.scene_size),
                 1 / self.height if self.height else 0,
             ),
             'rise': (*frame.view_from_world[:3, :3] @ up, float(frame.eye @ up) - self.base),
         }
         picture.apply(Pointwise('fog', _TEXT, uniforms, {'depth': picture.depth}))
-
-    def _visibility(self, frame) -> float:
-        if self.visibility is not None:
-            return self.visibility
-        low, high = np.reshape(frame.renderer.ComputeVisiblePropBounds(), (3, 2)).T
-        return max(float(np.linalg.norm(high - low)), 1e-12)
 
     def _color(self, frame):
         """Return the colour: what is far away has that of the horizon."""

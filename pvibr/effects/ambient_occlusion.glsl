@@ -1,0 +1,194 @@
+Ambient occlusion from the depth buffer. Around each pixel, slices through its line of sight are
+searched outward on both sides; what is met covers sectors of the slice, of equal cosine-weighted
+measure, and each sector counts by how near its first cover is. Slices and integral: Jimenez et
+al., "Practical real-time strategies for accurate indirect occlusion", SIGGRAPH 2016 course; sectors:
+Therrien et al., "Screen space indirect lighting with visibility bitmask", 2023. Slices turn from
+pixel to pixel in squares of 4 by 4, and the second program averages over such squares.
+Inputs: depth of the window, 0 near to 1 far; lengths in world units, positions in view space.
+
+//@common
+uniform sampler2D depth;
+uniform vec4 lens;    // x and y at distance 1, or anywhere if parallel: xy * ndc + zw
+uniform vec4 tile;    // part of the subplot: left, bottom, right, top
+uniform vec2 planes;
+uniform int parallel;
+
+ivec2 last;           // pixel
+vec2 ndc_step;        // from pixel to pixel
+
+float depth_at(ivec2 p)
+{
+  return texelFetch(depth, clamp(p, ivec2(0), last), 0).r;
+}
+
+float away(float d)
+{
+  return parallel == 1 ? mix(planes.x, planes.y, d)
+    : planes.x * planes.y / (planes.y - d * (planes.y - planes.x));
+}
+
+vec3 position(vec2 p, float d)
+{
+  float z = away(d);
+  vec2 xy = lens.xy * (2.0 * tile.xy - 1.0 + ndc_step * (p + 0.5)) + lens.zw;
+  return vec3(parallel == 1 ? xy : xy * z, -z);
+}
+
+// Slope of depth along a step: of the two sides by how straight each goes on, since depth of the
+// window is affine on planes.
+float slope(ivec2 p, ivec2 s, float d)
+{
+  float a = depth_at(p - s), b = depth_at(p + s);
+  float before = abs(d - 2.0 * a + depth_at(p - 2 * s)), after = abs(d - 2.0 * b + depth_at(p + 2 * s));
+  if (p.x < s.x || p.y < s.y) before = 1.0;
+  if (any(greaterThan(p + s, last))) after = 1.0;
+  before += 1e-9;
+  after += 1e-9;
+  return ((d - a) * after + (b - d) * before) / (before + after);
+}
+
+vec2 slopes(ivec2 p, float d)
+{
+  return vec2(slope(p, ivec2(1, 0), d), slope(p, ivec2(0, 1), d));
+}
+
+void begin()
+{
+  last = textureSize(depth, 0) - 1;
+  ndc_step = 2.0 * (tile.zw - tile.xy) / vec2(last + 1);
+}
+
+//@search
+uniform int slices;
+uniform int steps;
+uniform float radius;
+uniform float thickness;
+
+const float PI = 3.14159265;
+
+int ones(uint n)
+{
+  n -= (n >> 1) & 0x55555555u;
+  n = (n & 0x33333333u) + ((n >> 2) & 0x33333333u);
+  return int((((n + (n >> 4)) & 0x0F0F0F0Fu) * 0x01010101u) >> 24);
+}
+
+uint first(int n)
+{
+  return n >= 32 ? 0xFFFFFFFFu : (1u << uint(n)) - 1u;
+}
+
+// Measure from the line of sight to the angle h; the normal's is n.
+float measured(float h, float n)
+{
+  return 0.25 * (cos(n) - cos(2.0 * h - n) + 2.0 * h * sin(n));
+}
+
+struct Surfel { vec3 at, sight, normal; vec2 pixel; float error; };
+
+// Sectors of one side that are covered, weighted. n: angle of the normal towards that side.
+float covered(Surfel s, vec3 across, vec2 way, float n, float jitter, float dither)
+{
+  float rim = 0.5 * PI + n, whole = measured(rim, n), sum = 0.0;
+  float reach = length(way);
+  uint taken = 0u;
+  for (int k = 0; k < steps; ++k)
+  {
+    float share = (float(k) + jitter) / float(steps);
+    vec2 o = way * max(share * share, (float(k) + 1.0) / max(reach, 1.0));
+    ivec2 q = ivec2(floor(s.pixel + 0.5 + o));
+    if (any(lessThan(q, ivec2(0))) || any(greaterThan(q, last))) break;
+    if (share * share * reach < float(k) && float(k) > reach) break;
+    float d = depth_at(q);
+    if (d >= 1.0) continue;
+    vec3 to = position(vec2(q), d), v = to - s.at;
+    float far = length(v), weight = 1.0 - far * far / (radius * radius);
+    if (weight <= 0.0 || dot(v, s.normal) < s.error) continue;
+    // Its back, along its own line of sight.
+    float deep = thickness + 2.0 * length(o) / reach * radius * (2.0 / float(steps));
+    vec3 w = v + (parallel == 1 ? vec3(0.0, 0.0, -deep) : to * (deep / length(to)));
+    vec2 h = acos(clamp(vec2(dot(v, s.sight) / far, dot(w, s.sight) / length(w)), -1.0, 1.0));
+    h = min(h, rim);
+    ivec2 sector = ivec2(floor(32.0 * vec2(measured(h.x, n), measured(h.y, n)) / whole + dither));
+    sector = clamp(sector, 0, 32);
+    uint cover = first(sector.y) & ~first(sector.x) & ~taken;
+    taken |= cover;
+    sum += weight * float(ones(cover));
+  }
+  return sum * whole / 32.0;
+}
+
+void main()
+{
+  begin();
+  ivec2 p = ivec2(gl_FragCoord.xy);
+  float d = depth_at(p);
+  gl_FragData[0] = vec4(1.0);
+  if (d >= 1.0) return;
+  Surfel s;
+  s.at = position(vec2(p), d);
+  s.pixel = vec2(p);
+  s.sight = parallel == 1 ? vec3(0.0, 0.0, 1.0) : -normalize(s.at);
+  vec2 g = slopes(p, d);
+  vec3 right = position(s.pixel + vec2(1.0, 0.0), d + g.x) - s.at;
+  vec3 up = position(s.pixel + vec2(0.0, 1.0), d + g.y) - s.at;
+  s.normal = normalize(cross(right, up));
+  float z = -s.at.z;
+  // What depths may be off by: numbers of 24 bits, and positions.
+  float grain = (planes.y - planes.x) * (parallel == 1 ? 1.0 : z * z / (planes.x * planes.y));
+  s.error = 1e-6 * z + 2.4e-7 * grain;
+  vec3 side = normalize(cross(abs(s.sight.y) < 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0), s.sight));
+  vec3 top = cross(s.sight, side);
+
+  int cell = (p.x & 3) * 4 + (p.y & 3);
+  float turn = float((cell * 7) & 15) / 16.0;
+  float jitter = (float((cell * 11 + 5) & 15) + 0.5) / 16.0, dither = (float((cell * 5) & 15) + 0.5) / 16.0;
+  float hidden = 0.0, whole = 0.0;
+  for (int k = 0; k < slices; ++k)
+  {
+    float a = PI * (float(k) + turn) / float(slices);
+    vec3 across = cos(a) * side + sin(a) * top;
+    // On the screen, in pixels for the radius.
+    vec2 way = parallel == 1 ? across.xy : (across.xy + s.at.xy * across.z / z) / z;
+    way *= radius / (lens.xy * ndc_step);
+    vec3 axis = cross(across, s.sight);
+    vec3 flat_normal = s.normal - axis * dot(s.normal, axis);
+    float size = length(flat_normal);
+    if (size < 1e-4) continue;
+    float n = sign(dot(across, flat_normal)) * acos(clamp(dot(flat_normal, s.sight) / size, -1.0, 1.0));
+    hidden += size * (covered(s, across, way, n, jitter, dither) + covered(s, -across, -way, -n, 1.0 - jitter, dither));
+    whole += size * (cos(n) + n * sin(n));
+  }
+  gl_FragData[0] = vec4(1.0 - hidden / max(whole, 1e-6));
+}
+
+//@apply
+uniform sampler2D color;
+uniform sampler2D found;
+uniform float strength;
+
+void main()
+{
+  begin();
+  ivec2 p = ivec2(uv * vec2(last + 1));
+  vec4 c = texelFetch(color, p, 0);
+  gl_FragData[0] = c;
+  float d = depth_at(p);
+  if (d >= 1.0) return;
+  vec2 g = slopes(p, d);
+  float z = away(d), sum = 0.0, weight = 0.0;
+  float tolerance = 3.0 * lens.y * ndc_step.y * (parallel == 1 ? 1.0 : z);
+  // Squares of 4 by 4 in every place: the rims of 5 by 5 count half.
+  for (int j = -2; j <= 2; ++j)
+    for (int i = -2; i <= 2; ++i)
+    {
+      ivec2 q = clamp(p + ivec2(i, j), ivec2(0), last);
+      float e = depth_at(q), w = (abs(i) == 2 ? 0.5 : 1.0) * (abs(j) == 2 ? 0.5 : 1.0);
+      float off = abs(away(e) - away(min(d + dot(g, vec2(q - p)), 1.0)));
+      w *= e < 1.0 ? max(1.0 - off / tolerance, 0.0) : 0.0;
+      w = q == p ? 1.0 : w;
+      sum += w * texelFetch(found, q, 0).r;
+      weight += w;
+    }
+  gl_FragData[0] = vec4(c.rgb * pow(max(sum / weight, 0.0), strength), c.a);
+}
