@@ -9,7 +9,6 @@ Inputs: depth of the window, 0 near to 1 far; lengths in world units, positions 
 //@common
 uniform sampler2D depth;
 uniform vec4 lens;    // x and y at distance 1, or anywhere if parallel: xy * ndc + zw
-uniform vec4 tile;    // part of the subplot: left, bottom, right, top
 uniform vec2 planes;
 uniform int parallel;
 
@@ -27,10 +26,15 @@ float away(float d)
     : planes.x * planes.y / (planes.y - d * (planes.y - planes.x));
 }
 
+vec2 at_one(vec2 p)
+{
+  return lens.xy * (ndc_step * (p + 0.5) - 1.0) + lens.zw;
+}
+
 vec3 position(vec2 p, float d)
 {
   float z = away(d);
-  vec2 xy = lens.xy * (2.0 * tile.xy - 1.0 + ndc_step * (p + 0.5)) + lens.zw;
+  vec2 xy = at_one(p);
   return vec3(parallel == 1 ? xy : xy * z, -z);
 }
 
@@ -39,7 +43,8 @@ vec3 position(vec2 p, float d)
 float slope(ivec2 p, ivec2 s, float d)
 {
   float a = depth_at(p - s), b = depth_at(p + s);
-  float before = abs(d - 2.0 * a + depth_at(p - 2 * s)), after = abs(d - 2.0 * b + depth_at(p + 2 * s));
+  float before = abs(d - 2.0 * a + depth_at(p - 2 * s));
+  float after = abs(d - 2.0 * b + depth_at(p + 2 * s));
   if (p.x < s.x || p.y < s.y) before = 1.0;
   if (any(greaterThan(p + s, last))) after = 1.0;
   before += 1e-9;
@@ -55,7 +60,7 @@ vec2 slopes(ivec2 p, float d)
 void begin()
 {
   last = textureSize(depth, 0) - 1;
-  ndc_step = 2.0 * (tile.zw - tile.xy) / vec2(last + 1);
+  ndc_step = 2.0 / vec2(last + 1);
 }
 
 //@search
@@ -65,6 +70,7 @@ uniform float radius;
 uniform float thickness;
 
 const float PI = 3.14159265;
+const float LEAP = 4.0;  // rise over run from one surface to another
 
 int ones(uint n)
 {
@@ -87,25 +93,32 @@ float measured(float h, float n)
 struct Surfel { vec3 at, sight, normal; vec2 pixel; float error; };
 
 // Sectors of one side that are covered, weighted. n: angle of the normal towards that side.
-float covered(Surfel s, vec3 across, vec2 way, float n, float jitter, float dither)
+float covered(Surfel s, vec2 way, float n, float jitter, float dither)
 {
   float rim = 0.5 * PI + n, whole = measured(rim, n), sum = 0.0;
-  float reach = length(way);
+  float reach = max(length(way), 1e-3);
+  vec3 before = vec3(0.0);
   uint taken = 0u;
   for (int k = 0; k < steps; ++k)
   {
+    // Ever wider steps, of a pixel or more.
     float share = (float(k) + jitter) / float(steps);
-    vec2 o = way * max(share * share, (float(k) + 1.0) / max(reach, 1.0));
+    vec2 o = way * max(share * share, float(k + 1) / reach);
     ivec2 q = ivec2(floor(s.pixel + 0.5 + o));
-    if (any(lessThan(q, ivec2(0))) || any(greaterThan(q, last))) break;
-    if (share * share * reach < float(k) && float(k) > reach) break;
+    if (float(k) > reach || any(lessThan(q, ivec2(0))) || any(greaterThan(q, last))) break;
     float d = depth_at(q);
     if (d >= 1.0) continue;
     vec3 to = position(vec2(q), d), v = to - s.at;
-    float far = length(v), weight = 1.0 - far * far / (radius * radius);
-    if (weight <= 0.0 || dot(v, s.normal) < s.error) continue;
+    vec3 gap = v - before;
+    float far = length(v), rise = dot(gap, s.sight);
+    bool leap = rise > LEAP * length(gap - rise * s.sight);
+    // What is between two samples of one surface is as far as either.
+    float between = leap ? far : 0.5 * (far + min(length(before), radius));
+    float weight = 1.0 - between * between / (radius * radius);
+    before = v;
+    if (far >= radius || dot(v, s.normal) < s.error) continue;
     // Its back, along its own line of sight.
-    float deep = thickness + 2.0 * length(o) / reach * radius * (2.0 / float(steps));
+    float deep = leap ? thickness : thickness + max(rise, 0.0);
     vec3 w = v + (parallel == 1 ? vec3(0.0, 0.0, -deep) : to * (deep / length(to)));
     vec2 h = acos(clamp(vec2(dot(v, s.sight) / far, dot(w, s.sight) / length(w)), -1.0, 1.0));
     h = min(h, rim);
@@ -137,12 +150,16 @@ void main()
   // What depths may be off by: numbers of 24 bits, and positions.
   float grain = (planes.y - planes.x) * (parallel == 1 ? 1.0 : z * z / (planes.x * planes.y));
   s.error = 1e-6 * z + 2.4e-7 * grain;
-  vec3 side = normalize(cross(abs(s.sight.y) < 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0), s.sight));
+  vec3 beside = abs(s.sight.y) < 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0);
+  vec3 side = normalize(cross(beside, s.sight));
   vec3 top = cross(s.sight, side);
 
-  int cell = (p.x & 3) * 4 + (p.y & 3);
+  // Counted from the axis of the view: tiles of large screenshots turn as the whole.
+  ivec2 place = ivec2(floor(at_one(s.pixel) / (lens.xy * ndc_step) + 0.25)) & 3;
+  int cell = 4 * place.x + place.y;
   float turn = float((cell * 7) & 15) / 16.0;
-  float jitter = (float((cell * 11 + 5) & 15) + 0.5) / 16.0, dither = (float((cell * 5) & 15) + 0.5) / 16.0;
+  float jitter = (float((cell * 11 + 5) & 15) + 0.5) / 16.0;
+  float dither = (float((cell * 5) & 15) + 0.5) / 16.0;
   float hidden = 0.0, whole = 0.0;
   for (int k = 0; k < slices; ++k)
   {
@@ -155,8 +172,10 @@ void main()
     vec3 flat_normal = s.normal - axis * dot(s.normal, axis);
     float size = length(flat_normal);
     if (size < 1e-4) continue;
-    float n = sign(dot(across, flat_normal)) * acos(clamp(dot(flat_normal, s.sight) / size, -1.0, 1.0));
-    hidden += size * (covered(s, across, way, n, jitter, dither) + covered(s, -across, -way, -n, 1.0 - jitter, dither));
+    float n = sign(dot(across, flat_normal))
+      * acos(clamp(dot(flat_normal, s.sight) / size, -1.0, 1.0));
+    hidden += size * (covered(s, way, n, jitter, dither)
+      + covered(s, -way, -n, 1.0 - jitter, dither));
     whole += size * (cos(n) + n * sin(n));
   }
   gl_FragData[0] = vec4(1.0 - hidden / max(whole, 1e-6));

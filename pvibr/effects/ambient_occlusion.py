@@ -10,7 +10,7 @@ from pvibr.gl import Quad, Target, release, shader_source
 from pvibr.gl.feature import sections
 
 _STEPS = 8  # on either side of a pixel along a slice
-_RADIUS = 0.1  # default, over the diagonal of the scene
+_RADIUS = 0.05  # default, over the diagonal of the scene
 
 
 class AmbientOcclusion(Effect):
@@ -24,8 +24,8 @@ class AmbientOcclusion(Effect):
     Parameters
     ----------
     radius : float, optional
-        Distance within which surfaces block light, world units; by default a tenth of the
-        diagonal of what is in the scene.
+        Distance within which surfaces block light, world units; by default a twentieth of
+        the diagonal of what is in the scene.
     **settings
         Values of the class's settings.
 
@@ -50,7 +50,7 @@ class AmbientOcclusion(Effect):
 
     radius = Param(
         None,
-        'Distance within which surfaces block light; a tenth of the scene by default.',
+        'Distance within which surfaces block light; a twentieth of the scene by default.',
         range='(0, inf)',
         unit='world',
         kind=float,
@@ -73,7 +73,7 @@ class AmbientOcclusion(Effect):
     @classmethod
     def sample(cls, actors):
         """Return an instance that shows."""
-        return cls(1.0, strength=4.0)
+        return cls(0.15, strength=3.0)
 
     def reach(self, frame) -> float:
         """Return the radius at the near plane, where it is widest, in pixels."""
@@ -88,7 +88,6 @@ class AmbientOcclusion(Effect):
         across = 1 / np.diag(clip)[:2]
         view = {
             'lens': (*across, *(across * shift)),
-            'tile': frame.tile,
             'planes': (frame.near, frame.far),
             'parallel': int(frame.parallel),
         }
