@@ -73,7 +73,7 @@ class AmbientOcclusion(Effect):
     @classmethod
     def sample(cls, actors):
         """Return an instance that shows."""
-        return cls(0.15, strength=3.0)
+        return cls(0.15, strength=4.0)
 
     def reach(self, frame) -> float:
         """Return the radius at the near plane, where it is widest, in pixels."""
