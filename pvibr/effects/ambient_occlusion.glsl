@@ -84,10 +84,13 @@ uint first(int n)
   return n >= 32 ? 0xFFFFFFFFu : (1u << uint(n)) - 1u;
 }
 
-// Measure from the line of sight to the angle h; the normal's is n.
-float measured(float h, float n)
+// Measures from the line of sight to two angles of these cosines. side: cosine and sine of the
+// normal's angle, angle of the rim.
+vec2 measured(vec2 cosines, vec3 side)
 {
-  return 0.25 * (cos(n) - cos(2.0 * h - n) + 2.0 * h * sin(n));
+  vec2 c = clamp(cosines, -1.0, 1.0), s = sqrt(1.0 - c * c), h = acos(c);
+  vec2 m = 0.5 * (side.x * s * s + side.y * (h - s * c));
+  return mix(m, vec2(0.5 * (side.x + side.y * side.z)), greaterThan(h, side.zz));
 }
 
 struct Surfel { vec3 at, sight, normal; vec2 pixel; float error; };
@@ -95,7 +98,8 @@ struct Surfel { vec3 at, sight, normal; vec2 pixel; float error; };
 // Sectors of one side that are covered, weighted. n: angle of the normal towards that side.
 float covered(Surfel s, vec2 way, float n, float jitter, float dither)
 {
-  float rim = 0.5 * PI + n, whole = measured(rim, n), sum = 0.0;
+  vec3 side = vec3(cos(n), sin(n), 0.5 * PI + n);
+  float whole = max(0.5 * (side.x + side.y * side.z), 1e-6), sum = 0.0;
   float reach = max(length(way), 1e-3);
   vec3 before = vec3(0.0);
   uint taken = 0u;
@@ -120,9 +124,8 @@ float covered(Surfel s, vec2 way, float n, float jitter, float dither)
     // Its back, along its own line of sight.
     float deep = leap ? thickness : thickness + max(rise, 0.0);
     vec3 w = v + (parallel == 1 ? vec3(0.0, 0.0, -deep) : to * (deep / length(to)));
-    vec2 h = acos(clamp(vec2(dot(v, s.sight) / far, dot(w, s.sight) / length(w)), -1.0, 1.0));
-    h = min(h, rim);
-    ivec2 sector = ivec2(floor(32.0 * vec2(measured(h.x, n), measured(h.y, n)) / whole + dither));
+    vec2 ends = vec2(dot(v, s.sight), dot(w, s.sight)) / vec2(far, length(w));
+    ivec2 sector = ivec2(floor(32.0 * measured(ends, side) / whole + dither));
     sector = clamp(sector, 0, 32);
     uint cover = first(sector.y) & ~first(sector.x) & ~taken;
     taken |= cover;

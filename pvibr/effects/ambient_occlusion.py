@@ -9,7 +9,7 @@ from pvibr.core.params import Param
 from pvibr.gl import Quad, Target, release, shader_source
 from pvibr.gl.feature import sections
 
-_STEPS = 8  # on either side of a pixel along a slice
+_STEPS = 16  # on either side of a pixel along a slice
 _RADIUS = 0.05  # default, over the diagonal of the scene
 
 
@@ -45,7 +45,7 @@ class AmbientOcclusion(Effect):
     presets = {
         'subtle': {'strength': 0.6},
         'strong': {'strength': 2.0},
-        'fast': {'samples': 16},
+        'fast': {'samples': 32},
     }
 
     radius = Param(
@@ -63,7 +63,7 @@ class AmbientOcclusion(Effect):
         unit='world',
         kind=float,
     )
-    samples = Param(32, 'Samples per pixel.', range='[16, 512]')
+    samples = Param(64, 'Samples per pixel.', range='[32, 512]')
 
     def __init__(self, radius=None, **settings):
         super().__init__(radius=radius, **settings)
@@ -117,7 +117,7 @@ class AmbientOcclusion(Effect):
             }
         if self._found is None or (self._found.width, self._found.height) != size:
             release(self._found)
-            self._found = Target(window, *size, ('r32f',), filter='nearest')
+            self._found = Target(window, size[0], size[1], ('r32f',), filter='nearest')
 
     def release(self):
         """Free GPU memory; the context is current."""

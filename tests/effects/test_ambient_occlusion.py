@@ -207,7 +207,8 @@ def test_screenshots_in_tiles_are_those_of_a_larger_window():
     visibility(pl, 0.2)
     large, _ = visibility(some_balls(size=(320, 240)), 0.2)
     differ = off(pl.ibr.screenshot(scale=2).astype(int), np.rint(255 * large)[..., None])
-    assert differ.max() <= 2
+    assert differ.max() <= 4
+    assert (differ > 2).mean() < 1e-3
 
 
 def test_by_default_it_is_the_same_at_any_scale():
