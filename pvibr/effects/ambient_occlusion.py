@@ -82,7 +82,7 @@ class AmbientOcclusion(Effect):
 
     def render(self, frame, picture):
         """Darken the picture."""
-        self._allocate(frame.window, picture.size)
+        found = self._allocate(frame.window, picture.size)
         clip = frame.clip_from_view
         shift = -clip[:2, 3] if frame.parallel else clip[:2, 2]
         across = 1 / np.diag(clip)[:2]
@@ -99,15 +99,15 @@ class AmbientOcclusion(Effect):
             'thickness': float(radius if self.thickness is None else self.thickness),
         }
         depth = {'depth': picture.depth}
-        self._found.draw(self._quads['search'], view | search, depth)
-        scene = {'color': picture.color, 'found': self._found.colors[0]} | depth
+        found.draw(self._quads['search'], view | search, depth)
+        scene = {'color': picture.color, 'found': found.colors[0]} | depth
         with picture.drawing():
             self._quads['apply'].draw(view | {'strength': self.strength}, scene)
 
     def _radius(self, frame) -> float:
         return _RADIUS * frame.scene_size if self.radius is None else self.radius
 
-    def _allocate(self, window, size):
+    def _allocate(self, window, size) -> Target:
         if not self._quads:
             texts = sections(shader_source(__file__))
             common = texts.pop('common')
@@ -118,6 +118,7 @@ class AmbientOcclusion(Effect):
         if self._found is None or (self._found.width, self._found.height) != size:
             release(self._found)
             self._found = Target(window, size[0], size[1], ('r32f',), filter='nearest')
+        return self._found
 
     def release(self):
         """Free GPU memory; the context is current."""
