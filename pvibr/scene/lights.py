@@ -238,6 +238,17 @@ def _box(axes, bounds, edge, square) -> View:
     return orthographic(axes, middle - half, middle + half)
 
 
+def texels_per_pixel(views, resolution, frame, bounds) -> float:
+    """Return how many texels of the finest view a pixel spans where casters may be nearest."""
+    place, _ = _seen(frame, bounds)
+    found = 0.0
+    for view in views:
+        at = view.texture_from_world() @ [*place, 1.0]
+        if at[3] > 0 and np.abs(at[:2] / at[3] - 0.5).max() <= 0.5:
+            found = max(found, resolution * view.clip_from_view[0, 0] / (2 * at[3]))
+    return _pixel(frame, bounds) * found
+
+
 def _pixel(frame, bounds) -> float:
     """Return the size of the smallest pixel on a caster, world units."""
     if frame.parallel:

@@ -11,7 +11,7 @@ from pvibr.gl import release
 from pvibr.gl.feature import DITHER, declared_samplers
 from pvibr.maths.kernels import vogel_disk
 from pvibr.scene.depth_view import DepthView, receiver_shader
-from pvibr.scene.lights import SceneLight, light_views
+from pvibr.scene.lights import SceneLight, light_views, texels_per_pixel
 from pvibr.shadows.moments import KINDS, WARP, Moments
 from pvibr.shadows.nearest import STEP, Nearest
 
@@ -32,6 +32,7 @@ class LightMaps:
         self.moments: Any = None
         self.nearest: Any = None
         self.views: list = []
+        self._told_by: Any = None  # the last frame, and the bounds of its casters
         self._cascades: list = []  # around the eye, as many as ever were wanted
         self._released = 0
 
@@ -70,6 +71,7 @@ class LightMaps:
         new = old is None or (len(old.views), bool(old.veils)) != (len(self.views), veiled)
         if new:
             self._make(veiled)
+        self._told_by = frame, bounds
         drawn = self.view.update(frame, self.views, casters, faces=self.owner.faces)
         for k in range(len(self.views)) if new else drawn:
             if self.moments is not None:
@@ -83,9 +85,10 @@ class LightMaps:
         compare, views = filter_of(self.owner)[0] == 'pcf', len(self.views)
         view = DepthView(self.drawer, views, wanted, compare=compare, veiled=veiled)
         if view.resolution < wanted:
+            needed = view.nbytes * (wanted / view.resolution) ** 2 / 2**20
             msg = (
-                f'resolution = {wanted}: the driver has room for {view.resolution} '
-                f'texels along a side of each of {views} views'
+                f'resolution = {wanted}: {views} views take {needed:.0f} MiB, and the driver has '
+                f'room for {view.resolution} texels along a side of each'
             )
             warn(msg)
         if old is not None and not (veiled or old.veils) and old.resolution == view.resolution:
@@ -94,6 +97,11 @@ class LightMaps:
         self.view = view
         self.moments = Moments(view, method) if method in KINDS else None
         self.nearest = Nearest(view) if method == 'pcss' else None
+
+    @property
+    def texels_per_pixel(self) -> float:
+        """How many texels a pixel spans in the last frame, where casters may be nearest."""
+        return texels_per_pixel(self.views, self.view.resolution, *self._told_by)
 
     def signature(self):
         """Return what the shader of receivers depends on."""

@@ -363,8 +363,9 @@ class Shadows(Effect):
         return heads + units + ['volume' for _ in volumes]
 
     def report(self) -> dict:
-        """Return bytes, views drawn so far, and what casts no shadow."""
-        views = [m.view for m in self._lights if m.view is not None]
+        """Return bytes, texels, views drawn so far, and what casts no shadow."""
+        lit = [m for m in self._lights if m.view is not None]
+        views = [m.view for m in lit]
         dark = {'no shadows from': self._without()}
         if self._volumes is not None:
             return (
@@ -381,6 +382,7 @@ class Shadows(Effect):
             'lights': len(views),
             'views': sum(len(v.views) for v in views),
             'texels': min((v.resolution for v in views), default=0),
+            'texels per pixel': round(min((m.texels_per_pixel for m in lit), default=0.0), 3),
             'views drawn': self._drawn + sum(m.bakes for m in self._lights),
             'receivers': len(self._attached),
         } | dark

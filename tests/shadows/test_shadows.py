@@ -729,6 +729,6 @@ def test_fewer_texels_than_asked_are_told(monkeypatch):
     monkeypatch.setattr('pvibr.scene.depth_view.texture_limit', lambda _window: 512)
     scene = Scene()
     shadows = scene.pl.ibr.add(pvibr.Shadows(resolution=1024))
-    with pytest.warns(PvibrWarning, match='resolution = 1024'):
+    with pytest.warns(PvibrWarning, match='resolution = 1024: 1 views take 4 MiB'):
         scene.draw()
     assert shadows.report()['texels'] <= 512

@@ -139,3 +139,24 @@ def test_actors_come_go_and_change_their_shape():
         now = land.drawn()
         assert now - before == expected
         before = now
+
+
+@pytest.mark.parametrize('kind', PLACES)
+def test_texels_per_pixel_are_those_of_a_step_on_the_ground(kind):
+    land = Land(kind)
+    land.look(5.0)
+    land.drawn()
+    camera, views = land.pl.camera, land.shadows.views_of(land.lamp)
+    eye = np.array(camera.position)
+    away = eye[2]  # nothing is nearer than the ground below
+    place = eye + away * np.array(camera.direction)
+    pixel = 2 * away * np.tan(np.radians(camera.view_angle / 2)) / 72
+    finest = 0.0
+    for view in views:
+        ends = [[*place, 1.0], [*(place + 1e-3 * view.view_from_world[0, :3]), 1.0]]
+        ends = np.array(ends) @ view.texture_from_world().T
+        at = ends[:, :2] / ends[:, 3:]
+        if ends[0, 3] > 0 and np.abs(at[0] - 0.5).max() < 0.5:
+            finest = max(finest, 256 * np.linalg.norm(at[1] - at[0]) / 1e-3)
+    found = land.shadows.report()['texels per pixel']
+    assert found == pytest.approx(pixel * finest, rel=0.02)
