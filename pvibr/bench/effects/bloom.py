@@ -26,6 +26,7 @@ SETTINGS: tuple[dict, ...] = (
     {'chain': 'tent', 'downsample': 4},
     {'chain': 'tent', 'downsample': 16},
 )
+_THRESHOLD = 0.8  # some of the picture is brighter
 _BLUR_ALONE = {'threshold': 0.0, 'operator': 'keep', 'spread': 1.0, 'debug': 'blur'}
 
 
@@ -34,7 +35,7 @@ def measure(settings, results):
     size, rounds = settings.screen, settings.rounds
     with hidden_window() as (window, _):
         stand = Stand(window, _squares(size))
-        bloom, dark = _Staged(), Bloom(threshold=2.0)
+        bloom, dark = _Staged(_THRESHOLD), Bloom(2.0)
         whole = {'bloom': partial(bloom.render, stand, stand)}
         whole['dark'] = partial(dark.render, stand, stand)
         times, copy_ms = in_copies(stand, whole, rounds)
@@ -57,7 +58,7 @@ class _Staged(Bloom):
     def stages(self, stand) -> dict:
         """Return what draws each stage of a picture that the bloom was drawn on."""
         self.render(stand, stand)
-        side = self.downsample // 2
+        side = self._side
         blur = self._ready(stand, stand.size, side)
         return {
             'bright pass': partial(self._draw_source, stand, stand, blur.source, side),
@@ -73,7 +74,7 @@ def _errors(size, rounds, results):
     found = results.points['bloom'] = []
     with hidden_window() as (window, _):
         timed, seen = Stand(window, _squares(size)), Stand(window, picture)
-        blooms = [Bloom(**one) for one in SETTINGS]
+        blooms = [Bloom(_THRESHOLD, **one) for one in SETTINGS]
         jobs = {i: partial(b.render, timed, timed) for i, b in enumerate(blooms)}
         copies, _ = in_copies(timed, jobs, rounds)
         for i, (one, bloom) in enumerate(zip(SETTINGS, blooms, strict=True)):
