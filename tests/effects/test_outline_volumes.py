@@ -75,7 +75,9 @@ def test_volumes_hide_lines_as_they_hide_what_has_them(option):
     assert through[lined].min() < 0.4
     error = np.abs(on - expected)
     assert error[lined].max() <= (48 if option == 'ssaa' else 14)
-    assert np.abs(on - off)[through.min(2) < 0.02].max(initial=0) <= 6
+    # Antialiased, on is apart from off at steep edges of the fog itself.
+    clear = 20 if option == 'ssaa' else 6
+    assert np.abs(on - off)[through.min(2) < 0.02].max(initial=0) <= clear
 
 
 def test_lines_before_a_volume_are_whole():
