@@ -1,7 +1,8 @@
 A thin lens on a picture with depth. The picture is read at half size; each texel gathers, over a
 spiral of looks, what the lens spreads over it: what lies before the plane in focus as a layer of
 its own that covers, what lies behind it as far as nothing nearer hides it. At full size both
-layers are laid over each other, and what is in focus stays as it was, to the bit.
+layers are laid over each other; circles of up to two pixels are gathered there, since half size
+would make combs of their edges, and what is in focus stays as it was, to the bit.
 
 The circle of confusion of a thin lens, as Potmesil and Chakravarty, "A lens and aperture camera
 model for synthetic image generation", SIGGRAPH 1981, has it, is linear in the depth buffer's
@@ -42,7 +43,7 @@ void main()
     weight += w;
   }
   gl_FragData[0] = sum / weight;
-  gl_FragData[1] = vec4(circle / weight);
+  gl_FragData[1] = vec4(circle / weight, 0.25 * weight, 0.0, 0.0);
 }
 //@tile
 uniform sampler2D circle;
@@ -81,7 +82,7 @@ uniform sampler2D circle;  // half size
 uniform sampler2D tiles;
 uniform int samples;
 
-float before(float c) { return smoothstep(0.25, 0.75, -c); }
+float before(float c) { return smoothstep(1.0, 1.5, -c); }
 
 // How many looks a circle takes: about two for each texel in it, and eight.
 int looks_in(float radius)
@@ -96,7 +97,7 @@ void main()
   vec4 own = texelFetch(color, at, 0);
   float c = texelFetch(circle, at, 0).r;
   float wide = texelFetch(tiles, at / 8, 0).r;
-  bool hides = c < -0.25;
+  bool hides = c < -1.0;
   // Neighbours look along another turn of the spiral: four of them, mixed, are one of four times
   // as many looks.
   float turn = 0.6 * float((at.x & 1) + 2 * (at.y & 1));
@@ -108,7 +109,7 @@ void main()
   vec4 same = hides ? vec4(0.0) : own * 1e-3, front = vec4(0.0);
   float weight = hides ? 0.0 : 1e-3, cover = 0.0;
   // Loops without a turn, and not branches: what is in those some drivers do for everybody.
-  int looks = looks_in(radius);
+  int looks = hides || c > 0.75 ? looks_in(radius) : 0;
   vec2 ray = start;
   float count = float(max(looks, 1)), area = radius * radius / count;
   for (int i = 0; i < looks; i++)
@@ -137,7 +138,7 @@ void main()
   // -- before: each spreads over its circle, and covers ------------------------------------------
   vec4 near = vec4(0.0);
   float covered = 0.0;
-  looks = looks_in(wide);
+  looks = wide > 1.0 ? looks_in(wide) : 0;
   count = float(max(looks, 1));
   wide += 0.5;  // circles end softly
   ray = start;
@@ -147,9 +148,9 @@ void main()
     float r = wide * sqrt((float(i) + 0.5) / count);
     ivec2 to = clamp(at + ivec2(floor(ray * r + 0.5)), ivec2(0), most);
     ray = golden * ray;
-    float theirs = texelFetch(circle, to, 0).r;
-    float spread = max(-theirs, 0.5);
-    float w = before(theirs) * area / (spread * spread) * clamp(spread - r + 0.5, 0.0, 1.0);
+    vec2 both = texelFetch(circle, to, 0).rg;
+    float theirs = both.r, spread = max(-theirs, 0.5);
+    float w = both.g * before(theirs) * area / (spread * spread) * clamp(spread - r + 0.5, 0.0, 1.0);
     near += w * texelFetch(color, to, 0);
     covered += w;
   }
@@ -192,6 +193,38 @@ vec4 upsampled(vec2 at, float c, bool wanted)
   return sum / weight;
 }
 
+// What a NaN would spread is black.
+vec4 finite(vec4 c)
+{
+  c.rgb = mix(c.rgb, vec3(0.0), isnan(c.rgb));
+  return vec4(clamp(c.rgb, 0.0, 60000.0), c.a);
+}
+
+const ivec2 BESIDE[12] = ivec2[](ivec2(1, 0), ivec2(0, 1), ivec2(-1, 0), ivec2(0, -1),
+  ivec2(1, 1), ivec2(-1, 1), ivec2(-1, -1), ivec2(1, -1),
+  ivec2(2, 0), ivec2(0, 2), ivec2(-2, 0), ivec2(0, -2));
+
+// What circles of up to two pixels make, at full size.
+vec4 fine(ivec2 at, vec4 own, float c, bool wanted)
+{
+  ivec2 most = textureSize(depth, 0) - 1;
+  float radius = 2.0 * abs(c), weight = 1.0 / max(3.14159 * radius * radius, 1.0);
+  vec4 sum = own * weight;
+  int looks = wanted ? 12 : 0;
+  for (int i = 0; i < looks; i++)
+  {
+    ivec2 to = clamp(at + BESIDE[i], ivec2(0), most);
+    float theirs = clamp(lens.x + lens.y * texelFetch(depth, to, 0).r, -lens.z, lens.z);
+    // What lies behind spreads no farther over this than this does.
+    float r = 2.0 * abs(theirs), away = length(vec2(BESIDE[i]));
+    r = theirs > c + 0.1 ? min(r, radius) : r;
+    float w = clamp(r - away + 0.5, 0.0, 1.0) / max(3.14159 * r * r, 1.0);
+    sum += w * finite(texelFetch(color, to, 0));
+    weight += w;
+  }
+  return sum / weight;
+}
+
 void main()
 {
   vec2 place = uv * vec2(textureSize(depth, 0));  // as gl_FragCoord is
@@ -200,7 +233,8 @@ void main()
   float c = clamp(lens.x + lens.y * texelFetch(depth, pixel, 0).r, -lens.z, lens.z);
   vec2 half_uv = place * 0.5 / vec2(textureSize(circle, 0));
   float covered = texture(cover, half_uv).r;
-  float blurred = smoothstep(0.25, 0.75, abs(c));
+  float blurred = smoothstep(1.0, 1.5, abs(c));
+  if (abs(c) > 0.02) sharp = fine(pixel, finite(sharp), c, abs(c) < 1.5);
   vec4 soft = upsampled(place * 0.5 - 0.5, c, blurred > 0.0), found = sharp;
   if (blurred > 0.0) found = blurred < 1.0 ? mix(sharp, soft, blurred) : soft;
   if (stage == 3) covered = 0.0;

@@ -227,7 +227,7 @@ class DepthOfField(Effect):
         tile = [-(-s // _TILE) for s in half]
         whole = 'rgba16f'
         self._targets = {
-            'small': _target(window, half, (whole, 'r32f'), 'nearest'),
+            'small': _target(window, half, (whole, 'rg32f'), 'nearest'),
             'tiles': _target(window, tile, ('r32f',), 'nearest'),
             'spread': _target(window, tile, ('r32f',), 'nearest'),
             'layers': _target(window, half, (whole, whole, 'r32f'), 'linear'),

@@ -30,7 +30,7 @@ def measure(settings, results):
                 point = {'radius': radius, 'samples': count, 'ms': ms, 'psnr': error}
                 found.append(point | {'psnr_off': psnr(off, reference)})
                 name = f'depth of field, radius {radius:g}, {count} samples'
-                bar = 32 if count == max(settings.samples) else None
+                bar = 42 if count == max(settings.samples) else None
                 yield Row(f'{name}: PSNR', error, 'dB', bar, at_least=True)
                 yield Row(f'{name}: time', ms, 'ms')
 
