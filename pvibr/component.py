@@ -17,6 +17,7 @@ from pvibr.core.signatures import accepts
 from pvibr.export.facade import ExportFacade
 from pvibr.export.web_report import Watch
 from pvibr.pipeline import Pipeline
+from pvibr.scene.mesh_widgets import refuse_things
 from pvibr.scene.scalar_bars import Bar
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         self._buffer_objects: list = []
         self._at_close: list = []
         self._last_report = Report([])
+        refuse_things(plotter)
 
     def __repr__(self) -> str:
         if self._is_closed:

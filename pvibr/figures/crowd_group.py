@@ -66,7 +66,7 @@ class CrowdGroup(InstanceGroup):
         self._posed: dict = {}
         super().__init__(*args)
 
-    def _near_meshes(self):
+    def _near_meshes(self, _translucent):
         return _PosedMeshes(self.levels, self.state)
 
     def tight_bounds(self) -> tuple:

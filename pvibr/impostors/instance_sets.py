@@ -55,7 +55,8 @@ class InstanceSet:
         for number, group in enumerate(thing.groups):
             blocks = [block for block in self.blocks if block.number == number]
             why = next(
-                (w for p in group.levels[0].parts if (w := ineligibility(p.actor, relit=True))), ''
+                (w for p in group.levels[0].parts if (w := ineligibility(p.actor, relit=True))),
+                'translucent' if thing.is_translucent else '',
             )
             fields = _placed(group, self.per)
             cells = sum(part.mesh.n_cells for part in group.levels[-1].parts)

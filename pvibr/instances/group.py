@@ -55,14 +55,14 @@ def unit_of(count) -> int:
 class InstanceGroup:
     """Instances of one mesh."""
 
-    def __init__(self, model, binder, unit, capacity, draws=None):
+    def __init__(self, model, binder, unit, capacity, draws=None, *, translucent=False):
         self.model, self.levels, self.atlas = model, model.levels, model.atlas
         self.unit, self.poses = unit, np.zeros((0, 3))
         self.placement = Placement(self.atlas, unit)
         self._prop = _card_property(self.levels[0].parts)
         self.cards = Cards(self.atlas, capacity, unit, draws, self._prop, binder)
         self.cards.uniforms['ibr_paint'] = model.paint
-        self.near = self._near_meshes()
+        self.near = self._near_meshes(translucent)
         self.near.draw_many(capacity, self.atlas.center, binder)
         self.looks: np.ndarray | None = None
         self.counts: dict[str, int] = {}
@@ -121,8 +121,8 @@ class InstanceGroup:
         self.seen = np.zeros(0, int)
         self.near.lend_anew(self)
 
-    def _near_meshes(self) -> NearMeshes:
-        return NearMeshes(self.levels)
+    def _near_meshes(self, translucent) -> NearMeshes:
+        return NearMeshes(self.levels, translucent)
 
     def parts(self, slot) -> list:
         """Return the meshes of an instance for ray casting, as Parts in model coordinates."""

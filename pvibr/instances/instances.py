@@ -62,8 +62,9 @@ class Instances(BakedSet):
     scalars : array_like, shape (n,), or str, optional
         Values per instance, coloured by `cmap`; a name selects an array of the points, or else
         one of the mesh, as in ``add_mesh``.
-    colors : array_like, shape (n, 3), optional
-        Colours per instance, uint8 or float.
+    colors : array_like, shape (n, 3) or (n, 4), optional
+        Colours per instance, uint8 or float. Where an alpha is below 1, the set is drawn as
+        meshes at every size.
     blend : {'replace', 'multiply'}
         How colours of instances combine with those of the mesh.
     cmap, clim : optional
@@ -127,6 +128,8 @@ class Instances(BakedSet):
     _force_level: str | dict | None = None
     #: Whether near meshes have an actor each, as their shaders failed.
     _singly = False
+    #: What cuts it off, a vtkPlaneCollection.
+    _planes = None
     _samples = 1  # per pixel, of the last frame
 
     max_error = Param(
@@ -200,7 +203,7 @@ class Instances(BakedSet):
         self._blend = checked_blend(blend)
         self._table_options = {k: asked[k] for k in TABLE_OPTIONS if k in asked}
         if colors is not None:
-            look.as_colors(colors, count)
+            self._as_colors(colors, count)
         if scalars is not None and not isinstance(scalars, str):
             for name in OF_MESH_SCALARS.keys() & asked.keys():
                 why = OF_MESH_SCALARS[name]
@@ -212,11 +215,20 @@ class Instances(BakedSet):
             asked = {'scalars': scalars, **asked}
         return {k: v for k, v in asked.items() if v is not None}
 
+    def _as_colors(self, colors, count=None):
+        return look.as_rgba(colors, len(self) if count is None else count)
+
     def _group(self, *args):
         group = super()._group(*args)
-        if self._singly:
+        if self._singly or self._planes is not None:
             group.near.draw_singly()
+        group.near.clip(self._planes)
         return group
+
+    def set_clipping_planes(self, planes):
+        """Cut it off by a vtkPlaneCollection: an actor for each is drawn."""
+        self._planes = planes if planes is not None and planes.GetNumberOfItems() else None
+        self._rebuild()
 
     def _paint(self, scalars, colors):
         if scalars is not None and not isinstance(scalars, str):
@@ -243,7 +255,7 @@ class Instances(BakedSet):
         return [self._limits(group.model, self._samples) for group in self.groups]
 
     def _limits_in(self, frame) -> list[Limits]:
-        if frame.depth_map and not self._forced and not self._failure:
+        if frame.depth_map and not self._forced and not self._needs_meshes:
             low, high = sorted(frame.pixel_scales)
             return [k.model.cast_limits(self.max_error, high / low) for k in self.groups]
         if frame.own:
@@ -251,9 +263,14 @@ class Instances(BakedSet):
         found = [self._limits(k.model, frame.samples) for k in self.groups]
         return [limits.coarser(frame.quality) for limits in found]
 
+    @property
+    def _needs_meshes(self) -> bool:
+        """Whether all are drawn as meshes, whatever images there are."""
+        return bool(self._failure) or self.is_translucent or self._planes is not None
+
     def _limits(self, model, samples) -> Limits:
         count = len(model.levels)
-        if self._failure or not model.atlas.errors:
+        if self._needs_meshes or not model.atlas.errors:
             return limits_of({}, count, 1)
         if self._forced:
             return forced_limits(self._forced, count)

@@ -9,14 +9,14 @@
 //@vertex.declare
 uniform sampler2D ibr_entries;    // of what is drawn: centre in eye space, slot and share
 uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
-uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as it is, 255 coloured
+uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as it is, 129 to 255 coloured
 uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
 uniform int ibr_has_looks;
 uniform vec4 ibr_tint;            // for all that a program draws, where alpha is 1
 uniform float ibr_radius;         // bounding sphere, model units
 uniform mat3 ibr_eye_from_world;
 uniform mat4 ibr_clip_from_eye;
-flat out vec3 ibr_known;          // packed colour, share of its pixels, distance it may be off
+flat out vec4 ibr_known;          // packed colour, share of its pixels, distance it may be off, alpha
 #if CELL_NORMALS
 flat out mat3 ibr_eye_normal;
 #endif
@@ -50,7 +50,7 @@ mat3 ibr_normal_matrix;
     // Of its pixels, while it takes over from a card; nothing behind the slot is all.
     float share = fract(known.w) > 0.0 ? fract(known.w) : 1.0;
     float color = dot(floor(look.rgb * 255.0 + 0.5), vec3(1.0, 256.0, 65536.0));
-    ibr_known = vec3(look.a > 0.75 ? color : -1.0, share, 0.02 * stretch);
+    ibr_known = vec4(look.a > 0.504 ? color : -1.0, share, 0.02 * stretch, look.a);
     ibr_vertex = vec4(known.xyz + eye_from_model * (vertexMC.xyz / SHRUNK), 1.0);
     // Outside of any view: all corners of a triangle at one place.
     if (entry >= ibr_end || look.a < 0.25) { ibr_vertex.xyz = vec3(1e18); }
@@ -77,7 +77,7 @@ mat3 ibr_normal_matrix;
 //@fragment.declare
 uniform int ibr_multiply;         // instance colours multiply those of the mesh
 uniform float ibr_cutoff;
-flat in vec3 ibr_known;
+flat in vec4 ibr_known;
 #if CELL_NORMALS
 flat in mat3 ibr_eye_normal;
 #endif
@@ -85,7 +85,7 @@ vec4 ibr_unpacked()
 {
   vec3 color = floor(ibr_known.x * vec3(1.0, 1.0 / 256.0, 1.0 / 65536.0));
   color.xy -= 256.0 * color.yz;
-  return ibr_known.x < 0.0 ? vec4(0.0, 0.0, 0.0, 0.5) : vec4(color / 255.0, 1.0);
+  return ibr_known.x < 0.0 ? vec4(0.0, 0.0, 0.0, 0.5) : vec4(color / 255.0, ibr_known.w);
 }
 #define ibr_look ibr_unpacked()
 #define ibr_share ibr_known.y

@@ -25,14 +25,15 @@ _SHRUNK = 2.0**-60
 class MeshDraws:
     """The instances of one level of a group, in entries that all levels share."""
 
-    def __init__(self, level, capacity, center, matrix, binder):
-        self.level = level
-        self._parts = [PartDraws(p, capacity, center, matrix, binder) for p in level.parts]
+    def __init__(self, level, capacity, center, matrix, binder, translucent=False):
+        self.level, self._translucent = level, translucent
+        shared = capacity, center, matrix, binder, translucent
+        self._parts = [PartDraws(p, *shared) for p in level.parts]
 
     @property
     def blends(self) -> bool:
         """Whether any part is translucent."""
-        return any(p.actor.HasTranslucentPolygonalGeometry() for p in self.level.parts)
+        return self._translucent or any(p.actor.HasTranslucentPolygonalGeometry() for p in self.level.parts)
 
     @property
     def failure(self) -> str | None:
@@ -98,12 +99,13 @@ def _is_plain(actor):
 class PartDraws(ShaderDraws):
     """Draws of one part of a mesh, each of as many copies as its vertex buffer holds."""
 
-    def __init__(self, part, capacity, center, matrix, binder):
+    def __init__(self, part, capacity, center, matrix, binder, translucent):
         cells = max(part.mesh.n_cells, 1)
         triangles = min(max(_TRIANGLES, capacity * cells // 16), _MOST)
         chunk = max(1, min(capacity, triangles // cells))
         super().__init__(draws=0, chunk=chunk, binder=binder)
         self.part, self._center, self._matrix = part, center, matrix
+        self._translucent = translucent
         self.set_feature(_feature(part.mesh))
         self.tint: dict = {}
         self._half = np.zeros(3)
@@ -163,6 +165,7 @@ class PartDraws(ShaderDraws):
         actor.SetUserMatrix(self._matrix)
         actor.PickableOff()
         actor.UseBoundsOff()
+        actor.SetForceTranslucent(self._translucent)
         _feature(self.part.mesh).attach(actor)
         return actor
 

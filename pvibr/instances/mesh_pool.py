@@ -15,13 +15,15 @@ from pvibr.scene.shader_draws import DULL, PBR
 _LOOK = """  vec4 ibr_lit = gl_FragData[0];
 //VTK::TCoord::Impl
   if (IBR_DITHER >= ibr_share) discard;
-  if (gl_FragData[0].a < ibr_cutoff) discard;
+  if (gl_FragData[0].a < ibr_cutoff * ibr_alpha) discard;
   if (ibr_cutoff > 0.0) gl_FragData[0].a = ibr_lit.a;
-  if (ibr_look.a > 0.75 && ibr_multiply == 0) gl_FragData[0].rgb = ibr_lit.rgb;
+  if (ibr_look.a > 0.504 && ibr_multiply == 0) gl_FragData[0].rgb = ibr_lit.rgb;
 """
 _COLOR = """//VTK::Color::Impl
 #define IBR_BLUR ibr_blur
-  if (ibr_look.a > 0.75)
+  float ibr_alpha = ibr_look.a > 0.504 ? (ibr_look.a * 255.0 - 129.0) / 126.0 : 1.0;
+  opacity *= ibr_alpha;
+  if (ibr_look.a > 0.504)
   {
     vec3 base = ibr_look.rgb;
     if (ibr_multiply == 1) base *= diffuseColor / max(diffuseIntensity, 1e-6);
@@ -61,7 +63,8 @@ class MeshPool:
         self.lent: dict = {}  # by instance
         self.free: list = []
         self.radius = max(p.mesh.length for p in level.parts) / 2
-        self.multiply = False
+        self.multiply = self.translucent = False
+        self.planes = None
         self._tint: tuple | None = None
         self._faded: set[int] = set()
 
@@ -96,7 +99,19 @@ class MeshPool:
         return [a for group in [*self.lent.values(), *self.free] for a in group]
 
     def _made(self) -> list:
-        return [lendable(p, p.actor.GetMapper()) for p in self.level.parts]
+        actors = [lendable(p, self._mapper(p)) for p in self.level.parts]
+        for actor in actors if self.translucent else ():
+            actor.ForceTranslucentOn()
+        return actors
+
+    def _mapper(self, part):
+        mapper = part.actor.GetMapper()
+        if self.planes is None:
+            return mapper
+        clipped = part.polydata_mapper()
+        clipped.SetInputDataObject(mapper.GetInput())
+        clipped.SetClippingPlanes(self.planes)
+        return clipped
 
     def fade(self, shares):
         """Draw a share of the pixels of some instances; cards draw the others."""

@@ -10,6 +10,7 @@ from pvibr.instances.cards import FADE
 from pvibr.instances.mesh_draws import MeshDraws, suits
 from pvibr.instances.mesh_pool import MeshPool
 from pvibr.maths.blocks import ascending, frustum_planes
+from pvibr.scene.looks import is_clear
 from pvibr.scene.shader_draws import ROW, pack
 
 _SHARE_BITS = 6  # of the share of an instance's pixels, which is dithered
@@ -20,12 +21,17 @@ _OF_CAMERA = 'ibr_eye_from_world', 'ibr_clip_from_eye'
 class NearMeshes:
     """Meshes by level: light ones many a draw, heavy ones and those with edges an actor each."""
 
-    def __init__(self, levels):
-        self.levels = levels
+    def __init__(self, levels, translucent=False):
+        #: Whether instances have an alpha: all levels are there twice, at last for these.
+        self.translucent = translucent
+        self.levels = levels * (1 + translucent)
+        self._opaque = len(levels)
         self.pools = self._pools()
+        for pool in self.pools[self._opaque :]:
+            pool.translucent = True
         self.draws: list[MeshDraws] = []
         #: Of each level, whether its instances have an actor each.
-        self.single = (True,) * len(levels)
+        self.single = (True,) * len(self.levels)
         self._matrix = _vtk.vtkMatrix4x4()
         self._entries: Texture | None = None
         #: Level of each slot in the last frame, -1 for those that are no meshes.
@@ -38,7 +44,9 @@ class NearMeshes:
     def draw_many(self, capacity, center, binder):
         """Draw many instances at once, if that suits the levels."""
         shared = center, self._matrix, binder
-        self.draws = [MeshDraws(level, capacity, *shared) for level in self.levels]
+        kinds = [k >= self._opaque for k in range(len(self.levels))]
+        pairs = zip(self.levels, kinds, strict=True)
+        self.draws = [MeshDraws(level, capacity, *shared, alpha) for level, alpha in pairs]
         self.follow_material()
 
     def bound(self, bounds):
@@ -67,6 +75,11 @@ class NearMeshes:
         """Have an actor for each instance where a material asks for more than surfaces."""
         self.single = tuple(not self.draws or not suits(level) for level in self.levels)
 
+    def clip(self, planes):
+        """Cut off the actors of single instances by a vtkPlaneCollection, or None."""
+        for pool in self.pools:
+            pool.planes = planes
+
     def draw_singly(self):
         """Have an actor for each instance, of every level."""
         self.draws = []
@@ -80,8 +93,12 @@ class NearMeshes:
         levels = self._levels(sizes, limits.meshes)
         self.level_of[self._slots] = -1
         self.level_of[slots], self._slots = levels, slots
+        if self.translucent:
+            levels = levels + self._opaque * is_clear(group.looks[slots]).astype(np.int8)
         for k, pool in enumerate(self.pools):
-            group.counts[f'mesh {pool.level.triangles}'] = int((levels == k).sum())
+            key = f'mesh {pool.level.triangles}'
+            before = group.counts.get(key, 0) if k >= self._opaque else 0
+            group.counts[key] = before + int((levels == k).sum())
         shares = np.ones(len(sizes), np.float32)
         if not frame.casting:
             shares = (sizes - least) / np.maximum(least * (FADE - 1), 1e-6)
@@ -166,9 +183,9 @@ class NearMeshes:
     def tint(self, group, colors):
         """Set one colour for each level."""
         for k, pool in enumerate(self.pools):
-            pool.tint(colors.get('lighter mesh' if k else 'mesh'), group.look)
+            pool.tint(colors.get('lighter mesh' if k % self._opaque else 'mesh'), group.look)
         for k, draws in enumerate(self.draws):
-            draws.tint(colors.get('lighter mesh' if k else 'mesh'))
+            draws.tint(colors.get('lighter mesh' if k % self._opaque else 'mesh'))
 
     # -- its life -----------------------------------------------------------------------------
 

@@ -187,7 +187,7 @@ class PosedSet(ItemSet):
         if scalars is not None:
             looks['scalars'] = look.as_scalars(scalars, count)
         if colors is not None:
-            looks['colors'] = look.as_colors(colors, count)
+            looks['colors'] = self._as_colors(colors, count)
         if visible is not None:
             look.as_mask(visible, count)
             looks['visible'] = visible
@@ -310,7 +310,7 @@ class PosedSet(ItemSet):
         return make_model(self._meshes[k], **self._baking)
 
     def _group(self, *args):
-        return InstanceGroup(*args)
+        return InstanceGroup(*args, translucent=self.is_translucent)
 
     def _sort(self):
         """Place the instances in an order that keeps neighbours together."""
@@ -373,24 +373,37 @@ class PosedSet(ItemSet):
             changed['scalars'][ids] = scalars
         if colors is not None:
             rows = np.atleast_2d(np.asarray(color_rows('colors', colors)))
-            changed['colors'] = self._base_colors()
-            changed['colors'][ids] = look.as_colors(rows, len(rows))
+            new = self._as_colors(rows, len(rows))
+            changed['colors'] = self._base_colors(new.shape[1])
+            changed['colors'][ids] = look.with_alpha(new, changed['colors'].shape[1])
         if visible is not None:
             mask = look.as_mask(visible, len(ids))
             changed['visible'] = self.visible.copy()
             changed['visible'][ids] = True if mask is None else mask
         return changed
 
-    def _base_colors(self):
+    def _as_colors(self, colors, count=None):
+        return look.as_colors(colors, len(self) if count is None else count)
+
+    @property
+    def is_translucent(self) -> bool:
+        """Whether colours of instances are translucent."""
+        return self._colors is not None and self._colors.shape[1] == 4
+
+    def _base_colors(self, width):
+        """Return a copy of the colours, with alpha if a width of 4 is asked for or they have it."""
         if self._colors is not None:
-            return self._colors.copy()
+            return look.with_alpha(self._colors, max(width, self._colors.shape[1]))
         colors = np.full((len(self), 3), 255, np.uint8)
         for k, model in self._models.items() if not self.multiplies else ():
             prop = model.levels[0].parts[0].actor.GetProperty()
             colors[self._index == k] = np.rint(np.array(prop.GetColor()) * 255)
-        return colors
+        return look.with_alpha(colors, width)
 
     def _repaint(self):
+        if any(group.near.translucent != self.is_translucent for group in self.groups):
+            self._rebuild()
+            return
         self._apply_looks(self._applied)
         self._touch()
 

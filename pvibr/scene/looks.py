@@ -12,17 +12,34 @@ from pvibr.core.colors import as_rgb, color_rows
 from pvibr.core.params import checked_flag
 
 HIDDEN, PLAIN, COLORED = 0, 128, 255
+#: Alphas of looks, by as many steps: from the first, of colours that are transparent, to COLORED.
+_CLEAR = PLAIN + 1
 
 
 def as_colors(colors, n):
-    """Return per-instance colours as bytes."""
+    """Return per-instance colours as bytes, shape (n, 3)."""
+    rows = as_rgba(colors, n)
+    if rows.shape[1] == 4:
+        row = int(np.argmin(rows[:, 3]))
+        msg = f'colors[{row}] is translucent; these have one alpha for all: give opacity'
+        raise ValueError(msg)
+    return rows
+
+
+def as_rgba(colors, n):
+    """Return per-instance colours as bytes, shape (n, 3), or (n, 4) if any is translucent."""
+    array = _color_bytes(colors, n)
+    opaque = array.shape[1] == 3 or (array[:, 3] == 255).all()
+    return array[:, :3] if opaque else array
+
+
+def _color_bytes(colors, n):
     array = np.asarray(color_rows('colors', colors))
     if array.shape == (3,) and isinstance(colors, (str, pv.Color, dict)):
         array = np.broadcast_to(array, (n, 3))  # one of a name is that of all
     if array.ndim != 2 or array.shape[0] != n or array.shape[1] not in (3, 4):
         msg = f'colors has shape {array.shape}; it must be ({n}, 3) or ({n}, 4): one row for each'
         raise ValueError(msg)
-    array = array[:, :3]
     if array.dtype.kind == 'f':
         if not ((array >= 0) & (array <= 1)).all():
             msg = 'colors given as floats must be from 0 to 1; give uint8 for 0 to 255'
@@ -32,6 +49,12 @@ def as_colors(colors, n):
         msg = f'colors has dtype {array.dtype}; it must be uint8 (0 to 255) or float (0 to 1)'
         raise ValueError(msg)
     return array.astype(np.uint8)
+
+
+def with_alpha(colors, width):
+    """Return a copy of colours, with an alpha if their width is to be 4."""
+    alphas = np.full((len(colors), width - colors.shape[1]), 255, np.uint8)
+    return np.concatenate([colors, alphas], 1)
 
 
 def read_only(array):
@@ -130,13 +153,20 @@ def map_scalars(table, scalars):
     return _vtk.vtk_to_numpy(mapped)[:, :3].copy()
 
 
+def is_clear(looks):
+    """Return which looks for the GPU are of translucent colours."""
+    return (looks[:, 3] > PLAIN) & (looks[:, 3] < COLORED)
+
+
 def merge(n, colors, visible):
     """Return looks for the GPU, or None where every instance is plain and visible."""
     if colors is None and visible is None:
         return None
     looks = np.empty((n, 4), np.uint8)
-    looks[:, :3] = 0 if colors is None else colors
+    looks[:, :3] = 0 if colors is None else colors[:, :3]
     looks[:, 3] = PLAIN if colors is None else COLORED
+    if colors is not None and colors.shape[1] == 4:
+        looks[:, 3] = _CLEAR + np.rint(colors[:, 3] / 255 * (COLORED - _CLEAR))
     if visible is not None:
         looks[~visible, 3] = HIDDEN
     return looks

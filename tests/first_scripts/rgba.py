@@ -5,7 +5,8 @@ import pyvista as pv
 
 rgba = np.array([[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 60]], np.uint8)
 pl = pv.Plotter(window_size=(300, 200), lighting='none')
-pl.ibr.add_instances(pv.Cube(), [(0, 0, 0), (2, 0, 0), (4, 0, 0)], colors=rgba, lighting=False)
+places = [(0, 0, 0), (2, 0, 0), (4, 0, 0)]
+pl.ibr.add_instances(pv.Cube(), places, colors=rgba, lighting=False, culling='back')
 pl.background_color = 'white'
 pl.view_xz()
 picture = pl.screenshot()

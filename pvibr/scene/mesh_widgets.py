@@ -1,0 +1,43 @@
+"""PyVista's widgets that cut meshes: they need one, and say so of things."""
+
+from __future__ import annotations
+
+import weakref
+from functools import wraps
+
+from pvibr.scene.thing import Thing
+
+#: Methods of plotters that cut the mesh that they are given.
+MESH_WIDGETS = (
+    'add_mesh_clip_plane',
+    'add_mesh_clip_box',
+    'add_mesh_slice',
+    'add_mesh_slice_orthogonal',
+    'add_mesh_slice_spline',
+    'add_mesh_threshold',
+    'add_mesh_isovalue',
+)
+
+
+def refuse_things(plotter):
+    """Have the widgets of a plotter that cut meshes say what to do with a thing."""
+    for name in MESH_WIDGETS:
+        if hasattr(type(plotter), name):
+            vars(plotter)[name] = _widget(name, weakref.ref(plotter))
+
+
+def _widget(name, plotter):
+    method = getattr(type(plotter()), name)
+
+    @wraps(method)
+    def widget(mesh, *args, **kwargs):
+        if isinstance(mesh, Thing):
+            msg = (
+                f'{name} cuts a mesh, and {mesh.name} is none: {type(mesh).__name__} may be cut by '
+                'handle.mapper.AddClippingPlane(plane), and the plane follows a widget of '
+                'plotter.add_plane_widget(callback)'
+            )
+            raise TypeError(msg)
+        return method(plotter(), mesh, *args, **kwargs)
+
+    return widget
