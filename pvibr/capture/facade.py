@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pvibr.capture.adaptive_quality import AdaptiveQuality
 from pvibr.capture.clock import Clock, checked_time
-from pvibr.capture.movies import record
+from pvibr.capture.movies import checked_duration, record
 from pvibr.capture.tiled_screenshot import TiledScreenshot
 from pvibr.core.facade import Facade
 from pvibr.core.params import Param
@@ -158,8 +158,9 @@ class CaptureFacade(Facade):
     def movie(
         self,
         path,
-        seconds,
+        seconds=None,
         *,
+        frames=None,
         fps=30.0,
         start=None,
         speed=1.0,
@@ -178,8 +179,10 @@ class CaptureFacade(Facade):
         path : path
             A movie (``.mp4``, ``.mov``, ``.mkv``, ``.webm``, ``.avi``: the extra ``movie``), a
             ``.gif``, or a folder of PNG files.
-        seconds : float
+        seconds : float, optional
             Duration of the movie.
+        frames : int, optional
+            Number of frames, instead of `seconds`.
         fps : float
             Frames per second.
         start : float, optional
@@ -223,6 +226,7 @@ class CaptureFacade(Facade):
         >>> pl.close()
         """
         self._check_open()
+        seconds = checked_duration(seconds, frames, fps)
         timing = {'fps': fps, 'start': start, 'speed': speed}
         options = {'each': each, 'resume': resume, 'progress': progress}
         return record(self, self._screenshots, path, seconds, **timing, **options)

@@ -71,6 +71,11 @@ class Film:
         except (OSError, SyntaxError, ValueError):
             return False
 
+    @property
+    def kept(self) -> str:
+        """What to do after an error."""
+        return f'Frames are kept in {self.folder}; the same call resumes from there.'
+
     def keep(self, k, picture):
         """Write a frame."""
         from PIL import Image
@@ -84,9 +89,14 @@ class Film:
         if not self.ending:
             (self.folder / NOTE).unlink()
             return
-        with replacing(self.path) as file, _writer(file, self.ending, self.fps) as write:
-            for k in range(self.count):
-                write(self._read(k))
+        pictures = (self._read(k) for k in range(self.count))
+        with replacing(self.path) as file:
+            if self.ending == '.gif':
+                _write_gif(file, pictures, self.fps)
+            else:
+                with _writer(file, self.ending, self.fps) as write:
+                    for picture in pictures:
+                        write(picture)
         shutil.rmtree(self.folder)
 
     def _read(self, k):
@@ -100,14 +110,25 @@ class Film:
         return pixels[:height, :width]
 
 
+def _write_gif(file, pictures, fps):
+    """Write a GIF, each frame dithered in 256 colours of its own."""
+    from PIL import Image
+
+    def dithered():
+        for picture in map(Image.fromarray, pictures):
+            yield picture.quantize(palette=picture.quantize(256))
+
+    frames = dithered()
+    first, options = next(frames), {'format': 'GIF', 'save_all': True, 'loop': 0}
+    first.save(file, append_images=frames, duration=1e3 / fps, **options)
+
+
 @contextmanager
 def _writer(file, ending, fps):
     import imageio
 
     options: dict[str, Any] = {'fps': fps, 'macro_block_size': 2}
-    if ending == '.gif':
-        options = {'duration': 1e3 / fps, 'loop': 0}
-    elif ending == '.webm':
+    if ending == '.webm':
         # WebM does not allow the default codec.
         options |= {'codec': 'libvpx-vp9', 'quality': None}
         options['output_params'] = ['-crf', '24', '-b:v', '0', '-fflags', '+bitexact']
@@ -154,10 +175,12 @@ def write_movie(film, draw, *, progress=None):
                 film.keep(k, draw(k))
                 step()
         film.finish()
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt(film.kept) from error
     except OSError as error:
         named = str(error) if error.strerror is None or error.filename else error.strerror
         why = named.partition('\n')[0].rstrip('.')
-        msg = f'{why}. Frames are kept in {film.folder}; the same call resumes from there.'
+        msg = f'{why}. {film.kept}'
         raise OSError(error.errno, msg) from error
 
 
@@ -177,6 +200,19 @@ def _bar(film, missing, wanted):
             yield lambda: shown.advance(task)
 
     return bar()
+
+
+def checked_duration(seconds, frames, fps) -> float:
+    """Return the duration of a movie, of which it or the number of frames is given."""
+    if (seconds is None) == (frames is None):
+        msg = 'give seconds, the duration of the movie, or frames, their number: one of these'
+        raise TypeError(msg)
+    if frames is None:
+        return seconds
+    if isinstance(frames, bool) or not isinstance(frames, int | np.integer) or frames < 1:
+        msg = f'frames = {frames!r}: must be an int of at least 1.'
+        raise ValueError(msg)
+    return frames / fps if fps > 0 else 1.0
 
 
 def frame_times(seconds, fps, start, speed) -> np.ndarray:

@@ -9,6 +9,7 @@ from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Playback
 from pvibr.figures.mesh_actors import as_mesh_actors
 from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.instances.instances import Instances
+from pvibr.instances.posed_set import PosedSet
 from pvibr.instances.progress import baking
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
@@ -161,6 +162,10 @@ class Crowd(Instances):
             )
         state.motions, state.box = motions, model.atlas.box.T.ravel()
         return {0: model}
+
+    # Posed meshes are drawn by other actors, which know neither planes nor alphas.
+    set_clipping_planes = Painted.set_clipping_planes
+    _as_colors = PosedSet._as_colors
 
     def _materials_of_all(self) -> list:
         return [a.part.actor.GetProperty() for a in self._crowd_state.mesh_actors]

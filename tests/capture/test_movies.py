@@ -43,7 +43,7 @@ def test_a_broken_movie_goes_on_where_it_stopped(pl, tmp_path, name):
     np.testing.assert_allclose(calls, 3 + np.arange(6) / 3)
     assert (pl.ibr.time, pl.camera_position) == (3.0, before)
     turn, _ = turner(pl, until=4)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt, match=r'Frames are kept in .*resumes'):
         pl.ibr.movie(broken, 1, fps=6, each=turn, speed=2)
     assert (pl.ibr.time, pl.camera_position) == (3.0, before)
     assert not broken.is_file()
@@ -113,7 +113,7 @@ def test_a_full_disk_keeps_the_frames_and_the_old_movie(pl, tmp_path, monkeypatc
         raise OSError(28, 'No space left on device')
 
     with monkeypatch.context() as patch:
-        patch.setattr('imageio.get_writer', full)
+        patch.setattr('pvibr.capture.movies._write_gif', full)
         with pytest.raises(OSError, match=r'the disk is full.*Frames are kept'):
             pl.ibr.movie(movie, 0.5, fps=4, each=turner(pl)[0])
     assert movie.read_text() == 'before'
@@ -142,6 +142,37 @@ def test_wrong_numbers_are_named(pl, tmp_path, wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         pl.ibr.movie(tmp_path / 'a.gif', **arguments)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'error'),
+    [
+        ({}, TypeError),
+        ({'seconds': 1, 'frames': 3}, TypeError),
+        ({'frames': 0}, ValueError),
+        ({'frames': 2.5}, ValueError),
+    ],
+)
+def test_seconds_or_frames(pl, tmp_path, arguments, error):
+    with pytest.raises(error, match='frames'):
+        pl.ibr.movie(tmp_path / 'a.gif', **arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_gifs_have_the_rate_and_colors_of_each_frame(pl, tmp_path):
+    def color(time):
+        pl.set_background([1, 0.3 + time, 0], top=[0, 0.2, time])
+
+    pl.window_size = 120, 90
+    pl.ibr.movie(tmp_path / 'frames', frames=4, fps=10, each=color)
+    pl.ibr.movie(tmp_path / 'a.gif', frames=4, fps=10, each=color)
+    frames = iio.imread(tmp_path / 'a.gif').astype(float)
+    assert iio.immeta(tmp_path / 'a.gif')['duration'] == 100
+    assert len(frames) == 4
+    for k, frame in enumerate(frames):
+        truth = iio.imread(tmp_path / 'frames' / f'{k}.png').astype(float)[..., :3]
+        blocks = [p.reshape(9, 10, 12, 10, 3).mean((1, 3)) for p in (frame, truth)]
+        assert np.abs(blocks[0] - blocks[1]).max() < 3  # dithered: right in the mean
 
 
 def test_other_endings_are_named(pl, tmp_path):

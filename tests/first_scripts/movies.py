@@ -23,7 +23,11 @@ with tempfile.TemporaryDirectory() as name:
     pl.mwriter.close()
     assert (folder / 'a.mp4').stat().st_size > 1000
     pl.orbit_on_path(pl.generate_orbital_path(n_points=4), write_frames=False)
-    pl.ibr.movie(folder / 'b.gif', frames=5, fps=10)
+
+    def turn(time):
+        pl.camera.azimuth = 90 * time  # GIFs keep one frame of what stands still
+
+    pl.ibr.movie(folder / 'b.gif', frames=5, fps=10, each=turn)
     frames = iio.imread(folder / 'b.gif')
     assert len(frames) == 5
     assert iio.immeta(folder / 'b.gif')['duration'] == 100
