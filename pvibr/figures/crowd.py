@@ -9,12 +9,11 @@ from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Playback
 from pvibr.figures.mesh_actors import as_mesh_actors
 from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.instances.instances import Instances
-from pvibr.instances.posed_set import PosedSet
 from pvibr.instances.progress import baking
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.posed import posed
-from pvibr.scene.looks import read_only
+from pvibr.scene.looks import as_colors, read_only
 from pvibr.scene.painted import Painted
 
 
@@ -165,7 +164,9 @@ class Crowd(Instances):
 
     # Posed meshes are drawn by other actors, which know neither planes nor alphas.
     set_clipping_planes = Painted.set_clipping_planes
-    _as_colors = PosedSet._as_colors
+
+    def _as_colors(self, colors, count=None):
+        return as_colors(colors, len(self) if count is None else count)
 
     def _materials_of_all(self) -> list:
         return [a.part.actor.GetProperty() for a in self._crowd_state.mesh_actors]

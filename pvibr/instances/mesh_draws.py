@@ -33,7 +33,8 @@ class MeshDraws:
     @property
     def blends(self) -> bool:
         """Whether any part is translucent."""
-        return self._translucent or any(p.actor.HasTranslucentPolygonalGeometry() for p in self.level.parts)
+        parts = self.level.parts
+        return self._translucent or any(p.actor.HasTranslucentPolygonalGeometry() for p in parts)
 
     @property
     def failure(self) -> str | None:

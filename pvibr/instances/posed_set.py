@@ -391,7 +391,7 @@ class PosedSet(ItemSet):
         return self._colors is not None and self._colors.shape[1] == 4
 
     def _base_colors(self, width):
-        """Return a copy of the colours, with alpha if a width of 4 is asked for or they have it."""
+        """Return a copy of the colours, with alpha for a width of 4 or if they have it."""
         if self._colors is not None:
             return look.with_alpha(self._colors, max(width, self._colors.shape[1]))
         colors = np.full((len(self), 3), 255, np.uint8)

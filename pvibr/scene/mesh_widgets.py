@@ -33,9 +33,9 @@ def _widget(name, plotter):
     def widget(mesh, *args, **kwargs):
         if isinstance(mesh, Thing):
             msg = (
-                f'{name} cuts a mesh, and {mesh.name} is none: {type(mesh).__name__} may be cut by '
-                'handle.mapper.AddClippingPlane(plane), and the plane follows a widget of '
-                'plotter.add_plane_widget(callback)'
+                f'{name} cuts a mesh, and {mesh.name} is none. Instances and animated actors are '
+                'cut by handle.mapper.AddClippingPlane(plane), whose plane may be set by the '
+                'callback of plotter.add_plane_widget'
             )
             raise TypeError(msg)
         return method(plotter(), mesh, *args, **kwargs)

@@ -162,7 +162,7 @@ class Painted(Thing):
 
     @property
     def colors(self):
-        """Colours of the items, uint8, read-only, or None; (n, 3), (n, 4) if any is translucent."""
+        """Colours of the items, uint8, read-only, or None; (n, 4) if any is translucent."""
         return None if self._colors is None else look.read_only(self._colors)
 
     @colors.setter
