@@ -382,7 +382,7 @@ class PosedSet(ItemSet):
             changed['visible'][ids] = True if mask is None else mask
         return changed
 
-    def _as_colors(self, colors, count=None):
+    def _as_colors(self, colors, count=None) -> np.ndarray:
         return look.as_colors(colors, len(self) if count is None else count)
 
     @property

@@ -16,7 +16,7 @@ HIDDEN, PLAIN, COLORED = 0, 128, 255
 _CLEAR = PLAIN + 1
 
 
-def as_colors(colors, n):
+def as_colors(colors, n) -> np.ndarray:
     """Return per-instance colours as bytes, shape (n, 3)."""
     rows = as_rgba(colors, n)
     if rows.shape[1] == 4:
@@ -26,14 +26,14 @@ def as_colors(colors, n):
     return rows
 
 
-def as_rgba(colors, n):
+def as_rgba(colors, n) -> np.ndarray:
     """Return per-instance colours as bytes, shape (n, 3), or (n, 4) if any is translucent."""
     array = _color_bytes(colors, n)
     opaque = array.shape[1] == 3 or (array[:, 3] == 255).all()
     return array[:, :3] if opaque else array
 
 
-def _color_bytes(colors, n):
+def _color_bytes(colors, n) -> np.ndarray:
     array = np.asarray(color_rows('colors', colors))
     if array.shape == (3,) and isinstance(colors, (str, pv.Color, dict)):
         array = np.broadcast_to(array, (n, 3))  # one of a name is that of all
@@ -51,7 +51,7 @@ def _color_bytes(colors, n):
     return array.astype(np.uint8)
 
 
-def with_alpha(colors, width):
+def with_alpha(colors, width) -> np.ndarray:
     """Return a copy of colours, with an alpha if their width is to be 4."""
     alphas = np.full((len(colors), width - colors.shape[1]), 255, np.uint8)
     return np.concatenate([colors, alphas], 1)
