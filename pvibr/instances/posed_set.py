@@ -374,8 +374,9 @@ class PosedSet(ItemSet):
         if colors is not None:
             rows = np.atleast_2d(np.asarray(color_rows('colors', colors)))
             new = self._as_colors(rows, len(rows))
-            changed['colors'] = self._base_colors(new.shape[1])
-            changed['colors'][ids] = look.with_alpha(new, changed['colors'].shape[1])
+            kept: np.ndarray = self._base_colors(new.shape[1])
+            kept[ids] = look.with_alpha(new, kept.shape[1])
+            changed['colors'] = kept
         if visible is not None:
             mask = look.as_mask(visible, len(ids))
             changed['visible'] = self.visible.copy()
