@@ -117,8 +117,8 @@ void main()
     float r = radius * sqrt((float(i) + 0.5) / count);
     ivec2 to = clamp(at + ivec2(floor(ray * r + 0.5)), ivec2(0), most);
     ray = golden * ray;
-    float theirs = texelFetch(circle, to, 0).r;
-    float w = 1.0 - before(theirs);
+    vec2 both = texelFetch(circle, to, 0).rg;
+    float theirs = both.r, w = both.g * (1.0 - before(theirs));
     vec4 look = texelFetch(color, to, 0);
     // Hidden from the lens's middle: the nearest that is seen stands for it.
     float near_by = hides ? w / (1.0 + r * r) : w;

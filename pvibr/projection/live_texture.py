@@ -341,7 +341,10 @@ class Mirror(LiveTexture):
 
     Parameters
     ----------
-    corner, right, up : array_like, shape (3,)
+    corner : actor or array_like of shape (3,)
+        World units; or an actor of a flat mesh with texture coordinates, such as that of a
+        `pv.Plane`, in place of all three.
+    right, up : array_like of shape (3,), optional
         World units; right and up are perpendicular, as seen by a viewer in front of it.
     actors : None, callable or sequence, optional
         Actors and things to render, or a function that returns True for them; by default all.
@@ -353,10 +356,16 @@ class Mirror(LiveTexture):
     Raises
     ------
     ValueError
-        If right and up are not perpendicular, or one has no length.
+        If right and up are not perpendicular, or one has no length; if the mesh of an actor is
+        not flat or has no texture coordinates.
     """
 
-    def __init__(self, corner, right, up, actors=None, size=(512, 512), **settings):
+    def __init__(self, corner, right=None, up=None, actors=None, size=(512, 512), **settings):
+        if isinstance(corner, _vtk.vtkActor):
+            corner, right, up = _sides(corner)
+        if right is None or up is None:
+            msg = f'right = {right!r}, up = {up!r}: must be given, unless corner is an actor'
+            raise TypeError(msg)
         self.corner, self.right, self.up = (np.array(x, float) for x in (corner, right, up))
         lengths = np.linalg.norm(self.right), np.linalg.norm(self.up)
         if min(lengths) == 0 or abs(self.right @ self.up) > 1e-6 * lengths[0] * lengths[1]:
@@ -436,3 +445,21 @@ def _size(size) -> tuple[int, int]:
         msg = f'size = {size!r}: must be width and height in texels, two positive integers'
         raise ValueError(msg)
     return int(found[0]), int(found[1])
+
+
+def _sides(actor):
+    """Return corner, right and up of a flat actor, where its texture coordinates are 0 and 1."""
+    data = actor.GetMapper().GetInput()
+    found = None if data is None else data.GetPointData().GetTCoords()
+    if found is not None:
+        uv = _vtk.vtk_to_numpy(found)[:, :2].astype(float)
+        points = _vtk.vtk_to_numpy(data.GetPoints().GetData()).astype(float)
+        ahead = np.column_stack([np.ones(len(uv)), uv])
+        sides, _, rank, _ = np.linalg.lstsq(ahead, points, rcond=None)
+        size = np.linalg.norm(np.ptp(points, axis=0))
+        if rank == 3 and np.abs(ahead @ sides - points).max() <= 1e-4 * size:
+            matrix = np.reshape(actor.GetMatrix().GetData(), (4, 4))
+            sides = sides @ matrix[:3, :3].T
+            return sides[0] + matrix[:3, 3], sides[1], sides[2]
+    msg = f'corner = {actor!r:.60}: must be a flat mesh with texture coordinates, as pv.Plane has'
+    raise ValueError(msg)

@@ -353,3 +353,18 @@ def test_a_mirror_follows_from_one_projection_to_the_other_and_when_the_view_tur
         assert (seen[-1] != seen[-2]).any()
     shot(pl)
     assert live.draws == draws + 1
+
+
+def test_a_mirror_of_an_actor_lies_where_it_is():
+    pl = pv.Plotter(window_size=(60, 40))
+    plane = pv.Plane(center=(1, 2, 3), direction=(0, -1, 1), i_size=2, j_size=5)
+    actor = pl.add_mesh(plane)
+    actor.position = (0, 0, 7)
+    live = pvibr.Mirror(actor)
+    uv, points = plane.active_texture_coordinates, plane.points + np.array([0, 0, 7])
+    found = live.corner + uv[:, :1] * live.right + uv[:, 1:] * live.up
+    np.testing.assert_allclose(found, points, atol=1e-5)
+    with pytest.raises(ValueError, match='corner = '):
+        pvibr.Mirror(pl.add_mesh(pv.Sphere()))
+    with pytest.raises(TypeError, match='right = None'):
+        pvibr.Mirror((0, 0, 0))
