@@ -143,7 +143,7 @@ def is_short(text):
 
 
 def test_all_else_is_one_sentence():
-    """And at most one line more: of shapes or spaces, or the source; but for what commands print."""
+    """And at most one line more: of shapes or spaces, or the source; but what commands print."""
     long = []
     for folder in PACKAGES:
         for path in sorted(folder.rglob('*.py')):

@@ -11,7 +11,7 @@ pl = pv.Plotter(window_size=(200, 150))
 pl.add_volume(grid, scalars='fog', show_scalar_bar=False)
 pl.ibr.add_instances(pv.Sphere(), [(2.0 * x - 4, 3, 0) for x in range(5)], color='red')
 plain = pl.screenshot().astype(int)
-for kind in ('Bloom', 'Outline', 'DepthOfField', 'ToneMapping', 'Vignette', 'Fog', 'Sky'):
+for kind in ('Bloom', 'Outline', 'DepthOfField', 'ToneMapping', 'AmbientOcclusion', 'Fog', 'Sky'):
     effect = pl.ibr.add(getattr(pvibr, kind)())
     pl.render()
     picture = pl.screenshot().astype(int)
