@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import weakref
 
+from pvibr.meshes.parts import copy_property
+
 _VALUES = (
     *('Ambient', 'Diffuse', 'Specular', 'SpecularPower', 'Opacity', 'Interpolation'),
     *('Representation', 'EdgeVisibility', 'LineWidth', 'PointSize', 'Lighting', 'Metallic'),
@@ -20,7 +22,7 @@ class SharedMaterial:
         #: How many times others were changed.
         self.changes = 0
         for first in others()[:1]:
-            prop.DeepCopy(first)
+            copy_property(prop, first)
         self._was = _values(prop)
         self._watch(prop)
 
