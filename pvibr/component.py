@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import weakref
 from typing import TYPE_CHECKING
 
@@ -408,7 +409,8 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
     def close(self):
         """Release everything; plotters call it when they close. It may be called again."""
         if self._pipelines and not self._is_closed:
-            self._last_report = self.pipeline.report()
+            with contextlib.suppress(Exception):  # an effect's report must not keep it open
+                self._last_report = self.pipeline.report()
         self._closed = True
         self._hand_over.stop()
         self._clock.stop()

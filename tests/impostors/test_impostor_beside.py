@@ -160,7 +160,7 @@ def test_a_frame_that_may_be_coarser_keeps_images_for_longer():
     pl, _, impostor = make(images=True)
     shown(pl)
     drawn = impostor.rendered
-    pace = SimpleNamespace(quality=lambda _: 0.1)
+    pace = SimpleNamespace(quality=lambda _: 0.1, why='')
     pl.ibr.pipeline._adaptive_quality = pace
     pl.camera.azimuth = 5.0
     pl.render()
