@@ -48,10 +48,17 @@ def _bytes(name, color):
 
 
 class Color(Param):
-    """A setting that is a colour: whatever PyVista takes, kept as three floats from 0 to 1."""
+    """A setting that is a colour: whatever PyVista takes, kept as three floats from 0 to 1.
+
+    It may be None if that is its default.
+    """
 
     def __init__(self, default, doc):
-        super().__init__(as_rgb('default', default), doc, range='[0, 1]')
+        optional = default is None
+        own = {'kind': tuple, 'length': 3} if optional else {}
+        super().__init__(
+            None if optional else as_rgb('default', default), doc, range='[0, 1]', **own
+        )
 
     def allowed(self) -> str:
         """Return the allowed values in words."""
@@ -59,4 +66,6 @@ class Color(Param):
 
     def check(self, value, owner=''):
         """Return a colour as three floats."""
+        if value is None and self.default is None:
+            return None
         return as_rgb(f'{owner}.{self.name}', value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.colors import Color
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl import shader_source
@@ -64,12 +65,8 @@ class Fog(Effect):
     )
     base = Param(0.0, 'Height of the density that `visibility` is about.', unit='world')
     up = Param((0.0, 0.0, 1.0), 'Up direction in world space.')
-    color = Param(
-        None,
-        'Colour; by default that of the horizon of a `Sky`, else of the background.',
-        range='[0, 1]',
-        kind=tuple,
-        length=3,
+    color = Color(
+        None, 'Colour; by default that of the horizon of a `Sky`, else of the background.'
     )
     intensity = Param(1.0, 'Opacity of the fog.', range='[0, 1]')
 

@@ -13,6 +13,7 @@ from pvibr.core import _vtk
 from pvibr.core.errors import warn
 from pvibr.core.frame import Frame
 from pvibr.core.plotters import put_inner
+from pvibr.gl.scene_pass import hidden_name
 from pvibr.scene.picking import pixel_ray
 
 #: Items that a click finds, and that pickers that draw do, the nearest.
@@ -212,6 +213,7 @@ def _actor(mapper):
     mapper.ScalarVisibilityOff()
     actor = pv.Actor()
     actor.SetMapper(mapper)
+    actor.SetObjectName(hidden_name('stand-in for pickers'))
     actor.UseBoundsOff()
     actor.VisibilityOff()
     return actor

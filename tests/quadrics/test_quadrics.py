@@ -489,5 +489,5 @@ def test_ellipsoids_that_are_refused(given, match):
 
 
 def test_unknown_looks_are_refused():
-    with pytest.raises(TypeError, match='Cylinders has no colour'):
+    with pytest.raises(TypeError, match="no argument 'colour'; did you mean 'color'"):
         Cylinders([[0, 0, 0]], [[0, 0, 1]], colour='red')

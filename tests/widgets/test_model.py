@@ -33,8 +33,8 @@ def test_everything_in_every_subplot_is_there():
     pl.ibr.add_instances(pv.Cube(), np.eye(3))
     pl.ibr.add_impostor(ball)
     pl.subplot(0, 1)
-    pl.ibr.add(pvibr.Bloom())
-    pl.ibr.add(pvibr.Bloom())
+    pl.ibr.add(pvibr.Outline())
+    pl.ibr.add(pvibr.Outline())
     model = Model(pl)
     assert sorted(titles(model)) == sorted(
         [
@@ -43,11 +43,11 @@ def test_everything_in_every_subplot_is_there():
             '0, 0: Billboards',
             '0, 0: Instances',
             '0, 0: Impostor',
-            '0, 1: Bloom',
-            '0, 1: Bloom 2',
+            '0, 1: Outline',
+            '0, 1: Outline 2',
         ]
     )
-    assert [r.name for r in model.groups[-1].rows][:2] == ['intensity', 'downsample']
+    assert [r.name for r in model.groups[-1].rows][:2] == ['width', 'color']
 
 
 def test_what_a_row_does_is_in_the_picture(pl):

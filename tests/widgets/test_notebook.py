@@ -133,7 +133,7 @@ def test_presets(panel, pl):
     click(panel, 'Keep')
     assert 'must be a new one' in said(panel)
     click(panel, 'Reset all')
-    assert bloom.threshold == 0.8
+    assert bloom.threshold == 1.0
 
 
 def test_a_broken_file_of_presets_is_said(panel, pl, tmp_path):

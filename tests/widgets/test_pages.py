@@ -72,7 +72,7 @@ def test_what_pages_ask_for_is_done(panel, pl, server):
     panel.act('switch', at, False)
     assert not bloom.enabled
     panel.act('reset_all')
-    assert bloom.threshold == 0.8
+    assert bloom.threshold == 1.0
     panel.act('code')
     assert 'bloom' not in panel.shown['code']
     assert 'pvibr.Bloom' in panel.shown['code']
