@@ -27,6 +27,7 @@ from pvibr.instances.memory import checked_share
 from pvibr.instances.sources import Sources
 from pvibr.meshes.parts import as_meshes, as_parts, with_own_culling
 from pvibr.scene import looks as look
+from pvibr.scene.draw_order import Stage
 from pvibr.scene.keywords import OF_MESH_SCALARS
 from pvibr.scene.painted import TABLE_OPTIONS
 from pvibr.scene.picking import joined, nearest_hit
@@ -313,8 +314,13 @@ class Instances(BakedSet):
     # -- the life of an effect ---------------------------------------------------------------
 
     def _put_in(self, renderer):
-        self.order = tuple(self._card_order())
+        self._put_in_order()
         super()._put_in(renderer)
+
+    def _put_in_order(self):
+        """Have meshes drawn by their place, not as they were first needed: depths may be equal."""
+        meshes = (((Stage.OPAQUE,), actor) for actor in self._mesh_actors())
+        self.order = (*meshes, *self._card_order())
 
     def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
         """Return centres, shape (n, 3), and radii of the instances' bounding spheres."""
@@ -331,8 +337,10 @@ class Instances(BakedSet):
 
     def actors(self) -> list:
         """Return the actors that draw the instances, invisible ones included."""
-        meshes = [a for group in self.groups for a in group.mesh_actors()]
-        return meshes + [actor for _, actor in self._card_order()]
+        return self._mesh_actors() + [actor for _, actor in self._card_order()]
+
+    def _mesh_actors(self) -> list:
+        return [actor for group in self.groups for actor in group.mesh_actors()]
 
     def _card_order(self) -> list:
         """Return pairs of a key and an actor of all cards, in the order of drawing."""
@@ -376,9 +384,14 @@ class Instances(BakedSet):
         ]
         for shader in self.groups[0].cards.shaders():
             self._show_cards(frame, shader, [c[shader.name] for c in chosen])
+        stale = False
         for group, limit in zip(self.groups, limits, strict=True):
-            for actor in group.select_meshes(frame, limit):
+            new = group.select_meshes(frame, limit)
+            stale |= bool(new) or any(group.near.single)
+            for actor in new:
                 put_inner(frame.renderer, actor)
+        if stale:
+            self._put_in_order()
 
     def _show_cards(self, frame, shader, choices):
         unit = self.groups[0].unit

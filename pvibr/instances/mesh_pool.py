@@ -95,8 +95,9 @@ class MeshPool:
         return new
 
     def actors(self) -> list:
-        """Return every actor made so far."""
-        return [a for group in [*self.lent.values(), *self.free] for a in group]
+        """Return every actor made so far, those that are lent by instance."""
+        lent = [self.lent[i] for i in sorted(self.lent)]
+        return [a for group in [*lent, *self.free] for a in group]
 
     def _made(self) -> list:
         actors = [lendable(p, self._mapper(p)) for p in self.level.parts]

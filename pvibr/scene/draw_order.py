@@ -89,12 +89,17 @@ class DrawOrder:
             orders.append(tuple((translucent(d, after=True), p) for d, p in self._others))
         if orders != self._orders:
             self._orders = orders
-            # By wrappers: VTK makes but one while it lives, and the orders hold them.
-            self._keys = {id(actor): key for order in orders for key, actor in order}
+            # By wrappers: VTK makes but one while it lives, and the orders hold them. Where keys
+            # are equal by place: when an actor was made depends on what was drawn before.
+            self._keys = {
+                id(actor): (key, rank, place)
+                for rank, order in enumerate(orders)
+                for place, (key, actor) in enumerate(order)
+            }
         elif props.GetMTime() == self._time:
             return
         listed = list(props)
-        keys = [self._keys.get(id(prop)) or _key(prop) for prop in listed]
+        keys = [self._keys.get(id(prop)) or (_key(prop), -1) for prop in listed]
         if any(a > b for a, b in pairwise(keys)):
             props.RemoveAllItems()
             for k in sorted(range(len(listed)), key=keys.__getitem__):

@@ -157,6 +157,34 @@ def test_screenshots_and_deterministic_frames_do_not_depend_on_what_was_before(s
         np.testing.assert_array_equal(first, found)
 
 
+@pytest.mark.parametrize('edges', [False, True], ids=['many a draw', 'an actor each'])
+@pytest.mark.parametrize('seed', [3, 4])
+def test_meshes_of_equal_depth_do_not_depend_on_which_was_needed_first(scenes, see, edges, seed):
+    places = np.random.default_rng(seed).normal(size=(3, 3)) * 30
+    places[1] = places[0] + [8, 0, 0]  # where one of the last set is seen, which is long
+    sets = [matrices(places[k]) for k in ([0], [2, 0], [0, 0])]
+    sets[2][1, 0, 0] = 20.0
+    colors = [['red'], ['gold', 'magenta'], ['lime', 'blue']]
+
+    def picture(before):
+        pl = scenes.empty((60, 40))
+        for poses, own in zip(sets, colors, strict=True):
+            rgb = [pv.Color(color).int_rgb for color in own]
+            looks = {'colors': np.array(rgb, np.uint8), 'lighting': False, 'show_edges': edges}
+            pl.ibr.add_instances(pv.Cube(), poses, force_level='mesh', bake=False, **looks)
+        for place in places[[*before, 0]]:
+            see.place(pl, eye=place + [1, -4, 2], focus=place, up=(0, 0, 1))
+            found = see.rgba(pl)
+        pl.close()
+        return found
+
+    first = picture([])
+    assert first[20, 30, 0] == 0  # neither red nor magenta: what was added last
+    assert first[20, 30, 1:3].max() == 1
+    for before in ([2], [1, 2], [0, 2], [2, 0, 1]):
+        np.testing.assert_array_equal(first, picture(before))
+
+
 def test_props_of_others_keep_their_order(scenes, sets):
     pl = shown(scenes, sets[:2] + sets[2:], 'flat')
     mine = [pl.add_mesh(pv.Cube(center=(k, 0, 0)), opacity=0.5) for k in range(3)]
