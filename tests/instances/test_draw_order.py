@@ -173,7 +173,7 @@ def test_meshes_of_equal_depth_do_not_depend_on_which_was_needed_first(scenes, s
             looks = {'colors': np.array(rgb, np.uint8), 'lighting': False, 'show_edges': edges}
             pl.ibr.add_instances(pv.Cube(), poses, force_level='mesh', bake=False, **looks)
         for place in places[[*before, 0]]:
-            see.place(pl, eye=place + [1, -4, 2], focus=place, up=(0, 0, 1))
+            see.place(pl, eye=np.add(place, [1, -4, 2]), focus=place, up=(0, 0, 1))
             found = see.rgba(pl)
         pl.close()
         return found
