@@ -246,7 +246,7 @@ def busy(pl):
     pl.add_mesh(pv.Plane(i_size=10, j_size=10))
     pl.add_mesh(pv.Sphere(center=(1, -2, 0.5)), color='orange')
     pl.ibr.add(pvibr.Shadows(method='pcss', resolution=256))
-    pl.ibr.add(pvibr.DepthOfField((0, 0, 0), f_number=0.8))
+    pl.ibr.add(pvibr.DepthOfField((0, 0, 0), f_number=0.2))
     pl.camera_position = [(6, -8, 5), (0, 0, 0), (0, 0, 1)]
 
 

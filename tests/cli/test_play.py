@@ -71,7 +71,7 @@ def test_a_movie_that_fails_leaves_what_was_there(file, tmp_path, monkeypatch, c
     def full(*_, **__):
         raise OSError('disk full')
 
-    monkeypatch.setattr('imageio.get_writer', full)
+    monkeypatch.setattr('pvibr.capture.movies._write_gif', full)
     assert main(['play', file, '--movie', str(movie), *SIZE]) == 2
     assert 'disk full' in capsys.readouterr().err
     assert movie.read_text() == 'before'

@@ -212,7 +212,9 @@ def forbid_bakes(monkeypatch):
 def test_colors_as_bytes_and_floats():
     given = [[0, 0.5, 1], [1, 0, 0]]
     np.testing.assert_array_equal(look.as_colors(given, 2), [[0, 128, 255], [255, 0, 0]])
-    np.testing.assert_array_equal(look.as_colors([[0, 127, 255, 9]], 1), [[0, 127, 255]])
+    np.testing.assert_array_equal(look.as_colors([[0, 127, 255, 255]], 1), [[0, 127, 255]])
+    with pytest.raises(ValueError, match=r'colors\[0\] is translucent.*give opacity'):
+        look.as_colors([[0, 127, 255, 9]], 1)
 
 
 @pytest.mark.parametrize(
