@@ -9,7 +9,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.maths.vectors import unit_vectors
-from pvibr.meshes.parts import copy_property
+from pvibr.meshes.materials import copy_property
 from pvibr.projection.samples import sides_of
 
 _FLAT, _PHONG, _PBR = 0, 2, 3  # VTK_FLAT, VTK_PHONG, VTK_PBR

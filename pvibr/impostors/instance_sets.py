@@ -8,7 +8,7 @@ from pvibr.core import _vtk
 from pvibr.impostors.sources import copied, unlit
 from pvibr.instances.mesh_pool import MeshPool, lendable
 from pvibr.maths.impostors import box_corners, dop_corners
-from pvibr.meshes.parts import copy_property
+from pvibr.meshes.materials import copy_property
 from pvibr.scene import looks as look
 from pvibr.scene.actor_watch import ineligibility
 

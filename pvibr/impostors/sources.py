@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.maths.impostors import dop_corners
-from pvibr.meshes.parts import copy_property
+from pvibr.meshes.materials import copy_property
 from pvibr.scene.actor_watch import NOT_FINITE, ineligibility, updated_data
 from pvibr.scene.stray_cells import without_strays
 

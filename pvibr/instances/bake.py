@@ -14,7 +14,7 @@ from pvibr.instances.atlas import MARGIN, Atlas, bounding_sphere
 from pvibr.maths import octahedral
 from pvibr.maths.surfaces import encloses
 from pvibr.maths.views import orthographic
-from pvibr.meshes.parts import copy_property
+from pvibr.meshes.materials import copy_property
 from pvibr.meshes.turntable import Turntable
 
 _FLAT = 0  # VTK_FLAT

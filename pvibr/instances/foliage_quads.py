@@ -16,7 +16,8 @@ from pvibr.images.sheet import shelves
 from pvibr.instances.bake import copy_texture
 from pvibr.instances.mesh_pool import lendable
 from pvibr.maths.views import orthographic
-from pvibr.meshes.parts import Part, as_parts, copy_property
+from pvibr.meshes.materials import copy_property
+from pvibr.meshes.parts import Part, as_parts
 
 _SAMPLES = 2  # along a side of a texel
 _ONE_SIDED = 0.9  # of the area of triangles, seen along the normals of their groups

@@ -16,7 +16,7 @@ from pvibr.instances.placement import Placement, spheres
 from pvibr.maths import octahedral
 from pvibr.maths.blocks import BLOCK, Blocks, ascending
 from pvibr.maths.posed_bounds import posed_bounds
-from pvibr.meshes.parts import copy_property
+from pvibr.meshes.materials import copy_property
 from pvibr.meshes.turntable import LEVEL
 
 SORTED = 16_384  # instances up to which each is sorted and culled by itself

@@ -1,4 +1,4 @@
-"""Looks that materials of files bring along, as keywords of ``add_mesh``."""
+"""Materials: what those of files bring along as keywords of ``add_mesh``, copies of properties."""
 
 from __future__ import annotations
 
@@ -8,6 +8,16 @@ from pvibr.core import _vtk
 _COLORING = (
     *('color', 'scalars', 'rgb', 'preference', 'texture', 'alpha_cutoff'),
     *('pbr_textures', 'emissive_factor'),
+)
+
+#: Names of VTK's textures of physically based shading; VTK has no call that lists them.
+PROPERTY_TEXTURES = (
+    'albedoTex',
+    'materialTex',
+    'normalTex',
+    'emissiveTex',
+    'anisotropyTex',
+    'coatNormalTex',
 )
 
 
@@ -27,3 +37,12 @@ def look_key(look):
         (name, id(value) if isinstance(value, _vtk.vtkObject) else value)
         for name, value in flat.items()
     )
+
+
+def copy_property(copy, prop):
+    """Copy a property, sharing its textures."""
+    copy.DeepCopy(prop)
+    for name in PROPERTY_TEXTURES:
+        texture = copy.GetTexture(name)
+        if texture is not None:
+            texture.Register(copy)  # VTK 9.7 forgets this, but unregisters with the copy

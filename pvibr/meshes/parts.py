@@ -13,7 +13,7 @@ from pvibr.core import _vtk
 from pvibr.core.signatures import takes
 from pvibr.formats.trimesh_meshes import as_dataset, is_trimesh
 from pvibr.meshes.files import has_graph, read_mesh, scene_instances
-from pvibr.meshes.materials import look_key, merged_look
+from pvibr.meshes.materials import copy_property, look_key, merged_look
 from pvibr.meshes.surfaces import (
     check_points,
     clipped,
@@ -33,16 +33,6 @@ _SURFACE = 2  # VTK_SURFACE
 EXTRAS = ('silhouette', 'show_vertices', 'multi_colors')
 #: Arguments of add_mesh that have no meaning for what is made of parts.
 USELESS = ('point_shape', 'emissive', 'static', 'copy_mesh', 'label', 'scalar_bar_args')
-
-#: Names of VTK's textures of physically based shading; VTK has no call that lists them.
-PROPERTY_TEXTURES = (
-    'albedoTex',
-    'materialTex',
-    'normalTex',
-    'emissiveTex',
-    'anisotropyTex',
-    'coatNormalTex',
-)
 
 #: Arguments of add_mesh that do not apply to the hidden plotter that makes parts.
 FIXED = {
@@ -464,15 +454,6 @@ def _copied_property(prop):
     copy = pv.Property()
     copy_property(copy, prop)
     return copy
-
-
-def copy_property(copy, prop):
-    """Copy a property, sharing its textures."""
-    copy.DeepCopy(prop)
-    for name in PROPERTY_TEXTURES:
-        texture = copy.GetTexture(name)
-        if texture is not None:
-            texture.Register(copy)  # VTK 9.7 forgets this, but unregisters with the copy
 
 
 def _finished(actor, cutoff):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 
-from pvibr.meshes.parts import copy_property
+from pvibr.meshes.materials import copy_property
 
 _VALUES = (
     *('Ambient', 'Diffuse', 'Specular', 'SpecularPower', 'Opacity', 'Interpolation'),

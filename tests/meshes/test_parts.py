@@ -7,7 +7,8 @@ import trimesh
 from PIL import Image
 
 from pvibr.meshes.files import scene_instances
-from pvibr.meshes.parts import Part, as_meshes, as_parts, copy_property
+from pvibr.meshes.materials import copy_property
+from pvibr.meshes.parts import Part, as_meshes, as_parts
 
 
 def _picture(fill):
