@@ -65,6 +65,8 @@ def test_everything_is_seen(off_screen, view):
     assert view.shows(plain) <= JPEG
     far = {}
     for name in everything.EVERYTHING:
+        if name == 'AmbientOcclusion':
+            continue  # what floats alone has none that JPEG would show
         expected = off_screen(look, name)
         bound = min(JPEG, difference(expected, plain) / 3)
         view.tell('show', name)
