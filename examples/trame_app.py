@@ -32,7 +32,7 @@ lamp, joint = anim.FigureMesh(pv.Sphere(), node=0), anim.Skeleton([-1], [np.eye(
 lamp = pvibr.Figure([lamp], joint, [anim.Clip('rise', [rise])])
 pl.ibr.add_animated(lamp, clip='rise', color='#ffd166', lighting=False)
 pl.ibr.add(pvibr.Shadows())
-bloom = pl.ibr.add(pvibr.Bloom(threshold=0.6))
+bloom = pl.ibr.add(pvibr.Bloom(threshold=0.4))
 pl.camera_position = [(0, -24, 11), (0, 0, 1), (0, 0, 1)]
 
 # %%

@@ -47,8 +47,6 @@ def off_screen(monkeypatch, cache):
     return pictures
 
 
-# Waits for a difference that is lost in JPEG since bloom goes by luminance: the app's is faint.
-@pytest.mark.xfail(reason='bloom of the app is fainter than what JPEG changes', strict=False)
 def test_the_slider_is_followed_and_time_goes_on(
     page, served, picture_of, off_screen, until, quiet
 ):
